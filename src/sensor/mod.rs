@@ -1,0 +1,118 @@
+//! What each sensor measured: plain records in time order, and the checks every stream must pass.
+
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+
+/// One IMU sample: the mean over the interval from its time to the next sample's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImuSample {
+    /// Start of the interval, seconds.
+    pub time_s: f64,
+    /// Angular rate in body axes, rad/s.
+    pub gyro_rad_s: Vec3,
+    /// Specific force in body axes, m/s²; at rest it points upwards.
+    pub accel_m_s2: Vec3,
+}
+
+/// One position of the prism, tracked by the total station.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrismFix {
+    /// Seconds.
+    pub time_s: f64,
+    /// East, north, up in the world frame, metres.
+    pub position_m: Vec3,
+    /// Standard deviation of each coordinate where the file gives one, metres.
+    pub sigma_m: Option<f64>,
+}
+
+/// One heading of the antenna baseline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeadingFix {
+    /// Seconds.
+    pub time_s: f64,
+    /// Clockwise from north, radians.
+    pub heading_rad: f64,
+    /// Standard deviation where the file gives one, radians.
+    pub sigma_rad: Option<f64>,
+}
+
+/// One laser point in the frame of its scanner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScanPoint {
+    /// Seconds.
+    pub time_s: f64,
+    /// Scanner frame, metres; a profile scanner has y = 0.
+    pub position_m: Vec3,
+    /// As recorded, 0 where absent.
+    pub intensity: f32,
+}
+
+/// A record with a time stamp.
+pub trait Timed {
+    /// Seconds.
+    fn time_s(&self) -> f64;
+}
+
+macro_rules! timed {
+    ($($record:ty),*) => {$(
+        impl Timed for $record {
+            fn time_s(&self) -> f64 {
+                self.time_s
+            }
+        }
+    )*};
+}
+timed!(ImuSample, PrismFix, HeadingFix, ScanPoint);
+
+/// First and last time of a stream in time order, seconds; `None` where it is empty.
+pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
+    Some((stream.first()?.time_s(), stream.last()?.time_s()))
+}
+
+/// Checks that the streams `a` and `b` share some time.
+///
+/// # Errors
+/// Names both spans and by how much they miss each other.
+pub fn check_overlap(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Result<()> {
+    let ((name_a, (a0, a1)), (name_b, (b0, b1))) = (a, b);
+    let gap = (b0 - a1).max(a0 - b1);
+    if gap < 0.0 {
+        return Ok(());
+    }
+    Err(Error::data(
+        format!(
+            "{name_a} ({a0:.3} s to {a1:.3} s) and {name_b} ({b0:.3} s to {b1:.3} s) do not \
+             overlap: they miss each other by {gap:.3} s{}",
+            clock_hint(gap)
+        ),
+        "check that both logs are of the same drive and on one clock; `time_offset_s` shifts a \
+         stream (common time = sensor time + offset)",
+    ))
+}
+
+/// Names the mix of clocks that a gap of this size suggests.
+fn clock_hint(gap_s: f64) -> &'static str {
+    const GPS_EPOCH_UNIX_S: f64 = 315_964_800.0;
+    if (gap_s - GPS_EPOCH_UNIX_S).abs() < 86_400.0 {
+        " (close to the 315964800 s between the Unix and the GPS epoch: are the clocks mixed?)"
+    } else if gap_s > 1e8 {
+        " (is one clock absolute and the other relative?)"
+    } else {
+        ""
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_miss_is_named_with_its_size() {
+        let error = check_overlap(("imu", (0.0, 10.0)), ("prism", (12.5, 20.0))).unwrap_err();
+        assert!(
+            error.to_string().contains("miss each other by 2.500 s"),
+            "{error}"
+        );
+        assert!(check_overlap(("imu", (0.0, 10.0)), ("prism", (9.0, 20.0))).is_ok());
+    }
+}
