@@ -1,1 +1,15 @@
-//! Points.
+//! Points in space and what their neighbourhoods say.
+
+use crate::geometry::Vec3;
+
+/// Points in the world frame with what was recorded beside them; every list that is not empty is
+/// as long as `points`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PointCloud {
+    /// East, north, up, metres.
+    pub points: Vec<Vec3>,
+    /// Seconds.
+    pub time_s: Vec<f64>,
+    /// As recorded.
+    pub intensity: Vec<f32>,
+}

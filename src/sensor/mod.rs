@@ -1,7 +1,7 @@
 //! What each sensor measured: plain records in time order, and the checks every stream must pass.
 
 use crate::error::{Error, Result};
-use crate::geometry::Vec3;
+use crate::geometry::{Pose, Vec3};
 
 /// One IMU sample: the mean over the interval from its time to the next sample's.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +47,39 @@ pub struct ScanPoint {
     pub intensity: f32,
 }
 
+/// One pose of a trajectory, measured elsewhere or estimated here.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseRecord {
+    /// Seconds.
+    pub time_s: f64,
+    /// Pose of the body in the world.
+    pub world_from_body: Pose,
+    /// Velocity in the world frame, m/s.
+    pub velocity_m_s: Option<Vec3>,
+    /// Biases of the IMU.
+    pub bias: Option<ImuBias>,
+    /// Standard deviations.
+    pub sigma: Option<PoseSigma>,
+}
+
+/// Biases of the IMU in body axes: measured = true + bias.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ImuBias {
+    /// rad/s.
+    pub gyro_rad_s: Vec3,
+    /// m/s².
+    pub accel_m_s2: Vec3,
+}
+
+/// Standard deviations of a pose, along and about the world axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseSigma {
+    /// Position: east, north, up, metres.
+    pub position_m: Vec3,
+    /// Rotation about east, north, up, radians: the last is the heading's.
+    pub rotation_rad: Vec3,
+}
+
 /// A record with a time stamp.
 pub trait Timed {
     /// Seconds.
@@ -62,7 +95,7 @@ macro_rules! timed {
         }
     )*};
 }
-timed!(ImuSample, PrismFix, HeadingFix, ScanPoint);
+timed!(ImuSample, PrismFix, HeadingFix, ScanPoint, PoseRecord);
 
 /// First and last time of a stream in time order, seconds; `None` where it is empty.
 pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
