@@ -1,1 +1,8 @@
-//! Not written yet.
+//! The project file: as written, then checked.
+
+pub mod settings;
+
+pub use settings::{
+    CalibrationSettings, ComparisonSettings, HeadingSettings, ImuNoise, Method, PrismSettings,
+    TrajectorySettings,
+};
