@@ -1,0 +1,147 @@
+//! Levenberg-Marquardt on one scale: every step is accepted or refused on the true cost.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::cost::{NormalEquations, cost, normal_equations};
+use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud, farthest_move, find};
+use super::parameters::{self, Mounting};
+
+/// Neighbours are sought again when a point has moved by more than this share of the voxel.
+const SEARCH_AGAIN_SHARE: f64 = 0.1;
+
+/// A scale has converged when a step moves no point by more than this share of the voxel: what is
+/// left is finer than the next scale can see.
+const CONVERGED_SHARE: f64 = 1e-3;
+
+/// Damping at the start, relative to the diagonal of the normal matrix.
+const INITIAL_DAMPING: f64 = 1e-6;
+
+/// Damping above which no step is worth trying: it would move points by less than rounding.
+const LARGEST_DAMPING: f64 = 1e10;
+
+/// How a scale ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The last step was below the threshold.
+    Converged,
+    /// No damping lowers the cost further: the cost is at its floor.
+    CostFloor,
+    /// The allowed number of iterations ran out.
+    IterationsExhausted,
+}
+
+/// The adjustment of one scale.
+#[derive(Debug, Clone)]
+pub struct ScaleResult {
+    /// Mountings found.
+    pub mountings: Vec<Mounting>,
+    /// How it ended.
+    pub ending: Ending,
+    /// Accepted and refused steps.
+    pub iterations: usize,
+    /// Σσ² before the first step and after every iteration, m⁴.
+    pub costs: Vec<f64>,
+    /// Points placed with the mountings found.
+    pub placed: Placed,
+    /// Neighbourhoods of the last search.
+    pub neighbourhoods: Neighbourhoods,
+}
+
+/// Settings of one scale.
+#[derive(Debug, Clone, Copy)]
+pub struct ScaleSettings {
+    /// Metres.
+    pub voxel_m: f64,
+    /// Neighbours.
+    pub k: usize,
+    /// Every how many-th scanner point is a centre.
+    pub stride: usize,
+    /// Most iterations.
+    pub max_iterations: usize,
+}
+
+/// Minimises Σσ² over the directions `basis` (6 s × f) of the mountings.
+///
+/// `basis_of` gives the free directions at the current mountings.
+pub fn adjust_scale(
+    cloud: &ScaleCloud,
+    start: &[Mounting],
+    basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
+    settings: ScaleSettings,
+) -> ScaleResult {
+    let mut mountings = start.to_vec();
+    let mut placed = cloud.place(&mountings);
+    let mut neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+    let mut searched = placed.clone();
+    let mut equations = normal_equations(cloud, &placed, &neighbourhoods);
+    let mut costs = vec![equations.cost];
+    let mut damping = INITIAL_DAMPING;
+    let mut ending = Ending::IterationsExhausted;
+    let mut iterations = 0;
+    while iterations < settings.max_iterations {
+        iterations += 1;
+        let basis = basis_of(&mountings);
+        let Some(step) = damped_step(&equations, &basis, damping) else {
+            ending = Ending::CostFloor;
+            break;
+        };
+        let candidate = parameters::moved(&mountings, &step);
+        let candidate_placed = cloud.place(&candidate);
+        let moved_m = farthest_move(&placed, &candidate_placed);
+        let candidate_cost = cost(&candidate_placed, &neighbourhoods);
+        let small = moved_m < CONVERGED_SHARE * settings.voxel_m;
+        if candidate_cost <= equations.cost {
+            mountings = candidate;
+            placed = candidate_placed;
+            damping = (damping * 0.1).max(1e-12);
+        } else if small || damping > LARGEST_DAMPING {
+            costs.push(equations.cost);
+            ending = Ending::CostFloor;
+            break;
+        } else {
+            damping = (damping * 10.0).max(1e-4);
+            costs.push(equations.cost);
+            continue;
+        }
+        if small {
+            costs.push(candidate_cost);
+            ending = Ending::Converged;
+            break;
+        }
+        if farthest_move(&searched, &placed) > SEARCH_AGAIN_SHARE * settings.voxel_m {
+            neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+            searched = placed.clone();
+        }
+        equations = normal_equations(cloud, &placed, &neighbourhoods);
+        costs.push(equations.cost);
+    }
+    ScaleResult { mountings, ending, iterations, costs, placed, neighbourhoods }
+}
+
+/// −(BᵀHB + μ diag)⁻¹ Bᵀg, back in all parameters; `None` where nothing is free or the matrix
+/// cannot be factorised at any sensible damping.
+fn damped_step(
+    equations: &NormalEquations,
+    basis: &DMatrix<f64>,
+    damping: f64,
+) -> Option<DVector<f64>> {
+    if basis.ncols() == 0 {
+        return None;
+    }
+    let matrix = basis.transpose() * &equations.matrix * basis;
+    let gradient = basis.transpose() * &equations.gradient;
+    let mut damping = damping;
+    loop {
+        let mut damped = matrix.clone();
+        for i in 0..damped.nrows() {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        if let Some(factor) = Cholesky::new(damped) {
+            return Some(-(basis * factor.solve(&gradient)));
+        }
+        damping = (damping * 100.0).max(1e-9);
+        if damping > LARGEST_DAMPING {
+            return None;
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! What the data determine, and what they do not, in plain words.
+//!
+//! The normal matrix is scaled to a unit diagonal; an eigenvalue near zero belongs to a direction
+//! in which the mountings can move without the omnivariance noticing. Such a direction is held at
+//! its initial value: the adjustment moves only in the complement that is orthogonal to it where
+//! a metre of shift counts as much as a radian over [`LEVER_M`].
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body};
+
+/// A rotation counts as the shift it causes at this distance, metres: the working range of a
+/// close-range scanner.
+pub const LEVER_M: f64 = 1.5;
+
+/// Eigenvalues of the scaled normal matrix below this share of the largest count as zero. On
+/// simulated drives the common height has about 1e-6 without a reference, and nothing is below
+/// 1e-3 with one; the threshold lies between.
+pub const WEAK_SHARE: f64 = 2e-5;
+
+/// A direction that the data leave free.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FreeDirection {
+    /// Six numbers a scanner: shifts in metres, rotations in radians, in body axes.
+    pub direction: DVector<f64>,
+    /// Eigenvalue as a share of the largest.
+    pub share: f64,
+    /// What cannot be found, in words.
+    pub words: String,
+    /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
+    pub parameters: Vec<(usize, usize)>,
+}
+
+/// Eigenvalues of the scaled normal matrix and the directions that are free.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observability {
+    /// Shares of the largest eigenvalue, ascending.
+    pub shares: Vec<f64>,
+    /// Free directions; empty where all is determined.
+    pub free: Vec<FreeDirection>,
+}
+
+/// Judges the normal matrix over the directions `basis` of the mountings.
+pub fn judge(matrix: &DMatrix<f64>, basis: &DMatrix<f64>, mountings: &[Mounting]) -> Observability {
+    let reduced = basis.transpose() * matrix * basis;
+    let scale: Vec<f64> = (0..reduced.nrows())
+        .map(|i| reduced[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip())
+        .collect();
+    let scaled =
+        DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
+            reduced[(i, j)] * scale[i] * scale[j]
+        });
+    let eigen = SymmetricEigen::new(scaled);
+    let largest = eigen.eigenvalues.max();
+    let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let share = |i: usize| (eigen.eigenvalues[i] / largest).max(0.0);
+    let free = order
+        .iter()
+        .filter(|&&i| share(i) < WEAK_SHARE)
+        .map(|&i| {
+            let coordinates = DVector::from_fn(scale.len(), |row, _| {
+                scale[row] * eigen.eigenvectors[(row, i)]
+            });
+            let direction = (basis * coordinates).normalize();
+            let parameters = concerned(&direction, mountings);
+            let words = in_words(&direction, &parameters, mountings);
+            FreeDirection { direction, share: share(i), words, parameters }
+        })
+        .collect();
+    Observability { shares: order.iter().map(|&i| share(i)).collect(), free }
+}
+
+impl Observability {
+    /// The part of `basis` in which the free directions stand still.
+    pub fn determined(&self, basis: &DMatrix<f64>) -> DMatrix<f64> {
+        if self.free.is_empty() {
+            return basis.clone();
+        }
+        // Constraint rows nᵀ P B z = 0; the null space of all of them, by QR of the transpose.
+        let metric = metric(basis.nrows());
+        let constraints = DMatrix::from_fn(basis.ncols(), self.free.len(), |column, row| {
+            let weighted = self.free[row].direction.component_mul(&metric);
+            weighted.dot(&basis.column(column))
+        });
+        basis * null_space(&constraints)
+    }
+
+    /// The multiple of each free direction that brings `mountings` back to where `initial` held it.
+    pub fn back_to(&self, change: &DVector<f64>) -> DVector<f64> {
+        let metric = metric(change.len());
+        let mut correction = DVector::zeros(change.len());
+        for free in &self.free {
+            let weighted = free.direction.component_mul(&metric);
+            let amount = weighted.dot(&(change + &correction)) / weighted.dot(&free.direction);
+            correction -= &free.direction * amount;
+        }
+        correction
+    }
+}
+
+/// Weights that make a shift of a metre count as a rotation of 1 rad over [`LEVER_M`].
+fn metric(size: usize) -> DVector<f64> {
+    DVector::from_fn(size, |row, _| if row % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M })
+}
+
+/// Orthonormal columns that span the complement of the columns of `constraints`.
+fn null_space(constraints: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = constraints.nrows();
+    let projector = {
+        let q = constraints.clone().qr().q();
+        DMatrix::identity(size, size) - &q * q.transpose()
+    };
+    let eigen = SymmetricEigen::new(projector);
+    let kept: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
+    DMatrix::from_fn(size, kept.len(), |row, column| eigen.eigenvectors[(row, kept[column])])
+}
+
+/// Parameters that a free direction moves by at least a third of what it moves the most.
+fn concerned(direction: &DVector<f64>, mountings: &[Mounting]) -> Vec<(usize, usize)> {
+    let amounts = amounts(direction, mountings);
+    let largest = amounts.iter().map(|(_, amount)| amount.abs()).fold(0.0, f64::max);
+    amounts
+        .into_iter()
+        .filter(|(_, amount)| amount.abs() > largest / 3.0)
+        .map(|(parameter, _)| parameter)
+        .collect()
+}
+
+/// How far a direction moves each parameter, in metres (angles over [`LEVER_M`]).
+fn amounts(direction: &DVector<f64>, mountings: &[Mounting]) -> Vec<((usize, usize), f64)> {
+    let mut amounts = Vec::new();
+    for (scanner, mounting) in mountings.iter().enumerate() {
+        let part = direction.rows(6 * scanner, 6);
+        let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner)
+            * part.fixed_rows::<3>(3);
+        for axis in 0..3 {
+            amounts.push(((scanner, axis), part[axis]));
+        }
+        for axis in 0..3 {
+            amounts.push(((scanner, 3 + axis), angles[axis] * LEVER_M));
+        }
+    }
+    amounts
+}
+
+fn in_words(
+    direction: &DVector<f64>,
+    parameters: &[(usize, usize)],
+    mountings: &[Mounting],
+) -> String {
+    let scanners = mountings.len();
+    for (axis, noun) in ["shift along x", "shift along y", "height"].iter().enumerate() {
+        let alone = parameters.iter().all(|&(_, parameter)| parameter == axis);
+        let all = parameters.len() == scanners;
+        let first = direction[axis];
+        let alike = (0..scanners).all(|s| direction[6 * s + axis] * first > 0.0);
+        if alone && all && alike {
+            return if scanners == 1 {
+                format!("the {noun} of `{}`", mountings[0].name)
+            } else {
+                format!("all scanners' common {noun}")
+            };
+        }
+    }
+    let names: Vec<String> = parameters
+        .iter()
+        .map(|&(scanner, parameter)| {
+            format!("`{}` {}", mountings[scanner].name, PARAMETER_NAMES[parameter])
+        })
+        .collect();
+    match names.as_slice() {
+        [one] => one.clone(),
+        several => format!("a combination of {}", several.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{EulerConvention, Pose};
+
+    fn two() -> Vec<Mounting> {
+        ["left", "right"]
+            .map(|name| Mounting {
+                name: name.into(),
+                body_from_scanner: Pose::identity(),
+                convention: EulerConvention::Zyx,
+                fixed: [false; 6],
+            })
+            .to_vec()
+    }
+
+    #[test]
+    fn a_common_height_is_found_named_and_held() {
+        // Everything determined but the sum of both heights.
+        let mut null = DVector::zeros(12);
+        null[2] = 0.5f64.sqrt();
+        null[8] = 0.5f64.sqrt();
+        let matrix = DMatrix::identity(12, 12) - &null * null.transpose();
+        let basis = DMatrix::identity(12, 12);
+        let seen = judge(&matrix, &basis, &two());
+        assert_eq!(seen.free.len(), 1);
+        assert_eq!(seen.free[0].words, "all scanners' common height");
+        assert_eq!(seen.free[0].parameters, [(0, 2), (1, 2)]);
+        let held = seen.determined(&basis);
+        assert_eq!(held.ncols(), 11);
+        assert!((held.transpose() * &null).norm() < 1e-12);
+        let mut change = DVector::zeros(12);
+        change[2] = 0.03;
+        change[8] = 0.01;
+        let back = seen.back_to(&change);
+        assert!((back[2] + 0.02).abs() < 1e-12 && (back[8] + 0.02).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_full_matrix_frees_nothing() {
+        let seen = judge(&DMatrix::identity(12, 12), &DMatrix::identity(12, 12), &two());
+        assert!(seen.free.is_empty());
+        assert_eq!(seen.determined(&DMatrix::identity(12, 12)), DMatrix::identity(12, 12));
+    }
+}

@@ -1,0 +1,156 @@
+//! The unknowns: six numbers a scanner, and which of them may move.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
+use crate::geometry::{EulerConvention, Mat3, Pose, Vec3, so3};
+
+/// Names of a scanner's six parameters, in the order used everywhere.
+pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
+
+/// The mounting of one scanner as the adjustment sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mounting {
+    /// Name of the scanner.
+    pub name: String,
+    /// Current estimate.
+    pub body_from_scanner: Pose,
+    /// The angles in which `fixed` speaks.
+    pub convention: EulerConvention,
+    /// Parameters held at their values: tx ty tz rx ry rz, the last three being the Euler angles
+    /// (α, β, γ) of `convention`.
+    pub fixed: [bool; 6],
+}
+
+impl Mounting {
+    /// The tangent of the six-vector (δt, δψ), t ← t + δt and R ← Exp(δψ) R (both in body axes),
+    /// that this scanner's free parameters span: a 6 × f matrix.
+    ///
+    /// Free rotations keep δψ itself; where single Euler angles are held, the columns are the
+    /// directions in which one of the other angles moves alone.
+    pub fn free_basis(&self) -> DMatrix<f64> {
+        let mut columns: Vec<[f64; 6]> = Vec::new();
+        for axis in (0..3).filter(|&axis| !self.fixed[axis]) {
+            let mut column = [0.0; 6];
+            column[axis] = 1.0;
+            columns.push(column);
+        }
+        let per_angle = self.body_rotation_from_angles();
+        for angle in (0..3).filter(|&angle| !self.fixed[3 + angle]) {
+            let mut column = [0.0; 6];
+            for axis in 0..3 {
+                column[3 + axis] = match per_angle {
+                    Some(ref jacobian) => jacobian[(axis, angle)],
+                    None => f64::from(u8::from(axis == angle)),
+                };
+            }
+            columns.push(column);
+        }
+        DMatrix::from_fn(6, columns.len(), |row, column| columns[column][row])
+    }
+
+    /// dψ/d(α, β, γ) where single angles are held, `None` where all three move.
+    fn body_rotation_from_angles(&self) -> Option<Mat3> {
+        if !self.fixed[3..].contains(&true) {
+            return None;
+        }
+        self.angles_from_body_rotation().try_inverse()
+    }
+
+    /// d(α, β, γ)/dψ in the mounting's own convention, radians per radian.
+    fn angles_from_body_rotation(&self) -> Mat3 {
+        euler_jacobian_body(self.convention, &self.body_from_scanner)
+    }
+
+    /// Moves the mounting by the six-vector (δt, δψ). Held angles come out unchanged to the last
+    /// bit that the conversion keeps.
+    pub fn moved(&self, delta: &[f64]) -> Self {
+        let mut moved = self.clone();
+        let psi = Vec3::new(delta[3], delta[4], delta[5]);
+        moved.body_from_scanner.translation.vector += Vec3::new(delta[0], delta[1], delta[2]);
+        let rotation = so3::exp(&psi) * self.body_from_scanner.rotation;
+        moved.body_from_scanner.rotation = if self.fixed[3..].contains(&true) {
+            let held = euler_deg_from_rotation(self.convention, &self.body_from_scanner.rotation);
+            let mut angles = euler_deg_from_rotation(self.convention, &rotation);
+            for axis in (0..3).filter(|&axis| self.fixed[3 + axis]) {
+                angles[axis] = held[axis];
+            }
+            rotation_from_euler_deg(self.convention, angles)
+        } else {
+            nalgebra::UnitQuaternion::new_normalize(rotation.into_inner())
+        };
+        moved
+    }
+}
+
+/// d(α, β, γ)/dψ for R ← Exp(ψ) R: the columns of [`euler_jacobian`] turned into body axes.
+pub fn euler_jacobian_body(convention: EulerConvention, body_from_scanner: &Pose) -> Mat3 {
+    let rotation = body_from_scanner.rotation;
+    euler_jacobian(convention, &rotation) * rotation.inverse().to_rotation_matrix().matrix()
+}
+
+/// The block-diagonal tangent of all scanners: 6 s × (number of free parameters).
+pub fn free_basis(mountings: &[Mounting]) -> DMatrix<f64> {
+    let blocks: Vec<DMatrix<f64>> = mountings.iter().map(Mounting::free_basis).collect();
+    let columns = blocks.iter().map(|block| block.ncols()).sum();
+    let mut basis = DMatrix::zeros(6 * mountings.len(), columns);
+    let mut column = 0;
+    for (index, block) in blocks.iter().enumerate() {
+        basis.view_mut((6 * index, column), block.shape()).copy_from(block);
+        column += block.ncols();
+    }
+    basis
+}
+
+/// Moves every mounting by its six entries of `delta`.
+pub fn moved(mountings: &[Mounting], delta: &DVector<f64>) -> Vec<Mounting> {
+    mountings
+        .iter()
+        .enumerate()
+        .map(|(index, mounting)| mounting.moved(&delta.as_slice()[6 * index..6 * index + 6]))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn left(fixed: [bool; 6]) -> Mounting {
+        let convention = EulerConvention::Bonn;
+        Mounting {
+            name: "left".into(),
+            body_from_scanner: crate::geometry::pose(
+                rotation_from_euler_deg(convention, [-145.0, 2.0, 88.0]),
+                Vec3::new(1.2, -0.5, 0.5),
+            ),
+            convention,
+            fixed,
+        }
+    }
+
+    #[test]
+    fn a_held_angle_stays_and_the_others_move_alone() {
+        let fixed = [false, true, false, false, true, false];
+        let mounting = left(fixed);
+        let basis = mounting.free_basis();
+        assert_eq!(basis.ncols(), 4);
+        // Column 2 is the direction of α alone: 1e-4 rad along it turns α by 1e-4 and, to second
+        // order (1e-8), nothing else.
+        let moved = mounting.moved((basis.column(2) * 1e-4).as_slice());
+        let before =
+            euler_deg_from_rotation(mounting.convention, &mounting.body_from_scanner.rotation);
+        let after = euler_deg_from_rotation(mounting.convention, &moved.body_from_scanner.rotation);
+        assert!(((after[0] - before[0]).to_radians() - 1e-4).abs() < 1e-7);
+        assert!((after[1] - before[1]).abs() < 1e-9);
+        assert!((after[2] - before[2]).to_radians().abs() < 1e-7);
+    }
+
+    #[test]
+    fn free_mountings_move_as_the_tangent_says() {
+        let mounting = left([false; 6]);
+        assert_eq!(mounting.free_basis(), DMatrix::identity(6, 6));
+        let moved = mounting.moved(&[0.1, 0.2, 0.3, 0.01, -0.02, 0.03]);
+        let turned = moved.body_from_scanner.rotation * mounting.body_from_scanner.rotation.inverse();
+        assert!((so3::log(&turned) - Vec3::new(0.01, -0.02, 0.03)).norm() < 1e-12);
+    }
+}

@@ -1,0 +1,217 @@
+//! Standard deviations of the mountings that include the errors of the poses.
+//!
+//! At the minimum the gradient g(θ, x) vanishes. Moving a laser point by dx moves the gradient by
+//! G_l dx with
+//!
+//!   G_l = 2/k Σ_{i ∋ l} (A_l − Ā_i)ᵀ W_i,
+//!
+//! and the mountings by −N⁻¹ G_l dx. Two things move points: the scanner's noise and roughness,
+//! independent from point to point, and the poses, whose errors are correlated along the drive:
+//! dx = dp − R_mb (u)× dφ with u = t_bs + R_bs x_s. The smoother propagates the latter with its
+//! full posterior covariance, correlations in time included. Uncertainties that ignore the poses
+//! would be too small by an order of magnitude.
+
+use nalgebra::{DMatrix, Matrix3x6, Matrix6x3};
+use rayon::prelude::*;
+
+use super::cost::Shape;
+use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
+use super::parameters::Mounting;
+use crate::geometry::{Mat3, Vec3, so3};
+use crate::sensor::PoseRecord;
+use crate::trajectory::{PosteriorCovariance, PoseGradient, Trajectory};
+
+/// What is known of the errors of the poses.
+#[derive(Debug, Clone, Copy)]
+pub enum PoseUncertainty<'a> {
+    /// The smoother's posterior, correlations included.
+    Smoothed(&'a PosteriorCovariance),
+    /// Standard deviations beside the poses; errors are taken as constant over [`BLOCK_S`].
+    Sigmas,
+    /// Nothing is known, or the poses are exact: sigmas hold for exact poses.
+    None,
+}
+
+/// Time over which errors of poses given with standard deviations alone count as constant,
+/// seconds: about the time a total station's position and a filter's attitude keep their error.
+pub const BLOCK_S: f64 = 5.0;
+
+/// ∂g/∂x of every movable point for the six rows of one scanner.
+fn point_gradients(
+    cloud: &ScaleCloud,
+    placed: &Placed,
+    neighbourhoods: &Neighbourhoods,
+    scanner: usize,
+) -> Vec<Matrix6x3<f64>> {
+    let mut gradients = vec![Matrix6x3::zeros(); cloud.movable.len()];
+    for index in 0..neighbourhoods.len() {
+        let members = neighbourhoods.of(index);
+        let mut mean = Matrix3x6::zeros();
+        let mut own = false;
+        for &member in members {
+            let member = member as usize;
+            if cloud.movable.get(member).is_some_and(|point| point.scanner as usize == scanner) {
+                mean += cloud.derivative(placed, member);
+                own = true;
+            }
+        }
+        if !own {
+            continue;
+        }
+        mean /= members.len() as f64;
+        let Some(weight) = Shape::of(&placed.world, members).weight() else { continue };
+        let weight = weight * (2.0 / members.len() as f64);
+        let shared = -(mean.transpose() * weight);
+        for &member in members {
+            let member = member as usize;
+            let Some(point) = cloud.movable.get(member) else { continue };
+            gradients[member] += shared;
+            if point.scanner as usize == scanner {
+                gradients[member] += cloud.derivative(placed, member).tr_mul(&weight);
+            }
+        }
+    }
+    gradients
+}
+
+/// Covariance of the gradient g: what scatter of the points and errors of the poses do to it.
+pub fn gradient_covariance(
+    cloud: &ScaleCloud,
+    placed: &Placed,
+    neighbourhoods: &Neighbourhoods,
+    mountings: &[Mounting],
+    trajectory: &Trajectory,
+    poses: PoseUncertainty<'_>,
+) -> DMatrix<f64> {
+    let gradients: Vec<Vec<Matrix6x3<f64>>> = (0..cloud.scanners)
+        .into_par_iter()
+        .map(|scanner| point_gradients(cloud, placed, neighbourhoods, scanner))
+        .collect();
+    let mut covariance = scatter_part(cloud, placed, neighbourhoods, &gradients);
+    covariance += match poses {
+        PoseUncertainty::Smoothed(posterior) => {
+            smoothed_part(cloud, placed, &gradients, mountings, trajectory, posterior)
+        }
+        PoseUncertainty::Sigmas => sigmas_part(cloud, placed, &gradients, trajectory),
+        PoseUncertainty::None => DMatrix::zeros(covariance.nrows(), covariance.ncols()),
+    };
+    covariance
+}
+
+/// Σ_l G_l s_l² G_lᵀ with s_l² the smallest eigenvalue of the neighbourhood around point l: its
+/// scatter about the local plane. Points that are no centre take the mean of the others.
+fn scatter_part(
+    cloud: &ScaleCloud,
+    placed: &Placed,
+    neighbourhoods: &Neighbourhoods,
+    gradients: &[Vec<Matrix6x3<f64>>],
+) -> DMatrix<f64> {
+    let variances: Vec<f64> = (0..neighbourhoods.len())
+        .into_par_iter()
+        .map(|index| {
+            let tensor = Shape::of(&placed.world, neighbourhoods.of(index)).tensor;
+            tensor.symmetric_eigenvalues().min().max(0.0)
+        })
+        .collect();
+    let mean = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
+    let mut of_point = vec![mean; cloud.movable.len()];
+    for (&centre, &variance) in neighbourhoods.centres.iter().zip(&variances) {
+        of_point[centre as usize] = variance;
+    }
+    let size = 6 * cloud.scanners;
+    let mut covariance = DMatrix::zeros(size, size);
+    for a in 0..cloud.scanners {
+        for b in a..cloud.scanners {
+            let mut block = nalgebra::Matrix6::zeros();
+            for (l, variance) in of_point.iter().enumerate() {
+                block += gradients[a][l] * gradients[b][l].transpose() * *variance;
+            }
+            covariance.fixed_view_mut::<6, 6>(6 * a, 6 * b).copy_from(&block);
+            covariance.fixed_view_mut::<6, 6>(6 * b, 6 * a).copy_from(&block.transpose());
+        }
+    }
+    covariance
+}
+
+/// G_x Cov(nodes) G_xᵀ by the smoother, poses between nodes shared between both by time.
+fn smoothed_part(
+    cloud: &ScaleCloud,
+    placed: &Placed,
+    gradients: &[Vec<Matrix6x3<f64>>],
+    mountings: &[Mounting],
+    trajectory: &Trajectory,
+    posterior: &PosteriorCovariance,
+) -> DMatrix<f64> {
+    let size = 6 * cloud.scanners;
+    let mut functional = PoseGradient::new(size, trajectory.nodes().len());
+    for (l, point) in cloud.movable.iter().enumerate() {
+        let Some((node, fraction)) = trajectory.locate(point.time_s) else { continue };
+        let lever =
+            mountings[point.scanner as usize].body_from_scanner.translation.vector + placed.arm[l];
+        let turning = -(point.world_from_body * so3::hat(&lever));
+        for (scanner, rows) in gradients.iter().enumerate() {
+            let rotation = rows[l] * turning;
+            for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
+                for row in 0..6 {
+                    for axis in 0..3 {
+                        functional.add(6 * scanner + row, node, axis, rotation[(row, axis)] * share);
+                        functional.add(6 * scanner + row, node, 3 + axis, rows[l][(row, axis)] * share);
+                    }
+                }
+            }
+        }
+    }
+    posterior.of_functional(&functional)
+}
+
+/// The same from standard deviations alone: errors constant over blocks of [`BLOCK_S`],
+/// independent between blocks and axes.
+fn sigmas_part(
+    cloud: &ScaleCloud,
+    placed: &Placed,
+    gradients: &[Vec<Matrix6x3<f64>>],
+    trajectory: &Trajectory,
+) -> DMatrix<f64> {
+    let size = 6 * cloud.scanners;
+    let mut covariance = DMatrix::zeros(size, size);
+    let (start_s, end_s) = trajectory.span_s();
+    let blocks = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
+    let mut sums = vec![DMatrix::<f64>::zeros(size, 6); blocks];
+    for (l, point) in cloud.movable.iter().enumerate() {
+        let Some((node, _)) = trajectory.locate(point.time_s) else { continue };
+        let Some((position, rotation)) = sigma_matrices(&trajectory.nodes()[node]) else { continue };
+        let block = ((point.time_s - start_s) / BLOCK_S) as usize;
+        // Rotations are about world axes through the body's origin: dx = dω × (x − t_mb).
+        let turning = -so3::hat(&(placed.world[l] - point.body_m)) * rotation;
+        for (scanner, rows) in gradients.iter().enumerate() {
+            let mut sum = sums[block].fixed_view_mut::<6, 6>(6 * scanner, 0);
+            let mut both = nalgebra::Matrix6::zeros();
+            both.fixed_view_mut::<6, 3>(0, 0).copy_from(&(rows[l] * position));
+            both.fixed_view_mut::<6, 3>(0, 3).copy_from(&(rows[l] * turning));
+            sum += both;
+        }
+    }
+    for sum in &sums {
+        covariance += sum * sum.transpose();
+    }
+    covariance
+}
+
+fn sigma_matrices(node: &PoseRecord) -> Option<(Mat3, Mat3)> {
+    let diagonal = |v: &Vec3| Mat3::from_diagonal(v);
+    node.sigma.as_ref().map(|s| (diagonal(&s.position_m), diagonal(&s.rotation_rad)))
+}
+
+/// Covariance of the mountings (δt, δψ), zero in directions outside `basis`:
+/// M S Mᵀ with M = B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient.
+pub fn mounting_covariance(
+    normal_matrix: &DMatrix<f64>,
+    basis: &DMatrix<f64>,
+    gradient_covariance: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let reduced = basis.transpose() * normal_matrix * basis;
+    let inverse = nalgebra::Cholesky::new(reduced)?.inverse();
+    let spread = basis * inverse * basis.transpose();
+    let covariance = &spread * gradient_covariance * spread.transpose();
+    Some((&covariance + covariance.transpose()) * 0.5)
+}
