@@ -1,5 +1,12 @@
 //! Points in space and what their neighbourhoods say.
 
+pub mod neighbours;
+pub mod tensor;
+pub mod voxel;
+
+pub use neighbours::NeighbourIndex;
+pub use tensor::{Eigen, StructureTensor};
+
 use crate::geometry::Vec3;
 
 /// Points in the world frame with what was recorded beside them; every list that is not empty is

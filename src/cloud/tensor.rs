@@ -1,0 +1,193 @@
+//! The structure tensor of a neighbourhood: its covariance, eigenvalues and what follows from
+//! them.
+
+use crate::geometry::{Mat3, Vec3};
+
+/// What the covariance of a neighbourhood cannot tell from zero, relative to its trace: a few
+/// roundings of its entries. Smaller eigenvalues are returned as 0.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Mean and covariance of a set of points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StructureTensor {
+    /// Mean of the points, metres.
+    pub mean: Vec3,
+    /// Σ (x − x̄)(x − x̄)ᵀ / n, square metres.
+    pub covariance: Mat3,
+    /// Number of points n.
+    pub count: usize,
+}
+
+/// Eigenvalues and eigenvectors of a structure tensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Eigen {
+    /// λ₁ ≥ λ₂ ≥ λ₃ ≥ 0, square metres.
+    pub values: Vec3,
+    /// Unit eigenvectors as columns, in the order of the values, an orthogonal matrix.
+    pub vectors: Mat3,
+}
+
+impl StructureTensor {
+    /// The tensor of `points`, in two passes over offsets from the first point, so that coordinates
+    /// of any size lose nothing. Without points mean and covariance are NaN; one point, or several
+    /// at one place, have the covariance zero.
+    pub fn from_points<'a, I>(points: I) -> Self
+    where
+        I: IntoIterator<Item = &'a Vec3>,
+        I::IntoIter: Clone,
+    {
+        let points = points.into_iter();
+        let Some(&first) = points.clone().next() else {
+            return Self {
+                mean: Vec3::repeat(f64::NAN),
+                covariance: Mat3::repeat(f64::NAN),
+                count: 0,
+            };
+        };
+        let mut count = 0;
+        let mut sum = Vec3::zeros();
+        for point in points.clone() {
+            sum += point - first;
+            count += 1;
+        }
+        let n = count as f64;
+        let mean = sum / n;
+        let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0.0; 6];
+        for point in points {
+            let d = (point - first) - mean;
+            xx += d.x * d.x;
+            xy += d.x * d.y;
+            xz += d.x * d.z;
+            yy += d.y * d.y;
+            yz += d.y * d.z;
+            zz += d.z * d.z;
+        }
+        Self {
+            mean: first + mean,
+            covariance: Mat3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) / n,
+            count,
+        }
+    }
+
+    /// The tensor of those of `points` that `indices` name, in that order.
+    pub fn of(points: &[Vec3], indices: &[u32]) -> Self {
+        Self::from_points(indices.iter().map(|&index| &points[index as usize]))
+    }
+
+    /// Eigenvalues and eigenvectors, by Jacobi's rotations.
+    ///
+    /// Values are right to a few roundings of the largest. Where points lie in a plane, on a line
+    /// or in one place, up to that rounding, the vanishing values are exactly 0, and the vectors of
+    /// equal values are some orthogonal ones. All NaN for an empty set.
+    pub fn eigen(&self) -> Eigen {
+        if !self.covariance.iter().all(|entry| entry.is_finite()) {
+            return Eigen {
+                values: Vec3::repeat(f64::NAN),
+                vectors: Mat3::repeat(f64::NAN),
+            };
+        }
+        let (values, vectors) = jacobi(self.covariance);
+        let floor = ROUNDING * self.covariance.trace();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        Eigen {
+            values: Vec3::from_fn(|i, _| {
+                let value = values[order[i]];
+                if value > floor { value } else { 0.0 }
+            }),
+            vectors: Mat3::from_fn(|row, column| vectors[(row, order[column])]),
+        }
+    }
+
+    /// Omnivariance (λ₁ λ₂ λ₃)^⅓ = det(C)^⅓, square metres.
+    ///
+    /// The determinant is the product of the pivots of a Cholesky decomposition with diagonal
+    /// pivoting, which is right to a few roundings times λ₁/λ₃. Exactly 0 for points in a plane, on
+    /// a line or in one place (up to rounding), so always for one to three points; NaN for none.
+    pub fn omnivariance(&self) -> f64 {
+        if self.count == 0 {
+            return f64::NAN;
+        }
+        if self.count < 4 {
+            return 0.0;
+        }
+        let mut c = self.covariance;
+        let floor = ROUNDING * c.trace();
+        let mut determinant = 1.0;
+        for step in 0..3 {
+            let pivot_at = (step..3)
+                .max_by(|&a, &b| c[(a, a)].total_cmp(&c[(b, b)]))
+                .expect("the range is not empty");
+            c.swap_rows(step, pivot_at);
+            c.swap_columns(step, pivot_at);
+            let pivot = c[(step, step)];
+            if pivot <= floor {
+                return 0.0;
+            }
+            determinant *= pivot;
+            for i in step + 1..3 {
+                for j in step + 1..3 {
+                    c[(i, j)] -= c[(i, step)] * c[(step, j)] / pivot;
+                }
+            }
+        }
+        determinant.cbrt()
+    }
+
+    /// Unit normal: the eigenvector of the smallest eigenvalue, of either sign. `None` where the
+    /// points do not span a plane: fewer than three, all in one place or on one line.
+    pub fn normal(&self) -> Option<Vec3> {
+        let eigen = self.eigen();
+        (self.count >= 3 && eigen.values.y > 0.0).then(|| eigen.vectors.column(2).into_owned())
+    }
+}
+
+impl Eigen {
+    /// (λ₂ − λ₃) / λ₁: 1 for a round disc, 0 for a line or a ball; NaN where λ₁ = 0.
+    pub fn planarity(&self) -> f64 {
+        (self.values.y - self.values.z) / self.values.x
+    }
+}
+
+/// Eigenvalues and eigenvectors (columns) of the symmetric `a`: plane rotations annul the entries
+/// off the diagonal in turn. Convergence is quadratic; four sweeps are the rule.
+fn jacobi(mut a: Mat3) -> (Vec3, Mat3) {
+    let mut vectors = Mat3::identity();
+    for _sweep in 0..16 {
+        if a[(0, 1)] == 0.0 && a[(0, 2)] == 0.0 && a[(1, 2)] == 0.0 {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let off = a[(p, q)];
+            // An entry below the rounding of both its diagonal entries changes neither.
+            let (app, aqq) = (a[(p, p)], a[(q, q)]);
+            if off.abs() <= 0.25 * f64::EPSILON * (app.abs() * aqq.abs()).sqrt() {
+                a[(p, q)] = 0.0;
+                a[(q, p)] = 0.0;
+                continue;
+            }
+            // tan of the rotation: the smaller root of t² + 2 θ t − 1 = 0.
+            let theta = (aqq - app) / (2.0 * off);
+            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+            let cosine = 1.0 / t.hypot(1.0);
+            let sine = t * cosine;
+            a[(p, p)] = app - t * off;
+            a[(q, q)] = aqq + t * off;
+            a[(p, q)] = 0.0;
+            a[(q, p)] = 0.0;
+            let r = 3 - p - q;
+            let (arp, arq) = (a[(r, p)], a[(r, q)]);
+            let (rotated_p, rotated_q) = (cosine * arp - sine * arq, sine * arp + cosine * arq);
+            a[(r, p)] = rotated_p;
+            a[(p, r)] = rotated_p;
+            a[(r, q)] = rotated_q;
+            a[(q, r)] = rotated_q;
+            for row in 0..3 {
+                let (vp, vq) = (vectors[(row, p)], vectors[(row, q)]);
+                vectors[(row, p)] = cosine * vp - sine * vq;
+                vectors[(row, q)] = sine * vp + cosine * vq;
+            }
+        }
+    }
+    (a.diagonal(), vectors)
+}

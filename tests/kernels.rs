@@ -1,0 +1,377 @@
+//! The kernels against slow, obvious references, and against other programs on the same data.
+
+mod common;
+
+use boresight::cloud::voxel::{thin, thin_by, voxel_key};
+use boresight::cloud::{NeighbourIndex, StructureTensor};
+use boresight::geometry::{Mat3, Vec3};
+use common::shared_data;
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Indices by squared distance, then index: the definition.
+fn brute_order(points: &[Vec3], query: &Vec3) -> Vec<(f64, u32)> {
+    let mut all: Vec<(f64, u32)> = points
+        .iter()
+        .zip(0..)
+        .map(|(p, index)| ((p - query).norm_squared(), index))
+        .collect();
+    all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    all
+}
+
+fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f64]) {
+    let index = NeighbourIndex::new(points);
+    let mut found = Vec::new();
+    for query in queries {
+        let brute = brute_order(points, query);
+        for &k in ks {
+            index.nearest(query, k, &mut found);
+            let expected: Vec<u32> = brute.iter().take(k).map(|pair| pair.1).collect();
+            assert_eq!(found, expected, "k = {k} at {query:?}");
+        }
+        // Radii that hit a point exactly test that the ball is closed.
+        let exact = brute.get(brute.len() / 2).map(|pair| pair.0.sqrt());
+        for radius in radii.iter().copied().chain(exact) {
+            index.within(query, radius, &mut found);
+            let mut expected: Vec<u32> = brute
+                .iter()
+                .filter(|pair| pair.0 <= radius * radius)
+                .map(|pair| pair.1)
+                .collect();
+            expected.sort_unstable();
+            assert_eq!(found, expected, "radius = {radius} at {query:?}");
+        }
+    }
+    let mut order = index.spatial_order().to_vec();
+    order.sort_unstable();
+    assert!(order.into_iter().eq(0..points.len() as u32));
+}
+
+/// Clouds that have broken neighbour searches: name and points.
+fn nasty_clouds() -> Vec<(&'static str, Vec<Vec3>)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut uniform =
+        |scale: Vec3| Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0)).component_mul(&scale);
+    let utm = Vec3::new(362_328.5, 5_157_700.25, 108.5);
+    let random: Vec<Vec3> = (0..1500).map(|_| uniform(Vec3::repeat(2.0))).collect();
+    let grid: Vec<Vec3> = (0..1000)
+        .map(|i| {
+            Vec3::new(
+                f64::from(i % 10),
+                f64::from(i / 10 % 10),
+                f64::from(i / 100),
+            ) * 0.25
+        })
+        .collect();
+    let line: Vec<Vec3> = (0..700)
+        .map(|i| Vec3::new(1.0, 2.0, -3.0) * f64::from(i % 350) * 0.01)
+        .collect();
+    let one_place = vec![Vec3::new(1.0, 2.0, 3.0); 500];
+    let mut uneven: Vec<Vec3> = (0..1200)
+        .map(|_| uniform(Vec3::new(0.01, 0.01, 1e-6)))
+        .collect();
+    uneven.extend((0..100).map(|_| uniform(Vec3::repeat(50.0))));
+    uneven.extend((0..10).map(|_| uniform(Vec3::repeat(1e7))));
+    uneven.extend(vec![Vec3::new(0.001, 0.002, 0.0); 90]);
+    let far: Vec<Vec3> = (0..800)
+        .map(|_| utm + uniform(Vec3::new(0.5, 0.5, 0.01)))
+        .collect();
+    let quantised: Vec<Vec3> = far
+        .iter()
+        .map(|p| p.map(|x| (x * 100.0).round() / 100.0))
+        .collect();
+    vec![
+        ("empty", Vec::new()),
+        ("one point", vec![Vec3::new(1.0, 2.0, 3.0)]),
+        ("random", random),
+        ("grid", grid),
+        ("line, every point twice", line),
+        ("one place", one_place),
+        ("dense plane in a sparse scene", uneven),
+        ("projected coordinates", far),
+        ("projected coordinates in centimetres", quantised),
+    ]
+}
+
+#[test]
+fn neighbours_are_those_of_brute_force_on_nasty_clouds() {
+    for (name, points) in nasty_clouds() {
+        println!("{name}");
+        let mut queries: Vec<Vec3> = points.iter().step_by(37).copied().collect();
+        queries.extend(
+            points
+                .iter()
+                .step_by(101)
+                .map(|p| p + Vec3::new(0.013, -0.2, 0.11)),
+        );
+        queries.push(Vec3::new(-1e6, 3.0, 1e9));
+        check_neighbours(
+            &points,
+            &queries,
+            &[0, 1, 2, 50, 333, 5000],
+            &[0.0, 0.1, 0.25, 3.0, 1e8],
+        );
+    }
+}
+
+proptest! {
+    #[test]
+    fn neighbours_are_those_of_brute_force(
+        cells in prop::collection::vec((-6..6i32, -6..6i32, -2..2i32), 0..400),
+        query in (-7..7i32, -7..7i32, -3..3i32),
+        step in prop::sample::select(vec![1.0, 0.1, 1e-4]),
+        k in 1..120usize,
+        radius in 0.0..5.0f64,
+    ) {
+        // Few distinct places: many ties and duplicates.
+        let place = |(x, y, z): (i32, i32, i32)| Vec3::new(x.into(), y.into(), z.into()) * step;
+        let points: Vec<Vec3> = cells.into_iter().map(place).collect();
+        check_neighbours(&points, &[place(query)], &[k], &[radius * step]);
+    }
+}
+
+#[test]
+fn thinning_keeps_the_point_nearest_to_each_voxels_centre() {
+    for (name, points) in nasty_clouds() {
+        for voxel_m in [0.003, 0.25, 10.0] {
+            let groups = |at: usize| at as u64 % 3;
+            for grouped in [false, true] {
+                // For every point: is there a better one in its voxel and group?
+                let rating = |i: usize| {
+                    let cell = points[i].map(|x| (x / voxel_m).floor());
+                    let offset = points[i] / voxel_m - cell - Vec3::repeat(0.5);
+                    (
+                        cell,
+                        if grouped { groups(i) } else { 0 },
+                        offset.norm_squared(),
+                    )
+                };
+                let rated: Vec<_> = (0..points.len()).map(rating).collect();
+                let expected: Vec<u32> = (0..points.len())
+                    .filter(|&i| {
+                        !rated.iter().enumerate().any(|(j, other)| {
+                            other.0 == rated[i].0
+                                && other.1 == rated[i].1
+                                && (other.2, j) < (rated[i].2, i)
+                        })
+                    })
+                    .map(|i| i as u32)
+                    .collect();
+                let found = if grouped {
+                    thin_by(&points, voxel_m, groups)
+                } else {
+                    thin(&points, voxel_m)
+                };
+                assert_eq!(found, expected, "{name}, {voxel_m} m, grouped {grouped}");
+            }
+        }
+    }
+}
+
+#[test]
+fn voxels_are_half_open_and_the_same_on_both_sides_of_zero() {
+    assert_eq!(voxel_key(&Vec3::new(0.0, -1e-9, 0.5), 0.5), [0, -1, 1]);
+    assert_eq!(voxel_key(&Vec3::new(-0.5, -0.25, 0.25), 0.25), [-2, -1, 1]);
+    // A projected northing at 0.5 mm has more voxels than an i32 counts.
+    assert_eq!(
+        voxel_key(&Vec3::new(0.0, 5_157_700.25, 0.0), 0.0005)[1],
+        10_315_400_500
+    );
+}
+
+/// One pass over everything, with the textbook's formulas.
+fn naive_covariance(points: &[Vec3]) -> Mat3 {
+    let n = points.len() as f64;
+    let mean = points.iter().sum::<Vec3>() / n;
+    points
+        .iter()
+        .map(|p| (p - mean) * (p - mean).transpose())
+        .sum::<Mat3>()
+        / n
+}
+
+#[test]
+fn tensor_equals_the_textbook_near_the_origin_and_loses_nothing_far_away() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for flatness in [1.0, 1e-2, 1e-4] {
+        // Multiples of 2⁻²⁰ m can be moved to projected coordinates without rounding.
+        let points: Vec<Vec3> = (0..50)
+            .map(|_| {
+                let x = Vec3::new(
+                    rng.random_range(-1.0..1.0),
+                    rng.random_range(-0.3..0.3),
+                    flatness * rng.random_range(-0.1..0.1),
+                );
+                x.map(|x| (x * 1_048_576.0).round() / 1_048_576.0)
+            })
+            .collect();
+        let tensor = StructureTensor::from_points(&points);
+        let naive = naive_covariance(&points);
+        assert!((tensor.covariance - naive).norm() < 1e-15 * naive.norm());
+        let determinant = naive.determinant();
+        let omnivariance = tensor.omnivariance();
+        assert!((omnivariance / determinant.cbrt() - 1.0).abs() < 1e-9);
+
+        let utm = Vec3::new(362_328.5, 5_157_700.25, 108.5);
+        let moved: Vec<Vec3> = points.iter().map(|p| p + utm).collect();
+        let far = StructureTensor::from_points(&moved);
+        assert!((far.covariance - tensor.covariance).norm() < 1e-15 * naive.norm());
+        assert!((far.omnivariance() / omnivariance - 1.0).abs() < 1e-9);
+        // Half a unit in the last place of the northing.
+        assert!((far.mean - utm - tensor.mean).norm() < 5e-10);
+    }
+}
+
+/// A covariance with known eigenvalues: the points ±√(3 λᵢ) along rotated axes.
+fn star(values: [f64; 3], rotation: &Mat3) -> Vec<Vec3> {
+    (0..3)
+        .flat_map(|i| {
+            let tip: Vec3 = rotation.column(i) * (3.0 * values[i]).sqrt();
+            [tip, -tip]
+        })
+        .collect()
+}
+
+#[test]
+fn eigenvalues_of_flat_neighbourhoods_are_accurate() {
+    let rotation = *nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.4).matrix();
+    for values in [
+        [1.0, 1.0, 1.0],
+        [2.0, 1.0, 1e-4],
+        [1e-4, 1e-4, 1e-10],
+        [5.0, 1e-3, 1e-11],
+    ] {
+        let tensor = StructureTensor::from_points(&star(values, &rotation));
+        let eigen = tensor.eigen();
+        for i in 0..3 {
+            // The entries of the covariance are rounded relative to its largest value.
+            let error = (eigen.values[i] - values[i]).abs();
+            assert!(
+                error < 4.0 * f64::EPSILON * values[0],
+                "{values:?}: {error:e}"
+            );
+        }
+        let rebuilt =
+            eigen.vectors * Mat3::from_diagonal(&eigen.values) * eigen.vectors.transpose();
+        assert!((rebuilt - tensor.covariance).norm() < 1e-15 * values[0]);
+        assert!((eigen.vectors.transpose() * eigen.vectors - Mat3::identity()).norm() < 1e-15);
+        let expected = (values[0] * values[1] * values[2]).cbrt();
+        let tolerance = 8.0 * f64::EPSILON * values[0] / values[2];
+        assert!((tensor.omnivariance() / expected - 1.0).abs() < tolerance);
+        if values[1] > values[2] {
+            let normal = tensor.normal().unwrap();
+            assert!(normal.cross(&rotation.column(2)).norm() < 1e-15 * values[0] / values[1]);
+        }
+    }
+}
+
+#[test]
+fn degenerate_neighbourhoods_have_defined_results() {
+    let a = Vec3::new(362_328.1, 5_157_700.7, 108.3);
+    let (u, v) = (Vec3::new(0.3, 0.1, -0.7), Vec3::new(0.2, -0.9, 0.4));
+    let plane: Vec<Vec3> = (0..20)
+        .map(|i| u * f64::from(i % 5) + v * f64::from(i / 5))
+        .collect();
+    let line: Vec<Vec3> = (0..20).map(|i| u * f64::from(i)).collect();
+    let cases: [(&str, Vec<Vec3>, usize); 5] = [
+        ("plane", plane, 2),
+        ("line", line, 1),
+        ("one place", vec![a; 9], 0),
+        ("one point", vec![a], 0),
+        ("three points", vec![a, a + u, a + v], 2),
+    ];
+    for (name, points, rank) in cases {
+        let tensor = StructureTensor::from_points(&points);
+        assert_eq!(tensor.omnivariance(), 0.0, "{name}");
+        let values = tensor.eigen().values;
+        assert_eq!(
+            values.iter().filter(|value| **value > 0.0).count(),
+            rank,
+            "{name}: {values:?}"
+        );
+        match tensor.normal() {
+            Some(normal) => {
+                assert_eq!(rank, 2, "{name}");
+                assert!(
+                    normal.cross(&u.cross(&v).normalize()).norm() < 1e-8,
+                    "{name}"
+                );
+            }
+            None => assert!(rank < 2, "{name}"),
+        }
+    }
+    let none = StructureTensor::from_points(&[]);
+    assert!(none.omnivariance().is_nan() && none.eigen().values.x.is_nan());
+    assert_eq!((none.normal(), none.count), (None, 0));
+}
+
+/// The numbers of a text file: its first line is the header; separated by commas.
+fn read_table(path: &std::path::Path) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let row = |line: &str| {
+        line.split(',')
+            .map(|field| field.trim().parse().unwrap())
+            .collect()
+    };
+    text.lines()
+        .skip(1)
+        .filter(|line| !line.trim().is_empty())
+        .map(row)
+        .collect()
+}
+
+fn read_las(path: &std::path::Path) -> Vec<Vec3> {
+    let points = las::Reader::from_path(path).unwrap().read_all().unwrap();
+    points
+        .x()
+        .zip(points.y())
+        .zip(points.z())
+        .map(|((x, y), z)| Vec3::new(x, y, z))
+        .collect()
+}
+
+#[test]
+fn omnivariance_equals_jakteristics() {
+    let Some(folder) = shared_data("jakteristics") else {
+        return;
+    };
+    let points = read_las(&folder.join("test_0.02_seconde.las"));
+    let table = read_table(&folder.join("omnivariance_r0.5_jakteristics.csv"));
+    assert_eq!(points.len(), table.len());
+    let index = NeighbourIndex::new(&points);
+    let mut found = Vec::new();
+    let (mut worst, mut worst_value, mut other_count, mut flat) = (0.0f64, 0.0f64, 0, 0);
+    for (point, row) in points.iter().zip(&table) {
+        // The file's coordinates are those of the LAS file, whose millimetres put neighbours
+        // exactly 0.5 m away; rounding decides on which side.
+        assert!((point - Vec3::new(row[0], row[1], row[2])).norm() < 1e-6);
+        index.within(point, 0.5, &mut found);
+        let (ours, n) = (StructureTensor::of(&points, &found), row[4]);
+        if ours.count as f64 != n {
+            other_count += 1;
+            continue;
+        }
+        let unbiased = n / (n - 1.0);
+        if ours.count < 4 {
+            // One to three points have no volume: 0 here, the rounding of zero in the file.
+            assert_eq!(ours.omnivariance(), 0.0);
+            assert!(ours.count == 1 || row[7] < 1e-15 * row[5]);
+            flat += 1;
+            continue;
+        }
+        worst = worst.max((ours.omnivariance() * unbiased / row[3] - 1.0).abs());
+        let values = ours.eigen().values * unbiased;
+        for (value, expected) in values.iter().zip(&row[5..8]) {
+            worst_value = worst_value.max((value / expected - 1.0).abs());
+        }
+    }
+    println!(
+        "{} points, {other_count} with another count, {flat} below 4 points, omnivariance within {worst:.2e}, \
+         eigenvalues within {worst_value:.2e}",
+        points.len()
+    );
+    assert!(worst < 1e-6 && worst_value < 1e-6);
+    assert!(other_count * 1000 < points.len());
+}
