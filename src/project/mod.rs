@@ -1,7 +1,16 @@
 //! The project file: as written, then checked.
 
+mod checked;
+mod files;
+mod print;
+mod resolve;
 pub mod settings;
+mod source;
+mod written;
 
+pub use checked::{
+    Evaluation, LogFile, Logs, Motion, PARAMETER_NAMES, PosesFile, Project, Reference, Scanner,
+};
 pub use settings::{
     CalibrationSettings, ComparisonSettings, HeadingSettings, ImuNoise, Method, PrismSettings,
     TrajectorySettings,

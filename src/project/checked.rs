@@ -1,0 +1,150 @@
+//! The project with every value checked: SI units, radians, absolute paths.
+
+use std::path::{Path, PathBuf};
+
+use super::settings::{CalibrationSettings, ComparisonSettings, TrajectorySettings};
+use super::source::Source;
+use super::{files, print, resolve};
+use crate::error::Result;
+use crate::geometry::{BodyAxes, EulerConvention, Pose, Vec3};
+
+/// Names of the six parameters of a mounting, in the order of [`Scanner::fixed`].
+pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
+
+/// One drive, its sensors and what is to be done with them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Project {
+    /// The project file, absolute.
+    pub path: PathBuf,
+    /// Axes of the body frame.
+    pub axes: BodyAxes,
+    /// Subtracted from world coordinates on reading and added on writing, metres.
+    pub origin_m: Vec3,
+    /// Where the poses come from.
+    pub motion: Motion,
+    /// The scanners in the order of the file; names are unique.
+    pub scanners: Vec<Scanner>,
+    /// The reference cloud.
+    pub reference: Option<Reference>,
+    /// How the mountings are found.
+    pub calibration: CalibrationSettings,
+    /// How clouds are compared.
+    pub comparison: ComparisonSettings,
+    /// Other drives, judged with the mountings found here.
+    pub evaluations: Vec<Evaluation>,
+}
+
+/// Where the poses come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// Logs of IMU, prism and heading, from which the trajectory is estimated.
+    Logs(Box<Logs>),
+    /// A trajectory estimated elsewhere.
+    Poses(PosesFile),
+}
+
+/// The logs behind a trajectory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Logs {
+    /// Rates and specific forces.
+    pub imu: LogFile,
+    /// Positions of the prism.
+    pub prism: LogFile,
+    /// Headings of the antenna baseline.
+    pub heading: Option<LogFile>,
+    /// Noise, lever arms, offsets; those of the heading are defaults where there is no log of it.
+    pub settings: TrajectorySettings,
+}
+
+/// A file of time-stamped records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LogFile {
+    /// Absolute.
+    pub path: PathBuf,
+    /// Common time = sensor time + this, seconds.
+    pub time_offset_s: f64,
+}
+
+/// A file of poses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PosesFile {
+    /// Absolute.
+    pub path: PathBuf,
+    /// Common time = time in the file + this, seconds.
+    pub time_offset_s: f64,
+    /// Standard deviation of each coordinate where the file gives none, metres.
+    pub sigma_position_m: Option<f64>,
+    /// Standard deviation about each axis where the file gives none, radians.
+    pub sigma_rotation_rad: Option<f64>,
+}
+
+/// One scanner and its mounting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scanner {
+    /// Letters, digits, `-` and `_`: fit for a file name.
+    pub name: String,
+    /// Files of profiles in time order, absolute.
+    pub profiles: Vec<PathBuf>,
+    /// Common time = scanner time + this, seconds.
+    pub time_offset_s: f64,
+    /// The mounting to start from.
+    pub body_from_scanner: Pose,
+    /// How the user writes the angles of this mounting.
+    pub convention: EulerConvention,
+    /// Which of tx ty tz rx ry rz stay at their values.
+    pub fixed: [bool; 6],
+}
+
+/// The reference cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    /// Absolute.
+    pub path: PathBuf,
+}
+
+/// Another drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Evaluation {
+    /// Letters, digits, `-` and `_`: fit for a file name.
+    pub name: String,
+    /// Its project file, absolute.
+    pub project: PathBuf,
+}
+
+impl Project {
+    /// Reads and checks a project file. Referenced files are not opened;
+    /// [`Project::check_files`] looks for them.
+    ///
+    /// # Errors
+    /// Names the file, the line, what stands there and what should: unknown keys with the nearest
+    /// known one, missing keys, values out of range, sections that exclude each other.
+    pub fn read(path: &Path) -> Result<Self> {
+        let source = Source::read(path)?;
+        resolve::resolve(&source, source.written()?)
+    }
+
+    /// Checks that every referenced file is there, and that the evaluation projects can be read,
+    /// have their files, and hold only scanners of this project on the same body axes.
+    ///
+    /// # Errors
+    /// Names the first file that is missing, the key that asks for it, and its line.
+    pub fn check_files(&self) -> Result<()> {
+        files::check(self)
+    }
+
+    /// The project as a project file with every value as used: it reads back to the same project.
+    ///
+    /// # Errors
+    /// A path that is not valid UTF-8 cannot be written as TOML.
+    pub fn to_toml(&self) -> Result<String> {
+        print::project(self)
+    }
+
+    /// The `[[scanner]]` tables alone, to be pasted into a project.
+    ///
+    /// # Errors
+    /// A path that is not valid UTF-8 cannot be written as TOML.
+    pub fn scanners_to_toml(&self) -> Result<String> {
+        print::scanners(self)
+    }
+}

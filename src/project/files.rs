@@ -1,0 +1,108 @@
+//! Are the files there that a project refers to?
+
+use std::path::Path;
+
+use super::checked::{Evaluation, Motion, Project};
+use super::source::{Source, Step};
+use crate::error::{Error, Location, Result};
+
+/// See [`Project::check_files`].
+pub(super) fn check(project: &Project) -> Result<()> {
+    own_files(project)?;
+    project
+        .evaluations
+        .iter()
+        .enumerate()
+        .try_for_each(|(index, evaluation)| check_evaluation(project, index, evaluation))
+}
+
+fn own_files(project: &Project) -> Result<()> {
+    let exists =
+        |table: &str, path: &Path| present(project, &[Step::Key(table), Step::Key("file")], path);
+    match &project.motion {
+        Motion::Logs(logs) => {
+            exists("imu", &logs.imu.path)?;
+            exists("prism", &logs.prism.path)?;
+            if let Some(heading) = &logs.heading {
+                exists("heading", &heading.path)?;
+            }
+        }
+        Motion::Poses(poses) => exists("trajectory", &poses.path)?,
+    }
+    for (index, scanner) in project.scanners.iter().enumerate() {
+        for (number, path) in scanner.profiles.iter().enumerate() {
+            let steps = [
+                Step::Key("scanner"),
+                Step::Index(index),
+                Step::Key("profiles"),
+                Step::Index(number),
+            ];
+            present(project, &steps, path)?;
+        }
+    }
+    if let Some(reference) = &project.reference {
+        exists("reference", &reference.path)?;
+    }
+    Ok(())
+}
+
+fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) -> Result<()> {
+    let key = Step::Key("evaluation");
+    let steps = [key, Step::Index(index), Step::Key("project")];
+    present(project, &steps, &evaluation.project)?;
+    let drive = Project::read(&evaluation.project)?;
+    own_files(&drive)?;
+    let stranger = drive
+        .scanners
+        .iter()
+        .find(|theirs| project.scanners.iter().all(|ours| ours.name != theirs.name));
+    let problem = if let Some(scanner) = stranger {
+        format!(
+            "the scanner {:?}, which this project does not calibrate",
+            scanner.name
+        )
+    } else if drive.axes != project.axes {
+        format!(
+            "other body axes ({:?} instead of {:?})",
+            drive.axes, project.axes
+        )
+    } else {
+        return Ok(());
+    };
+    Err(Error::format(
+        &project.path,
+        line(project, &steps),
+        format!("an evaluation with {problem}"),
+        "a drive of the same platform",
+    ))
+}
+
+fn present(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
+    if path.is_file() {
+        return Ok(());
+    }
+    let mut key = String::new();
+    for step in steps {
+        match step {
+            Step::Key(name) if key.is_empty() => key.push_str(name),
+            Step::Key(name) => key = format!("{key}.{name}"),
+            Step::Index(index) => key = format!("{key}[{index}]"),
+        }
+    }
+    let what = if path.is_dir() {
+        "a folder"
+    } else {
+        "no such file"
+    };
+    Err(Error::format(
+        &project.path,
+        line(project, steps),
+        format!("{key} = {:?}: {what}", path.display().to_string()),
+        "a file that exists (paths are relative to the project file)",
+    ))
+}
+
+/// The line of a key, where the project's file is still there to tell.
+fn line(project: &Project, steps: &[Step<'_>]) -> Location {
+    Source::read(&project.path).map_or(Location::Whole, |source| source.locate(steps))
+}

@@ -1,0 +1,178 @@
+//! From the checked project back to a file that reads the same.
+
+use super::checked::{Logs, Motion, PARAMETER_NAMES, PosesFile, Project, Scanner};
+use super::resolve::{accel_bias_walk, accel_density, gyro_bias_walk, gyro_density};
+use super::written::{self, Files, Written};
+use crate::error::{Error, Result};
+use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
+
+/// See [`Project::to_toml`].
+pub(super) fn project(project: &Project) -> Result<String> {
+    print(&written(project))
+}
+
+/// See [`Project::scanners_to_toml`].
+pub(super) fn scanners(project: &Project) -> Result<String> {
+    #[derive(serde::Serialize)]
+    struct Scanners {
+        scanner: Vec<written::Scanner>,
+    }
+    let scanner = project.scanners.iter().map(scanner).collect();
+    print(&Scanners { scanner })
+}
+
+fn print<T: serde::Serialize>(value: &T) -> Result<String> {
+    toml::to_string(value).map_err(|error| {
+        Error::data(
+            format!("the project cannot be written as TOML: {error}"),
+            "use file and folder names that are valid UTF-8",
+        )
+    })
+}
+
+fn written(project: &Project) -> Written {
+    let calibration = &project.calibration;
+    let comparison = &project.comparison;
+    let mut written = Written {
+        frame: written::Frame {
+            body: Some(project.axes),
+            origin_m: Some(project.origin_m.into()),
+            ..Default::default()
+        },
+        scanner: project.scanners.iter().map(scanner).collect(),
+        reference: project
+            .reference
+            .as_ref()
+            .map(|reference| written::Reference {
+                file: reference.path.clone(),
+            }),
+        calibration: written::Calibration {
+            voxel_sizes_m: Some(calibration.voxel_sizes_m.clone()),
+            neighbours: Some(calibration.neighbours),
+            method: Some(calibration.method),
+            max_iterations: Some(calibration.max_iterations),
+            pass_gap_s: Some(calibration.pass_gap_s),
+            multi_start_deg: calibration.multi_start_rad.map(degrees),
+        },
+        comparison: written::Comparison {
+            core_spacing_m: Some(comparison.core_spacing_m),
+            normal_radii_m: Some(comparison.normal_radii_m.clone()),
+            cylinder_radius_m: Some(comparison.cylinder_radius_m),
+            max_distance_m: Some(comparison.max_distance_m),
+            registration_error_m: Some(comparison.registration_error_m),
+        },
+        ..Default::default()
+    };
+    written.evaluation = project
+        .evaluations
+        .iter()
+        .map(|evaluation| written::Evaluation {
+            name: evaluation.name.clone(),
+            project: evaluation.project.clone(),
+        })
+        .collect();
+    match &project.motion {
+        Motion::Logs(logs) => write_logs(logs, &mut written),
+        Motion::Poses(poses) => written.trajectory = Some(write_poses(poses)),
+    }
+    written
+}
+
+fn write_poses(poses: &PosesFile) -> written::Poses {
+    written::Poses {
+        file: poses.path.clone(),
+        time_offset_s: Some(poses.time_offset_s),
+        sigma_position_m: poses.sigma_position_m,
+        sigma_rotation_deg: poses.sigma_rotation_rad.map(degrees),
+    }
+}
+
+fn write_logs(logs: &Logs, written: &mut Written) {
+    let settings = &logs.settings;
+    let noise = &settings.imu;
+    written.frame.gravity_m_s2 = Some(settings.gravity_m_s2);
+    written.frame.grid_convergence_deg = Some(degrees(settings.heading.grid_convergence_rad));
+    // The instability where it gives the very walk that is used, else the walk itself.
+    let gyro = datasheet(noise.gyro_bias_walk, gyro_bias_walk);
+    let accel = datasheet(noise.accel_bias_walk, accel_bias_walk);
+    written.imu = Some(written::Imu {
+        file: logs.imu.path.clone(),
+        time_offset_s: Some(logs.imu.time_offset_s),
+        gyro_noise_deg_sqrt_h: Some(preimage(noise.gyro_density, gyro_density)),
+        accel_noise_ug_sqrt_hz: Some(preimage(noise.accel_density, accel_density)),
+        gyro_bias_instability_deg_h: gyro,
+        accel_bias_instability_ug: accel,
+        gyro_bias_walk_rad_s_sqrt_s: gyro.is_none().then_some(noise.gyro_bias_walk),
+        accel_bias_walk_m_s2_sqrt_s: accel.is_none().then_some(noise.accel_bias_walk),
+    });
+    written.prism = Some(written::Prism {
+        file: logs.prism.path.clone(),
+        time_offset_s: Some(logs.prism.time_offset_s),
+        sigma_m: Some(settings.prism.sigma_m),
+        lever_arm_m: settings.prism.lever_arm_m.into(),
+    });
+    written.heading = logs.heading.as_ref().map(|heading| written::Heading {
+        file: heading.path.clone(),
+        time_offset_s: Some(heading.time_offset_s),
+        sigma_deg: Some(degrees(settings.heading.sigma_rad)),
+        mounting_offset_deg: Some(degrees(settings.heading.mounting_offset_rad)),
+    });
+}
+
+fn scanner(scanner: &Scanner) -> written::Scanner {
+    let rotation = &scanner.body_from_scanner.rotation;
+    let angles = euler_deg_from_rotation(scanner.convention, rotation);
+    // The angles as typed where they give the very same rotation, else the quaternion.
+    let rotation_deg = (0..DIGITS)
+        .map(|digits| angles.map(|angle| rounded(angle, digits)))
+        .find(|angles| {
+            rotation_from_euler_deg(scanner.convention, *angles).coords == rotation.coords
+        });
+    let fixed: Vec<String> = PARAMETER_NAMES
+        .iter()
+        .zip(scanner.fixed)
+        .filter(|(_, fixed)| *fixed)
+        .map(|(name, _)| (*name).to_owned())
+        .collect();
+    written::Scanner {
+        name: scanner.name.clone(),
+        profiles: Files(scanner.profiles.clone()),
+        time_offset_s: Some(scanner.time_offset_s),
+        translation_m: scanner.body_from_scanner.translation.vector.into(),
+        rotation_deg,
+        quaternion_xyzw: rotation_deg.is_none().then(|| {
+            let q = rotation.coords;
+            [q.x, q.y, q.z, q.w]
+        }),
+        rotation_convention: Some(scanner.convention),
+        fixed: (!fixed.is_empty()).then_some(fixed),
+    }
+}
+
+/// Digits behind the first that tell any two f64 apart.
+const DIGITS: usize = 17;
+
+fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.digits$e}").parse().unwrap_or(value)
+}
+
+fn degrees(angle_rad: f64) -> f64 {
+    preimage(angle_rad, f64::to_radians)
+}
+
+/// The shortest decimal that the linear `unit` maps to `value` exactly, or where no f64 does the
+/// nearest.
+fn preimage(value: f64, unit: fn(f64) -> f64) -> f64 {
+    let guess = value / unit(1.0);
+    (0..DIGITS)
+        .map(|digits| rounded(guess, digits))
+        .chain([guess.next_up(), guess.next_down()])
+        .find(|candidate| unit(*candidate) == value)
+        .unwrap_or(guess)
+}
+
+/// The decimal of at most ten digits that `unit` maps to `value` exactly.
+fn datasheet(value: f64, unit: fn(f64) -> f64) -> Option<f64> {
+    let candidate = preimage(value, unit);
+    (unit(candidate) == value && rounded(candidate, 9) == candidate).then_some(candidate)
+}

@@ -1,0 +1,161 @@
+//! The text of a project file, and where in it each key stands.
+
+use std::path::{Path, PathBuf};
+
+use toml::de::{DeTable, DeValue};
+
+use super::written::Written;
+use crate::error::{Error, Location, Result};
+
+/// A project file that is valid TOML.
+pub(super) struct Source {
+    /// Absolute.
+    pub path: PathBuf,
+    text: String,
+}
+
+/// One step from a table to what is in it.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Step<'a> {
+    /// The key of a table.
+    Key(&'a str),
+    /// The element of an array, from 0.
+    Index(usize),
+}
+
+impl Source {
+    /// Reads the file's text.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let good = error.utf8_error().valid_up_to();
+            Error::format(
+                path,
+                Location::Byte(good as u64),
+                "bytes that are not UTF-8",
+                "a project file in UTF-8 text",
+            )
+        })?;
+        let path = std::path::absolute(path).map_err(|source| Error::io(path, source))?;
+        Ok(Self { path, text })
+    }
+
+    /// The file as typed.
+    pub fn written(&self) -> Result<Written> {
+        toml::from_str(&self.text).map_err(|error| self.explain(&error))
+    }
+
+    /// `file` relative to the folder of the project file, absolute.
+    pub fn absolute(&self, file: &Path) -> PathBuf {
+        match self.path.parent() {
+            Some(folder) => folder.join(file),
+            None => file.to_owned(),
+        }
+    }
+
+    /// An error at the key reached by `steps`, or at the nearest table that is there.
+    pub fn error(&self, steps: &[Step<'_>], found: impl Into<String>, expected: &str) -> Error {
+        Error::format(&self.path, self.locate(steps), found, expected)
+    }
+
+    /// The line of the key reached by `steps`, or of the last that is there.
+    pub fn locate(&self, steps: &[Step<'_>]) -> Location {
+        let Ok(root) = DeTable::parse(&self.text) else {
+            return Location::Whole;
+        };
+        let mut table = Some(root.get_ref());
+        let mut value: Option<&DeValue<'_>> = None;
+        let mut at = Location::Whole;
+        for step in steps {
+            let next = match *step {
+                Step::Key(name) => {
+                    let here = table.or_else(|| value.and_then(DeValue::as_table));
+                    let entry =
+                        here.and_then(|table| table.iter().find(|(key, _)| key.get_ref() == name));
+                    entry.map(|(key, value)| (key.span().start, value.get_ref()))
+                }
+                Step::Index(index) => value
+                    .and_then(|value| value.get(index))
+                    .map(|element| (element.span().start, element.get_ref())),
+            };
+            let Some((start, found)) = next else { break };
+            at = self.line(start);
+            (table, value) = (None, Some(found));
+        }
+        at
+    }
+
+    fn line(&self, byte: usize) -> Location {
+        let before = &self.text.as_bytes()[..byte.min(self.text.len())];
+        Location::Line(1 + before.iter().filter(|&&b| b == b'\n').count() as u64)
+    }
+
+    /// Says in our words what the TOML reader found.
+    fn explain(&self, error: &toml::de::Error) -> Error {
+        let at = error
+            .span()
+            .map_or(Location::Whole, |span| self.line(span.start));
+        let message = error.message().trim();
+        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let (found, expected) = if message.starts_with("unknown field") {
+            one_of("the unknown key", &names)
+        } else if message.starts_with("unknown variant") {
+            one_of("the unknown value", &names)
+        } else if message.starts_with("missing field") && !names.is_empty() {
+            (
+                "a table without it".to_owned(),
+                format!("the key `{}`", names[0]),
+            )
+        } else if let Some((found, expected)) = message
+            .strip_prefix("invalid type: ")
+            .or_else(|| message.strip_prefix("invalid length "))
+            .and_then(|rest| rest.split_once(", expected "))
+        {
+            (found.to_owned(), in_words(expected))
+        } else {
+            let message = message.replace('\n', "; ");
+            (
+                format!("what is not TOML ({message})"),
+                "valid TOML".to_owned(),
+            )
+        };
+        Error::format(&self.path, at, found, expected)
+    }
+}
+
+/// The names of Rust types as users know them.
+fn in_words(expected: &str) -> String {
+    match expected {
+        "f64" => "a number",
+        "usize" => "a whole number, 0 or more",
+        "path string" => "a file name in quotes",
+        "an array of length 3" | "tuple of size 3" => "a list of 3 numbers",
+        "an array of length 4" | "tuple of size 4" => "a list of 4 numbers",
+        other => other,
+    }
+    .to_owned()
+}
+
+/// `names[0]` is not among the rest: what was found, and what was expected with the nearest first.
+fn one_of(kind: &str, names: &[&str]) -> (String, String) {
+    let (unknown, known) = names.split_first().unwrap_or((&"", &[]));
+    let found = format!("{kind} `{unknown}`");
+    let expected = match nearest(unknown, known) {
+        None => "no key here".to_owned(),
+        Some(best) if known.len() == 1 => format!("`{best}`"),
+        Some(best) => {
+            let others: Vec<&str> = known.iter().copied().filter(|name| *name != best).collect();
+            format!("`{best}` (or one of: {})", others.join(", "))
+        }
+    };
+    (found, expected)
+}
+
+/// The known name most like `unknown`, upper and lower case alike.
+pub(super) fn nearest<'a>(unknown: &str, known: &[&'a str]) -> Option<&'a str> {
+    let lower = unknown.to_lowercase();
+    known.iter().copied().max_by(|a, b| {
+        let near = |name: &str| strsim::jaro_winkler(&lower, &name.to_lowercase());
+        near(a).total_cmp(&near(b))
+    })
+}
