@@ -115,7 +115,14 @@ pub fn adjust_scale(
         equations = normal_equations(cloud, &placed, &neighbourhoods);
         costs.push(equations.cost);
     }
-    ScaleResult { mountings, ending, iterations, costs, placed, neighbourhoods }
+    ScaleResult {
+        mountings,
+        ending,
+        iterations,
+        costs,
+        placed,
+        neighbourhoods,
+    }
 }
 
 /// −(BᵀHB + μ diag)⁻¹ Bᵀg, back in all parameters; `None` where nothing is free or the matrix
@@ -143,5 +150,15 @@ fn damped_step(
         if damping > LARGEST_DAMPING {
             return None;
         }
+    }
+}
+
+impl std::fmt::Display for Ending {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::CostFloor => "at the floor of the cost",
+            Self::IterationsExhausted => "stopped at the allowed number of iterations",
+        })
     }
 }

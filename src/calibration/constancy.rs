@@ -4,8 +4,8 @@
 //! against what errors of the poses alone would give it. A rigid mounting stays within; a mounting
 //! that bends with roll, pitch or acceleration leaves a pattern far larger.
 
-use super::cost::Shape;
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
+use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 use crate::sensor::PoseRecord;
 use crate::trajectory::Trajectory;
@@ -72,15 +72,22 @@ pub fn judge(
     let mut reference = Vec::new();
     for index in 0..neighbourhoods.len() {
         reference.clear();
-        reference.extend(neighbourhoods.of(index).iter().filter(|&&m| m as usize >= movable));
+        reference.extend(
+            neighbourhoods
+                .of(index)
+                .iter()
+                .filter(|&&m| m as usize >= movable),
+        );
         if reference.len() < FEWEST_REFERENCE {
             continue;
         }
         let centre = neighbourhoods.centres[index] as usize;
         let point = &cloud.movable[centre];
         let (node, _) = trajectory.locate(point.time_s)?;
-        let shape = Shape::of(&placed.world, &reference);
-        let Some(normal) = upward_normal(&shape) else { continue };
+        let shape = StructureTensor::of(&placed.world, &reference);
+        let Some(normal) = upward_normal(&shape) else {
+            continue;
+        };
         let Some(variance) = pose_variance(
             &trajectory.nodes()[node],
             &(placed.world[centre] - point.body_m),
@@ -119,19 +126,22 @@ pub fn judge(
     let ratio = mean_square(&|block| block.mean_m / block.expected_sigma_m);
     let rms_m = mean_square(&|block| block.mean_m);
     let strongest = strongest_correlation(&blocks, trajectory);
-    Some(Constancy { blocks, ratio, rms_m, constant: ratio < SUSPICIOUS_RATIO, strongest })
+    Some(Constancy {
+        blocks,
+        ratio,
+        rms_m,
+        constant: ratio < SUSPICIOUS_RATIO,
+        strongest,
+    })
 }
 
 /// The normal of a flat neighbourhood, pointing up; `None` where it is not flat enough to have one.
-fn upward_normal(shape: &Shape) -> Option<Vec3> {
-    let eigen = shape.tensor.symmetric_eigen();
-    let smallest = eigen.eigenvalues.imin();
-    let mut values = eigen.eigenvalues;
-    values.as_mut_slice().sort_by(f64::total_cmp);
-    if values[0] > 0.1 * values[1] {
+fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
+    let eigen = shape.eigen();
+    if eigen.values.z > 0.1 * eigen.values.y {
         return None;
     }
-    let normal: Vec3 = eigen.eigenvectors.column(smallest).into();
+    let normal: Vec3 = eigen.vectors.column(2).into();
     Some(if normal.z < 0.0 { -normal } else { normal })
 }
 
@@ -181,7 +191,12 @@ fn motion_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; 4]> {
     let here = pose.translation.vector;
     let acceleration = (after - here * 2.0 + before) / (half_s * half_s);
     let up = pose.rotation.inverse() * Vec3::z();
-    Some([up.y, up.x, (pose.rotation.inverse() * acceleration).x, time_s])
+    Some([
+        up.y,
+        up.x,
+        (pose.rotation.inverse() * acceleration).x,
+        time_s,
+    ])
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
@@ -193,5 +208,9 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         aa += (x - mean_a).powi(2);
         bb += (y - mean_b).powi(2);
     }
-    if aa * bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+    if aa * bb > 0.0 {
+        ab / (aa * bb).sqrt()
+    } else {
+        0.0
+    }
 }

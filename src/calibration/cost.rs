@@ -16,15 +16,12 @@ use nalgebra::{DMatrix, DVector, Matrix3x6, Matrix6, Vector6};
 use rayon::prelude::*;
 
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
-use crate::geometry::{Mat3, Vec3, so3};
+use crate::cloud::StructureTensor;
+use crate::geometry::{Mat3, so3};
 
 /// Neighbourhoods a parallel task works on; sums run over tasks in order, so that results do not
 /// depend on the number of threads.
 const CHUNK: usize = 2048;
-
-/// Flatness below which a neighbourhood has no usable inverse: det(C) < (10⁻¹⁵ tr C)·(tr C)².
-/// Such points lie on a line or plane to f64 precision and carry no weight.
-const DEGENERATE: f64 = 1e-15;
 
 /// The normal equations at given mountings.
 #[derive(Debug, Clone)]
@@ -37,56 +34,17 @@ pub struct NormalEquations {
     pub matrix: DMatrix<f64>,
 }
 
-/// Mean, structure tensor and squared omnivariance of a neighbourhood.
-#[derive(Debug, Clone, Copy)]
-pub struct Shape {
-    /// x̄, metres.
-    pub mean: Vec3,
-    /// C, m².
-    pub tensor: Mat3,
-    /// det(C)^⅔, m⁴; 0 where degenerate.
-    pub squared_omnivariance: f64,
-}
-
-impl Shape {
-    /// The shape of these members.
-    pub fn of(world: &[Vec3], members: &[u32]) -> Self {
-        let scale = 1.0 / members.len() as f64;
-        let origin = world[members[0] as usize];
-        let mut sum = Vec3::zeros();
-        for &member in members {
-            sum += world[member as usize] - origin;
-        }
-        let mean = origin + sum * scale;
-        let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0.0; 6];
-        for &member in members {
-            let r = world[member as usize] - mean;
-            xx += r.x * r.x;
-            xy += r.x * r.y;
-            xz += r.x * r.z;
-            yy += r.y * r.y;
-            yz += r.y * r.z;
-            zz += r.z * r.z;
-        }
-        let tensor = Mat3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) * scale;
-        let determinant = tensor.determinant();
-        let trace = tensor.trace();
-        let squared_omnivariance = if determinant > DEGENERATE * trace * trace * trace {
-            let root = determinant.cbrt();
-            root * root
-        } else {
-            0.0
-        };
-        Self { mean, tensor, squared_omnivariance }
+/// σ² and W = ⅔ σ² C⁻¹ of a neighbourhood; `None` where its points lie in a plane, on a line or in
+/// one place, so that it has neither weight nor cost.
+pub fn weight(tensor: &StructureTensor) -> Option<(f64, Mat3)> {
+    let squared = tensor.omnivariance().powi(2);
+    if squared == 0.0 {
+        return None;
     }
-
-    /// W = ⅔ σ² C⁻¹; `None` where degenerate.
-    pub fn weight(&self) -> Option<Mat3> {
-        if self.squared_omnivariance == 0.0 {
-            return None;
-        }
-        Some(self.tensor.try_inverse()? * (2.0 / 3.0 * self.squared_omnivariance))
-    }
+    Some((
+        squared,
+        tensor.covariance.try_inverse()? * (2.0 / 3.0 * squared),
+    ))
 }
 
 /// Σσ² alone.
@@ -96,7 +54,10 @@ pub fn cost(placed: &Placed, neighbourhoods: &Neighbourhoods) -> f64 {
         .map(|chunk| {
             chunk_range(chunk, neighbourhoods.len())
                 .map(|index| {
-                    Shape::of(&placed.world, neighbourhoods.of(index)).squared_omnivariance
+                    let members = neighbourhoods.of(index);
+                    StructureTensor::of(&placed.world, members)
+                        .omnivariance()
+                        .powi(2)
                 })
                 .sum()
         })
@@ -161,15 +122,19 @@ impl Sums {
     }
 
     fn add(&mut self, cloud: &ScaleCloud, placed: &Placed, members: &[u32]) {
-        let shape = Shape::of(&placed.world, members);
-        self.cost += shape.squared_omnivariance;
-        let Some(weight) = shape.weight() else { return };
+        let shape = StructureTensor::of(&placed.world, members);
+        let Some((squared_omnivariance, weight)) = weight(&shape) else {
+            return;
+        };
+        self.cost += squared_omnivariance;
         let factor = 2.0 / members.len() as f64;
         self.mean_derivative.fill(Matrix3x6::zeros());
         self.present.fill(false);
         for &member in members {
             let index = member as usize;
-            let Some(point) = cloud.movable.get(index) else { continue };
+            let Some(point) = cloud.movable.get(index) else {
+                continue;
+            };
             let scanner = point.scanner as usize;
             let rotation = &point.world_from_body;
             let arm = &placed.arm[index];
@@ -223,9 +188,15 @@ impl Sums {
                 self.matrix[(row, column)] = self.matrix[(column, row)];
             }
         }
-        let gradient =
-            DVector::from_iterator(6 * scanners, self.gradient.iter().flat_map(|g| g.iter().copied()));
-        NormalEquations { cost: self.cost, gradient, matrix: self.matrix }
+        let gradient = DVector::from_iterator(
+            6 * scanners,
+            self.gradient.iter().flat_map(|g| g.iter().copied()),
+        );
+        NormalEquations {
+            cost: self.cost,
+            gradient,
+            matrix: self.matrix,
+        }
     }
 }
 
@@ -235,5 +206,122 @@ fn add_block(matrix: &mut Matrix6<f64>, row: usize, column: usize, block: &Mat3)
         for i in 0..3 {
             matrix[(row + i, column + j)] += block[(i, j)];
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::neighbourhoods::{MovablePoint, find};
+    use crate::calibration::parameters::{Mounting, moved};
+    use crate::geometry::{EulerConvention, Pose, Rotation, Vec3};
+
+    /// Numbers in [-1, 1) from a linear congruential generator: the same everywhere.
+    fn numbers() -> impl FnMut() -> f64 {
+        let mut state = 1u64;
+        move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963);
+            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        }
+    }
+
+    /// Two scanners over a bumpy surface, each point with a pose of its own, and a reference.
+    fn case() -> (ScaleCloud, Vec<Mounting>) {
+        let mut next = numbers();
+        let movable = (0..400)
+            .map(|i| {
+                let turn = Rotation::from_scaled_axis(Vec3::new(next(), next(), next()) * 0.3);
+                MovablePoint {
+                    scanner: i % 2,
+                    time_s: f64::from(i),
+                    position_m: Vec3::new(next(), 0.1 * next(), -1.0 + 0.05 * next()),
+                    world_from_body: *turn.to_rotation_matrix().matrix(),
+                    body_m: Vec3::new(next(), next(), 2.0),
+                }
+            })
+            .collect();
+        let fixed = (0..100)
+            .map(|_| Vec3::new(next(), next(), 1.0 + 0.3 * next()))
+            .collect();
+        let mountings = ["left", "right"]
+            .map(|name| Mounting {
+                name: name.into(),
+                body_from_scanner: Pose::new(
+                    Vec3::new(0.3 * next(), 0.3 * next(), 0.1 * next()),
+                    Vec3::new(next(), next(), next()),
+                ),
+                convention: EulerConvention::Zyx,
+                fixed: [false; 6],
+            })
+            .to_vec();
+        (
+            ScaleCloud {
+                movable,
+                fixed,
+                scanners: 2,
+            },
+            mountings,
+        )
+    }
+
+    #[test]
+    fn the_gradient_meets_finite_differences() {
+        let (cloud, mountings) = case();
+        let placed = cloud.place(&mountings);
+        let neighbourhoods = find(&cloud, &placed, 20, 1);
+        let equations = normal_equations(&cloud, &placed, &neighbourhoods);
+        assert!((equations.cost - cost(&placed, &neighbourhoods)).abs() < 1e-12 * equations.cost);
+        let scale = equations.gradient.amax();
+        for parameter in 0..12 {
+            // Central differences of 1e-6 on a cost of order 1 are good to about 1e-9.
+            let at = |step: f64| {
+                let mut delta = DVector::zeros(12);
+                delta[parameter] = step;
+                cost(&cloud.place(&moved(&mountings, &delta)), &neighbourhoods)
+            };
+            let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
+            let error = (numeric - equations.gradient[parameter]).abs();
+            assert!(
+                error < 1e-7 * scale,
+                "parameter {parameter}: {error:e} of {scale:e}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_normal_matrix_is_the_definition_summed_point_by_point() {
+        let (cloud, mountings) = case();
+        let placed = cloud.place(&mountings);
+        let neighbourhoods = find(&cloud, &placed, 20, 3);
+        let fast = normal_equations(&cloud, &placed, &neighbourhoods);
+        let mut slow = DMatrix::zeros(12, 12);
+        for index in 0..neighbourhoods.len() {
+            let members = neighbourhoods.of(index);
+            let tensor = StructureTensor::of(&placed.world, members);
+            let (_, weight) = weight(&tensor).expect("points in space");
+            let derivatives: Vec<DMatrix<f64>> = members
+                .iter()
+                .map(|&member| {
+                    let mut full = DMatrix::zeros(3, 12);
+                    if let Some(point) = cloud.movable.get(member as usize) {
+                        let own = cloud.derivative(&placed, member as usize);
+                        full.view_mut((0, 6 * point.scanner as usize), (3, 6))
+                            .copy_from(&own);
+                    }
+                    full
+                })
+                .collect();
+            let mean = derivatives
+                .iter()
+                .fold(DMatrix::zeros(3, 12), |sum, d| sum + d)
+                / members.len() as f64;
+            for derivative in &derivatives {
+                let centred = derivative - &mean;
+                slow += centred.transpose() * weight * &centred * (2.0 / members.len() as f64);
+            }
+        }
+        assert!((&fast.matrix - &slow).amax() < 1e-11 * slow.amax());
     }
 }

@@ -72,7 +72,11 @@ impl ScaleCloud {
                 })
             })
             .collect();
-        Self { movable, fixed, scanners: samples.len() }
+        Self {
+            movable,
+            fixed,
+            scanners: samples.len(),
+        }
     }
 
     /// Places every point with these mountings (equation (1)).
@@ -81,7 +85,10 @@ impl ScaleCloud {
             .iter()
             .map(|mounting| {
                 let pose = &mounting.body_from_scanner;
-                (*pose.rotation.to_rotation_matrix().matrix(), pose.translation.vector)
+                (
+                    *pose.rotation.to_rotation_matrix().matrix(),
+                    pose.translation.vector,
+                )
             })
             .collect();
         let (arm, mut world): (Vec<Vec3>, Vec<Vec3>) = self
@@ -90,7 +97,10 @@ impl ScaleCloud {
             .map(|point| {
                 let (rotation, translation) = &parts[point.scanner as usize];
                 let arm = rotation * point.position_m;
-                (arm, point.body_m + point.world_from_body * (translation + arm))
+                (
+                    arm,
+                    point.body_m + point.world_from_body * (translation + arm),
+                )
             })
             .unzip();
         world.extend_from_slice(&self.fixed);
@@ -113,7 +123,9 @@ impl ScaleCloud {
 pub fn find(cloud: &ScaleCloud, placed: &Placed, k: usize, stride: usize) -> Neighbourhoods {
     let k = k.min(placed.world.len());
     let index = NeighbourIndex::new(&placed.world);
-    let centres: Vec<u32> = (0..cloud.movable.len() as u32).step_by(stride.max(1)).collect();
+    let centres: Vec<u32> = (0..cloud.movable.len() as u32)
+        .step_by(stride.max(1))
+        .collect();
     let members: Vec<u32> = centres
         .par_chunks(1024)
         .flat_map_iter(|chunk| {
@@ -126,7 +138,11 @@ pub fn find(cloud: &ScaleCloud, placed: &Placed, k: usize, stride: usize) -> Nei
             members
         })
         .collect();
-    Neighbourhoods { k, centres, members }
+    Neighbourhoods {
+        k,
+        centres,
+        members,
+    }
 }
 
 impl Neighbourhoods {

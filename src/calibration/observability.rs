@@ -7,7 +7,8 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body};
+use super::parameters::{Mounting, euler_jacobian_body};
+use crate::project::PARAMETER_NAMES;
 
 /// A rotation counts as the shift it causes at this distance, metres: the working range of a
 /// close-range scanner.
@@ -46,10 +47,9 @@ pub fn judge(matrix: &DMatrix<f64>, basis: &DMatrix<f64>, mountings: &[Mounting]
     let scale: Vec<f64> = (0..reduced.nrows())
         .map(|i| reduced[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip())
         .collect();
-    let scaled =
-        DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
-            reduced[(i, j)] * scale[i] * scale[j]
-        });
+    let scaled = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
+        reduced[(i, j)] * scale[i] * scale[j]
+    });
     let eigen = SymmetricEigen::new(scaled);
     let largest = eigen.eigenvalues.max();
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
@@ -65,10 +65,18 @@ pub fn judge(matrix: &DMatrix<f64>, basis: &DMatrix<f64>, mountings: &[Mounting]
             let direction = (basis * coordinates).normalize();
             let parameters = concerned(&direction, mountings);
             let words = in_words(&direction, &parameters, mountings);
-            FreeDirection { direction, share: share(i), words, parameters }
+            FreeDirection {
+                direction,
+                share: share(i),
+                words,
+                parameters,
+            }
         })
         .collect();
-    Observability { shares: order.iter().map(|&i| share(i)).collect(), free }
+    Observability {
+        shares: order.iter().map(|&i| share(i)).collect(),
+        free,
+    }
 }
 
 impl Observability {
@@ -101,7 +109,10 @@ impl Observability {
 
 /// Weights that make a shift of a metre count as a rotation of 1 rad over [`LEVER_M`].
 fn metric(size: usize) -> DVector<f64> {
-    DVector::from_fn(size, |row, _| if row % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M })
+    DVector::from_fn(
+        size,
+        |row, _| if row % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M },
+    )
 }
 
 /// Orthonormal columns that span the complement of the columns of `constraints`.
@@ -113,13 +124,18 @@ fn null_space(constraints: &DMatrix<f64>) -> DMatrix<f64> {
     };
     let eigen = SymmetricEigen::new(projector);
     let kept: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
-    DMatrix::from_fn(size, kept.len(), |row, column| eigen.eigenvectors[(row, kept[column])])
+    DMatrix::from_fn(size, kept.len(), |row, column| {
+        eigen.eigenvectors[(row, kept[column])]
+    })
 }
 
 /// Parameters that a free direction moves by at least a third of what it moves the most.
 fn concerned(direction: &DVector<f64>, mountings: &[Mounting]) -> Vec<(usize, usize)> {
     let amounts = amounts(direction, mountings);
-    let largest = amounts.iter().map(|(_, amount)| amount.abs()).fold(0.0, f64::max);
+    let largest = amounts
+        .iter()
+        .map(|(_, amount)| amount.abs())
+        .fold(0.0, f64::max);
     amounts
         .into_iter()
         .filter(|(_, amount)| amount.abs() > largest / 3.0)
@@ -150,7 +166,10 @@ fn in_words(
     mountings: &[Mounting],
 ) -> String {
     let scanners = mountings.len();
-    for (axis, noun) in ["shift along x", "shift along y", "height"].iter().enumerate() {
+    for (axis, noun) in ["shift along x", "shift along y", "height"]
+        .iter()
+        .enumerate()
+    {
         let alone = parameters.iter().all(|&(_, parameter)| parameter == axis);
         let all = parameters.len() == scanners;
         let first = direction[axis];
@@ -166,7 +185,10 @@ fn in_words(
     let names: Vec<String> = parameters
         .iter()
         .map(|&(scanner, parameter)| {
-            format!("`{}` {}", mountings[scanner].name, PARAMETER_NAMES[parameter])
+            format!(
+                "`{}` {}",
+                mountings[scanner].name, PARAMETER_NAMES[parameter]
+            )
         })
         .collect();
     match names.as_slice() {
@@ -215,8 +237,15 @@ mod tests {
 
     #[test]
     fn a_full_matrix_frees_nothing() {
-        let seen = judge(&DMatrix::identity(12, 12), &DMatrix::identity(12, 12), &two());
+        let seen = judge(
+            &DMatrix::identity(12, 12),
+            &DMatrix::identity(12, 12),
+            &two(),
+        );
         assert!(seen.free.is_empty());
-        assert_eq!(seen.determined(&DMatrix::identity(12, 12)), DMatrix::identity(12, 12));
+        assert_eq!(
+            seen.determined(&DMatrix::identity(12, 12)),
+            DMatrix::identity(12, 12)
+        );
     }
 }

@@ -5,9 +5,6 @@ use nalgebra::{DMatrix, DVector};
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
 use crate::geometry::{EulerConvention, Mat3, Pose, Vec3, so3};
 
-/// Names of a scanner's six parameters, in the order used everywhere.
-pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
-
 /// The mounting of one scanner as the adjustment sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mounting {
@@ -96,7 +93,9 @@ pub fn free_basis(mountings: &[Mounting]) -> DMatrix<f64> {
     let mut basis = DMatrix::zeros(6 * mountings.len(), columns);
     let mut column = 0;
     for (index, block) in blocks.iter().enumerate() {
-        basis.view_mut((6 * index, column), block.shape()).copy_from(block);
+        basis
+            .view_mut((6 * index, column), block.shape())
+            .copy_from(block);
         column += block.ncols();
     }
     basis
@@ -150,7 +149,8 @@ mod tests {
         let mounting = left([false; 6]);
         assert_eq!(mounting.free_basis(), DMatrix::identity(6, 6));
         let moved = mounting.moved(&[0.1, 0.2, 0.3, 0.01, -0.02, 0.03]);
-        let turned = moved.body_from_scanner.rotation * mounting.body_from_scanner.rotation.inverse();
+        let turned =
+            moved.body_from_scanner.rotation * mounting.body_from_scanner.rotation.inverse();
         assert!((so3::log(&turned) - Vec3::new(0.01, -0.02, 0.03)).norm() < 1e-12);
     }
 }

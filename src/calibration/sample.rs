@@ -4,12 +4,11 @@
 //! the voxel for a while. Keeping every pass apart matters: their disagreement is what the
 //! calibration looks for, and one point a voxel would hide it.
 
-use std::collections::HashMap;
-
-use crate::cloud::voxel::{VoxelHasher, VoxelKey, offset_from_centre_squared, voxel_key};
+use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_key};
 use crate::error::{Error, Result};
 use crate::format::ProfileReader;
 use crate::geometry::{Pose, Vec3, transform};
+use crate::georeference::Georeferencer;
 use crate::progress::Progress;
 use crate::sensor::ScanPoint;
 use crate::trajectory::Trajectory;
@@ -40,7 +39,7 @@ pub struct ScannerSample {
 struct Thinner {
     voxel_m: f64,
     pass_gap_s: f64,
-    latest: HashMap<VoxelKey, Latest, VoxelHasher>,
+    latest: VoxelMap<VoxelKey, Latest>,
     kept: Vec<SamplePoint>,
 }
 
@@ -52,12 +51,17 @@ struct Latest {
 
 impl Thinner {
     fn new(voxel_m: f64, pass_gap_s: f64) -> Self {
-        Self { voxel_m, pass_gap_s, latest: HashMap::default(), kept: Vec::new() }
+        Self {
+            voxel_m,
+            pass_gap_s,
+            latest: VoxelMap::default(),
+            kept: Vec::new(),
+        }
     }
 
     fn show(&mut self, point: SamplePoint, world: &Vec3) {
         let key = voxel_key(world, self.voxel_m);
-        let offset_squared = offset_from_centre_squared(world, self.voxel_m);
+        let offset_squared = squared_distance_to_centre(world, self.voxel_m);
         let next = self.kept.len();
         let entry = self.latest.entry(key).or_insert(Latest {
             kept: next,
@@ -65,7 +69,11 @@ impl Thinner {
             offset_squared: f64::INFINITY,
         });
         if point.time_s - entry.seen_s > self.pass_gap_s {
-            *entry = Latest { kept: next, seen_s: point.time_s, offset_squared: f64::INFINITY };
+            *entry = Latest {
+                kept: next,
+                seen_s: point.time_s,
+                offset_squared: f64::INFINITY,
+            };
         }
         entry.seen_s = point.time_s;
         if entry.kept == next {
@@ -103,21 +111,15 @@ pub fn sample_profiles(
     progress: &dyn Progress,
 ) -> Result<ScannerSample> {
     let mut thinner = Thinner::new(voxel_m, pass_gap_s);
-    let mut cursor = trajectory.cursor();
+    let mut georeferencer = Georeferencer::new(trajectory, *body_from_scanner, offset_s);
     let mut chunk: Vec<ScanPoint> = Vec::new();
     let (mut read, mut outside) = (0, 0);
     let (mut first_s, mut last_s) = (f64::INFINITY, f64::NEG_INFINITY);
-    let mut current: Option<(f64, Option<Pose>)> = None;
     for mut reader in readers {
         let mut bytes = 0;
         while reader.next_chunk(&mut chunk)? {
             for point in &chunk {
-                let time_s = point.time_s + offset_s;
-                let pose = match current {
-                    Some((at, pose)) if at == time_s => pose,
-                    _ => cursor.pose_at(time_s),
-                };
-                current = Some((time_s, pose));
+                let (time_s, pose) = georeferencer.body_at(point);
                 read += 1;
                 first_s = first_s.min(time_s);
                 last_s = last_s.max(time_s);
@@ -127,7 +129,14 @@ pub fn sample_profiles(
                 };
                 let position_m = point.position_m;
                 let world = transform(&world_from_body, &transform(body_from_scanner, &position_m));
-                thinner.show(SamplePoint { time_s, position_m, world_from_body }, &world);
+                thinner.show(
+                    SamplePoint {
+                        time_s,
+                        position_m,
+                        world_from_body,
+                    },
+                    &world,
+                );
             }
             progress.advance(reader.bytes_read() - bytes);
             bytes = reader.bytes_read();
@@ -142,7 +151,10 @@ pub fn sample_profiles(
     if outside == read {
         let span = trajectory.span_s();
         crate::sensor::check_overlap(
-            (&format!("the profiles of scanner `{name}`"), (first_s, last_s)),
+            (
+                &format!("the profiles of scanner `{name}`"),
+                (first_s, last_s),
+            ),
             ("the trajectory", span),
         )?;
         return Err(Error::data(
@@ -150,7 +162,11 @@ pub fn sample_profiles(
             "check the clocks; `time_offset_s` shifts a scanner",
         ));
     }
-    Ok(ScannerSample { points: thinner.finish(), read, outside })
+    Ok(ScannerSample {
+        points: thinner.finish(),
+        read,
+        outside,
+    })
 }
 
 /// Thins a sample further, on a grid of `voxel_m`, with the mounting as now known.
@@ -183,7 +199,13 @@ mod tests {
     #[test]
     fn each_pass_keeps_the_point_nearest_the_centre() {
         // Voxel [0, 1): seen at 0–0.3 s, again at 10 s; voxel [1, 2) once.
-        let points = [at(0.0, 0.1), at(0.1, 0.45), at(0.2, 0.9), at(0.3, 1.2), at(10.0, 0.8)];
+        let points = [
+            at(0.0, 0.1),
+            at(0.1, 0.45),
+            at(0.2, 0.9),
+            at(0.3, 1.2),
+            at(10.0, 0.8),
+        ];
         let kept = thin_further(&points, &Pose::identity(), 1.0, 3.0);
         let found: Vec<_> = kept.iter().map(|p| (p.time_s, p.position_m.x)).collect();
         assert_eq!(found, [(0.1, 0.45), (0.3, 1.2), (10.0, 0.8)]);

@@ -14,12 +14,13 @@
 use nalgebra::{DMatrix, Matrix3x6, Matrix6x3};
 use rayon::prelude::*;
 
-use super::cost::Shape;
+use super::cost::weight;
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
 use super::parameters::Mounting;
+use crate::cloud::StructureTensor;
 use crate::geometry::{Mat3, Vec3, so3};
 use crate::sensor::PoseRecord;
-use crate::trajectory::{PosteriorCovariance, PoseGradient, Trajectory};
+use crate::trajectory::{PoseGradient, PosteriorCovariance, Trajectory};
 
 /// What is known of the errors of the poses.
 #[derive(Debug, Clone, Copy)]
@@ -50,7 +51,11 @@ fn point_gradients(
         let mut own = false;
         for &member in members {
             let member = member as usize;
-            if cloud.movable.get(member).is_some_and(|point| point.scanner as usize == scanner) {
+            if cloud
+                .movable
+                .get(member)
+                .is_some_and(|point| point.scanner as usize == scanner)
+            {
                 mean += cloud.derivative(placed, member);
                 own = true;
             }
@@ -59,12 +64,17 @@ fn point_gradients(
             continue;
         }
         mean /= members.len() as f64;
-        let Some(weight) = Shape::of(&placed.world, members).weight() else { continue };
+        let shape = StructureTensor::of(&placed.world, members);
+        let Some((_, weight)) = weight(&shape) else {
+            continue;
+        };
         let weight = weight * (2.0 / members.len() as f64);
         let shared = -(mean.transpose() * weight);
         for &member in members {
             let member = member as usize;
-            let Some(point) = cloud.movable.get(member) else { continue };
+            let Some(point) = cloud.movable.get(member) else {
+                continue;
+            };
             gradients[member] += shared;
             if point.scanner as usize == scanner {
                 gradients[member] += cloud.derivative(placed, member).tr_mul(&weight);
@@ -109,8 +119,8 @@ fn scatter_part(
     let variances: Vec<f64> = (0..neighbourhoods.len())
         .into_par_iter()
         .map(|index| {
-            let tensor = Shape::of(&placed.world, neighbourhoods.of(index)).tensor;
-            tensor.symmetric_eigenvalues().min().max(0.0)
+            let members = neighbourhoods.of(index);
+            StructureTensor::of(&placed.world, members).eigen().values.z
         })
         .collect();
     let mean = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
@@ -126,8 +136,12 @@ fn scatter_part(
             for (l, variance) in of_point.iter().enumerate() {
                 block += gradients[a][l] * gradients[b][l].transpose() * *variance;
             }
-            covariance.fixed_view_mut::<6, 6>(6 * a, 6 * b).copy_from(&block);
-            covariance.fixed_view_mut::<6, 6>(6 * b, 6 * a).copy_from(&block.transpose());
+            covariance
+                .fixed_view_mut::<6, 6>(6 * a, 6 * b)
+                .copy_from(&block);
+            covariance
+                .fixed_view_mut::<6, 6>(6 * b, 6 * a)
+                .copy_from(&block.transpose());
         }
     }
     covariance
@@ -145,17 +159,32 @@ fn smoothed_part(
     let size = 6 * cloud.scanners;
     let mut functional = PoseGradient::new(size, trajectory.nodes().len());
     for (l, point) in cloud.movable.iter().enumerate() {
-        let Some((node, fraction)) = trajectory.locate(point.time_s) else { continue };
-        let lever =
-            mountings[point.scanner as usize].body_from_scanner.translation.vector + placed.arm[l];
+        let Some((node, fraction)) = trajectory.locate(point.time_s) else {
+            continue;
+        };
+        let lever = mountings[point.scanner as usize]
+            .body_from_scanner
+            .translation
+            .vector
+            + placed.arm[l];
         let turning = -(point.world_from_body * so3::hat(&lever));
         for (scanner, rows) in gradients.iter().enumerate() {
             let rotation = rows[l] * turning;
             for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
                 for row in 0..6 {
                     for axis in 0..3 {
-                        functional.add(6 * scanner + row, node, axis, rotation[(row, axis)] * share);
-                        functional.add(6 * scanner + row, node, 3 + axis, rows[l][(row, axis)] * share);
+                        functional.add(
+                            6 * scanner + row,
+                            node,
+                            axis,
+                            rotation[(row, axis)] * share,
+                        );
+                        functional.add(
+                            6 * scanner + row,
+                            node,
+                            3 + axis,
+                            rows[l][(row, axis)] * share,
+                        );
                     }
                 }
             }
@@ -178,16 +207,22 @@ fn sigmas_part(
     let blocks = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
     let mut sums = vec![DMatrix::<f64>::zeros(size, 6); blocks];
     for (l, point) in cloud.movable.iter().enumerate() {
-        let Some((node, _)) = trajectory.locate(point.time_s) else { continue };
-        let Some((position, rotation)) = sigma_matrices(&trajectory.nodes()[node]) else { continue };
+        let Some((node, _)) = trajectory.locate(point.time_s) else {
+            continue;
+        };
+        let Some((position, rotation)) = sigma_matrices(&trajectory.nodes()[node]) else {
+            continue;
+        };
         let block = ((point.time_s - start_s) / BLOCK_S) as usize;
         // Rotations are about world axes through the body's origin: dx = dω × (x − t_mb).
         let turning = -so3::hat(&(placed.world[l] - point.body_m)) * rotation;
         for (scanner, rows) in gradients.iter().enumerate() {
             let mut sum = sums[block].fixed_view_mut::<6, 6>(6 * scanner, 0);
             let mut both = nalgebra::Matrix6::zeros();
-            both.fixed_view_mut::<6, 3>(0, 0).copy_from(&(rows[l] * position));
-            both.fixed_view_mut::<6, 3>(0, 3).copy_from(&(rows[l] * turning));
+            both.fixed_view_mut::<6, 3>(0, 0)
+                .copy_from(&(rows[l] * position));
+            both.fixed_view_mut::<6, 3>(0, 3)
+                .copy_from(&(rows[l] * turning));
             sum += both;
         }
     }
@@ -199,7 +234,9 @@ fn sigmas_part(
 
 fn sigma_matrices(node: &PoseRecord) -> Option<(Mat3, Mat3)> {
     let diagonal = |v: &Vec3| Mat3::from_diagonal(v);
-    node.sigma.as_ref().map(|s| (diagonal(&s.position_m), diagonal(&s.rotation_rad)))
+    node.sigma
+        .as_ref()
+        .map(|s| (diagonal(&s.position_m), diagonal(&s.rotation_rad)))
 }
 
 /// Covariance of the mountings (δt, δψ), zero in directions outside `basis`:

@@ -28,7 +28,7 @@ pub fn voxel_key(point: &Vec3, voxel_m: f64) -> VoxelKey {
 
 /// Squared distance of `point` to the centre of its voxel, in units of the edge.
 #[inline]
-fn squared_distance_to_centre(point: &Vec3, voxel_m: f64) -> f64 {
+pub fn squared_distance_to_centre(point: &Vec3, voxel_m: f64) -> f64 {
     let offset = (point / voxel_m).map(|u| u - u.floor() - 0.5);
     offset.norm_squared()
 }

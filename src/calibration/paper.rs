@@ -1,0 +1,107 @@
+//! The adjustment as the paper describes it, to compare with: one point a voxel whatever scanner
+//! and pass it comes from, the omnivariances themselves as residuals, their Jacobian by numeric
+//! differences, Gauss-Newton without damping.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::adjust::{Ending, ScaleResult, ScaleSettings};
+use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud, farthest_move, find};
+use super::parameters::{self, Mounting};
+use crate::cloud::{StructureTensor, voxel};
+
+/// Step of the numeric differences: metres and radians.
+const STEP: f64 = 1e-4;
+
+/// A scale has converged when a step moves no point by more than this, metres.
+const CONVERGED_M: f64 = 1e-5;
+
+/// Keeps one point a voxel of scanners and reference together.
+pub fn thin(cloud: &ScaleCloud, placed: &Placed, voxel_m: f64) -> ScaleCloud {
+    let kept = voxel::thin(&placed.world, voxel_m);
+    let movable = cloud.movable.len();
+    let split = kept.partition_point(|&index| (index as usize) < movable);
+    ScaleCloud {
+        movable: kept[..split]
+            .iter()
+            .map(|&index| cloud.movable[index as usize])
+            .collect(),
+        fixed: kept[split..]
+            .iter()
+            .map(|&index| placed.world[index as usize])
+            .collect(),
+        scanners: cloud.scanners,
+    }
+}
+
+/// Minimises Σσ² by Gauss-Newton on the residuals σ.
+pub fn adjust_scale(
+    cloud: &ScaleCloud,
+    start: &[Mounting],
+    basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
+    settings: ScaleSettings,
+) -> ScaleResult {
+    let mut mountings = start.to_vec();
+    let mut placed = cloud.place(&mountings);
+    let mut neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+    let mut costs = Vec::new();
+    let mut ending = Ending::IterationsExhausted;
+    let mut iterations = 0;
+    while iterations < settings.max_iterations {
+        iterations += 1;
+        let residuals = omnivariances(&placed, &neighbourhoods);
+        costs.push(residuals.norm_squared());
+        let basis = basis_of(&mountings);
+        let jacobian = jacobian(cloud, &neighbourhoods, &mountings, &basis);
+        let gradient = jacobian.tr_mul(&residuals);
+        let Some(factor) = Cholesky::new(jacobian.tr_mul(&jacobian)) else {
+            break;
+        };
+        let step = -(basis * factor.solve(&gradient));
+        mountings = parameters::moved(&mountings, &step);
+        let before = std::mem::replace(&mut placed, cloud.place(&mountings));
+        let moved_m = farthest_move(&before, &placed);
+        neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+        if moved_m < CONVERGED_M {
+            ending = Ending::Converged;
+            break;
+        }
+    }
+    costs.push(omnivariances(&placed, &neighbourhoods).norm_squared());
+    ScaleResult {
+        mountings,
+        ending,
+        iterations,
+        costs,
+        placed,
+        neighbourhoods,
+    }
+}
+
+fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f64> {
+    let values: Vec<f64> = (0..neighbourhoods.len())
+        .into_par_iter()
+        .map(|index| StructureTensor::of(&placed.world, neighbourhoods.of(index)).omnivariance())
+        .collect();
+    DVector::from_vec(values)
+}
+
+/// ∂σ/∂z for a step along each column of `basis`, by central differences over [`STEP`].
+fn jacobian(
+    cloud: &ScaleCloud,
+    neighbourhoods: &Neighbourhoods,
+    mountings: &[Mounting],
+    basis: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let at = |column: usize, step: f64| {
+        let delta = basis.column(column) * step;
+        omnivariances(
+            &cloud.place(&parameters::moved(mountings, &delta)),
+            neighbourhoods,
+        )
+    };
+    let columns: Vec<DVector<f64>> = (0..basis.ncols())
+        .map(|column| (at(column, STEP) - at(column, -STEP)) / (2.0 * STEP))
+        .collect();
+    DMatrix::from_columns(&columns)
+}
