@@ -47,7 +47,7 @@ impl Bounds {
 
     /// Squared distance from `query` to the nearest point of the box, 0 inside.
     #[inline]
-    fn squared_distance(&self, query: &Vec3) -> f64 {
+    pub(crate) fn squared_distance(&self, query: &Vec3) -> f64 {
         let mut gap = [0.0; 3];
         for (axis, gap) in gap.iter_mut().enumerate() {
             let below = self.low[axis] - query[axis];

@@ -1,0 +1,135 @@
+//! A comparison in numbers.
+
+use crate::comparison::m3c2::M3c2;
+use crate::error::{Error, Result};
+
+/// Statistics of the finite distances of a comparison, metres.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Statistics {
+    /// Number of core points with a distance.
+    pub n: usize,
+    /// Number of core points.
+    pub core_points: usize,
+    /// Mean distance.
+    pub mean_m: f64,
+    /// Standard deviation about the mean, divided by n − 1; NaN for a single distance.
+    pub std_m: f64,
+    /// √(Σ d² / n).
+    #[serde(rename = "m3c2_rmse_m")]
+    pub rmse_m: f64,
+    /// Median distance.
+    pub median_m: f64,
+    /// Share of distances beyond their level of detection, among those that have one; NaN where none
+    /// has.
+    pub significant_share: f64,
+    /// The distances, ascending.
+    #[serde(skip)]
+    sorted_m: Vec<f64>,
+}
+
+impl Statistics {
+    /// Statistics of `comparison`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where no core point has a distance: the clouds do not meet. It says what was
+    /// missing.
+    pub fn of(comparison: &M3c2) -> Result<Self> {
+        let mut sorted_m: Vec<f64> = comparison.distances_m().collect();
+        if sorted_m.is_empty() {
+            return Err(clouds_do_not_meet(comparison));
+        }
+        let n = sorted_m.len();
+        let count = n as f64;
+        let mean_m = sorted_m.iter().sum::<f64>() / count;
+        let about_mean = sorted_m.iter().map(|d| (d - mean_m).powi(2)).sum::<f64>();
+        let squares = sorted_m.iter().map(|d| d * d).sum::<f64>();
+        sorted_m.sort_unstable_by(f64::total_cmp);
+        let judged: Vec<bool> = comparison
+            .core
+            .iter()
+            .filter_map(|core| core.significant())
+            .collect();
+        let significant = judged.iter().filter(|significant| **significant).count();
+        Ok(Self {
+            n,
+            core_points: comparison.core.len(),
+            mean_m,
+            std_m: (about_mean / (count - 1.0)).sqrt(),
+            rmse_m: (squares / count).sqrt(),
+            median_m: quantile(&sorted_m, 0.5),
+            significant_share: significant as f64 / judged.len() as f64,
+            sorted_m,
+        })
+    }
+
+    /// The distance below which the share `p` of them lies, between neighbours by straight lines;
+    /// the smallest for p ≤ 0, the largest for p ≥ 1.
+    pub fn quantile_m(&self, p: f64) -> f64 {
+        quantile(&self.sorted_m, p)
+    }
+
+    /// Counts of the distances in `bins` (at least one) equal intervals from `low_m` to `high_m`.
+    pub fn histogram(&self, low_m: f64, high_m: f64, bins: usize) -> Histogram {
+        let bins = bins.max(1);
+        let width_m = (high_m - low_m) / bins as f64;
+        let mut histogram = Histogram {
+            low_m,
+            width_m,
+            counts: vec![0; bins],
+            below: 0,
+            above: 0,
+        };
+        for &distance in &self.sorted_m {
+            if distance < low_m {
+                histogram.below += 1;
+            } else if distance < high_m {
+                let bin = ((distance - low_m) / width_m) as usize;
+                histogram.counts[bin.min(bins - 1)] += 1;
+            } else {
+                histogram.above += 1;
+            }
+        }
+        histogram
+    }
+}
+
+/// Counts in equal intervals, each closed below and open above.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Histogram {
+    /// Lower end of the first interval, metres.
+    pub low_m: f64,
+    /// Width of an interval, metres.
+    pub width_m: f64,
+    /// Distances in each interval.
+    pub counts: Vec<u64>,
+    /// Distances below the first interval.
+    pub below: u64,
+    /// Distances at or above the end of the last.
+    pub above: u64,
+}
+
+/// `sorted` ascending and not empty.
+fn quantile(sorted: &[f64], p: f64) -> f64 {
+    let last = sorted.len() - 1;
+    let at = (p * last as f64).clamp(0.0, last as f64);
+    let below = at.floor() as usize;
+    let above = (below + 1).min(last);
+    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
+}
+
+fn clouds_do_not_meet(comparison: &M3c2) -> Error {
+    let core = &comparison.core;
+    let without_normal = core.iter().filter(|core| core.normal.x.is_nan()).count();
+    let reference = core.iter().filter(|core| core.reference_count > 0).count();
+    let compared = core.iter().filter(|core| core.compared_count > 0).count();
+    Error::data(
+        format!(
+            "the clouds do not meet: of {} core points none has points of both clouds in its \
+             cylinder ({reference} have points of the reference, {compared} of the compared cloud, \
+             {without_normal} have no normal)",
+            core.len()
+        ),
+        "check that both clouds are in the same frame and overlap, or raise max_distance_m, \
+         cylinder_radius_m or normal_radii_m",
+    )
+}
