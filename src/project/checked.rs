@@ -120,7 +120,7 @@ impl Project {
     /// known one, missing keys, values out of range, sections that exclude each other.
     pub fn read(path: &Path) -> Result<Self> {
         let source = Source::read(path)?;
-        resolve::resolve(&source, source.written()?)
+        resolve::resolve(&source, &source.written()?)
     }
 
     /// Checks that every referenced file is there, and that the evaluation projects can be read,

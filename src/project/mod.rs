@@ -15,3 +15,6 @@ pub use settings::{
     CalibrationSettings, ComparisonSettings, HeadingSettings, ImuNoise, Method, PrismSettings,
     TrajectorySettings,
 };
+
+#[cfg(test)]
+mod tests;

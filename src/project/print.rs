@@ -153,7 +153,8 @@ fn scanner(scanner: &Scanner) -> written::Scanner {
 const DIGITS: usize = 17;
 
 fn rounded(value: f64, digits: usize) -> f64 {
-    format!("{value:.digits$e}").parse().unwrap_or(value)
+    let rounded: f64 = format!("{value:.digits$e}").parse().unwrap_or(value);
+    rounded + 0.0 // -0 becomes 0
 }
 
 fn degrees(angle_rad: f64) -> f64 {

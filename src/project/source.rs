@@ -108,6 +108,7 @@ impl Source {
             )
         } else if let Some((found, expected)) = message
             .strip_prefix("invalid type: ")
+            .or_else(|| message.strip_prefix("invalid value: "))
             .or_else(|| message.strip_prefix("invalid length "))
             .and_then(|rest| rest.split_once(", expected "))
         {
@@ -153,9 +154,15 @@ fn one_of(kind: &str, names: &[&str]) -> (String, String) {
 
 /// The known name most like `unknown`, upper and lower case alike.
 pub(super) fn nearest<'a>(unknown: &str, known: &[&'a str]) -> Option<&'a str> {
-    let lower = unknown.to_lowercase();
-    known.iter().copied().max_by(|a, b| {
-        let near = |name: &str| strsim::jaro_winkler(&lower, &name.to_lowercase());
-        near(a).total_cmp(&near(b))
-    })
+    let unknown = unknown.to_lowercase();
+    // Edits find swapped and missing letters, the common start finds names cut short.
+    let likeness = |name: &str| {
+        let name = name.to_lowercase();
+        strsim::normalized_damerau_levenshtein(&unknown, &name)
+            + strsim::jaro_winkler(&unknown, &name)
+    };
+    known
+        .iter()
+        .copied()
+        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
 }

@@ -1,0 +1,18 @@
+//! `boresight calibrate`
+
+use super::{Context, OnProject};
+use crate::error::Result;
+use crate::pipeline::{self, Outcome};
+
+/// Find the mounting of every scanner of a project
+#[derive(Debug, clap::Args)]
+pub(super) struct Calibrate {
+    #[command(flatten)]
+    on: OnProject,
+}
+
+impl Calibrate {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        context.on_project(&self.on, pipeline::calibrate)
+    }
+}

@@ -1,0 +1,306 @@
+//! A project in words: every value with its unit, and what will be done.
+
+use std::path::{Path, PathBuf};
+
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::{BodyAxes, EulerConvention, Vec3};
+use crate::project::{
+    CalibrationSettings, ComparisonSettings, LogFile, Logs, Method, Motion, PARAMETER_NAMES,
+    PosesFile, Project, Scanner,
+};
+
+/// Everything about `project` as text.
+pub(super) fn project(project: &Project) -> String {
+    let mut lines = Lines {
+        text: format!("project {}\n", project.path.display()),
+        folder: project.path.parent().unwrap_or(Path::new("")).to_owned(),
+    };
+    lines.section("frame");
+    let axes = match project.axes {
+        BodyAxes::Frd => "FRD: x forward, y right, z down",
+        BodyAxes::Flu => "FLU: x forward, y left, z up",
+    };
+    lines.value("body axes", axes);
+    lines.value("origin", format!("{} m", vector(&project.origin_m)));
+    match &project.motion {
+        Motion::Logs(logs) => logs_of(&mut lines, logs),
+        Motion::Poses(poses) => poses_of(&mut lines, poses),
+    }
+    for scanner in &project.scanners {
+        scanner_of(&mut lines, scanner);
+    }
+    if let Some(reference) = &project.reference {
+        lines.section("reference");
+        lines.file("file", &reference.path);
+    }
+    calibration_of(&mut lines, &project.calibration);
+    comparison_of(&mut lines, &project.comparison);
+    for evaluation in &project.evaluations {
+        lines.section(&format!("evaluation {}", evaluation.name));
+        lines.file("project", &evaluation.project);
+    }
+    lines.section("what `boresight run` will do");
+    for (index, step) in steps(project).iter().enumerate() {
+        lines.text.push_str(&format!("  {}. {step}\n", index + 1));
+    }
+    lines.text
+}
+
+/// What will be done with `project`, in order.
+pub(super) fn steps(project: &Project) -> Vec<String> {
+    let mut steps = Vec::new();
+    match &project.motion {
+        Motion::Logs(logs) => {
+            let heading = if logs.heading.is_some() {
+                "IMU, prism and heading"
+            } else {
+                "IMU and prism"
+            };
+            steps.push(format!("estimate the trajectory from {heading}"));
+        }
+        Motion::Poses(_) => steps.push("read the trajectory".to_owned()),
+    }
+    let names: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
+    if names.is_empty() {
+        return steps;
+    }
+    let held = match &project.reference {
+        Some(_) => "against the reference and each other",
+        None => {
+            "against each other and themselves; without a reference their common height \
+                 cannot be found and is held"
+        }
+    };
+    let search = project
+        .calibration
+        .multi_start_rad
+        .map_or(String::new(), |half_width| {
+            format!(
+                ", after a search over rotations of ±{}°",
+                short(half_width.to_degrees())
+            )
+        });
+    steps.push(format!(
+        "calibrate {} {held}, on {} scales{search}",
+        names.join(", "),
+        project.calibration.voxel_sizes_m.len()
+    ));
+    let clouds: Vec<String> = names
+        .iter()
+        .map(|name| format!("cloud-{name}.laz"))
+        .collect();
+    steps.push(format!("georeference: {}", clouds.join(", ")));
+    if project.reference.is_some() {
+        steps.push("compare each cloud with the reference (M3C2), before and after".to_owned());
+    }
+    if names.len() > 1 {
+        steps.push("compare the scanners with each other (M3C2)".to_owned());
+    }
+    for evaluation in &project.evaluations {
+        steps.push(format!("judge the mountings on {}", evaluation.name));
+    }
+    steps.push("write the report".to_owned());
+    steps
+}
+
+/// Lines of names and values under headings.
+struct Lines {
+    text: String,
+    /// Files in it are named relative to it.
+    folder: PathBuf,
+}
+
+impl Lines {
+    fn section(&mut self, name: &str) {
+        self.text.push_str(&format!("\n{name}\n"));
+    }
+
+    fn value(&mut self, name: &str, value: impl std::fmt::Display) {
+        self.text.push_str(&format!("  {name:<24}{value}\n"));
+    }
+
+    fn file(&mut self, name: &str, path: &Path) {
+        let path = path
+            .strip_prefix(&self.folder)
+            .unwrap_or(path)
+            .display()
+            .to_string();
+        self.value(name, path);
+    }
+
+    fn log(&mut self, log: &LogFile) {
+        self.file("file", &log.path);
+        self.offset(log.time_offset_s);
+    }
+
+    fn offset(&mut self, seconds: f64) {
+        if seconds != 0.0 {
+            self.value("time offset", format!("{} s (added)", short(seconds)));
+        }
+    }
+}
+
+fn logs_of(lines: &mut Lines, logs: &Logs) {
+    let settings = &logs.settings;
+    let noise = &settings.imu;
+    lines.value("gravity", format!("{} m/s²", short(settings.gravity_m_s2)));
+    lines.section("imu");
+    lines.log(&logs.imu);
+    let per_root_hour = noise.gyro_density.to_degrees() * 60.0;
+    lines.value(
+        "gyro noise",
+        format!(
+            "{} °/√h = {:.3e} rad/s/√Hz",
+            short(per_root_hour),
+            noise.gyro_density
+        ),
+    );
+    lines.value(
+        "accelerometer noise",
+        format!("{:.3e} m/s²/√Hz", noise.accel_density),
+    );
+    lines.value(
+        "gyro bias walk",
+        format!("{:.3e} rad/s/√s", noise.gyro_bias_walk),
+    );
+    lines.value(
+        "accelerometer bias walk",
+        format!("{:.3e} m/s²/√s", noise.accel_bias_walk),
+    );
+    lines.section("prism");
+    lines.log(&logs.prism);
+    lines.value("sigma", millimetres(settings.prism.sigma_m));
+    let lever_arm = vector(&settings.prism.lever_arm_m);
+    lines.value("lever arm in the body", format!("{lever_arm} m"));
+    if let Some(log) = &logs.heading {
+        let heading = &settings.heading;
+        lines.section("heading");
+        lines.log(log);
+        lines.value("sigma", degrees(heading.sigma_rad));
+        lines.value("mounting offset", degrees(heading.mounting_offset_rad));
+        lines.value("grid convergence", degrees(heading.grid_convergence_rad));
+    }
+}
+
+fn poses_of(lines: &mut Lines, poses: &PosesFile) {
+    lines.section("trajectory");
+    lines.file("file", &poses.path);
+    lines.offset(poses.time_offset_s);
+    let else_unknown = |sigma: Option<String>| {
+        sigma.map_or("as the file says".to_owned(), |sigma| {
+            format!("{sigma} where the file has none")
+        })
+    };
+    lines.value(
+        "sigma of positions",
+        else_unknown(poses.sigma_position_m.map(millimetres)),
+    );
+    lines.value(
+        "sigma of rotations",
+        else_unknown(poses.sigma_rotation_rad.map(degrees)),
+    );
+}
+
+fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
+    lines.section(&format!("scanner {}", scanner.name));
+    for path in &scanner.profiles {
+        lines.file("profiles", path);
+    }
+    lines.offset(scanner.time_offset_s);
+    let mounting = &scanner.body_from_scanner;
+    lines.value(
+        "translation to start",
+        format!("{} m", vector(&mounting.translation.vector)),
+    );
+    for (name, convention) in [
+        ("zyx", EulerConvention::Zyx),
+        ("bonn", EulerConvention::Bonn),
+    ] {
+        let angles = euler_deg_from_rotation(convention, &mounting.rotation)
+            .map(short)
+            .join(", ");
+        let typed = if convention == scanner.convention {
+            ", the project's"
+        } else {
+            ""
+        };
+        lines.value("rotation to start", format!("{angles} ° ({name}{typed})"));
+    }
+    let fixed: Vec<&str> = PARAMETER_NAMES
+        .into_iter()
+        .zip(scanner.fixed)
+        .filter_map(|(name, fixed)| fixed.then_some(name))
+        .collect();
+    if !fixed.is_empty() {
+        lines.value("held", fixed.join(", "));
+    }
+}
+
+fn calibration_of(lines: &mut Lines, settings: &CalibrationSettings) {
+    lines.section("calibration");
+    let method = match settings.method {
+        Method::Reweighted => "reweighted least squares, analytic derivatives",
+        Method::Paper => "as in the paper: Gauss-Newton on omnivariances, numeric derivatives",
+    };
+    lines.value("method", method);
+    let sizes: Vec<String> = settings
+        .voxel_sizes_m
+        .iter()
+        .map(|size| short(size * 1e3))
+        .collect();
+    lines.value("voxel sizes", format!("{} mm", sizes.join(", ")));
+    lines.value("neighbours", settings.neighbours);
+    lines.value(
+        "iterations a scale",
+        format!("at most {}", settings.max_iterations),
+    );
+    lines.value(
+        "another pass after",
+        format!("{} s", short(settings.pass_gap_s)),
+    );
+    if let Some(half_width) = settings.multi_start_rad {
+        lines.value(
+            "search before",
+            format!("±{} of rotation", degrees(half_width)),
+        );
+    }
+}
+
+fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
+    lines.section("comparison");
+    lines.value("core points every", millimetres(settings.core_spacing_m));
+    let radii: Vec<String> = settings
+        .normal_radii_m
+        .iter()
+        .map(|r| short(r * 1e3))
+        .collect();
+    lines.value("radii for normals", format!("{} mm", radii.join(", ")));
+    lines.value(
+        "radius of the cylinder",
+        millimetres(settings.cylinder_radius_m),
+    );
+    lines.value("largest distance", millimetres(settings.max_distance_m));
+    lines.value(
+        "registration error",
+        millimetres(settings.registration_error_m),
+    );
+}
+
+fn millimetres(metres: f64) -> String {
+    format!("{} mm", short(metres * 1e3))
+}
+
+fn degrees(angle_rad: f64) -> String {
+    format!("{}°", short(angle_rad.to_degrees()))
+}
+
+fn vector(v: &Vec3) -> String {
+    [v.x, v.y, v.z].map(short).join(", ")
+}
+
+/// To a millionth, without the zeros that add nothing.
+fn short(value: f64) -> String {
+    let text = format!("{value:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0" } else { text }.to_owned()
+}

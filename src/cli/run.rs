@@ -1,0 +1,18 @@
+//! `boresight run`
+
+use super::{Context, OnProject};
+use crate::error::Result;
+use crate::pipeline::{self, Outcome};
+
+/// Do everything with a project: trajectory, calibration, clouds, comparison, report
+#[derive(Debug, clap::Args)]
+pub(super) struct Run {
+    #[command(flatten)]
+    on: OnProject,
+}
+
+impl Run {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        context.on_project(&self.on, pipeline::run)
+    }
+}

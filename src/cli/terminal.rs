@@ -1,0 +1,227 @@
+//! Progress on stderr, and the log that stays.
+
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// Rates are too uncertain before this to tell the time left.
+const RATE_KNOWN_AFTER: Duration = Duration::from_secs(2);
+
+/// Draws bars where somebody watches, says one line a stage where not, and keeps every line.
+pub(super) struct Terminal {
+    quiet: bool,
+    verbose: bool,
+    /// Somebody watches stderr.
+    bars: bool,
+    start: Instant,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    /// The running stages, innermost last.
+    stages: Vec<Stage>,
+    log: String,
+}
+
+struct Stage {
+    name: String,
+    start: Instant,
+    bar: ProgressBar,
+}
+
+impl Terminal {
+    pub fn new(quiet: bool, verbose: bool) -> Self {
+        Self {
+            quiet,
+            verbose,
+            bars: !quiet && std::io::stderr().is_terminal(),
+            start: Instant::now(),
+            state: Mutex::default(),
+        }
+    }
+
+    /// Keeps `line` in the log without showing it.
+    pub fn note(&self, line: &str) {
+        self.keep(&mut self.state(), line);
+    }
+
+    /// Writes all lines so far.
+    pub fn write_log(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.state().log.as_bytes()).map_err(|error| Error::io(path, error))
+    }
+
+    /// A poisoned state is still worth showing.
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn keep(&self, state: &mut State, line: &str) {
+        let seconds = self.start.elapsed().as_secs_f64();
+        for line in line.lines() {
+            state.log.push_str(&format!("{seconds:9.3} s  {line}\n"));
+        }
+    }
+
+    /// Shows `line` above the bar that runs. Nothing is left to do where stderr is closed.
+    fn show(&self, state: &State, line: &str) {
+        let write = || {
+            let _ = writeln!(std::io::stderr(), "{line}");
+        };
+        match state.stages.last() {
+            Some(stage) => stage.bar.suspend(write),
+            None => write(),
+        }
+    }
+
+    fn bar(&self, name: &str, total: u64) -> ProgressBar {
+        if !self.bars {
+            return ProgressBar::hidden();
+        }
+        let (bar, template) = if total == 0 {
+            (ProgressBar::new_spinner(), "{spinner} {msg}  {elapsed}")
+        } else {
+            let template = "{spinner} {msg}  {bar:30} {percent:>3} % {left}";
+            (ProgressBar::new(total), template)
+        };
+        let style = ProgressStyle::with_template(template)
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .with_key("left", time_left);
+        bar.set_style(style);
+        bar.set_message(name.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        bar
+    }
+}
+
+fn time_left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
+    if state.elapsed() > RATE_KNOWN_AFTER && state.pos() > 0 {
+        // The bar shows less, nothing more, where it cannot be written.
+        let _ = write!(out, " {} left", duration(state.eta()));
+    }
+}
+
+/// `duration` as people say it.
+fn duration(duration: Duration) -> String {
+    let seconds = duration.as_secs_f64();
+    if seconds < 9.95 {
+        format!("{seconds:.1} s")
+    } else if seconds < 99.5 {
+        format!("{seconds:.0} s")
+    } else {
+        let minutes = (seconds / 60.0).round();
+        if minutes < 100.0 {
+            format!("{minutes} min")
+        } else {
+            format!("{:.1} h", seconds / 3600.0)
+        }
+    }
+}
+
+impl Progress for Terminal {
+    fn begin(&self, stage: &str, total: u64) {
+        let mut state = self.state();
+        // An outer bar rests while an inner one runs.
+        if let Some(outer) = state.stages.last() {
+            outer.bar.disable_steady_tick();
+        }
+        let bar = self.bar(stage, total);
+        state.stages.push(Stage {
+            name: stage.to_owned(),
+            start: Instant::now(),
+            bar,
+        });
+    }
+
+    fn advance(&self, units: u64) {
+        if let Some(stage) = self.state().stages.last() {
+            stage.bar.inc(units);
+        }
+    }
+
+    fn end(&self) {
+        let mut state = self.state();
+        let Some(stage) = state.stages.pop() else {
+            return;
+        };
+        stage.bar.finish_and_clear();
+        let depth = "  ".repeat(state.stages.len());
+        let took = duration(stage.start.elapsed());
+        let line = format!("{depth}{}: {took}", stage.name);
+        self.keep(&mut state, &line);
+        if !self.quiet {
+            self.show(&state, &line);
+        }
+        if let (true, Some(outer)) = (self.bars, state.stages.last()) {
+            outer.bar.enable_steady_tick(Duration::from_millis(200));
+        }
+    }
+
+    fn say(&self, message: &str) {
+        let mut state = self.state();
+        self.keep(&mut state, message);
+        if self.verbose {
+            self.show(&state, message);
+        }
+    }
+
+    fn warn(&self, message: &str) {
+        let mut state = self.state();
+        let line = format!("warning: {message}");
+        self.keep(&mut state, &line);
+        if !self.quiet {
+            self.show(&state, &line);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_read_well() {
+        let said = |seconds| duration(Duration::from_secs_f64(seconds));
+        assert_eq!(said(0.04), "0.0 s");
+        assert_eq!(said(9.94), "9.9 s");
+        assert_eq!(said(9.96), "10 s");
+        assert_eq!(said(99.0), "99 s");
+        assert_eq!(said(130.0), "2 min");
+        assert_eq!(said(7000.0), "1.9 h");
+    }
+
+    #[test]
+    fn the_log_keeps_everything_in_order_even_when_quiet() {
+        let terminal = Terminal::new(true, false);
+        terminal.begin("outer", 10);
+        terminal.begin("inner", 0);
+        terminal.advance(3);
+        terminal.say("found\ntwo lines");
+        terminal.warn("beware");
+        terminal.end();
+        terminal.end();
+        terminal.end(); // one too many does no harm
+        terminal.note("over");
+        let state = terminal.state();
+        let lines: Vec<&str> = state
+            .log
+            .lines()
+            .map(|line| line.split_once(" s  ").unwrap().1)
+            .collect();
+        let expected = [
+            "found",
+            "two lines",
+            "warning: beware",
+            "  inner: 0.0 s",
+            "outer: 0.0 s",
+            "over",
+        ];
+        assert_eq!(lines, expected);
+    }
+}

@@ -1,0 +1,32 @@
+//! From the project as typed to the project as checked.
+
+mod motion;
+mod scanners;
+mod settings;
+mod table;
+
+pub(super) use motion::{accel_bias_walk, accel_density, gyro_bias_walk, gyro_density};
+
+use super::checked::{Project, Reference};
+use super::source::Source;
+use super::written::Written;
+use crate::error::Result;
+use table::Table;
+
+/// Checks `written` and brings it into SI units.
+pub(super) fn resolve(source: &Source, written: &Written) -> Result<Project> {
+    let frame = Table::new(source, "frame");
+    Ok(Project {
+        path: source.path.clone(),
+        axes: written.frame.body.unwrap_or_default(),
+        origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
+        motion: motion::motion(source, written)?,
+        scanners: scanners::scanners(source, &written.scanner)?,
+        reference: written.reference.as_ref().map(|reference| Reference {
+            path: source.absolute(&reference.file),
+        }),
+        calibration: settings::calibration(source, &written.calibration)?,
+        comparison: settings::comparison(source, &written.comparison)?,
+        evaluations: scanners::evaluations(source, &written.evaluation)?,
+    })
+}

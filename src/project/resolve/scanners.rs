@@ -1,0 +1,158 @@
+//! Scanners and evaluations, and what their names must be.
+
+use super::table::Table;
+use crate::error::Result;
+use crate::geometry::euler::rotation_from_euler_deg;
+use crate::geometry::{EulerConvention, Rotation, pose};
+use crate::project::checked::{Evaluation, PARAMETER_NAMES, Scanner};
+use crate::project::source::{Source, nearest};
+use crate::project::written;
+
+/// The scanners, with names of their own.
+pub(super) fn scanners(source: &Source, written: &[written::Scanner]) -> Result<Vec<Scanner>> {
+    let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
+    check_names(source, "scanner", &names)?;
+    written
+        .iter()
+        .enumerate()
+        .map(|(index, scanner)| checked(source, index, scanner))
+        .collect()
+}
+
+fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<Scanner> {
+    let table = Table {
+        index: Some(index),
+        ..Table::new(source, "scanner")
+    };
+    if scanner.profiles.0.is_empty() {
+        return Err(table.error("profiles", "an empty list", "at least one file"));
+    }
+    let convention = scanner.rotation_convention.unwrap_or_default();
+    let rotation = rotation(&table, scanner, convention)?;
+    let translation_m = table.vector("translation_m", scanner.translation_m)?;
+    let mut fixed = [false; 6];
+    for name in scanner.fixed.iter().flatten() {
+        match PARAMETER_NAMES.iter().position(|known| known == name) {
+            Some(parameter) => fixed[parameter] = true,
+            None => {
+                let near = nearest(name, &PARAMETER_NAMES).unwrap_or_default();
+                return Err(table.error(
+                    "fixed",
+                    format!("the unknown parameter `{name}`"),
+                    &format!("`{near}` (parameters: {})", PARAMETER_NAMES.join(", ")),
+                ));
+            }
+        }
+    }
+    Ok(Scanner {
+        name: scanner.name.clone(),
+        profiles: scanner
+            .profiles
+            .0
+            .iter()
+            .map(|file| source.absolute(file))
+            .collect(),
+        time_offset_s: table.finite("time_offset_s", scanner.time_offset_s)?,
+        body_from_scanner: pose(rotation, translation_m),
+        convention,
+        fixed,
+    })
+}
+
+/// The evaluations, with names of their own.
+pub(super) fn evaluations(
+    source: &Source,
+    written: &[written::Evaluation],
+) -> Result<Vec<Evaluation>> {
+    let names: Vec<&str> = written.iter().map(|e| e.name.as_str()).collect();
+    check_names(source, "evaluation", &names)?;
+    let evaluation = |evaluation: &written::Evaluation| Evaluation {
+        name: evaluation.name.clone(),
+        project: source.absolute(&evaluation.project),
+    };
+    Ok(written.iter().map(evaluation).collect())
+}
+
+/// Names become file names and keys of the result: fit for both, and each only once even where
+/// the file system does not tell upper from lower case.
+fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
+    let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+    let pairs: Vec<String> = lower
+        .iter()
+        .flat_map(|a| lower.iter().map(move |b| format!("{a}-{b}")))
+        .collect();
+    for (index, name) in names.iter().enumerate() {
+        let table = Table {
+            index: Some(index),
+            ..Table::new(source, array)
+        };
+        let fit = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+        if name.is_empty() || name.chars().count() > 64 || !name.chars().all(fit) {
+            return Err(table.error(
+                "name",
+                format!("the name {name:?}"),
+                "1 to 64 letters, digits, `-` or `_`, as it becomes part of file names",
+            ));
+        }
+        if lower[..index].contains(&lower[index]) {
+            return Err(table.error(
+                "name",
+                format!("the name {name:?} a second time"),
+                "a name of its own for each",
+            ));
+        }
+        if lower[index] == "initial" || array == "scanner" && pairs.contains(&lower[index]) {
+            return Err(table.error(
+                "name",
+                format!("the name {name:?}, which the results need for something else"),
+                "another name",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Largest deviation from length 1 that rounding to four digits explains.
+const QUATERNION_TOLERANCE: f64 = 1e-3;
+
+/// R_bs of a scanner, from its angles or its quaternion.
+fn rotation(
+    table: &Table<'_>,
+    scanner: &written::Scanner,
+    convention: EulerConvention,
+) -> Result<Rotation> {
+    match (scanner.rotation_deg, scanner.quaternion_xyzw) {
+        (Some(angles_deg), None) => {
+            table.vector("rotation_deg", angles_deg)?;
+            Ok(rotation_from_euler_deg(convention, angles_deg))
+        }
+        (None, Some([x, y, z, w])) => {
+            let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+            let off = (quaternion.norm() - 1.0).abs();
+            if off.is_nan() || off > QUATERNION_TOLERANCE {
+                return Err(table.error(
+                    "quaternion_xyzw",
+                    format!("a quaternion of length {}", quaternion.norm()),
+                    "length 1 (order x, y, z, w)",
+                ));
+            }
+            // What is of unit length to rounding stays as it is, so that printing and reading
+            // gives the same bits.
+            Ok(if off < 1e-12 {
+                Rotation::new_unchecked(quaternion)
+            } else {
+                Rotation::from_quaternion(quaternion)
+            })
+        }
+        (Some(_), Some(_)) => Err(table.error(
+            "quaternion_xyzw",
+            "both rotation_deg and quaternion_xyzw",
+            "one of the two",
+        )),
+        (None, None) => Err(table.error(
+            "name",
+            format!("no rotation of the scanner {:?}", scanner.name),
+            "rotation_deg or quaternion_xyzw",
+        )),
+    }
+}

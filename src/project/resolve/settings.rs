@@ -1,0 +1,117 @@
+//! Calibration and comparison.
+
+use super::table::Table;
+use crate::error::Result;
+use crate::project::settings::{CalibrationSettings, ComparisonSettings};
+use crate::project::source::Source;
+use crate::project::written;
+
+/// Scales that become finer, and neighbourhoods that have a volume.
+pub(super) fn calibration(
+    source: &Source,
+    written: &written::Calibration,
+) -> Result<CalibrationSettings> {
+    let table = Table::new(source, "calibration");
+    let default = CalibrationSettings::default();
+    let voxel_sizes_m = written
+        .voxel_sizes_m
+        .clone()
+        .unwrap_or(default.voxel_sizes_m);
+    for &size in &voxel_sizes_m {
+        table.positive("voxel_sizes_m", size)?;
+    }
+    if voxel_sizes_m.is_empty() || voxel_sizes_m.windows(2).any(|pair| pair[1] >= pair[0]) {
+        return Err(table.error(
+            "voxel_sizes_m",
+            format!("voxel_sizes_m = {voxel_sizes_m:?}"),
+            "at least one size, each smaller than the one before",
+        ));
+    }
+    let at_least = |key, value: usize, least: usize, why: &str| {
+        if value >= least {
+            return Ok(value);
+        }
+        Err(table.error(
+            key,
+            format!("{key} = {value}"),
+            &format!("{least} or more{why}"),
+        ))
+    };
+    Ok(CalibrationSettings {
+        voxel_sizes_m,
+        neighbours: at_least(
+            "neighbours",
+            written.neighbours.unwrap_or(default.neighbours),
+            4,
+            ": three points always lie in a plane",
+        )?,
+        method: written.method.unwrap_or(default.method),
+        max_iterations: at_least(
+            "max_iterations",
+            written.max_iterations.unwrap_or(default.max_iterations),
+            1,
+            "",
+        )?,
+        pass_gap_s: table.positive(
+            "pass_gap_s",
+            written.pass_gap_s.unwrap_or(default.pass_gap_s),
+        )?,
+        multi_start_rad: written
+            .multi_start_deg
+            .map(|deg| {
+                let good = |deg| 0.0 < deg && deg <= 180.0;
+                table.number(
+                    "multi_start_deg",
+                    deg,
+                    good,
+                    "an angle above 0 and up to 180",
+                )
+            })
+            .transpose()?
+            .map(f64::to_radians),
+    })
+}
+
+/// Lengths above 0.
+pub(super) fn comparison(
+    source: &Source,
+    written: &written::Comparison,
+) -> Result<ComparisonSettings> {
+    let table = Table::new(source, "comparison");
+    let default = ComparisonSettings::default();
+    let positive = |key, value: Option<f64>, default| table.positive(key, value.unwrap_or(default));
+    let normal_radii_m = written
+        .normal_radii_m
+        .clone()
+        .unwrap_or(default.normal_radii_m);
+    if normal_radii_m.is_empty() {
+        return Err(table.error("normal_radii_m", "an empty list", "at least one radius"));
+    }
+    for &radius in &normal_radii_m {
+        table.positive("normal_radii_m", radius)?;
+    }
+    Ok(ComparisonSettings {
+        core_spacing_m: positive(
+            "core_spacing_m",
+            written.core_spacing_m,
+            default.core_spacing_m,
+        )?,
+        normal_radii_m,
+        cylinder_radius_m: positive(
+            "cylinder_radius_m",
+            written.cylinder_radius_m,
+            default.cylinder_radius_m,
+        )?,
+        max_distance_m: positive(
+            "max_distance_m",
+            written.max_distance_m,
+            default.max_distance_m,
+        )?,
+        registration_error_m: table.not_negative(
+            "registration_error_m",
+            written
+                .registration_error_m
+                .unwrap_or(default.registration_error_m),
+        )?,
+    })
+}

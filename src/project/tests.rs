@@ -1,0 +1,510 @@
+use std::path::{Path, PathBuf};
+
+use super::*;
+use crate::geometry::euler::rotation_from_euler_deg;
+use crate::geometry::{BodyAxes, EulerConvention, Vec3};
+
+/// The example of the documentation.
+const EXAMPLE: &str = r#"[frame]
+body = "FRD"
+origin_m = [0.0, 0.0, 0.0]
+grid_convergence_deg = 0.0
+gravity_m_s2 = 9.81
+
+[imu]
+file = "imu.csv"
+gyro_noise_deg_sqrt_h = 0.15            # angle random walk
+accel_noise_ug_sqrt_hz = 57.0           # velocity random walk
+gyro_bias_instability_deg_h = 7.0
+accel_bias_instability_ug = 14.0
+
+[prism]
+file = "prism.csv"
+sigma_m = 0.005
+lever_arm_m = [0.10, 0.05, -0.55]       # prism in the body frame
+
+[heading]
+file = "heading.csv"
+sigma_deg = 0.7
+mounting_offset_deg = 0.0
+
+# [trajectory]                          # instead of the three above
+# file = "trajectory.csv"
+
+[[scanner]]
+name = "left"
+profiles = "left.bin"
+translation_m = [1.2, -0.5, 0.5]
+rotation_deg = [-145.0, 0.0, 90.0]      # or quaternion_xyzw = [...]
+rotation_convention = "bonn"            # or "zyx"
+# fixed = ["tx", "ty", "tz"]            # parameters held at their values: tx ty tz rx ry rz
+
+[reference]                             # optional
+file = "tls.laz"
+
+[calibration]
+voxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005]
+neighbours = 50
+
+[[evaluation]]                          # optional: other drives, judged with the parameters found here
+name = "drive-2"
+project = "../drive-2/project.toml"
+"#;
+
+/// Everything that the example leaves out.
+const UNUSUAL: &str = r#"
+frame = { body = "FLU", origin_m = [363000.0, 5.6e6, 60.0], grid_convergence_deg = -1.237 }
+
+[imu]
+file = "/logs/imu.csv"
+time_offset_s = -0.0125
+gyro_noise_deg_sqrt_h = 0.017
+gyro_bias_walk_rad_s_sqrt_s = 1.2345678901e-6
+accel_bias_walk_m_s2_sqrt_s = 3e-5
+
+[prism]
+file = "prism.csv"
+time_offset_s = 0.2
+lever_arm_m = [0, 0, 1]
+
+[[scanner]]
+name = "left"
+profiles = ["a.bin", "b.bin"]
+translation_m = [1.2, -0.5, 0.5]
+quaternion_xyzw = [0.1, 0.2, 0.3, 0.9273618495495703]
+time_offset_s = 0.001
+fixed = ["tz", "tx"]
+
+[[scanner]]
+name = "right"
+profiles = "r.bin"
+translation_m = [1.259, 0.656, 0.585]
+rotation_deg = [144.396, -0.346, 91.705]
+
+[calibration]
+voxel_sizes_m = [0.3, 0.1]
+neighbours = 20
+method = "paper"
+max_iterations = 450
+pass_gap_s = 10
+multi_start_deg = 5.3
+
+[comparison]
+core_spacing_m = 0.1
+normal_radii_m = [0.1, 0.2]
+cylinder_radius_m = 0.05
+max_distance_m = 0.5
+registration_error_m = 0.001
+"#;
+
+const POSES: &str = r#"
+[trajectory]
+file = "trajectory.csv"
+sigma_position_m = 0.0016
+sigma_rotation_deg = 0.03
+"#;
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn write(folder: &Path, text: &str) -> PathBuf {
+    let path = folder.join("project.toml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn read(text: &str) -> crate::Result<Project> {
+    let folder = folder();
+    Project::read(&write(folder.path(), text))
+}
+
+/// The message for `text` without the folder, so that it starts `project.toml`.
+fn message(text: &str) -> String {
+    let message = read(text).unwrap_err().to_string();
+    let start = message.find("project.toml").unwrap();
+    message[start..].to_owned()
+}
+
+#[test]
+fn the_example_is_understood() {
+    let folder = folder();
+    let project = Project::read(&write(folder.path(), EXAMPLE)).unwrap();
+    assert_eq!(project.axes, BodyAxes::Frd);
+    let Motion::Logs(logs) = &project.motion else {
+        panic!("logs");
+    };
+    assert_eq!(logs.imu.path, folder.path().join("imu.csv"));
+    assert_eq!(logs.heading.as_ref().unwrap().time_offset_s, 0.0);
+    let settings = logs.settings;
+    assert_eq!(settings.prism.lever_arm_m, Vec3::new(0.10, 0.05, -0.55));
+    // By hand: 0.15°/√h = 0.15 · π/180 / 60 rad/√s; 57 µg = 57e-6 · 9.80665 m/s²; biases walk by
+    // the instability in 100 s, so a tenth of it in each √s. Rounded to five digits.
+    let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");
+    close(settings.imu.gyro_density, 4.3633e-5);
+    close(settings.imu.accel_density, 5.5898e-4);
+    close(settings.imu.gyro_bias_walk, 3.3937e-6);
+    close(settings.imu.accel_bias_walk, 1.3729e-5);
+    close(settings.heading.sigma_rad, 0.012217);
+    let left = &project.scanners[0];
+    assert_eq!(left.profiles, [folder.path().join("left.bin")]);
+    assert_eq!(left.convention, EulerConvention::Bonn);
+    let expected = rotation_from_euler_deg(EulerConvention::Bonn, [-145.0, 0.0, 90.0]);
+    assert_eq!(left.body_from_scanner.rotation, expected);
+    assert_eq!(left.fixed, [false; 6]);
+    assert_eq!(project.calibration, CalibrationSettings::default());
+    assert_eq!(project.comparison, ComparisonSettings::default());
+    assert_eq!(project.evaluations[0].name, "drive-2");
+}
+
+#[test]
+fn absent_noise_is_that_of_the_example() {
+    let bare: String = EXAMPLE
+        .lines()
+        .filter(|line| !line.contains("_noise_") && !line.contains("instability"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let (bare, full) = (read(&bare).unwrap(), read(EXAMPLE).unwrap());
+    let (Motion::Logs(bare), Motion::Logs(full)) = (&bare.motion, &full.motion) else {
+        panic!("logs");
+    };
+    assert_eq!(bare.settings, full.settings);
+}
+
+#[test]
+fn unusual_keys_are_understood() {
+    let project = read(UNUSUAL).unwrap();
+    let Motion::Logs(logs) = &project.motion else {
+        panic!("logs");
+    };
+    assert_eq!(logs.imu.path, Path::new("/logs/imu.csv"));
+    assert_eq!(logs.imu.time_offset_s, -0.0125);
+    assert_eq!(logs.heading, None);
+    assert_eq!(logs.settings.imu.accel_bias_walk, 3e-5);
+    assert_eq!(project.scanners[0].profiles.len(), 2);
+    assert_eq!(
+        project.scanners[0].fixed,
+        [true, false, true, false, false, false]
+    );
+    assert_eq!(project.calibration.method, Method::Paper);
+    let start = project.calibration.multi_start_rad.unwrap();
+    assert!((start.to_degrees() - 5.3).abs() < 1e-12);
+}
+
+#[test]
+fn what_is_printed_reads_back_to_the_same_project() {
+    for text in [EXAMPLE, UNUSUAL, POSES] {
+        let folder = folder();
+        let path = write(folder.path(), text);
+        let project = Project::read(&path).unwrap();
+        let printed = project.to_toml().unwrap();
+        write(folder.path(), &printed);
+        assert_eq!(Project::read(&path).unwrap(), project, "{printed}");
+    }
+}
+
+#[test]
+fn typed_values_are_printed_as_typed() {
+    let printed = read(EXAMPLE).unwrap().to_toml().unwrap();
+    for line in [
+        "gyro_noise_deg_sqrt_h = 0.15",
+        "accel_noise_ug_sqrt_hz = 57.0",
+        "gyro_bias_instability_deg_h = 7.0",
+        "accel_bias_instability_ug = 14.0",
+        "sigma_deg = 0.7",
+        "rotation_deg = [-145.0, 0.0, 90.0]",
+    ] {
+        assert!(
+            printed.lines().any(|printed| printed == line),
+            "{line}\n{printed}"
+        );
+    }
+}
+
+proptest::proptest! {
+    /// Mountings that no short decimal gives still read back bit for bit.
+    #[test]
+    fn every_mounting_reads_back(
+        axis in proptest::array::uniform3(-3.0f64..3.0),
+        translation in proptest::array::uniform3(-2.0f64..2.0),
+        sigma in 1e-6f64..1.0,
+    ) {
+        let folder = folder();
+        let path = write(folder.path(), UNUSUAL);
+        let mut project = Project::read(&path).unwrap();
+        let rotation = crate::geometry::so3::exp(&axis.into());
+        project.scanners[1].body_from_scanner = crate::geometry::pose(rotation, translation.into());
+        write(folder.path(), &project.to_toml().unwrap());
+        let back = Project::read(&path).unwrap();
+        proptest::prop_assert_eq!(
+            back.scanners[1].body_from_scanner.rotation.coords, rotation.coords
+        );
+        proptest::prop_assert_eq!(&back, &project);
+
+        let poses = format!("[trajectory]\nfile = \"t\"\nsigma_rotation_deg = {sigma}\n");
+        let project = Project::read(&write(folder.path(), &poses)).unwrap();
+        write(folder.path(), &project.to_toml().unwrap());
+        proptest::prop_assert_eq!(Project::read(&path).unwrap(), project);
+    }
+}
+
+#[test]
+fn mistakes_are_named_with_line_and_remedy() {
+    // What to put in place of what, and what the message must hold.
+    let cases: [(&str, &str, &str); 31] = [
+        (
+            "sigma_m = 0.005",
+            "sigm_m = 0.005",
+            "line 16: found the unknown key `sigm_m`, expected `sigma_m` (or one of: file, ",
+        ),
+        (
+            "[[scanner]]",
+            "[[scaner]]",
+            "line 27: found the unknown key `scaner`, expected `scanner` (or",
+        ),
+        (
+            "body = \"FRD\"",
+            "body = \"frd\"",
+            "line 2: found the unknown value `frd`, expected `FRD` (or one of: FLU)",
+        ),
+        (
+            "rotation_convention = \"bonn\"",
+            "rotation_convention = \"born\"",
+            "line 32: found the unknown value `born`, expected `bonn`",
+        ),
+        (
+            "neighbours = 50",
+            "neighbours = 3",
+            "line 40: found neighbours = 3, expected 4 or more",
+        ),
+        (
+            "neighbours = 50",
+            "neighbours = -3",
+            "line 40: found integer `-3`, expected a whole number",
+        ),
+        (
+            "neighbours = 50",
+            "max_iterations = 0",
+            "line 40: found max_iterations = 0, expected 1 or more",
+        ),
+        (
+            "neighbours = 50",
+            "pass_gap_s = 0.0",
+            "line 40: found pass_gap_s = 0, expected a number above 0",
+        ),
+        (
+            "neighbours = 50",
+            "multi_start_deg = 200",
+            "line 40: found multi_start_deg = 200, expected an angle above 0 and up to 180",
+        ),
+        (
+            "0.01, 0.005]",
+            "0.01, 0.02]",
+            "line 39: found voxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.02], expected at least one size, each smaller",
+        ),
+        (
+            "0.01, 0.005]",
+            "0.01, -0.005]",
+            "line 39: found voxel_sizes_m = -0.005, expected a number above 0",
+        ),
+        (
+            "sigma_m = 0.005",
+            "sigma_m = \"5 mm\"",
+            "line 16: found string \"5 mm\", expected a number",
+        ),
+        (
+            "sigma_m = 0.005",
+            "sigma_m = nan",
+            "line 16: found sigma_m = NaN, expected a number above 0",
+        ),
+        (
+            "sigma_m = 0.005",
+            "sigma_m = 0.005 m",
+            "line 16: found what is not TOML (",
+        ),
+        (
+            "lever_arm_m = [0.10, 0.05, -0.55]",
+            "",
+            "line 14: found a table without it, expected the key `lever_arm_m`",
+        ),
+        (
+            "lever_arm_m = [0.10, 0.05, -0.55]",
+            "lever_arm_m = [0.10, inf, -0.55]",
+            "line 17: found lever_arm_m = inf, expected a finite number",
+        ),
+        (
+            "lever_arm_m = [0.10, 0.05, -0.55]",
+            "lever_arm_m = [0.10, 0.05]",
+            "line 17: found 2, expected a list of 3 numbers",
+        ),
+        (
+            "gravity_m_s2 = 9.81",
+            "gravity_m_s2 = -9.81",
+            "line 5: found gravity_m_s2 = -9.81, expected the magnitude of gravity",
+        ),
+        (
+            "gyro_noise_deg_sqrt_h = 0.15",
+            "gyro_noise_deg_sqrt_h = 0",
+            "line 9: found gyro_noise_deg_sqrt_h = 0, expected a number above 0",
+        ),
+        (
+            "gyro_noise_deg_sqrt_h = 0.15",
+            "gyro_bias_walk_rad_s_sqrt_s = 1e-6",
+            "line 9: found both gyro_bias_walk_rad_s_sqrt_s and gyro_bias_instability_deg_h, expected one of the two",
+        ),
+        (
+            "name = \"left\"",
+            "name = \"le/ft\"",
+            "line 28: found the name \"le/ft\", expected 1 to 64 letters",
+        ),
+        (
+            "name = \"left\"",
+            "name = \"\"",
+            "line 28: found the name \"\", expected 1 to 64 letters",
+        ),
+        (
+            "name = \"left\"",
+            "name = \"initial\"",
+            "line 28: found the name \"initial\", which the results need",
+        ),
+        (
+            "profiles = \"left.bin\"",
+            "profiles = []",
+            "line 29: found an empty list, expected at least one file",
+        ),
+        (
+            "profiles = \"left.bin\"",
+            "profiles = 5",
+            "line 29: found integer `5`, expected a file name or a list of file names",
+        ),
+        (
+            "rotation_deg = [-145.0, 0.0, 90.0]",
+            "",
+            "line 28: found no rotation of the scanner \"left\", expected rotation_deg or quaternion_xyzw",
+        ),
+        (
+            "rotation_deg = [-145.0, 0.0, 90.0]",
+            "quaternion_xyzw = [1, 1, 0, 0]",
+            "line 31: found a quaternion of length 1.414",
+        ),
+        (
+            "# fixed = [\"tx\", \"ty\", \"tz\"]",
+            "fixed = [\"tx\", \"xr\"]",
+            "line 33: found the unknown parameter `xr`, expected `rx` (parameters: tx, ty,",
+        ),
+        (
+            "# fixed = [\"tx\", \"ty\", \"tz\"]",
+            "quaternion_xyzw = [0, 0, 0, 1]",
+            "line 33: found both rotation_deg and quaternion_xyzw, expected one of the two",
+        ),
+        (
+            "# [trajectory]                          # instead of the three above\n#",
+            "[trajectory]\n",
+            "line 7: found [imu] beside [trajectory], expected either a trajectory or the logs",
+        ),
+        (
+            "[prism]\nfile = \"prism.csv\"\nsigma_m = 0.005\nlever_arm_m = [0.10, 0.05, -0.55]",
+            "",
+            ": found no [prism], expected [imu] and [prism], or [trajectory]",
+        ),
+    ];
+    for (old, new, expected) in cases {
+        assert_eq!(EXAMPLE.matches(old).count(), 1, "{old}");
+        let message = message(&EXAMPLE.replacen(old, new, 1));
+        assert!(
+            message.contains(expected),
+            "{new}: {message}\n  should hold: {expected}"
+        );
+    }
+}
+
+#[test]
+fn names_are_given_once() {
+    let scanner = |name: &str| {
+        format!(
+            "[[scanner]]\nname = \"{name}\"\nprofiles = \"p\"\ntranslation_m = [0, 0, 0]\n\
+             rotation_deg = [0, 0, 0]\n"
+        )
+    };
+    let twice = message(&format!("{POSES}{}{}", scanner("a"), scanner("A")));
+    assert!(
+        twice.contains("line 12: found the name \"A\" a second time"),
+        "{twice}"
+    );
+    let pair = [scanner("a"), scanner("b"), scanner("a-b")].concat();
+    let pair = message(&format!("{POSES}{pair}"));
+    assert!(
+        pair.contains("line 17: found the name \"a-b\", which"),
+        "{pair}"
+    );
+}
+
+#[test]
+fn text_that_is_not_utf8_is_named() {
+    let folder = folder();
+    let path = folder.path().join("project.toml");
+    std::fs::write(&path, b"[frame]\n\xff").unwrap();
+    let error = Project::read(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("byte 8: found bytes that are not UTF-8"),
+        "{error}"
+    );
+}
+
+#[test]
+fn missing_files_are_named_with_key_line_and_path() {
+    let folder = folder();
+    let drive_1 = folder.path().join("drive-1");
+    let drive_2 = folder.path().join("drive-2");
+    for drive in [&drive_1, &drive_2] {
+        std::fs::create_dir(drive).unwrap();
+    }
+    let path = write(&drive_1, EXAMPLE);
+    let missing = || {
+        let checked = Project::read(&path).unwrap().check_files();
+        checked.map_err(|error| error.to_string())
+    };
+    for (file, expected) in [
+        ("imu.csv", "line 8: found imu.file = "),
+        ("prism.csv", "line 15: found prism.file = "),
+        ("heading.csv", "line 20: found heading.file = "),
+        ("left.bin", "line 29: found scanner[0].profiles"),
+        ("tls.laz", "line 36: found reference.file = "),
+    ] {
+        let message = missing().unwrap_err();
+        assert!(
+            message.contains(expected) && message.contains(file),
+            "{message}"
+        );
+        assert!(message.contains("no such file"), "{message}");
+        std::fs::write(drive_1.join(file), "").unwrap();
+        std::fs::write(drive_2.join(file), "").unwrap();
+    }
+    let message = missing().unwrap_err();
+    assert!(
+        message.contains("line 44: found evaluation[0].project = "),
+        "{message}"
+    );
+
+    // The other drive is looked at as well, but not the drives that it names in turn.
+    write(&drive_2, EXAMPLE);
+    assert_eq!(missing(), Ok(()));
+    write(&drive_2, &EXAMPLE.replace("\"left\"", "\"rear\""));
+    let message = missing().unwrap_err();
+    assert!(
+        message.contains("line 44: found an evaluation with the scanner \"rear\", which this"),
+        "{message}"
+    );
+    write(&drive_2, &EXAMPLE.replace("FRD", "FLU"));
+    let message = missing().unwrap_err();
+    assert!(
+        message.contains("other body axes (Flu instead of Frd)"),
+        "{message}"
+    );
+    write(&drive_2, &EXAMPLE.replace("left.bin", "elsewhere.bin"));
+    let message = missing().unwrap_err();
+    assert!(
+        message.contains("drive-2/project.toml, line 29"),
+        "{message}"
+    );
+}
