@@ -1,0 +1,302 @@
+//! The stages in order: logs → trajectory → mounting → clouds → comparison → report.
+//!
+//! [`run`] is the whole program on one page.
+
+pub mod clouds;
+pub mod evaluate;
+pub mod page;
+pub mod result;
+pub mod stages;
+
+use std::path::Path;
+use std::time::Instant;
+
+use crate::calibration::Calibration;
+use crate::error::{Error, Result};
+use crate::format;
+use crate::geometry::{Pose, Vec3};
+use crate::output::Staging;
+use crate::progress::Progress;
+use crate::project::{CalibrationSettings, Method, Project};
+use crate::report::{self, content::MountingKind};
+use crate::sensor::PoseRecord;
+use crate::trajectory::Trajectory;
+use evaluate::Drive;
+use stages::Poses;
+
+/// What a simulated project knows beside its files.
+#[derive(Debug, Clone)]
+pub struct Truth {
+    /// True mountings in the order of the project's scanners.
+    pub mountings: Vec<Pose>,
+    /// True poses of the calibration drive.
+    pub trajectory: Trajectory,
+}
+
+/// How to run.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// The command as typed, for the report.
+    pub command: String,
+    /// The seed of every random draw, where there is one.
+    pub seed: Option<u64>,
+    /// The truth, where it is known.
+    pub truth: Option<Truth>,
+    /// Scales at which the paper's own method is run beside ours; empty for none.
+    pub paper_voxels_m: Vec<f64>,
+}
+
+/// Run time of one stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageSeconds {
+    /// Name.
+    pub name: String,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// Everything a run found.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The calibration: with the reference where there is one.
+    pub calibration: Calibration,
+    /// The same without the reference, where there is one.
+    pub without_reference: Option<Calibration>,
+    /// With the true poses, where they are known.
+    pub exact_poses: Option<Calibration>,
+    /// The paper's method at the scales asked for.
+    pub paper: Option<Calibration>,
+    /// True mountings, where they are known.
+    pub truth_mountings: Option<Vec<Pose>>,
+    /// How the trajectory's adjustment went.
+    pub trajectory_solution: Option<serde_json::Value>,
+    /// Poses of every drive, by name.
+    pub tracks: Vec<(String, Vec<PoseRecord>)>,
+    /// The calibration drive, then the evaluation drives.
+    pub drives: Vec<Drive>,
+    /// The reference, thinned for drawing.
+    pub background: Vec<Vec3>,
+    /// Run times in order.
+    pub stages: Vec<StageSeconds>,
+    /// What somebody should look at.
+    pub warnings: Vec<String>,
+}
+
+/// Runs `work` and notes how long it took under `name`.
+fn timed<T>(stages: &mut Vec<StageSeconds>, name: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    let started = Instant::now();
+    let done = work()?;
+    stages.push(StageSeconds { name: name.into(), seconds: started.elapsed().as_secs_f64() });
+    Ok(done)
+}
+
+/// Runs all stages on the project and writes every result into `out`, whole or not at all.
+///
+/// # Errors
+/// The first thing that any stage finds wrong; `out` then keeps what it held.
+pub fn run(
+    project: &Project,
+    out: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
+    project.check_files()?;
+    let staging = Staging::new(out)?;
+    let mut times = Vec::new();
+
+    let reference = timed(&mut times, "reference", || stages::reference(project, progress))?;
+    let poses = timed(&mut times, "trajectory", || stages::poses(project, progress))?;
+    let samples =
+        timed(&mut times, "sample", || stages::samples(project, &poses.trajectory, progress))?;
+    let settings = &project.calibration;
+    let calibrate = |poses: &Poses, samples: &[_], reference: &[Vec3], settings: &CalibrationSettings| {
+        stages::calibration(project, settings, poses, samples, reference, progress)
+    };
+    let calibration = timed(&mut times, "calibrate", || {
+        calibrate(&poses, &samples, &reference, settings)
+    })?;
+    let without_reference = match reference.is_empty() {
+        true => None,
+        false => Some(timed(&mut times, "calibrate without reference", || {
+            calibrate(&poses, &samples, &[], settings)
+        })?),
+    };
+    let exact_poses = match &options.truth {
+        Some(truth) => Some(timed(&mut times, "calibrate with exact poses", || {
+            let exact = Poses::exact(truth.trajectory.clone());
+            let samples = stages::samples(project, &exact.trajectory, progress)?;
+            calibrate(&exact, &samples, &reference, settings)
+        })?),
+        None => None,
+    };
+    let paper = match options.paper_voxels_m.is_empty() {
+        true => None,
+        false => Some(timed(&mut times, "calibrate as the paper", || {
+            let voxel_sizes_m = options.paper_voxels_m.clone();
+            let paper = CalibrationSettings {
+                voxel_sizes_m,
+                method: Method::Paper,
+                max_iterations: PAPER_ITERATIONS,
+                ..settings.clone()
+            };
+            calibrate(&poses, &samples, &reference, &paper)
+        })?),
+    };
+    drop(samples);
+
+    let truth = options.truth.as_ref().map(|truth| truth.mountings.clone());
+    let kinds = kinds(project, &calibration, truth.as_deref());
+    let found = calibration.poses();
+    let kept = timed(&mut times, "georeference", || {
+        let write = |scanner: &crate::project::Scanner| {
+            staging.path(&clouds::file_name(&scanner.name))
+        };
+        clouds::stream(project, &poses.trajectory, &found, Some(&write), progress)
+    })?;
+    let mut drives = Vec::new();
+    let mut tracks = vec![(name_of(project), poses.trajectory.nodes().to_vec())];
+    drives.push(timed(&mut times, "compare", || {
+        compare(&name_of(project), project, &poses.trajectory, &reference, &kinds, &kept, progress)
+    })?);
+    drop(kept);
+    for evaluation in &project.evaluations {
+        let other = aligned(project, Project::read(&evaluation.project)?)?;
+        let drive = timed(&mut times, &format!("evaluate {}", evaluation.name), || {
+            let poses = stages::poses(&other, progress)?;
+            let kept = clouds::stream(&other, &poses.trajectory, &found, None, progress)?;
+            tracks.push((evaluation.name.clone(), poses.trajectory.nodes().to_vec()));
+            let name = &evaluation.name;
+            compare(name, &other, &poses.trajectory, &reference, &kinds, &kept, progress)
+        })?;
+        drives.push(drive);
+    }
+
+    let mut warnings: Vec<String> =
+        drives.iter().flat_map(|drive| drive.missing.iter().cloned()).collect();
+    if !calibration.converged {
+        warnings.push("the calibration did not converge at every scale".into());
+    }
+    warnings.iter().for_each(|warning| progress.warn(warning));
+    let outcome = Outcome {
+        without_reference,
+        exact_poses,
+        paper,
+        truth_mountings: truth,
+        trajectory_solution: poses.solution.as_ref().map(|solution| serde_json::json!(solution)),
+        tracks,
+        drives,
+        background: thinned_for_drawing(&reference),
+        stages: times,
+        warnings,
+        calibration,
+    };
+    write(project, &poses.trajectory, &outcome, options, &staging, progress)?;
+    staging.commit()?;
+    Ok(outcome)
+}
+
+/// The paper reports 50 to 450 iterations a scale.
+const PAPER_ITERATIONS: usize = 450;
+
+/// Mountings to compare: initial, final, and the truth where it is known.
+fn kinds(
+    project: &Project,
+    calibration: &Calibration,
+    truth: Option<&[Pose]>,
+) -> Vec<(MountingKind, Vec<Pose>)> {
+    let initial = project.scanners.iter().map(|scanner| scanner.body_from_scanner).collect();
+    let mut kinds =
+        vec![(MountingKind::Initial, initial), (MountingKind::Final, calibration.poses())];
+    if let Some(truth) = truth {
+        kinds.push((MountingKind::Truth, truth.to_vec()));
+    }
+    kinds
+}
+
+fn compare(
+    name: &str,
+    project: &Project,
+    trajectory: &Trajectory,
+    reference: &[Vec3],
+    kinds: &[(MountingKind, Vec<Pose>)],
+    kept: &clouds::KeptPoints,
+    progress: &dyn Progress,
+) -> Result<Drive> {
+    let placed: Vec<_> = kinds
+        .iter()
+        .map(|(kind, mountings)| (*kind, clouds::place(project, trajectory, mountings, kept)))
+        .collect();
+    evaluate::evaluate(name, project, reference, &placed, progress)
+}
+
+/// The evaluation project with its scanners in the order of `project`, judged by the same rules.
+fn aligned(project: &Project, mut other: Project) -> Result<Project> {
+    let mut scanners = Vec::new();
+    for scanner in &project.scanners {
+        let same = other.scanners.iter().find(|candidate| candidate.name == scanner.name);
+        scanners.push(same.cloned().ok_or_else(|| {
+            Error::data(
+                format!("{} has no scanner `{}`", other.path.display(), scanner.name),
+                "an evaluation drive needs every scanner of the calibrated project",
+            )
+        })?);
+    }
+    other.scanners = scanners;
+    other.comparison = project.comparison.clone();
+    other.origin_m = project.origin_m;
+    Ok(other)
+}
+
+/// The folder of the project file names the drive.
+fn name_of(project: &Project) -> String {
+    let folder = project.path.parent().and_then(Path::file_name);
+    folder.map_or_else(|| "drive".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// A few thousand points of the reference.
+fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
+    const VOXEL_M: f64 = 0.05;
+    let kept = crate::cloud::voxel::thin(reference, VOXEL_M);
+    kept.iter().map(|&index| reference[index as usize]).collect()
+}
+
+/// Writes everything but the clouds, which are already staged.
+fn write(
+    project: &Project,
+    trajectory: &Trajectory,
+    outcome: &Outcome,
+    options: &Options,
+    staging: &Staging,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let text = |name: &str, text: &str| {
+        let path = staging.path(name);
+        std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
+    };
+    write_trajectory(&staging.path("trajectory.csv"), trajectory, &project.origin_m)?;
+    let calibrated = stages::with_mountings(project, &outcome.calibration.poses());
+    text("calibration.toml", &calibrated.scanners_to_toml()?)?;
+    text("project.toml", &project.to_toml()?)?;
+    text("report.html", &report::render(&page::content(project, outcome, options)))?;
+    let document = result::document(project, outcome);
+    text("result.json", &format!("{document:#}\n"))?;
+    text("log.txt", &(progress.log().join("\n") + "\n"))
+}
+
+/// Writes a trajectory with the project's origin added back.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_trajectory(path: &Path, trajectory: &Trajectory, origin_m: &Vec3) -> Result<()> {
+    let mut nodes = trajectory.nodes().to_vec();
+    nodes.iter_mut().for_each(|node| node.world_from_body.translation.vector += origin_m);
+    format::write_trajectory(path, &nodes)
+}
+
+/// The most memory this process has held, bytes, where the system tells.
+pub fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kilobytes * 1024)
+}

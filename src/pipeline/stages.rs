@@ -1,0 +1,221 @@
+//! Each stage as a function of the project and what came before.
+
+use crate::calibration::{
+    Calibration, Input, Mounting, PoseUncertainty, ScannerSample, calibrate, sample_profiles,
+};
+use crate::error::{Error, Result};
+use crate::format;
+use crate::geometry::{Pose, Vec3};
+use crate::progress::Progress;
+use crate::project::{CalibrationSettings, LogFile, Logs, Motion, PosesFile, Project, Scanner};
+use crate::sensor::{PoseRecord, PoseSigma};
+use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
+
+/// Where the body was, and how that is known.
+#[derive(Debug)]
+pub struct Poses {
+    /// The poses, the project's origin subtracted.
+    pub trajectory: Trajectory,
+    /// How the adjustment went; `None` where the poses came from a file.
+    pub solution: Option<Solution>,
+    /// Their joint covariance; `None` where the poses came from a file.
+    pub covariance: Option<PosteriorCovariance>,
+}
+
+impl Poses {
+    /// What the calibration may assume about the errors of the poses.
+    pub fn uncertainty(&self) -> PoseUncertainty<'_> {
+        match &self.covariance {
+            Some(covariance) => PoseUncertainty::Smoothed(covariance),
+            None if self.trajectory.nodes().iter().any(|node| node.sigma.is_some()) => {
+                PoseUncertainty::Sigmas
+            }
+            None => PoseUncertainty::None,
+        }
+    }
+
+    /// Poses taken as exact.
+    pub fn exact(trajectory: Trajectory) -> Self {
+        Self { trajectory, solution: None, covariance: None }
+    }
+}
+
+/// Estimates the trajectory from the logs, or reads it.
+///
+/// # Errors
+/// What the readers and the adjustment find.
+pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
+    match &project.motion {
+        Motion::Logs(logs) => poses_from_logs(project, logs, progress),
+        Motion::Poses(file) => {
+            let nodes = read_poses(file, &project.origin_m)?;
+            Ok(Poses { trajectory: Trajectory::new(nodes)?, solution: None, covariance: None })
+        }
+    }
+}
+
+fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
+    let mut imu = format::read_imu(&logs.imu.path)?;
+    imu.iter_mut().for_each(|sample| sample.time_s += logs.imu.time_offset_s);
+    let mut prism = format::read_prism(&logs.prism.path)?;
+    for fix in &mut prism {
+        fix.time_s += logs.prism.time_offset_s;
+        fix.position_m -= project.origin_m;
+    }
+    let heading = match &logs.heading {
+        Some(LogFile { path, time_offset_s }) => {
+            let mut heading = format::read_heading(path)?;
+            heading.iter_mut().for_each(|fix| fix.time_s += time_offset_s);
+            heading
+        }
+        None => Vec::new(),
+    };
+    let Estimate { trajectory, solution, covariance, .. } =
+        estimate(&imu, &prism, &heading, &logs.settings, progress)?;
+    Ok(Poses { trajectory, solution: Some(solution), covariance: Some(covariance) })
+}
+
+fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
+    let mut nodes = format::read_trajectory(&file.path)?;
+    for node in &mut nodes {
+        node.time_s += file.time_offset_s;
+        node.world_from_body.translation.vector -= origin_m;
+        if node.sigma.is_none()
+            && let (Some(position), Some(rotation)) =
+                (file.sigma_position_m, file.sigma_rotation_rad)
+        {
+            node.sigma = Some(PoseSigma {
+                position_m: Vec3::repeat(position),
+                rotation_rad: Vec3::repeat(rotation),
+            });
+        }
+    }
+    Ok(nodes)
+}
+
+/// Reads and thins the profiles of every scanner.
+///
+/// # Errors
+/// See [`sample_profiles`].
+pub fn samples(
+    project: &Project,
+    trajectory: &Trajectory,
+    progress: &dyn Progress,
+) -> Result<Vec<ScannerSample>> {
+    let finest_m = project.calibration.voxel_sizes_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let all = project.scanners.iter().map(open_profiles).collect::<Result<Vec<_>>>()?;
+    let bytes = all.iter().flatten().map(|reader| reader.bytes_total()).sum();
+    progress.begin("reading profiles", bytes);
+    let jobs: Vec<_> = project.scanners.iter().zip(all).collect();
+    let found: Result<Vec<ScannerSample>> = in_parallel(jobs, |(scanner, readers)| {
+        sample_profiles(
+            &scanner.name,
+            readers,
+            scanner.time_offset_s,
+            trajectory,
+            &scanner.body_from_scanner,
+            finest_m,
+            project.calibration.pass_gap_s,
+            progress,
+        )
+    })
+    .into_iter()
+    .collect();
+    progress.end();
+    let found = found?;
+    for (scanner, sample) in project.scanners.iter().zip(&found) {
+        progress.say(&format!(
+            "scanner `{}`: {} points read, {} kept, {} outside the trajectory",
+            scanner.name,
+            sample.read,
+            sample.points.len(),
+            sample.outside
+        ));
+        if sample.outside > 0 {
+            progress.warn(&format!(
+                "{:.1} % of the points of scanner `{}` lie outside the trajectory and were left out",
+                100.0 * sample.outside as f64 / sample.read as f64,
+                scanner.name
+            ));
+        }
+    }
+    Ok(found)
+}
+
+/// Opens the profile files of a scanner.
+///
+/// # Errors
+/// What opening finds.
+pub fn open_profiles(scanner: &Scanner) -> Result<Vec<Box<dyn format::ProfileReader>>> {
+    scanner.profiles.iter().map(|path| format::open_profiles(path)).collect()
+}
+
+/// Runs `work` on every job on the available threads; results in the order of the jobs.
+pub fn in_parallel<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync) -> Vec<R> {
+    use rayon::prelude::*;
+    jobs.into_par_iter().map(work).collect()
+}
+
+/// Reads the reference, the project's origin subtracted; empty where the project names none.
+///
+/// # Errors
+/// What the reader finds; a reference without points.
+pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>> {
+    let Some(reference) = &project.reference else { return Ok(Vec::new()) };
+    progress.begin("reading the reference", 0);
+    let mut points = format::read_cloud(&reference.path)?.points;
+    progress.end();
+    if points.is_empty() {
+        return Err(Error::data(
+            format!("{}: the reference has no points", reference.path.display()),
+            "check that the file is the right one and not empty",
+        ));
+    }
+    points.iter_mut().for_each(|point| *point -= project.origin_m);
+    Ok(points)
+}
+
+/// The initial mountings of the project.
+pub fn mountings(project: &Project) -> Vec<Mounting> {
+    project
+        .scanners
+        .iter()
+        .map(|scanner| Mounting {
+            name: scanner.name.clone(),
+            body_from_scanner: scanner.body_from_scanner,
+            convention: scanner.convention,
+            fixed: scanner.fixed,
+        })
+        .collect()
+}
+
+/// Calibrates the project's scanners.
+///
+/// # Errors
+/// See [`calibrate`].
+pub fn calibration(
+    project: &Project,
+    settings: &CalibrationSettings,
+    poses: &Poses,
+    samples: &[ScannerSample],
+    reference: &[Vec3],
+    progress: &dyn Progress,
+) -> Result<Calibration> {
+    let input = Input {
+        mountings: mountings(project),
+        samples: samples.iter().collect(),
+        reference,
+        trajectory: &poses.trajectory,
+        poses: poses.uncertainty(),
+    };
+    calibrate(&input, settings, progress)
+}
+
+/// The project with other mountings.
+pub fn with_mountings(project: &Project, poses: &[Pose]) -> Project {
+    let mut project = project.clone();
+    for (scanner, pose) in project.scanners.iter_mut().zip(poses) {
+        scanner.body_from_scanner = *pose;
+    }
+    project
+}
