@@ -1,0 +1,419 @@
+//! The outcome of a run as the report shows it.
+
+use super::evaluate::{Against, Agreement, Drive};
+use super::{Options, Outcome};
+use crate::calibration::Calibration;
+use crate::geometry::{Pose, so3};
+use crate::project::{Motion, Project};
+use crate::report::content::{
+    Content, CorrelationMatrix, DistanceMap, DistanceRow, DistanceStatistics, DriveTrack, Fact,
+    MapPanel, MapPoint, MethodRun, MountingEstimate, MountingKind, MountingTable, ParameterOrigin,
+    ResidualBlock, ResidualFigure, ResidualSeries, ScaleRun, StageTime, TrajectoryFigure, Verdict,
+};
+
+/// Fills the report.
+pub fn content(project: &Project, outcome: &Outcome, options: &Options) -> Content {
+    let truth = outcome.truth_mountings.as_deref();
+    let named = |calibration: &Option<Calibration>, label: &str| {
+        calibration.as_ref().map(|found| method_run(found, label, truth))
+    };
+    let main = method_run(&outcome.calibration, "reweighted least squares", truth);
+    let mut methods = vec![main];
+    methods.extend(named(&outcome.paper, "as in the paper"));
+    methods.extend(named(&outcome.without_reference, "without reference"));
+    methods.extend(named(&outcome.exact_poses, "with exact poses"));
+    Content {
+        title: format!("Calibration of {}", super::name_of(project)),
+        version: format!("boresight {}", env!("CARGO_PKG_VERSION")),
+        date: String::new(),
+        command: options.command.clone(),
+        project: project.path.display().to_string(),
+        seed: options.seed,
+        summary: summary(project, outcome),
+        inputs: inputs(project, outcome),
+        mountings: mounting_tables(project, outcome),
+        distances: outcome.drives.iter().flat_map(|drive| rows(project, drive)).collect(),
+        trajectory: Some(trajectory(outcome)),
+        maps: outcome.drives.iter().flat_map(|drive| maps(project, drive)).collect(),
+        methods,
+        correlation: correlation(&outcome.calibration),
+        observability: observability(outcome),
+        residuals: residuals(project, &outcome.calibration),
+        stages: outcome
+            .stages
+            .iter()
+            .map(|stage| StageTime { name: stage.name.clone(), seconds: stage.seconds })
+            .collect(),
+        peak_memory_bytes: super::peak_memory_bytes(),
+        warnings: outcome.warnings.clone(),
+    }
+}
+
+fn millimetres(metres: f64) -> String {
+    if metres >= 0.01 {
+        format!("{:.0} mm", metres * 1e3)
+    } else {
+        format!("{:.1} mm", metres * 1e3)
+    }
+}
+
+/// The verdict in words a field crew understands.
+fn summary(project: &Project, outcome: &Outcome) -> Vec<Verdict> {
+    let mut lines = Vec::new();
+    if let Some(drive) = outcome.drives.first() {
+        for found in drive.agreements.iter().filter(|found| found.mounting == MountingKind::Final) {
+            lines.push(agreement_verdict(project, drive, found));
+        }
+    }
+    for drive in outcome.drives.iter().skip(1) {
+        let rmse: Vec<String> = drive
+            .agreements
+            .iter()
+            .filter(|found| found.mounting == MountingKind::Final)
+            .map(|found| format!("{}: {}", found.pair(project), millimetres(found.statistics.rmse_m)))
+            .collect();
+        if !rmse.is_empty() {
+            lines.push(Verdict::good(format!(
+                "On {}, which took no part in the calibration: {}.",
+                drive.name,
+                rmse.join("; ")
+            )));
+        }
+    }
+    if outcome.calibration.converged {
+        lines.push(Verdict::good("The adjustment converged at every scale."));
+    } else {
+        lines.push(Verdict::attention(
+            "The adjustment did not converge at every scale: treat the result with care.",
+        ));
+    }
+    lines.extend(observability(outcome).into_iter().filter(|v| v.status != Default::default()));
+    if let Some(figure) = residuals(project, &outcome.calibration) {
+        lines.push(figure.verdict);
+    }
+    lines
+}
+
+fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Verdict {
+    let before = drive.find(found.scanner, found.against, MountingKind::Initial);
+    let after = found.statistics.rmse_m;
+    let name = |index: usize| project.scanners[index].name.as_str();
+    let text = match found.against {
+        Against::Reference => format!(
+            "Scanner {}: points agree with the reference scan to {}",
+            name(found.scanner),
+            millimetres(after)
+        ),
+        Against::Scanner(other) => format!(
+            "Scanners {} and {} agree with each other to {}",
+            name(other),
+            name(found.scanner),
+            millimetres(after)
+        ),
+    };
+    match before.map(|before| before.statistics.rmse_m) {
+        Some(before) if before < after => Verdict::attention(format!(
+            "{text}: worse than the {} with the initial mounting.",
+            millimetres(before)
+        )),
+        Some(before) => {
+            Verdict::good(format!("{text} (before: {}).", millimetres(before)))
+        }
+        None => Verdict::good(format!("{text}.")),
+    }
+}
+
+fn inputs(project: &Project, outcome: &Outcome) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    let mut fact = |label: &str, value: String| {
+        facts.push(Fact { label: label.into(), value });
+    };
+    match &project.motion {
+        Motion::Logs(logs) => {
+            fact("IMU", logs.imu.path.display().to_string());
+            fact("prism", logs.prism.path.display().to_string());
+            if let Some(heading) = &logs.heading {
+                fact("heading", heading.path.display().to_string());
+            }
+        }
+        Motion::Poses(file) => fact("trajectory", file.path.display().to_string()),
+    }
+    for (name, poses) in &outcome.tracks {
+        if let (Some(first), Some(last)) = (poses.first(), poses.last()) {
+            let seconds = last.time_s - first.time_s;
+            fact(name, format!("{} poses over {seconds:.1} s", poses.len()));
+        }
+    }
+    for scanner in &project.scanners {
+        let files: Vec<_> = scanner.profiles.iter().map(|p| p.display().to_string()).collect();
+        fact(&format!("scanner {}", scanner.name), files.join(", "));
+    }
+    let reference = project.reference.as_ref().map(|r| r.path.display().to_string());
+    fact("reference", reference.unwrap_or_else(|| "none".into()));
+    facts
+}
+
+fn mounting_tables(project: &Project, outcome: &Outcome) -> Vec<MountingTable> {
+    let with = if outcome.without_reference.is_some() { "with reference" } else { "found" };
+    project
+        .scanners
+        .iter()
+        .enumerate()
+        .map(|(index, scanner)| {
+            let mut estimates = vec![MountingEstimate {
+                label: "initial".into(),
+                body_from_scanner: scanner.body_from_scanner,
+                translation_sigma_m: [None; 3],
+                rotation_covariance_rad2: None,
+                origin: [ParameterOrigin::Given; 6],
+                is_result: false,
+            }];
+            if let Some(without) = &outcome.without_reference {
+                estimates.push(estimate(without, index, "without reference", false));
+            }
+            estimates.push(estimate(&outcome.calibration, index, with, true));
+            if let Some(exact) = &outcome.exact_poses {
+                estimates.push(estimate(exact, index, "with exact poses", false));
+            }
+            MountingTable {
+                scanner: scanner.name.clone(),
+                estimates,
+                truth: outcome.truth_mountings.as_ref().map(|truth| truth[index]),
+            }
+        })
+        .collect()
+}
+
+fn estimate(
+    calibration: &Calibration,
+    scanner: usize,
+    label: &str,
+    is_result: bool,
+) -> MountingEstimate {
+    let mounting = &calibration.mountings[scanner];
+    let sigmas = calibration.sigmas(scanner, mounting.convention);
+    let rotation = calibration.covariance.as_ref().map(|covariance| {
+        let body = covariance.fixed_view::<3, 3>(6 * scanner + 3, 6 * scanner + 3);
+        // The page perturbs on the scanner's side: φ = R_bsᵀ ψ.
+        let turn = mounting.body_from_scanner.rotation.to_rotation_matrix();
+        turn.matrix().tr_mul(&body) * turn.matrix()
+    });
+    MountingEstimate {
+        label: label.into(),
+        body_from_scanner: mounting.body_from_scanner,
+        translation_sigma_m: [sigmas[0], sigmas[1], sigmas[2]],
+        rotation_covariance_rad2: rotation,
+        origin: std::array::from_fn(|parameter| {
+            if mounting.fixed[parameter] {
+                ParameterOrigin::Fixed
+            } else if calibration.is_observable(scanner, parameter) {
+                ParameterOrigin::Estimated
+            } else {
+                ParameterOrigin::NotObservable
+            }
+        }),
+        is_result,
+    }
+}
+
+fn rows(project: &Project, drive: &Drive) -> Vec<DistanceRow> {
+    let mut found: Vec<&Agreement> = drive.agreements.iter().collect();
+    found.sort_by_key(|found| {
+        let against = match found.against {
+            Against::Reference => (0, 0),
+            Against::Scanner(other) => (1, other),
+        };
+        (against, found.scanner, found.mounting)
+    });
+    found
+        .into_iter()
+        .map(|found| DistanceRow {
+            pair: found.pair(project),
+            drive: drive.name.clone(),
+            mounting: found.mounting,
+            statistics: DistanceStatistics {
+                mean_m: found.statistics.mean_m,
+                std_m: found.statistics.std_m,
+                rmse_m: found.statistics.rmse_m,
+                median_m: found.statistics.median_m,
+                n: found.statistics.n,
+            },
+        })
+        .collect()
+}
+
+fn maps(project: &Project, drive: &Drive) -> Vec<DistanceMap> {
+    drive
+        .agreements
+        .iter()
+        .filter(|found| found.mounting == MountingKind::Final)
+        .map(|last| {
+            let first = drive.find(last.scanner, last.against, MountingKind::Initial);
+            let panels = first.into_iter().chain([last]).map(|found| MapPanel {
+                mounting: found.mounting,
+                points: found
+                    .distances
+                    .core
+                    .iter()
+                    .filter(|core| core.distance_m.is_finite())
+                    .map(|core| MapPoint {
+                        position_m: [core.point.x, core.point.y],
+                        distance_m: core.distance_m,
+                    })
+                    .collect(),
+            });
+            DistanceMap {
+                pair: last.pair(project),
+                drive: drive.name.clone(),
+                panels: panels.collect(),
+                colour_limit_m: None,
+            }
+        })
+        .collect()
+}
+
+/// Poses drawn of one drive: about ten a second say as much as a hundred.
+const DRAWN_POSES: usize = 3000;
+
+fn trajectory(outcome: &Outcome) -> TrajectoryFigure {
+    TrajectoryFigure {
+        drives: outcome
+            .tracks
+            .iter()
+            .map(|(name, poses)| {
+                let stride = poses.len().div_ceil(DRAWN_POSES).max(1);
+                DriveTrack {
+                    name: name.clone(),
+                    poses: poses.iter().step_by(stride).copied().collect(),
+                }
+            })
+            .collect(),
+        background_m: outcome.background.iter().map(|point| [point.x, point.y]).collect(),
+        outlines: Vec::new(),
+    }
+}
+
+fn method_run(calibration: &Calibration, label: &str, truth: Option<&[Pose]>) -> MethodRun {
+    let scales = calibration.scales.iter().map(|scale| {
+        let errors = truth.map(|truth| {
+            let mut worst = (0.0f64, 0.0f64);
+            for (scanner, (mounting, truth)) in scale.mountings.iter().zip(truth).enumerate() {
+                let found = &mounting.body_from_scanner;
+                let shift = found.translation.vector - truth.translation.vector;
+                let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+                for axis in (0..3).filter(|&axis| calibration.is_observable(scanner, axis)) {
+                    worst.0 = worst.0.max(shift[axis].abs());
+                }
+                worst.1 = worst.1.max(turn.amax());
+            }
+            worst
+        });
+        ScaleRun {
+            voxel_m: scale.voxel_m,
+            points: scale.points + scale.reference_points,
+            neighbourhoods: scale.neighbourhoods,
+            iterations: scale.iterations,
+            cost_m4: scale.costs.clone(),
+            seconds: scale.seconds,
+            max_translation_error_m: errors.map(|worst| worst.0),
+            max_rotation_error_rad: errors.map(|worst| worst.1),
+        }
+    });
+    MethodRun {
+        method: label.into(),
+        converged: calibration.converged,
+        ending: calibration.scales.last().map_or(String::new(), |scale| scale.ending.to_string()),
+        scales: scales.collect(),
+    }
+}
+
+fn correlation(calibration: &Calibration) -> Option<CorrelationMatrix> {
+    let covariance = calibration.covariance.as_ref()?;
+    let size = covariance.nrows();
+    let labels = calibration
+        .mountings
+        .iter()
+        .flat_map(|mounting| {
+            // Rotations here are about the body's axes, whatever the Euler convention.
+            ["tx", "ty", "tz", "ωx", "ωy", "ωz"].map(|name| format!("{} {name}", mounting.name))
+        })
+        .collect();
+    let values = (0..size)
+        .map(|i| {
+            (0..size)
+                .map(|j| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt())
+                .collect()
+        })
+        .collect();
+    Some(CorrelationMatrix { labels, values })
+}
+
+fn observability(outcome: &Outcome) -> Vec<Verdict> {
+    let mut lines = statements(&outcome.calibration, "")
+        .into_iter()
+        .map(Verdict::attention)
+        .collect::<Vec<_>>();
+    if lines.is_empty() {
+        lines.push(Verdict::good("Every free parameter is determined by the data."));
+    }
+    if let Some(without) = &outcome.without_reference {
+        let said = statements(without, " without a reference");
+        lines.extend(said.into_iter().map(Verdict::neutral));
+    }
+    lines
+}
+
+/// What cannot be found, a sentence each.
+pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> {
+    calibration
+        .observability
+        .free
+        .iter()
+        .map(|free| {
+            let mut words = free.words.clone();
+            if let Some(first) = words.get_mut(0..1) {
+                first.make_ascii_uppercase();
+            }
+            format!("{words} cannot be found{circumstance}: held at the initial value.")
+        })
+        .collect()
+}
+
+fn residuals(project: &Project, calibration: &Calibration) -> Option<ResidualFigure> {
+    let constancy = calibration.constancy.as_ref()?;
+    let size = millimetres(constancy.rms_m);
+    let verdict = if constancy.constant {
+        Verdict::good(format!(
+            "The mounting seems constant: residuals along the drive ({size}) are {:.1} times what \
+             the poses' standard deviations explain.",
+            constancy.ratio
+        ))
+    } else {
+        let with = constancy.strongest.filter(|(_, r)| r.abs() > 0.3).map_or(
+            String::new(),
+            |(name, r)| format!(" They go most with {name} (correlation {r:.2})."),
+        );
+        Verdict::attention(format!(
+            "The mounting seems not to be constant: residuals along the drive ({size}) are {:.1} \
+             times what the poses' standard deviations explain.{with}",
+            constancy.ratio
+        ))
+    };
+    let series = project
+        .scanners
+        .iter()
+        .zip(&constancy.blocks)
+        .map(|(scanner, blocks)| ResidualSeries {
+            label: scanner.name.clone(),
+            blocks: blocks
+                .iter()
+                .map(|block| ResidualBlock {
+                    time_s: block.time_s,
+                    mean_m: block.mean_m,
+                    expected_sigma_m: block.expected_sigma_m,
+                })
+                .collect(),
+        })
+        .collect();
+    Some(ResidualFigure { verdict, series })
+}
