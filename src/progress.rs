@@ -12,8 +12,6 @@ pub trait Progress: Sync {
     fn say(&self, message: &str);
     /// One line the user should act on.
     fn warn(&self, message: &str);
-    /// What has been said so far, a line each, for the log of a run.
-    fn log(&self) -> Vec<String>;
 }
 
 /// Reports nothing.
@@ -26,7 +24,4 @@ impl Progress for Silent {
     fn end(&self) {}
     fn say(&self, _message: &str) {}
     fn warn(&self, _message: &str) {}
-    fn log(&self) -> Vec<String> {
-        Vec::new()
-    }
 }

@@ -1,8 +1,10 @@
 //! The stages in order: logs → trajectory → mounting → clouds → comparison → report.
 //!
-//! [`run`] is the whole program on one page.
+//! [`analyse`] is the whole program on one page; [`commands`] are its parts as the command line calls
+//! them.
 
 pub mod clouds;
+pub mod commands;
 pub mod evaluate;
 pub mod page;
 pub mod result;
@@ -21,6 +23,9 @@ use crate::project::{CalibrationSettings, Method, Project};
 use crate::report::{self, content::MountingKind};
 use crate::sensor::PoseRecord;
 use crate::trajectory::Trajectory;
+pub use commands::{
+    Options, Outcome, calibrate, compare, demo, georeference, run, simulate, trajectory,
+};
 use evaluate::Drive;
 use stages::Poses;
 
@@ -33,9 +38,9 @@ pub struct Truth {
     pub trajectory: Trajectory,
 }
 
-/// How to run.
+/// What a run does beside the plain work.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct Extras {
     /// The command as typed, for the report.
     pub command: String,
     /// The seed of every random draw, where there is one.
@@ -57,7 +62,7 @@ pub struct StageSeconds {
 
 /// Everything a run found.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct Findings {
     /// The calibration: with the reference where there is one.
     pub calibration: Calibration,
     /// The same without the reference, where there is one.
@@ -94,12 +99,12 @@ fn timed<T>(stages: &mut Vec<StageSeconds>, name: &str, work: impl FnOnce() -> R
 ///
 /// # Errors
 /// The first thing that any stage finds wrong; `out` then keeps what it held.
-pub fn run(
+pub fn analyse(
     project: &Project,
     out: &Path,
-    options: &Options,
+    extras: &Extras,
     progress: &dyn Progress,
-) -> Result<Outcome> {
+) -> Result<Findings> {
     project.check_files()?;
     let staging = Staging::new(out)?;
     let mut times = Vec::new();
@@ -121,7 +126,7 @@ pub fn run(
             calibrate(&poses, &samples, &[], settings)
         })?),
     };
-    let exact_poses = match &options.truth {
+    let exact_poses = match &extras.truth {
         Some(truth) => Some(timed(&mut times, "calibrate with exact poses", || {
             let exact = Poses::exact(truth.trajectory.clone());
             let samples = stages::samples(project, &exact.trajectory, progress)?;
@@ -129,10 +134,10 @@ pub fn run(
         })?),
         None => None,
     };
-    let paper = match options.paper_voxels_m.is_empty() {
+    let paper = match extras.paper_voxels_m.is_empty() {
         true => None,
         false => Some(timed(&mut times, "calibrate as the paper", || {
-            let voxel_sizes_m = options.paper_voxels_m.clone();
+            let voxel_sizes_m = extras.paper_voxels_m.clone();
             let paper = CalibrationSettings {
                 voxel_sizes_m,
                 method: Method::Paper,
@@ -144,7 +149,7 @@ pub fn run(
     };
     drop(samples);
 
-    let truth = options.truth.as_ref().map(|truth| truth.mountings.clone());
+    let truth = extras.truth.as_ref().map(|truth| truth.mountings.clone());
     let kinds = kinds(project, &calibration, truth.as_deref());
     let found = calibration.poses();
     let kept = timed(&mut times, "georeference", || {
@@ -177,7 +182,7 @@ pub fn run(
         warnings.push("the calibration did not converge at every scale".into());
     }
     warnings.iter().for_each(|warning| progress.warn(warning));
-    let outcome = Outcome {
+    let findings = Findings {
         without_reference,
         exact_poses,
         paper,
@@ -190,9 +195,9 @@ pub fn run(
         warnings,
         calibration,
     };
-    write(project, &poses.trajectory, &outcome, options, &staging, progress)?;
+    write(project, &poses.trajectory, &findings, extras, &staging)?;
     staging.commit()?;
-    Ok(outcome)
+    Ok(findings)
 }
 
 /// The paper reports 50 to 450 iterations a scale.
@@ -264,23 +269,21 @@ fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
 fn write(
     project: &Project,
     trajectory: &Trajectory,
-    outcome: &Outcome,
-    options: &Options,
+    findings: &Findings,
+    extras: &Extras,
     staging: &Staging,
-    progress: &dyn Progress,
 ) -> Result<()> {
     let text = |name: &str, text: &str| {
         let path = staging.path(name);
         std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
     };
     write_trajectory(&staging.path("trajectory.csv"), trajectory, &project.origin_m)?;
-    let calibrated = stages::with_mountings(project, &outcome.calibration.poses());
+    let calibrated = stages::with_mountings(project, &findings.calibration.poses());
     text("calibration.toml", &calibrated.scanners_to_toml()?)?;
     text("project.toml", &project.to_toml()?)?;
-    text("report.html", &report::render(&page::content(project, outcome, options)))?;
-    let document = result::document(project, outcome);
-    text("result.json", &format!("{document:#}\n"))?;
-    text("log.txt", &(progress.log().join("\n") + "\n"))
+    text("report.html", &report::render(&page::content(project, findings, extras)))?;
+    let document = result::document(project, findings);
+    text("result.json", &format!("{document:#}\n"))
 }
 
 /// Writes a trajectory with the project's origin added back.

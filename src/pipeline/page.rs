@@ -1,7 +1,7 @@
-//! The outcome of a run as the report shows it.
+//! The findings of a run as the report shows it.
 
 use super::evaluate::{Against, Agreement, Drive};
-use super::{Options, Outcome};
+use super::{Extras, Findings};
 use crate::calibration::Calibration;
 use crate::geometry::{Pose, so3};
 use crate::project::{Motion, Project};
@@ -12,40 +12,40 @@ use crate::report::content::{
 };
 
 /// Fills the report.
-pub fn content(project: &Project, outcome: &Outcome, options: &Options) -> Content {
-    let truth = outcome.truth_mountings.as_deref();
+pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Content {
+    let truth = findings.truth_mountings.as_deref();
     let named = |calibration: &Option<Calibration>, label: &str| {
         calibration.as_ref().map(|found| method_run(found, label, truth))
     };
-    let main = method_run(&outcome.calibration, "reweighted least squares", truth);
+    let main = method_run(&findings.calibration, "reweighted least squares", truth);
     let mut methods = vec![main];
-    methods.extend(named(&outcome.paper, "as in the paper"));
-    methods.extend(named(&outcome.without_reference, "without reference"));
-    methods.extend(named(&outcome.exact_poses, "with exact poses"));
+    methods.extend(named(&findings.paper, "as in the paper"));
+    methods.extend(named(&findings.without_reference, "without reference"));
+    methods.extend(named(&findings.exact_poses, "with exact poses"));
     Content {
         title: format!("Calibration of {}", super::name_of(project)),
         version: format!("boresight {}", env!("CARGO_PKG_VERSION")),
         date: String::new(),
-        command: options.command.clone(),
+        command: extras.command.clone(),
         project: project.path.display().to_string(),
-        seed: options.seed,
-        summary: summary(project, outcome),
-        inputs: inputs(project, outcome),
-        mountings: mounting_tables(project, outcome),
-        distances: outcome.drives.iter().flat_map(|drive| rows(project, drive)).collect(),
-        trajectory: Some(trajectory(outcome)),
-        maps: outcome.drives.iter().flat_map(|drive| maps(project, drive)).collect(),
+        seed: extras.seed,
+        summary: summary(project, findings),
+        inputs: inputs(project, findings),
+        mountings: mounting_tables(project, findings),
+        distances: findings.drives.iter().flat_map(|drive| rows(project, drive)).collect(),
+        trajectory: Some(trajectory(findings)),
+        maps: findings.drives.iter().flat_map(|drive| maps(project, drive)).collect(),
         methods,
-        correlation: correlation(&outcome.calibration),
-        observability: observability(outcome),
-        residuals: residuals(project, &outcome.calibration),
-        stages: outcome
+        correlation: correlation(&findings.calibration),
+        observability: observability(findings),
+        residuals: residuals(project, &findings.calibration),
+        stages: findings
             .stages
             .iter()
             .map(|stage| StageTime { name: stage.name.clone(), seconds: stage.seconds })
             .collect(),
         peak_memory_bytes: super::peak_memory_bytes(),
-        warnings: outcome.warnings.clone(),
+        warnings: findings.warnings.clone(),
     }
 }
 
@@ -58,14 +58,14 @@ fn millimetres(metres: f64) -> String {
 }
 
 /// The verdict in words a field crew understands.
-fn summary(project: &Project, outcome: &Outcome) -> Vec<Verdict> {
+fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
     let mut lines = Vec::new();
-    if let Some(drive) = outcome.drives.first() {
+    if let Some(drive) = findings.drives.first() {
         for found in drive.agreements.iter().filter(|found| found.mounting == MountingKind::Final) {
             lines.push(agreement_verdict(project, drive, found));
         }
     }
-    for drive in outcome.drives.iter().skip(1) {
+    for drive in findings.drives.iter().skip(1) {
         let rmse: Vec<String> = drive
             .agreements
             .iter()
@@ -80,15 +80,15 @@ fn summary(project: &Project, outcome: &Outcome) -> Vec<Verdict> {
             )));
         }
     }
-    if outcome.calibration.converged {
+    if findings.calibration.converged {
         lines.push(Verdict::good("The adjustment converged at every scale."));
     } else {
         lines.push(Verdict::attention(
             "The adjustment did not converge at every scale: treat the result with care.",
         ));
     }
-    lines.extend(observability(outcome).into_iter().filter(|v| v.status != Default::default()));
-    if let Some(figure) = residuals(project, &outcome.calibration) {
+    lines.extend(observability(findings).into_iter().filter(|v| v.status != Default::default()));
+    if let Some(figure) = residuals(project, &findings.calibration) {
         lines.push(figure.verdict);
     }
     lines
@@ -123,7 +123,7 @@ fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Ver
     }
 }
 
-fn inputs(project: &Project, outcome: &Outcome) -> Vec<Fact> {
+fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
     let mut facts = Vec::new();
     let mut fact = |label: &str, value: String| {
         facts.push(Fact { label: label.into(), value });
@@ -138,7 +138,7 @@ fn inputs(project: &Project, outcome: &Outcome) -> Vec<Fact> {
         }
         Motion::Poses(file) => fact("trajectory", file.path.display().to_string()),
     }
-    for (name, poses) in &outcome.tracks {
+    for (name, poses) in &findings.tracks {
         if let (Some(first), Some(last)) = (poses.first(), poses.last()) {
             let seconds = last.time_s - first.time_s;
             fact(name, format!("{} poses over {seconds:.1} s", poses.len()));
@@ -153,8 +153,8 @@ fn inputs(project: &Project, outcome: &Outcome) -> Vec<Fact> {
     facts
 }
 
-fn mounting_tables(project: &Project, outcome: &Outcome) -> Vec<MountingTable> {
-    let with = if outcome.without_reference.is_some() { "with reference" } else { "found" };
+fn mounting_tables(project: &Project, findings: &Findings) -> Vec<MountingTable> {
+    let with = if findings.without_reference.is_some() { "with reference" } else { "found" };
     project
         .scanners
         .iter()
@@ -168,17 +168,17 @@ fn mounting_tables(project: &Project, outcome: &Outcome) -> Vec<MountingTable> {
                 origin: [ParameterOrigin::Given; 6],
                 is_result: false,
             }];
-            if let Some(without) = &outcome.without_reference {
+            if let Some(without) = &findings.without_reference {
                 estimates.push(estimate(without, index, "without reference", false));
             }
-            estimates.push(estimate(&outcome.calibration, index, with, true));
-            if let Some(exact) = &outcome.exact_poses {
+            estimates.push(estimate(&findings.calibration, index, with, true));
+            if let Some(exact) = &findings.exact_poses {
                 estimates.push(estimate(exact, index, "with exact poses", false));
             }
             MountingTable {
                 scanner: scanner.name.clone(),
                 estimates,
-                truth: outcome.truth_mountings.as_ref().map(|truth| truth[index]),
+                truth: findings.truth_mountings.as_ref().map(|truth| truth[index]),
             }
         })
         .collect()
@@ -275,9 +275,9 @@ fn maps(project: &Project, drive: &Drive) -> Vec<DistanceMap> {
 /// Poses drawn of one drive: about ten a second say as much as a hundred.
 const DRAWN_POSES: usize = 3000;
 
-fn trajectory(outcome: &Outcome) -> TrajectoryFigure {
+fn trajectory(findings: &Findings) -> TrajectoryFigure {
     TrajectoryFigure {
-        drives: outcome
+        drives: findings
             .tracks
             .iter()
             .map(|(name, poses)| {
@@ -288,7 +288,7 @@ fn trajectory(outcome: &Outcome) -> TrajectoryFigure {
                 }
             })
             .collect(),
-        background_m: outcome.background.iter().map(|point| [point.x, point.y]).collect(),
+        background_m: findings.background.iter().map(|point| [point.x, point.y]).collect(),
         outlines: Vec::new(),
     }
 }
@@ -348,15 +348,15 @@ fn correlation(calibration: &Calibration) -> Option<CorrelationMatrix> {
     Some(CorrelationMatrix { labels, values })
 }
 
-fn observability(outcome: &Outcome) -> Vec<Verdict> {
-    let mut lines = statements(&outcome.calibration, "")
+fn observability(findings: &Findings) -> Vec<Verdict> {
+    let mut lines = statements(&findings.calibration, "")
         .into_iter()
         .map(Verdict::attention)
         .collect::<Vec<_>>();
     if lines.is_empty() {
         lines.push(Verdict::good("Every free parameter is determined by the data."));
     }
-    if let Some(without) = &outcome.without_reference {
+    if let Some(without) = &findings.without_reference {
         let said = statements(without, " without a reference");
         lines.extend(said.into_iter().map(Verdict::neutral));
     }

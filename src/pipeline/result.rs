@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::evaluate::{Against, Drive};
-use super::{Outcome, StageSeconds};
+use super::{Findings, StageSeconds};
 use crate::calibration::Calibration;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{EulerConvention, Pose};
@@ -11,39 +11,39 @@ use crate::project::Project;
 use crate::report::content::MountingKind;
 
 /// The whole `result.json`.
-pub fn document(project: &Project, outcome: &Outcome) -> Value {
+pub fn document(project: &Project, findings: &Findings) -> Value {
     let mut document = json!({
         "boresight": env!("CARGO_PKG_VERSION"),
-        "scanners": scanners(project, &outcome.calibration),
-        "calibration": calibration(&outcome.calibration),
-        "evaluation": outcome.drives.first().map_or(Value::Null, |drive| evaluation(project, drive)),
-        "drives": drives(project, &outcome.drives),
-        "stages": stages(&outcome.stages),
-        "warnings": outcome.warnings,
+        "scanners": scanners(project, &findings.calibration),
+        "calibration": calibration(&findings.calibration),
+        "evaluation": findings.drives.first().map_or(Value::Null, |drive| evaluation(project, drive)),
+        "drives": drives(project, &findings.drives),
+        "stages": stages(&findings.stages),
+        "warnings": findings.warnings,
         "peak_memory_bytes": super::peak_memory_bytes(),
     });
-    if let Some(solution) = &outcome.trajectory_solution {
+    if let Some(solution) = &findings.trajectory_solution {
         document["trajectory"] = solution.clone();
     }
-    if let Some(without) = &outcome.without_reference {
+    if let Some(without) = &findings.without_reference {
         document["without_reference"] = json!({
             "scanners": scanners(project, without),
             "calibration": calibration(without),
         });
     }
-    if let Some(exact) = &outcome.exact_poses {
+    if let Some(exact) = &findings.exact_poses {
         document["exact_poses"] = json!({
             "scanners": scanners(project, exact),
             "calibration": calibration(exact),
         });
     }
-    if let Some(paper) = &outcome.paper {
+    if let Some(paper) = &findings.paper {
         document["paper_method"] = json!({
             "scanners": scanners(project, paper),
             "calibration": calibration(paper),
         });
     }
-    if let Some(truth) = &outcome.truth_mountings {
+    if let Some(truth) = &findings.truth_mountings {
         let poses = project.scanners.iter().zip(truth);
         document["truth"] = poses
             .map(|(scanner, pose)| (scanner.name.clone(), json!({"body_from_scanner": pose_json(pose)})))
