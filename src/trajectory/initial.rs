@@ -1,0 +1,433 @@
+//! Where the adjustment starts, from the data alone.
+//!
+//! Prism fixes are smoothed by local parabolas. The gyro is integrated and pulled to the tilt that
+//! makes the specific force agree with the smoothed acceleration and gravity, and to the headings:
+//! once forward to find the gyro bias, once backward so that the start is no longer a guess, once
+//! forward for good.
+
+use super::factors::NodeState;
+use super::timeline::Timeline;
+use crate::error::{Error, Result};
+use crate::geometry::heading::{heading_rad, wrap};
+use crate::geometry::so3::exp;
+use crate::geometry::{Rotation, Vec3};
+use crate::project::TrajectorySettings;
+use crate::sensor::{ImuBias, ImuSample};
+
+/// Fixes either side of a local parabola's middle.
+const PARABOLA_REACH: usize = 2;
+/// Fixes farther away in time do not take part in a parabola, seconds.
+const PARABOLA_REACH_S: f64 = 1.0;
+/// Rate at which the attitude is pulled to the tilt and the headings, 1/s: slow enough to average
+/// the noise of smoothed accelerations, fast enough to hold an uncalibrated gyro within degrees.
+const PULL_PER_S: f64 = 0.5;
+/// Blocks looked at for rest, seconds.
+const REST_BLOCK_S: f64 = 1.0;
+/// Shortest rest that gives a gyro bias, blocks.
+const REST_BLOCKS: usize = 2;
+/// Within a resting block the gyro scatters by less than this many times its datasheet noise plus
+/// [`REST_GYRO_RAD_S`].
+const REST_NOISE_FACTOR: f64 = 3.0;
+/// Scatter of the gyro granted to an idling engine, rad/s.
+const REST_GYRO_RAD_S: f64 = 0.01;
+/// The prism of a resting body stays within this many standard deviations of its mean.
+const REST_PRISM_SIGMAS: f64 = 4.0;
+/// Slower motion gives no direction of travel, m/s.
+const LEAST_SPEED_M_S: f64 = 0.05;
+/// Without headings the prism must have moved this many standard deviations.
+const LEAST_MOVE_SIGMAS: f64 = 50.0;
+
+/// The start values.
+pub(super) struct Initial {
+    pub nodes: Vec<NodeState>,
+    pub bias: ImuBias,
+    /// The rest that gave the gyro bias, seconds from and to.
+    pub rest_s: Option<(f64, f64)>,
+    /// Whether the direction of travel stood in for headings.
+    pub heading_from_motion: bool,
+}
+
+/// Position, velocity and acceleration of the prism at a time.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    time_s: f64,
+    position_m: Vec3,
+    velocity_m_s: Vec3,
+    acceleration_m_s2: Vec3,
+}
+
+/// A body heading to be pulled to.
+#[derive(Debug, Clone, Copy)]
+struct Hint {
+    time_s: f64,
+    heading_rad: f64,
+}
+
+/// Start values of every node.
+///
+/// # Errors
+/// Neither headings nor enough motion to tell where the body points.
+pub(super) fn initial(
+    imu: &[ImuSample],
+    timeline: &Timeline,
+    settings: &TrajectorySettings,
+) -> Result<Initial> {
+    let prism: Vec<(f64, Vec3)> = fixes(timeline);
+    let motion: Vec<Motion> = (0..prism.len()).map(|i| parabola(&prism, i)).collect();
+    let (hints, heading_from_motion) = hints(timeline, &motion, settings)?;
+    let rest = rest(imu, timeline, &prism, settings);
+    let mut gyro_bias = rest.map_or_else(Vec3::zeros, |(_, _, bias)| bias);
+
+    let mut filter = Filter {
+        imu,
+        timeline,
+        motion: &motion,
+        hints: &hints,
+        gravity_m_s2: settings.gravity_m_s2,
+    };
+    let start = filter.level_start(settings);
+    let first = filter.forward(start, &gyro_bias, None);
+    if rest.is_none() {
+        let span = timeline.times_s[timeline.steps()] - timeline.times_s[0];
+        gyro_bias -= first.pulled / span;
+    }
+    let start = filter.backward(first.end, &gyro_bias);
+    let mut rotations = Vec::with_capacity(timeline.times_s.len());
+    filter.forward(start, &gyro_bias, Some(&mut rotations));
+
+    let arm = settings.prism.lever_arm_m;
+    let mut cursor = 0;
+    let nodes = rotations
+        .iter()
+        .enumerate()
+        .map(|(node, rotation)| {
+            let at = interpolated(&motion, &mut cursor, timeline.times_s[node]);
+            let rate = imu[node.min(imu.len() - 1)].gyro_rad_s - gyro_bias;
+            NodeState {
+                rotation: *rotation,
+                position_m: at.position_m - rotation * arm,
+                velocity_m_s: at.velocity_m_s - rotation * rate.cross(&arm),
+            }
+        })
+        .collect();
+    Ok(Initial {
+        nodes,
+        bias: ImuBias {
+            gyro_rad_s: gyro_bias,
+            accel_m_s2: Vec3::zeros(),
+        },
+        rest_s: rest.map(|(from, to, _)| (from, to)),
+        heading_from_motion,
+    })
+}
+
+/// Times and positions of the prism fixes.
+fn fixes(timeline: &Timeline) -> Vec<(f64, Vec3)> {
+    (0..timeline.steps())
+        .flat_map(|step| {
+            timeline
+                .prism_of(step)
+                .iter()
+                .map(move |fix| (timeline.times_s[step] + fix.ahead.rest_s, fix.position_m))
+        })
+        .collect()
+}
+
+/// The parabola through the fixes near fix `middle` by least squares, at its time. With two fixes
+/// it is a line, with one a point.
+fn parabola(prism: &[(f64, Vec3)], middle: usize) -> Motion {
+    let (time_s, position_m) = prism[middle];
+    let first = middle.saturating_sub(PARABOLA_REACH);
+    let last = (middle + PARABOLA_REACH + 1).min(prism.len());
+    let near = || {
+        prism[first..last]
+            .iter()
+            .map(|(t, p)| (t - time_s, p))
+            .filter(|(t, _)| t.abs() <= PARABOLA_REACH_S)
+    };
+    let columns = near().count().min(3);
+    let mut normal = nalgebra::Matrix3::zeros();
+    let mut right = nalgebra::Matrix3::zeros();
+    for (t, p) in near() {
+        let row = Vec3::new(1.0, t, 0.5 * t * t);
+        normal += row * row.transpose();
+        right += row * p.transpose();
+    }
+    for unused in columns..3 {
+        normal.row_mut(unused).fill(0.0);
+        normal.column_mut(unused).fill(0.0);
+        normal[(unused, unused)] = 1.0;
+        right.row_mut(unused).fill(0.0);
+    }
+    let solution = normal.lu().solve(&right).unwrap_or_else(|| {
+        nalgebra::Matrix3::from_rows(&[
+            position_m.transpose(),
+            Vec3::zeros().transpose(),
+            Vec3::zeros().transpose(),
+        ])
+    });
+    Motion {
+        time_s,
+        position_m: solution.row(0).transpose(),
+        velocity_m_s: solution.row(1).transpose(),
+        acceleration_m_s2: solution.row(2).transpose(),
+    }
+}
+
+/// The motion at `time_s`: Hermite between fixes for the position, linear for the rest; at rest
+/// beyond the ends. `cursor` remembers the place and may move either way.
+fn interpolated(motion: &[Motion], cursor: &mut usize, time_s: f64) -> Motion {
+    let still = |m: &Motion| Motion {
+        velocity_m_s: Vec3::zeros(),
+        acceleration_m_s2: Vec3::zeros(),
+        ..*m
+    };
+    let last = motion.len() - 1;
+    if time_s <= motion[0].time_s {
+        return still(&motion[0]);
+    }
+    if time_s >= motion[last].time_s {
+        return still(&motion[last]);
+    }
+    while *cursor + 1 < last && motion[*cursor + 1].time_s <= time_s {
+        *cursor += 1;
+    }
+    while *cursor > 0 && motion[*cursor].time_s > time_s {
+        *cursor -= 1;
+    }
+    let (a, b) = (&motion[*cursor], &motion[*cursor + 1]);
+    let dt = b.time_s - a.time_s;
+    let u = (time_s - a.time_s) / dt;
+    let (u2, u3) = (u * u, u * u * u);
+    Motion {
+        time_s,
+        position_m: a.position_m * (2.0 * u3 - 3.0 * u2 + 1.0)
+            + a.velocity_m_s * (dt * (u3 - 2.0 * u2 + u))
+            + b.position_m * (3.0 * u2 - 2.0 * u3)
+            + b.velocity_m_s * (dt * (u3 - u2)),
+        velocity_m_s: a.velocity_m_s.lerp(&b.velocity_m_s, u),
+        acceleration_m_s2: a.acceleration_m_s2.lerp(&b.acceleration_m_s2, u),
+    }
+}
+
+/// Headings of the body: measured, or where none are, the direction of travel.
+fn hints(
+    timeline: &Timeline,
+    motion: &[Motion],
+    settings: &TrajectorySettings,
+) -> Result<(Vec<Hint>, bool)> {
+    if !timeline.heading.is_empty() {
+        let hints = (0..timeline.steps())
+            .flat_map(|step| {
+                timeline.heading_of(step).iter().map(move |fix| Hint {
+                    time_s: timeline.times_s[step] + fix.ahead.rest_s,
+                    heading_rad: fix.heading_rad,
+                })
+            })
+            .collect();
+        return Ok((hints, false));
+    }
+    let start = motion[0].position_m;
+    let moved = motion
+        .iter()
+        .map(|m| (m.position_m - start).norm())
+        .fold(0.0, f64::max);
+    let needed = LEAST_MOVE_SIGMAS * settings.prism.sigma_m;
+    let hints: Vec<Hint> = motion
+        .iter()
+        .filter(|m| m.velocity_m_s.xy().norm() > LEAST_SPEED_M_S)
+        .map(|m| Hint {
+            time_s: m.time_s,
+            heading_rad: m.velocity_m_s.x.atan2(m.velocity_m_s.y),
+        })
+        .collect();
+    if moved < needed || hints.is_empty() {
+        return Err(Error::data(
+            format!(
+                "there are no headings within the IMU's span, and the prism moves by {moved:.3} m \
+                 only: nothing tells where the body points"
+            ),
+            format!("add a heading log, or a drive of more than {needed:.2} m"),
+        ));
+    }
+    Ok((hints, true))
+}
+
+/// The longest rest (from, to, mean gyro): blocks of a second in which the gyro scatters by its
+/// noise, the prism stays where it is and so do the headings.
+fn rest(
+    imu: &[ImuSample],
+    timeline: &Timeline,
+    prism: &[(f64, Vec3)],
+    settings: &TrajectorySettings,
+) -> Option<(f64, f64, Vec3)> {
+    let (start, end) = (timeline.times_s[0], timeline.times_s[timeline.steps()]);
+    let still = |from: f64, to: f64| {
+        let first = imu.partition_point(|s| s.time_s < from);
+        let samples = &imu[first..imu.partition_point(|s| s.time_s < to)];
+        let fixes = &prism[prism.partition_point(|f| f.0 < from)..];
+        let fixes = &fixes[..fixes.partition_point(|f| f.0 < to)];
+        if samples.len() < 2 || fixes.len() < 2 {
+            return false;
+        }
+        let count = samples.len() as f64;
+        let mean = samples.iter().map(|s| s.gyro_rad_s).sum::<Vec3>() / count;
+        let scatter = samples
+            .iter()
+            .map(|s| (s.gyro_rad_s - mean).norm_squared())
+            .sum::<f64>();
+        let scatter = (scatter / (3.0 * count)).sqrt();
+        let noise = settings.imu.gyro_density / (REST_BLOCK_S / count).sqrt();
+        let middle = fixes.iter().map(|f| f.1).sum::<Vec3>() / fixes.len() as f64;
+        let reach = REST_PRISM_SIGMAS * settings.prism.sigma_m;
+        scatter < REST_NOISE_FACTOR * noise + REST_GYRO_RAD_S
+            && fixes.iter().all(|f| (f.1 - middle).amax() < reach)
+    };
+    let blocks = ((end - start) / REST_BLOCK_S).floor() as usize;
+    let (mut best, mut run) = ((0, 0), 0);
+    for block in 0..blocks {
+        let from = start + block as f64 * REST_BLOCK_S;
+        run = if still(from, from + REST_BLOCK_S) {
+            run + 1
+        } else {
+            0
+        };
+        if run > best.1 {
+            best = (block + 1 - run, run);
+        }
+    }
+    if best.1 < REST_BLOCKS {
+        return None;
+    }
+    let from = start + best.0 as f64 * REST_BLOCK_S;
+    let to = from + best.1 as f64 * REST_BLOCK_S;
+    let first = imu.partition_point(|s| s.time_s < from);
+    let samples = &imu[first..imu.partition_point(|s| s.time_s < to)];
+    let mean = samples.iter().map(|s| s.gyro_rad_s).sum::<Vec3>() / samples.len() as f64;
+    let turned = turned_between(timeline, from, to);
+    let reach = REST_PRISM_SIGMAS * settings.heading.sigma_rad;
+    (turned < 2.0 * reach).then_some((from, to, mean))
+}
+
+/// Largest difference of a heading between two times from the first one.
+fn turned_between(timeline: &Timeline, from: f64, to: f64) -> f64 {
+    let first = timeline.times_s.partition_point(|&t| t < from);
+    let last = timeline
+        .times_s
+        .partition_point(|&t| t < to)
+        .min(timeline.steps());
+    let headings = || (first..last).flat_map(|step| timeline.heading_of(step));
+    let start = headings().next().map_or(0.0, |h| h.heading_rad);
+    headings()
+        .map(|h| wrap(h.heading_rad - start).abs())
+        .fold(0.0, f64::max)
+}
+
+/// The complementary filter.
+struct Filter<'a> {
+    imu: &'a [ImuSample],
+    timeline: &'a Timeline,
+    motion: &'a [Motion],
+    hints: &'a [Hint],
+    gravity_m_s2: f64,
+}
+
+struct Passed {
+    end: Rotation,
+    /// Sum of all pulls, body frame, radians.
+    pulled: Vec3,
+}
+
+impl Filter<'_> {
+    /// Level by the mean specific force of the first second, heading of the first hint.
+    fn level_start(&self, settings: &TrajectorySettings) -> Rotation {
+        let until = self.timeline.times_s[0] + REST_BLOCK_S;
+        let count = self.imu.partition_point(|s| s.time_s < until).max(1);
+        let force = self.imu[..count].iter().map(|s| s.accel_m_s2).sum::<Vec3>();
+        let heading = self.hints[0].heading_rad;
+        let level = settings.axes.level_world_from_body(heading);
+        let tilt = Rotation::rotation_between(&(level * force), &Vec3::z())
+            .unwrap_or_else(Rotation::identity);
+        let rotation = tilt * level;
+        turned_to_heading(&rotation, heading, 1.0)
+    }
+
+    /// The rotation, pulled to the specific force of step `i` for `dt_s`.
+    fn tilted(&self, rotation: &Rotation, i: usize, cursor: &mut usize, dt_s: f64) -> Rotation {
+        let at = interpolated(self.motion, cursor, self.timeline.times_s[i]);
+        let expected = at.acceleration_m_s2 + Vec3::new(0.0, 0.0, self.gravity_m_s2);
+        let seen = rotation * self.imu[i].accel_m_s2;
+        let scale = expected.norm() * seen.norm();
+        if scale == 0.0 {
+            return *rotation;
+        }
+        exp(&(seen.cross(&expected) * (PULL_PER_S * dt_s / scale))) * rotation
+    }
+
+    fn forward(
+        &self,
+        start: Rotation,
+        bias: &Vec3,
+        mut record: Option<&mut Vec<Rotation>>,
+    ) -> Passed {
+        let mut rotation = start;
+        let mut pulled = Vec3::zeros();
+        let (mut cursor, mut hint) = (0, 0);
+        let mut hinted_s = self.timeline.times_s[0];
+        for i in 0..self.imu.len() {
+            if let Some(record) = record.as_deref_mut() {
+                record.push(rotation);
+            }
+            let dt = self.timeline.dt_s(i);
+            let before = rotation;
+            rotation = self.tilted(&rotation, i, &mut cursor, dt);
+            while let Some(at) = self
+                .hints
+                .get(hint)
+                .filter(|h| h.time_s <= self.timeline.times_s[i])
+            {
+                let gain = 1.0 - (-PULL_PER_S * (at.time_s - hinted_s)).exp();
+                rotation = turned_to_heading(&rotation, at.heading_rad, gain);
+                hinted_s = at.time_s;
+                hint += 1;
+            }
+            pulled += (before.inverse() * rotation).scaled_axis();
+            rotation *= exp(&((self.imu[i].gyro_rad_s - bias) * dt));
+            rotation.renormalize_fast();
+        }
+        if let Some(record) = record {
+            record.push(rotation);
+        }
+        Passed {
+            end: rotation,
+            pulled,
+        }
+    }
+
+    /// From the last node back to the first.
+    fn backward(&mut self, end: Rotation, bias: &Vec3) -> Rotation {
+        let mut rotation = end;
+        let (mut cursor, mut hint) = (0, self.hints.len());
+        let mut hinted_s = self.timeline.times_s[self.timeline.steps()];
+        for i in (0..self.imu.len()).rev() {
+            let dt = self.timeline.dt_s(i);
+            rotation *= exp(&((self.imu[i].gyro_rad_s - bias) * -dt));
+            rotation = self.tilted(&rotation, i, &mut cursor, dt);
+            while hint > 0 && self.hints[hint - 1].time_s >= self.timeline.times_s[i] {
+                hint -= 1;
+                let at = self.hints[hint];
+                let gain = 1.0 - (-PULL_PER_S * (hinted_s - at.time_s)).exp();
+                rotation = turned_to_heading(&rotation, at.heading_rad, gain);
+                hinted_s = at.time_s;
+            }
+            rotation.renormalize_fast();
+        }
+        rotation
+    }
+}
+
+/// Turned about the vertical by `gain` times what its heading misses.
+fn turned_to_heading(rotation: &Rotation, heading: f64, gain: f64) -> Rotation {
+    let miss = wrap(heading - heading_rad(rotation));
+    Rotation::from_axis_angle(&Vec3::z_axis(), -gain * miss) * rotation
+}
