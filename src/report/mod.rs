@@ -1,5 +1,20 @@
-//! The report: one page that opens from disk, with the tables and figures of the paper.
+//! The report: one page that opens from disk without a network, with the paper's tables and
+//! figures and a summary in plain words.
+//!
+//! [`content`] says what is shown, as plain data; [`render`] makes the page. Charts are inline SVG
+//! in the colours of the page's style, maps of many points are small PNG images in data URIs.
 
+mod axis;
+mod chart;
 pub mod content;
+mod figures;
+mod html;
+mod maps;
+mod mounting;
+mod number;
+mod page;
+mod raster;
+mod tables;
 
 pub use content::Content;
+pub use page::render;

@@ -1,0 +1,161 @@
+//! Axes of charts: ends, ticks, and thinning of what is drawn over them.
+
+use super::number;
+
+/// One axis.
+#[derive(Debug, Clone)]
+pub struct Axis {
+    /// Quantity and unit, for example "time (s)"; may be empty.
+    pub label: String,
+    /// Lower end.
+    pub min: f64,
+    /// Upper end, above `min`.
+    pub max: f64,
+    /// Logarithmic; then `min` is positive.
+    pub log: bool,
+}
+
+impl Axis {
+    /// A linear axis over the finite ones of `values`.
+    pub fn over(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
+        let (min, max) = range(values).unwrap_or((0.0, 1.0));
+        let spare = if max > min {
+            0.0
+        } else {
+            0.5 * min.abs().max(1.0)
+        };
+        Self {
+            label: label.to_owned(),
+            min: min - spare,
+            max: max + spare,
+            log: false,
+        }
+    }
+
+    /// A linear axis over `values` whose ends are ticks.
+    pub fn rounded(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
+        let mut axis = Self::over(label, values);
+        let step = axis.step(5.0);
+        axis.min = (axis.min / step + 1e-9).floor() * step;
+        axis.max = (axis.max / step - 1e-9).ceil() * step;
+        axis
+    }
+
+    /// A logarithmic axis of whole decades over the positive finite ones of `values`.
+    pub fn decades(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
+        let (min, max) = range(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
+        let low = min.log10().floor();
+        let high = max.log10().ceil().max(low + 1.0);
+        Self {
+            label: label.to_owned(),
+            min: 10f64.powf(low),
+            max: 10f64.powf(high),
+            log: true,
+        }
+    }
+
+    /// Distance of ticks so that about `wanted` intervals fill the axis.
+    fn step(&self, wanted: f64) -> f64 {
+        number::nice_above((self.max - self.min) / wanted)
+    }
+
+    /// Positions and texts of about `wanted` ticks.
+    pub fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
+        if self.log {
+            let low = self.min.log10().round() as i32;
+            let high = self.max.log10().round() as i32;
+            let every = (f64::from(high - low) / wanted).ceil().max(1.0) as usize;
+            return (low..=high)
+                .step_by(every)
+                .map(|e| (10f64.powi(e), number::power(e)))
+                .collect();
+        }
+        let step = self.step(wanted);
+        let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
+        let first = (self.min / step - 1e-6).ceil() as i64;
+        let last = (self.max / step + 1e-6).floor() as i64;
+        (first..=last)
+            .map(|i| {
+                let value = i as f64 * step;
+                (value, number::fixed(value, decimals))
+            })
+            .collect()
+    }
+
+    /// Share of the axis at `value`, 0 at its lower end.
+    pub fn share(&self, value: f64) -> f64 {
+        if self.log {
+            (value / self.min).log10() / (self.max / self.min).log10()
+        } else {
+            (value - self.min) / (self.max - self.min)
+        }
+    }
+}
+
+/// Least and greatest of the finite values.
+pub fn range(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    values
+        .into_iter()
+        .filter(|v| v.is_finite())
+        .fold(None, |range, v| match range {
+            None => Some((v, v)),
+            Some((low, high)) => Some((low.min(v), high.max(v))),
+        })
+}
+
+/// At most about `most` of `points`, the least and greatest y of each stretch kept, so that
+/// peaks stay; gaps stay too.
+pub fn thin(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
+    if points.len() <= most {
+        return points.to_vec();
+    }
+    let stretch = points.len().div_ceil((most / 2).max(1));
+    let mut out = Vec::new();
+    for chunk in points.chunks(stretch) {
+        let by_y = |a: &(usize, &[f64; 2]), b: &(usize, &[f64; 2])| a.1[1].total_cmp(&b.1[1]);
+        let finite = || chunk.iter().enumerate().filter(|(_, p)| p[1].is_finite());
+        let (Some(low), Some(high)) = (finite().min_by(by_y), finite().max_by(by_y)) else {
+            out.push([chunk[0][0], f64::NAN]);
+            continue;
+        };
+        out.push(*if low.0 <= high.0 { low.1 } else { high.1 });
+        if low.0 != high.0 {
+            out.push(*if low.0 < high.0 { high.1 } else { low.1 });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let axis = Axis::rounded("", [-0.37, 1.21]);
+        let ticks = axis.ticks(5.0);
+        assert!(ticks.len() >= 3, "{ticks:?}");
+        assert!(axis.min <= -0.37 && axis.max >= 1.21);
+        assert_eq!(ticks[0].1, "−0.5");
+        let log = Axis::decades("", [3e-9, 0.0, f64::NAN, 2e-5]);
+        assert_eq!(log.ticks(9.0)[0].1, "10⁻⁹");
+        assert!((log.max - 1e-4).abs() < 1e-18);
+    }
+
+    #[test]
+    fn an_axis_over_nothing_or_one_value_has_length() {
+        for values in [vec![], vec![f64::NAN], vec![5.0], vec![0.0, 0.0]] {
+            let axis = Axis::over("", values);
+            assert!(axis.max > axis.min && axis.min.is_finite());
+        }
+    }
+
+    #[test]
+    fn thinning_keeps_peaks() {
+        let mut points: Vec<[f64; 2]> = (0..10_000).map(|i| [f64::from(i), 0.0]).collect();
+        points[7777][1] = 5.0;
+        let thinned = thin(&points, 400);
+        assert!(thinned.len() <= 400);
+        assert!(thinned.contains(&[7777.0, 5.0]));
+    }
+}

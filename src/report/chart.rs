@@ -1,0 +1,346 @@
+//! Charts as inline SVG: a plot area with axes, and what is drawn into it.
+//!
+//! Colours come from the classes of the page's style, so that a chart follows light, dark and
+//! print. Coordinates are finite by construction: what is not finite is a gap.
+
+use super::axis::Axis;
+use super::html::escape;
+
+/// A chart being drawn.
+#[derive(Debug)]
+pub struct Plot {
+    width: f64,
+    height: f64,
+    left: f64,
+    x: Axis,
+    y: Axis,
+    body: String,
+}
+
+const TOP: f64 = 14.0;
+const RIGHT: f64 = 14.0;
+const BOTTOM: f64 = 42.0;
+/// Width of a digit at the size of the tick labels.
+const DIGIT: f64 = 7.2;
+
+impl Plot {
+    /// A chart of `width` × `height` units with grid, ticks and labels.
+    pub fn new(width: f64, height: f64, x: Axis, y: Axis) -> Self {
+        let mut plot = Self::bare(width, height, x, y);
+        plot.draw_x_axis();
+        plot
+    }
+
+    /// As [`Plot::new`], without ticks along x.
+    pub fn bare(width: f64, height: f64, x: Axis, y: Axis) -> Self {
+        let mut plot = Self {
+            width,
+            height,
+            left: left_margin(&y, height),
+            x,
+            y,
+            body: String::new(),
+        };
+        plot.draw_y_axis();
+        plot
+    }
+
+    /// A map: both axes at one scale, `width` units wide and at most `max_height` high.
+    pub fn map(width: f64, max_height: f64, mut x: Axis, mut y: Axis) -> Self {
+        let inner_width = width - left_margin(&y, max_height) - RIGHT;
+        let max_inner = max_height - TOP - BOTTOM;
+        widen(&mut x, 0.03);
+        widen(&mut y, 0.03);
+        let mut unit = inner_width / (x.max - x.min);
+        if (y.max - y.min) * unit > max_inner {
+            unit = max_inner / (y.max - y.min);
+            let spare = inner_width / unit - (x.max - x.min);
+            x.min -= 0.5 * spare;
+            x.max += 0.5 * spare;
+        }
+        // A drive straight east would leave no height for labels.
+        let inner_height = ((y.max - y.min) * unit).max(90.0);
+        let spare = inner_height / unit - (y.max - y.min);
+        y.min -= 0.5 * spare;
+        y.max += 0.5 * spare;
+        // The margin depends on the tick texts; the scale stays equal only if it is kept.
+        let left = width - RIGHT - inner_width;
+        let mut plot = Self {
+            width,
+            height: inner_height + TOP + BOTTOM,
+            left,
+            x,
+            y,
+            body: String::new(),
+        };
+        plot.draw_y_axis();
+        plot.draw_x_axis();
+        plot
+    }
+
+    /// Horizontal position of `value`.
+    pub fn px(&self, value: f64) -> f64 {
+        self.left + self.x.share(value) * (self.width - self.left - RIGHT)
+    }
+
+    /// Vertical position of `value`.
+    pub fn py(&self, value: f64) -> f64 {
+        self.height - BOTTOM - self.y.share(value) * (self.height - TOP - BOTTOM)
+    }
+
+    fn draw_y_axis(&mut self) {
+        let (x0, x1) = (self.left, self.width - RIGHT);
+        for (value, text) in self.y.ticks(y_ticks(self.height)) {
+            let y = self.py(value);
+            self.body.push_str(&format!(
+                "<path class=\"grid\" d=\"M{x0:.1} {y:.1}H{x1:.1}\"/><text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>\n",
+                x0 - 6.0,
+                y + 4.0
+            ));
+        }
+        let middle = 0.5 * (TOP + self.height - BOTTOM);
+        let label = escape(&self.y.label);
+        self.body.push_str(&format!(
+            "<text class=\"label\" transform=\"translate(13 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{label}</text>\n"
+        ));
+    }
+
+    fn draw_x_axis(&mut self) {
+        let (top, bottom) = (TOP, self.height - BOTTOM);
+        let inner = self.width - self.left - RIGHT;
+        // As many ticks as have room for their texts.
+        let widest = |ticks: &[(f64, String)]| {
+            let longest = ticks.iter().map(|(_, text)| text.chars().count()).max();
+            longest.unwrap_or(1) as f64 * DIGIT + 24.0
+        };
+        let mut wanted = 10.0;
+        let mut ticks = self.x.ticks(wanted);
+        while wanted > 2.0 && ticks.len() as f64 * widest(&ticks) > inner {
+            wanted -= 1.0;
+            ticks = self.x.ticks(wanted);
+        }
+        for (value, text) in ticks {
+            let x = self.px(value);
+            self.body.push_str(&format!(
+                "<path class=\"grid\" d=\"M{x:.1} {top:.1}V{bottom:.1}\"/><text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>\n",
+                bottom + 17.0
+            ));
+        }
+        self.x_label();
+    }
+
+    /// Writes the label of the x axis.
+    pub fn x_label(&mut self) {
+        let label = escape(&self.x.label);
+        self.body.push_str(&format!(
+            "<text class=\"label\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>\n",
+            0.5 * (self.left + self.width - RIGHT),
+            self.height - 6.0
+        ));
+    }
+
+    /// Whether a point can be drawn.
+    fn drawable(&self, p: &[f64; 2]) -> bool {
+        let fits = |axis: &Axis, v: f64| v.is_finite() && !(axis.log && v <= 0.0);
+        fits(&self.x, p[0]) && fits(&self.y, p[1])
+    }
+
+    /// A line through `points`, with gaps where one cannot be drawn.
+    pub fn line(&mut self, class: &str, points: &[[f64; 2]]) {
+        let mut path = String::new();
+        for run in points.split(|p| !self.drawable(p)) {
+            for (i, p) in run.iter().enumerate() {
+                let command = if i == 0 { 'M' } else { 'L' };
+                path.push_str(&format!(
+                    "{command}{:.1} {:.1}",
+                    self.px(p[0]),
+                    self.py(p[1])
+                ));
+            }
+        }
+        if !path.is_empty() {
+            self.body
+                .push_str(&format!("<path class=\"line {class}\" d=\"{path}\"/>\n"));
+        }
+    }
+
+    /// A closed outline.
+    pub fn outline(&mut self, class: &str, corners: &[[f64; 2]]) {
+        if corners.is_empty() || !corners.iter().all(|p| self.drawable(p)) {
+            return;
+        }
+        let list: Vec<String> = corners
+            .iter()
+            .map(|p| format!("{:.1},{:.1}", self.px(p[0]), self.py(p[1])))
+            .collect();
+        self.body.push_str(&format!(
+            "<polygon class=\"{class}\" points=\"{}\"/>\n",
+            list.join(" ")
+        ));
+    }
+
+    /// A band between `low` and `high` over x, as (x, low, high), with gaps where one of the
+    /// three cannot be drawn.
+    pub fn band(&mut self, class: &str, points: &[[f64; 3]]) {
+        let bad = |p: &[f64; 3]| !self.drawable(&[p[0], p[1]]) || !self.drawable(&[p[0], p[2]]);
+        let runs: Vec<Vec<[f64; 2]>> = points
+            .split(bad)
+            .map(|run| {
+                let low = run.iter().map(|p| [p[0], p[1]]);
+                low.chain(run.iter().rev().map(|p| [p[0], p[2]])).collect()
+            })
+            .collect();
+        for run in runs {
+            self.outline(class, &run);
+        }
+    }
+
+    /// A dot at each point.
+    pub fn dots(&mut self, class: &str, radius: f64, points: &[[f64; 2]]) {
+        for p in points {
+            if !self.drawable(p) {
+                continue;
+            }
+            self.body.push_str(&format!(
+                "<circle class=\"{class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius}\"/>\n",
+                self.px(p[0]),
+                self.py(p[1])
+            ));
+        }
+    }
+
+    /// A bar from zero to `height` between `x0` and `x1`, in this colour.
+    pub fn bar(&mut self, fill: &str, x0: f64, x1: f64, height: f64) {
+        if !(height > 0.0 && height.is_finite()) {
+            return;
+        }
+        let (left, right) = (self.px(x0), self.px(x1));
+        let (top, bottom) = (self.py(height), self.py(0.0));
+        self.body.push_str(&format!(
+            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{fill}\"/>\n",
+            (right - left).max(0.0),
+            (bottom - top).max(0.0)
+        ));
+    }
+
+    /// An image whose corners are (x0, y0) at the lower left and (x1, y1) at the upper right.
+    pub fn image(&mut self, uri: &str, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) {
+        let (left, top) = (self.px(x0), self.py(y1));
+        self.body.push_str(&format!(
+            "<image x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" preserveAspectRatio=\"none\" href=\"{uri}\"/>\n",
+            self.px(x1) - left,
+            self.py(y0) - top
+        ));
+    }
+
+    /// An arrow of this length in units of the chart, from a point towards a heading (radians,
+    /// clockwise from up).
+    pub fn arrow(&mut self, class: &str, from: [f64; 2], heading_rad: f64, length: f64) {
+        if !self.drawable(&from) || !heading_rad.is_finite() {
+            return;
+        }
+        self.body.push_str(&format!(
+            "<path class=\"{class}\" d=\"M0 0V{:.1}M-3.5 {:.1}L0 {:.1}L3.5 {:.1}\" transform=\"translate({:.1} {:.1}) rotate({:.1})\"/>\n",
+            -length,
+            -length + 5.0,
+            -length,
+            -length + 5.0,
+            self.px(from[0]),
+            self.py(from[1]),
+            heading_rad.to_degrees()
+        ));
+    }
+
+    /// A text centred at a horizontal position (units of the chart) and a height (likewise, from
+    /// the top).
+    pub fn text(&mut self, class: &str, x: f64, y: f64, text: &str) {
+        self.body.push_str(&format!(
+            "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>\n",
+            escape(text)
+        ));
+    }
+
+    /// The height of the lower end of the plot area.
+    pub fn bottom(&self) -> f64 {
+        self.height - BOTTOM
+    }
+
+    /// A vertical line over the whole plot area.
+    pub fn upright(&mut self, class: &str, x: f64) {
+        let (x, bottom) = (self.px(x), self.height - BOTTOM);
+        self.body.push_str(&format!(
+            "<path class=\"{class}\" d=\"M{x:.1} {TOP:.1}V{bottom:.1}\"/>\n"
+        ));
+    }
+
+    /// The finished element; `title` is read aloud in its place.
+    pub fn finish(self, title: &str) -> String {
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n",
+            self.width,
+            self.height,
+            escape(title),
+            self.body
+        )
+    }
+}
+
+/// Ticks along y for a chart of this height.
+fn y_ticks(height: f64) -> f64 {
+    ((height - TOP - BOTTOM) / 38.0).clamp(2.0, 8.0)
+}
+
+/// Room for the tick texts and the label of the y axis.
+fn left_margin(y: &Axis, height: f64) -> f64 {
+    let ticks = y.ticks(y_ticks(height));
+    let longest = ticks.iter().map(|(_, text)| text.chars().count()).max();
+    30.0 + DIGIT * longest.unwrap_or(1) as f64
+}
+
+/// Adds this share of its length to either end of an axis.
+fn widen(axis: &mut Axis, share: f64) {
+    let spare = share * (axis.max - axis.min);
+    axis.min -= spare;
+    axis.max += spare;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_split_a_line_and_never_reach_the_path() {
+        let points = [
+            [0.0, 1.0],
+            [1.0, f64::NAN],
+            [2.0, 3.0],
+            [f64::INFINITY, 1.0],
+        ];
+        let mut plot = Plot::new(
+            400.0,
+            200.0,
+            Axis::over("x", points.map(|p| p[0])),
+            Axis::over("y", points.map(|p| p[1])),
+        );
+        plot.line("s0", &points);
+        let svg = plot.finish("t");
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        let path = svg.split("class=\"line s0\" d=\"").nth(1).unwrap();
+        assert_eq!(path.split('"').next().unwrap().matches('M').count(), 2);
+    }
+
+    #[test]
+    fn a_map_keeps_one_scale_on_both_axes() {
+        for (dx, dy) in [(10.0, 2.0), (2.0, 10.0), (7.5, 6.0), (10.0, 0.01)] {
+            let plot = Plot::map(
+                800.0,
+                500.0,
+                Axis::over("", [0.0, dx]),
+                Axis::over("", [0.0, dy]),
+            );
+            let x = plot.px(1.0) - plot.px(0.0);
+            let y = plot.py(0.0) - plot.py(1.0);
+            assert!((x / y - 1.0).abs() < 1e-9, "{dx} {dy}: {x} {y}");
+        }
+    }
+}

@@ -1,0 +1,312 @@
+//! Figures along the drive: trajectory, pose sigmas, residuals, convergence.
+
+use super::axis::{Axis, thin};
+use super::chart::Plot;
+use super::content::{DriveTrack, MethodRun, ResidualFigure, TrajectoryFigure};
+use super::html::{self, escape};
+use super::number;
+use super::raster::{self, Bounds};
+use crate::geometry::heading::heading_rad;
+
+/// Width of a figure over the whole column.
+const FULL: f64 = 900.0;
+/// Width of one of two figures side by side.
+pub const HALF: f64 = 440.0;
+/// Most vertices of one line.
+const VERTICES: usize = 700;
+
+/// Class of the i-th line of a figure.
+fn series(i: usize) -> String {
+    format!("s{}", i % 6)
+}
+
+/// What is subtracted from large coordinates so that ticks stay short, metres.
+pub fn shift(min: f64) -> f64 {
+    if min.abs() < 10_000.0 {
+        0.0
+    } else {
+        (min / 100.0).floor() * 100.0
+    }
+}
+
+/// Label of a coordinate axis with its shift.
+pub fn coordinate_label(name: &str, shift: f64) -> String {
+    if shift == 0.0 {
+        format!("{name} (m)")
+    } else {
+        let sign = if shift < 0.0 { '+' } else { '−' };
+        format!("{name} {sign} {} m (m)", number::fixed(shift.abs(), 0))
+    }
+}
+
+/// Figure 5: the drives from above.
+pub fn top_view(figure: &TrajectoryFigure) -> String {
+    let position = |d: &DriveTrack| -> Vec<[f64; 2]> {
+        let poses = d.poses.iter();
+        poses
+            .map(|p| p.world_from_body.translation.vector)
+            .map(|t| [t.x, t.y])
+            .collect()
+    };
+    let tracks: Vec<Vec<[f64; 2]>> = figure.drives.iter().map(position).collect();
+    let outlines = figure.outlines.iter().flat_map(|o| &o.corners_m);
+    let all = tracks.iter().flatten().chain(outlines);
+    let all = all.chain(&figure.background_m).copied();
+    let Some(bounds) = Bounds::around(all) else {
+        return String::new();
+    };
+    let [x0, y0] = [shift(bounds.min[0]), shift(bounds.min[1])];
+    let local = |p: &[f64; 2]| [p[0] - x0, p[1] - y0];
+    let mut plot = Plot::map(
+        FULL,
+        640.0,
+        Axis::over(
+            &coordinate_label("east", x0),
+            [bounds.min[0] - x0, bounds.max[0] - x0],
+        ),
+        Axis::over(
+            &coordinate_label("north", y0),
+            [bounds.min[1] - y0, bounds.max[1] - y0],
+        ),
+    );
+    if !figure.background_m.is_empty() {
+        let image = raster::background(&figure.background_m, bounds, 450);
+        plot.image(
+            &image.uri,
+            local(&image.extent.min),
+            local(&image.extent.max),
+        );
+    }
+    for outline in &figure.outlines {
+        let corners: Vec<[f64; 2]> = outline.corners_m.iter().map(local).collect();
+        plot.outline("outline", &corners);
+    }
+    for (i, track) in tracks.iter().enumerate() {
+        let line: Vec<[f64; 2]> = simplify(track, bounds).iter().map(local).collect();
+        plot.line(&series(i), &line);
+        arrows(&mut plot, &figure.drives[i], &series(i), [x0, y0], bounds);
+    }
+    for outline in &figure.outlines {
+        let n = outline.corners_m.len() as f64;
+        let sum = outline.corners_m.iter().map(local);
+        let [x, y] = sum.fold([0.0, 0.0], |a, p| [a[0] + p[0] / n, a[1] + p[1] / n]);
+        if x.is_finite() && y.is_finite() && n > 0.0 {
+            let (x, y) = (plot.px(x), plot.py(y) + 4.0);
+            plot.text("mark", x, y, &outline.label);
+        }
+    }
+    let mut entries: Vec<(String, String)> = figure
+        .drives
+        .iter()
+        .enumerate()
+        .map(|(i, d)| (series(i), d.name.clone()))
+        .collect();
+    if !figure.outlines.is_empty() {
+        entries.push(("outline".into(), "planes".into()));
+    }
+    if !figure.background_m.is_empty() {
+        entries.push(("ground".into(), "reference".into()));
+    }
+    let svg = plot.finish("Trajectories from above");
+    html::figure(
+        &(html::legend(&entries) + &svg),
+        "Trajectories from above; arrows show the body's forward axis. Figure 5 of the paper.",
+    )
+}
+
+/// Leaves out the points that lie within a thousandth of the figure of the last one kept.
+fn simplify(track: &[[f64; 2]], bounds: Bounds) -> Vec<[f64; 2]> {
+    let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
+    let mut out: Vec<[f64; 2]> = Vec::new();
+    for (i, p) in track.iter().enumerate() {
+        let is_near = out
+            .last()
+            .is_some_and(|last| (p[0] - last[0]).hypot(p[1] - last[1]) < 1e-3 * size);
+        if !is_near || i + 1 == track.len() {
+            out.push(*p);
+        }
+    }
+    out
+}
+
+/// Arrows along a drive, evenly by the way driven.
+fn arrows(plot: &mut Plot, drive: &DriveTrack, class: &str, origin: [f64; 2], bounds: Bounds) {
+    let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
+    let spacing = size / 22.0;
+    let mut travelled = f64::INFINITY;
+    let mut last: Option<[f64; 2]> = None;
+    for pose in &drive.poses {
+        let t = pose.world_from_body.translation.vector;
+        let p = [t.x - origin[0], t.y - origin[1]];
+        if let Some(q) = last {
+            travelled += (p[0] - q[0]).hypot(p[1] - q[1]);
+        }
+        if !(p[0].is_finite() && p[1].is_finite()) {
+            continue;
+        }
+        last = Some(p);
+        if travelled >= spacing {
+            travelled = 0.0;
+            let heading = heading_rad(&pose.world_from_body.rotation);
+            plot.arrow(&format!("arrow {class}"), p, heading, 15.0);
+        }
+    }
+}
+
+/// Standard deviations of the poses over time, two charts a drive.
+pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
+    let mut out = String::new();
+    for drive in &figure.drives {
+        let Some(start) = drive.poses.first().map(|p| p.time_s) else {
+            continue;
+        };
+        if !drive.poses.iter().any(|p| p.sigma.is_some()) {
+            continue;
+        }
+        let curve = |pick: &dyn Fn(&crate::sensor::PoseSigma) -> f64| -> Vec<[f64; 2]> {
+            let points = drive.poses.iter().map(|p| {
+                let value = p.sigma.as_ref().map_or(f64::NAN, pick);
+                [p.time_s - start, value]
+            });
+            thin(&points.collect::<Vec<_>>(), VERTICES)
+        };
+        let position: [Vec<[f64; 2]>; 3] =
+            std::array::from_fn(|axis| curve(&move |s| s.position_m[axis] * 1e3));
+        let rotation: [Vec<[f64; 2]>; 3] =
+            std::array::from_fn(|axis| curve(&move |s| s.rotation_rad[axis].to_degrees()));
+        let chart = |curves: &[Vec<[f64; 2]>; 3], label: &str, names: [&str; 3]| {
+            let values = curves.iter().flatten();
+            let y = Axis::rounded(label, values.clone().map(|p| p[1]).chain([0.0]));
+            let x = Axis::over("time (s)", values.map(|p| p[0]));
+            let mut plot = Plot::new(HALF, 240.0, x, y);
+            let mut entries = Vec::new();
+            for (i, curve) in curves.iter().enumerate() {
+                plot.line(&format!("{} fine", series(i)), curve);
+                entries.push((series(i), names[i].to_owned()));
+            }
+            html::legend(&entries) + &plot.finish(label)
+        };
+        let left = chart(&position, "σ of position (mm)", ["east", "north", "up"]);
+        let right = chart(
+            &rotation,
+            "σ of rotation (°)",
+            ["about east", "about north", "about up (heading)"],
+        );
+        out.push_str(&html::figure(
+            &format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n"),
+            &format!(
+                "Standard deviations of the poses of {}, as the trajectory stage claims them.",
+                escape(&drive.name)
+            ),
+        ));
+    }
+    out
+}
+
+/// Cost over iterations, every scale in its own column of one logarithmic chart.
+pub fn convergence(run: &MethodRun) -> String {
+    let costs = run.scales.iter().flat_map(|s| &s.cost_m4).copied();
+    if !costs.clone().any(|c| c.is_finite() && c > 0.0) {
+        return String::new();
+    }
+    let columns = run.scales.len() as f64;
+    let x = Axis {
+        label: "voxel size, iterations".into(),
+        min: 0.0,
+        max: columns,
+        log: false,
+    };
+    let y = Axis::decades("cost Σσ² (m⁴)", costs);
+    let mut plot = Plot::bare(FULL, 290.0, x, y);
+    for (i, scale) in run.scales.iter().enumerate() {
+        let left = i as f64;
+        if i > 0 {
+            plot.upright("grid", left);
+        }
+        let steps = scale.cost_m4.len().max(2) as f64 - 1.0;
+        let curve: Vec<[f64; 2]> = scale
+            .cost_m4
+            .iter()
+            .enumerate()
+            .map(|(j, c)| [left + 0.12 + 0.76 * j as f64 / steps, *c])
+            .collect();
+        plot.line(&series(0), &curve);
+        if curve.len() <= 40 {
+            plot.dots(&format!("dot {}", series(0)), 3.0, &curve);
+        }
+        let (x, y) = (plot.px(left + 0.5), plot.bottom() + 17.0);
+        let text = format!("{} · {}", number::voxel(scale.voxel_m), scale.iterations);
+        plot.text("tick", x, y, &text);
+    }
+    plot.x_label();
+    html::figure(
+        &plot.finish("Cost over iterations"),
+        &format!(
+            "Cost over the iterations, method {}: one column a scale, the first dot before the first iteration. Each scale has its own points, so only the fall within a column counts.",
+            escape(&run.method)
+        ),
+    )
+}
+
+/// Mean residuals along the drive with the band that poses and noise explain.
+pub fn residuals(figure: &ResidualFigure) -> String {
+    let mut out = html::verdicts(std::slice::from_ref(&figure.verdict));
+    let blocks = || figure.series.iter().flat_map(|s| &s.blocks);
+    if blocks().next().is_none() {
+        return out;
+    }
+    let ends = blocks().flat_map(|b| {
+        let bound = 2e3 * b.expected_sigma_m;
+        let mean = 1e3 * b.mean_m;
+        [-bound, bound, mean, -mean, -0.5, 0.5]
+    });
+    let y = Axis::rounded("mean residual (mm)", ends);
+    let start = blocks().map(|b| b.time_s).fold(f64::INFINITY, f64::min);
+    let start = if start.is_finite() { start } else { 0.0 };
+    let x = Axis::over("time (s)", blocks().map(|b| b.time_s - start));
+    let entries = [
+        ("band".to_owned(), "expected, ± 2 σ".to_owned()),
+        ("s0".to_owned(), "mean of the block".to_owned()),
+        ("s1".to_owned(), "outside".to_owned()),
+    ];
+    let mut charts = String::new();
+    for line in &figure.series {
+        let mut plot = Plot::new(FULL, 210.0, x.clone(), y.clone());
+        let band: Vec<[f64; 3]> = line
+            .blocks
+            .iter()
+            .map(|b| {
+                let bound = 2e3 * b.expected_sigma_m;
+                [b.time_s - start, -bound, bound]
+            })
+            .collect();
+        plot.band("band", &band);
+        plot.line("zero", &[[x.min, 0.0], [x.max, 0.0]]);
+        let (outside, inside): (Vec<_>, Vec<_>) = line
+            .blocks
+            .iter()
+            .partition(|b| b.mean_m.abs() > 2.0 * b.expected_sigma_m);
+        let points = |list: &[&super::content::ResidualBlock]| -> Vec<[f64; 2]> {
+            let shown = list.iter().map(|b| [b.time_s - start, 1e3 * b.mean_m]);
+            shown.collect()
+        };
+        let curve = points(&line.blocks.iter().collect::<Vec<_>>());
+        plot.line("s0 fine", &thin(&curve, VERTICES));
+        if line.blocks.len() <= VERTICES {
+            plot.dots("dot s0", 2.6, &points(&inside));
+            plot.dots("dot s1", 3.0, &points(&outside));
+        }
+        charts.push_str(&format!(
+            "<h4>{}: {} of {} blocks outside</h4>\n{}",
+            escape(&line.label),
+            outside.len(),
+            line.blocks.len(),
+            plot.finish(&line.label)
+        ));
+    }
+    out.push_str(&html::figure(
+        &(html::legend(&entries) + &charts),
+        "Mean residual in blocks of time. Where the mounting is constant, about 95 % of the dots lie in the band; a pattern along the drive says that the mounting moves or that poses err more than they claim.",
+    ));
+    out
+}

@@ -1,0 +1,89 @@
+//! Small pieces of HTML. Every text from outside goes through [`escape`].
+
+use super::content::{Status, Verdict};
+
+/// `text` with everything that HTML or XML would read as markup replaced, and control characters
+/// shown as the replacement character.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            '\n' | '\t' => out.push(c),
+            c if c.is_control() => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// One section with its heading (text); nothing where the body is empty.
+pub fn section(id: &str, heading: &str, body: &str) -> String {
+    if body.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<section id=\"{id}\">\n<h2>{}</h2>\n{body}</section>\n",
+        escape(heading)
+    )
+}
+
+/// A figure with its caption (markup).
+pub fn figure(body: &str, caption: &str) -> String {
+    format!("<figure>\n{body}<figcaption>{caption}</figcaption>\n</figure>\n")
+}
+
+/// A table from finished rows, which may scroll sideways on a narrow screen.
+pub fn table(class: &str, head: &str, body: &str) -> String {
+    format!(
+        "<div class=\"scroll\"><table class=\"{class}\">\n<thead>\n{head}</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+    )
+}
+
+/// A row of column headings (markup).
+pub fn head(cells: &[&str]) -> String {
+    let mut out = String::from("<tr>");
+    for cell in cells {
+        out.push_str(&format!("<th scope=\"col\">{cell}</th>"));
+    }
+    out.push_str("</tr>\n");
+    out
+}
+
+/// Statements as a list, each with its sign.
+pub fn verdicts(list: &[Verdict]) -> String {
+    if list.is_empty() {
+        return String::new();
+    }
+    let mut out = String::from("<ul class=\"verdicts\">\n");
+    for verdict in list {
+        let (class, sign, word) = match verdict.status {
+            Status::Good => ("good", "✓", "good"),
+            Status::Attention => ("attention", "!", "attention"),
+            Status::Neutral => ("neutral", "·", "note"),
+        };
+        out.push_str(&format!(
+            "<li class=\"{class}\"><span class=\"sign\" role=\"img\" aria-label=\"{word}\">{sign}</span><span>{}</span></li>\n",
+            escape(&verdict.text)
+        ));
+    }
+    out.push_str("</ul>\n");
+    out
+}
+
+/// A legend: colour class and text of each entry.
+pub fn legend(entries: &[(String, String)]) -> String {
+    let mut out = String::from("<ul class=\"legend\">");
+    for (class, text) in entries {
+        out.push_str(&format!(
+            "<li><span class=\"swatch {class}\"></span>{}</li>",
+            escape(text)
+        ));
+    }
+    out.push_str("</ul>\n");
+    out
+}

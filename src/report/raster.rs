@@ -1,0 +1,263 @@
+//! Maps of many points as small PNG images in data URIs.
+
+use super::axis;
+use base64::Engine as _;
+
+/// Colours of a diverging scale, from −1 to 1.
+const LEVELS: usize = 41;
+/// Index of the colour of background points, after the scale; the next is transparent.
+const BACKGROUND: u8 = LEVELS as u8;
+const EMPTY: u8 = BACKGROUND + 1;
+
+/// The colour of `t` in [−1, 1]: blue below, grey at zero, red above; clamped beyond.
+pub fn diverging(t: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 7] = [
+        [16.0, 52.0, 120.0],
+        [38.0, 110.0, 190.0],
+        [126.0, 180.0, 218.0],
+        [214.0, 213.0, 205.0],
+        [240.0, 164.0, 116.0],
+        [204.0, 74.0, 62.0],
+        [122.0, 14.0, 40.0],
+    ];
+    let at = if t.is_nan() { 0.0 } else { t.clamp(-1.0, 1.0) };
+    let place = (at + 1.0) * 0.5 * (STOPS.len() - 1) as f64;
+    let i = (place.floor() as usize).min(STOPS.len() - 2);
+    let f = place - i as f64;
+    std::array::from_fn(|c| (STOPS[i][c] * (1.0 - f) + STOPS[i + 1][c] * f).round() as u8)
+}
+
+/// As [`diverging`], as a colour of a style sheet.
+pub fn diverging_css(t: f64) -> String {
+    let [r, g, b] = diverging(t);
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// A rectangle of the ground, east and north, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// South-west corner.
+    pub min: [f64; 2],
+    /// North-east corner.
+    pub max: [f64; 2],
+}
+
+impl Bounds {
+    /// The least rectangle around the finite ones of `points`; `None` where there is none.
+    pub fn around(points: impl Iterator<Item = [f64; 2]> + Clone) -> Option<Self> {
+        let finite = points.filter(|p| p[0].is_finite() && p[1].is_finite());
+        let (x0, x1) = axis::range(finite.clone().map(|p| p[0]))?;
+        let (y0, y1) = axis::range(finite.map(|p| p[1]))?;
+        // A single point or a line still needs an area.
+        let spare = 1e-3f64.max(1e-3 * (x1 - x0).max(y1 - y0));
+        Some(Self {
+            min: [x0 - spare, y0 - spare],
+            max: [x1 + spare, y1 + spare],
+        })
+    }
+
+    fn size(&self) -> [f64; 2] {
+        [self.max[0] - self.min[0], self.max[1] - self.min[1]]
+    }
+}
+
+/// A grid of pixels over `bounds`.
+struct Grid {
+    bounds: Bounds,
+    width: usize,
+    height: usize,
+    pixel_m: f64,
+}
+
+impl Grid {
+    /// At most `most` pixels in either direction.
+    fn new(bounds: Bounds, most: usize) -> Self {
+        let [dx, dy] = bounds.size();
+        let pixel_m = dx.max(dy) / most as f64;
+        let pixels = |length: f64| ((length / pixel_m).ceil() as usize).clamp(1, most);
+        Self {
+            bounds,
+            width: pixels(dx),
+            height: pixels(dy),
+            pixel_m,
+        }
+    }
+
+    /// Column and row (from the north) of a point, where it lies inside.
+    fn pixel(&self, p: [f64; 2]) -> Option<(usize, usize)> {
+        let column = (p[0] - self.bounds.min[0]) / self.pixel_m;
+        let row = (self.bounds.max[1] - p[1]) / self.pixel_m;
+        let inside = column >= 0.0 && row >= 0.0;
+        let (column, row) = (column as usize, row as usize);
+        (inside && column < self.width && row < self.height).then_some((column, row))
+    }
+
+    /// Half the edge of the square that a point paints, in pixels, so that neighbours touch:
+    /// from the area the points cover and their number.
+    fn reach(&self, points: impl Iterator<Item = [f64; 2]> + Clone) -> usize {
+        let coarse = Self::new(self.bounds, 40);
+        let mut seen = vec![false; coarse.width * coarse.height];
+        let mut n = 0usize;
+        for (column, row) in points.filter_map(|p| coarse.pixel(p)) {
+            seen[row * coarse.width + column] = true;
+            n += 1;
+        }
+        let covered = seen.iter().filter(|s| **s).count() as f64 * coarse.pixel_m.powi(2);
+        let spacing = (covered / n.max(1) as f64).sqrt();
+        // Irregular points need a little more than half their mean spacing.
+        ((0.6 * spacing / self.pixel_m).round() as usize).min(6)
+    }
+
+    /// The grid's north-west aligned extent on the ground: the image covers whole pixels.
+    fn extent(&self) -> Bounds {
+        Bounds {
+            min: [
+                self.bounds.min[0],
+                self.bounds.max[1] - self.height as f64 * self.pixel_m,
+            ],
+            max: [
+                self.bounds.min[0] + self.width as f64 * self.pixel_m,
+                self.bounds.max[1],
+            ],
+        }
+    }
+}
+
+/// An image and the ground it covers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Raster {
+    /// Data URI of a PNG.
+    pub uri: String,
+    /// Its corners.
+    pub extent: Bounds,
+}
+
+/// Points (east, north, value) coloured by value / `limit`, on at most `most` pixels in either
+/// direction; a pixel shows the mean of the points that cover it.
+pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: usize) -> Raster {
+    let grid = Grid::new(bounds, most);
+    let usable = points.iter().filter(|(_, v)| v.is_finite());
+    let reach = grid.reach(usable.clone().map(|(p, _)| *p));
+    let mut sum = vec![(0.0f64, 0u32); grid.width * grid.height];
+    for (p, value) in usable {
+        let Some((column, row)) = grid.pixel(*p) else {
+            continue;
+        };
+        for r in row.saturating_sub(reach)..=(row + reach).min(grid.height - 1) {
+            for c in column.saturating_sub(reach)..=(column + reach).min(grid.width - 1) {
+                let cell = &mut sum[r * grid.width + c];
+                cell.0 += value;
+                cell.1 += 1;
+            }
+        }
+    }
+    let pixels = sum.iter().map(|&(total, n)| {
+        if n == 0 {
+            return EMPTY;
+        }
+        let t = (total / f64::from(n) / limit).clamp(-1.0, 1.0);
+        ((t + 1.0) * 0.5 * (LEVELS - 1) as f64).round() as u8
+    });
+    raster(&grid, pixels.collect())
+}
+
+/// Points in a pale grey that suits light and dark.
+pub fn background(points: &[[f64; 2]], bounds: Bounds, most: usize) -> Raster {
+    let grid = Grid::new(bounds, most);
+    let mut pixels = vec![EMPTY; grid.width * grid.height];
+    for (column, row) in points.iter().filter_map(|p| grid.pixel(*p)) {
+        pixels[row * grid.width + column] = BACKGROUND;
+    }
+    raster(&grid, pixels)
+}
+
+fn raster(grid: &Grid, pixels: Vec<u8>) -> Raster {
+    let png = encode(grid.width as u32, grid.height as u32, &pixels);
+    let text = base64::engine::general_purpose::STANDARD.encode(png);
+    Raster {
+        uri: format!("data:image/png;base64,{text}"),
+        extent: grid.extent(),
+    }
+}
+
+/// An indexed PNG over the palette of this module.
+fn encode(width: u32, height: u32, pixels: &[u8]) -> Vec<u8> {
+    let mut palette = Vec::with_capacity(3 * usize::from(EMPTY + 1));
+    for level in 0..LEVELS {
+        let t = 2.0 * level as f64 / (LEVELS - 1) as f64 - 1.0;
+        palette.extend_from_slice(&diverging(t));
+    }
+    palette.extend_from_slice(&[128, 136, 146, 0, 0, 0]);
+    let mut alpha = vec![255u8; LEVELS];
+    alpha.extend_from_slice(&[90, 0]);
+
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_palette(palette);
+    encoder.set_trns(alpha);
+    encoder.set_compression(png::Compression::High);
+    // Filters help smooth photographs; on palette indices they hinder.
+    encoder.set_filter(png::Filter::NoFilter);
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(pixels));
+    written.expect("the size is positive, matches the pixels, and memory takes every byte");
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decode(uri: &str) -> (u32, u32, Vec<u8>) {
+        let text = uri.strip_prefix("data:image/png;base64,").unwrap();
+        let bytes = base64::engine::general_purpose::STANDARD
+            .decode(text)
+            .unwrap();
+        let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+        decoder.set_transformations(png::Transformations::IDENTITY);
+        let mut reader = decoder.read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        (info.width, info.height, pixels)
+    }
+
+    #[test]
+    fn the_scale_is_blue_below_grey_at_zero_red_above() {
+        let [low, zero, high] = [diverging(-1.0), diverging(0.0), diverging(1.0)];
+        assert!(low[2] > low[0] && high[0] > high[2]);
+        assert!(zero.iter().all(|c| (200..=220).contains(c)));
+        assert_eq!(diverging(7.0), high);
+        assert_eq!(diverging(f64::NAN), zero);
+    }
+
+    #[test]
+    fn north_is_up_and_colours_stand_where_the_points_are() {
+        let points = [
+            ([0.0, 0.0], -1.0),
+            ([10.0, 5.0], 1.0),
+            ([5.0, 2.0], f64::NAN),
+        ];
+        let bounds = Bounds::around(points.iter().map(|(p, _)| *p)).unwrap();
+        let raster = coloured(&points, 1.0, bounds, 100);
+        let (width, height, pixels) = decode(&raster.uri);
+        assert_eq!((width, height), (100, 51));
+        let painted = |level: u8| {
+            let mut all = pixels.iter().enumerate().filter(|(_, p)| **p == level);
+            all.next()
+                .map(|(i, _)| (i as u32 % width, i as u32 / width))
+        };
+        let (west, south) = painted(0).unwrap();
+        let (east, north) = painted(LEVELS as u8 - 1).unwrap();
+        assert!(west < 10 && south > 40 && east > 90 && north < 10);
+        assert_eq!(painted(LEVELS as u8 / 2), None);
+    }
+
+    #[test]
+    fn nothing_to_draw_has_no_bounds() {
+        assert_eq!(Bounds::around([[f64::NAN, 0.0]].into_iter()), None);
+        assert_eq!(Bounds::around(std::iter::empty()), None);
+    }
+}
