@@ -9,6 +9,7 @@ use crate::project::ComparisonSettings;
 
 /// Measure the distances between two clouds along their normals (M3C2)
 #[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
 pub(super) struct Compare {
     /// The cloud to judge
     cloud: PathBuf,

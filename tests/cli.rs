@@ -1,0 +1,201 @@
+//! The command line through the real binary.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::{boresight, project_of_logs};
+
+#[test]
+fn help_names_every_command_and_the_exit_codes() {
+    let run = boresight(&["--help"]);
+    assert_eq!(run.code, 0);
+    for name in [
+        "demo",
+        "simulate",
+        "inspect",
+        "trajectory",
+        "calibrate",
+        "georeference",
+        "compare",
+        "run",
+    ] {
+        assert!(
+            run.out.contains(&format!("\n  {name} ")),
+            "{name}: {}",
+            run.out
+        );
+    }
+    assert!(
+        run.out
+            .contains("Exit codes: 0 done, 1 failed, 2 wrong use"),
+        "{}",
+        run.out
+    );
+    for flag in ["--json", "--threads", "--seed", "--quiet", "--verbose"] {
+        assert!(run.out.contains(flag), "{flag}: {}", run.out);
+    }
+}
+
+#[test]
+fn every_command_that_writes_takes_a_folder() {
+    for name in [
+        "demo",
+        "simulate",
+        "trajectory",
+        "calibrate",
+        "georeference",
+        "compare",
+        "run",
+    ] {
+        let run = boresight(&[name, "--help"]);
+        assert_eq!(run.code, 0, "{name}: {}", run.err);
+        assert!(run.out.contains("--out <DIR>"), "{name}: {}", run.out);
+    }
+}
+
+#[test]
+fn the_version_is_that_of_the_package() {
+    let run = boresight(&["--version"]);
+    assert_eq!(run.code, 0);
+    assert_eq!(
+        run.out,
+        format!("boresight {}\n", env!("CARGO_PKG_VERSION"))
+    );
+}
+
+#[test]
+fn wrong_use_exits_2_and_says_what_is_known() {
+    let cases: [(&[&str], &str); 8] = [
+        (&[], "Usage: boresight"),
+        (&["calibrat"], "'calibrate'"),
+        (&["run"], "<PROJECT>"),
+        (&["run", "p.toml", "--jsn"], "'--json'"),
+        (
+            &["run", "p.toml", "--threads", "0"],
+            "0 is not in 1..=65535",
+        ),
+        (&["simulate"], "--out <DIR>"),
+        (
+            &["inspect", "p.toml", "--quiet", "-v"],
+            "cannot be used with",
+        ),
+        (
+            &["compare", "a", "b", "--cylinder-radius-m", "-1"],
+            "--cylinder-radius-m",
+        ),
+    ];
+    for (arguments, expected) in cases {
+        let run = boresight(arguments);
+        assert_eq!(run.code, 2, "{arguments:?}: {}", run.err);
+        assert!(run.err.contains(expected), "{arguments:?}: {}", run.err);
+        assert_eq!(run.out, "", "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_mistyped_key_is_named_with_file_line_and_the_nearest_key() {
+    let folder = project_of_logs();
+    let path = folder.path().join("project.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replace("lever_arm_m", "leverarm_m")).unwrap();
+    for command in ["inspect", "trajectory", "calibrate", "georeference", "run"] {
+        let run = boresight(&[command, path.to_str().unwrap()]);
+        assert_eq!(run.code, 1);
+        assert_eq!(run.out, "");
+        assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
+        assert!(
+            run.err.contains(
+                "project.toml, line 6: found the unknown key `leverarm_m`, expected `lever_arm_m`"
+            ),
+            "{}",
+            run.err
+        );
+    }
+}
+
+#[test]
+fn errors_are_one_json_document_where_json_is_asked_for() {
+    let folder = project_of_logs();
+    let path = folder.path().join("project.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replace("lever_arm_m", "leverarm_m")).unwrap();
+    let run = boresight(&["run", path.to_str().unwrap(), "--json"]);
+    assert_eq!(run.code, 1);
+    let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(document["error"]["line"], 6);
+    assert_eq!(document["error"]["found"], "the unknown key `leverarm_m`");
+    assert!(
+        document["error"]["file"]
+            .as_str()
+            .unwrap()
+            .ends_with("project.toml")
+    );
+}
+
+#[test]
+fn a_missing_project_file_is_named() {
+    let run = boresight(&["run", "nowhere/project.toml"]);
+    assert_eq!(run.code, 1);
+    assert!(
+        run.err.starts_with("error: nowhere/project.toml: "),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
+fn a_missing_log_is_named_with_its_key_and_line_and_nothing_is_written() {
+    let folder = project_of_logs();
+    let path = folder.path().join("project.toml");
+    fs::remove_file(folder.path().join("prism.csv")).unwrap();
+    for command in ["inspect", "trajectory", "calibrate", "georeference", "run"] {
+        let run = boresight(&[command, path.to_str().unwrap()]);
+        assert_eq!(run.code, 1);
+        assert!(
+            run.err
+                .contains("project.toml, line 5: found prism.file = "),
+            "{}",
+            run.err
+        );
+        assert!(run.err.contains("prism.csv"), "{}", run.err);
+    }
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
+    let folder = project_of_logs();
+    let path = folder.path().join("project.toml");
+    let run = boresight(&["inspect", path.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    for expected in [
+        "body axes               FRD: x forward, y right, z down",
+        "gravity                 9.81 m/s²",
+        "gyro noise              0.15 °/√h = 4.363e-5 rad/s/√Hz",
+        "lever arm in the body   0.1, 0.05, -0.55 m",
+        "rotation to start       -145, 0, 90 ° (bonn, the project's)",
+        "voxel sizes             50, 40, 30, 20, 10, 5 mm",
+        "1. estimate the trajectory from IMU and prism",
+        "2. calibrate left against each other and themselves; without a reference their common \
+         height cannot be found and is held",
+        "cloud-left.laz",
+    ] {
+        assert!(run.out.contains(expected), "{expected}\n{}", run.out);
+    }
+    assert_eq!(run.err, "");
+}
+
+#[test]
+fn inspect_as_json_gives_the_resolved_project() {
+    let folder = project_of_logs();
+    let path = folder.path().join("project.toml");
+    let run = boresight(&["inspect", path.to_str().unwrap(), "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    let project = &document["files"][0]["project"];
+    assert_eq!(project["prism"]["sigma_m"], 0.005);
+    assert_eq!(project["calibration"]["neighbours"], 50);
+    let profiles = project["scanner"][0]["profiles"].as_str().unwrap();
+    assert_eq!(Path::new(profiles), folder.path().join("left.csv"));
+}
