@@ -168,23 +168,15 @@ fn smoothed_part(
             .vector
             + placed.arm[l];
         let turning = -(point.world_from_body * so3::hat(&lever));
-        for (scanner, rows) in gradients.iter().enumerate() {
-            let rotation = rows[l] * turning;
-            for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
+        for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
+            let block = functional.block_mut(node);
+            for (scanner, rows) in gradients.iter().enumerate() {
+                let rotation = rows[l] * turning;
                 for row in 0..6 {
+                    let entries = &mut block[6 * (6 * scanner + row)..][..6];
                     for axis in 0..3 {
-                        functional.add(
-                            6 * scanner + row,
-                            node,
-                            axis,
-                            rotation[(row, axis)] * share,
-                        );
-                        functional.add(
-                            6 * scanner + row,
-                            node,
-                            3 + axis,
-                            rows[l][(row, axis)] * share,
-                        );
+                        entries[axis] += rotation[(row, axis)] * share;
+                        entries[3 + axis] += rows[l][(row, axis)] * share;
                     }
                 }
             }

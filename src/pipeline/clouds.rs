@@ -1,7 +1,5 @@
 //! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
 
-use std::path::Path;
-
 use super::stages::{in_parallel, open_profiles};
 use crate::error::Result;
 use crate::format::CloudWriter;

@@ -161,7 +161,7 @@ pub fn analyse(
     let mut drives = Vec::new();
     let mut tracks = vec![(name_of(project), poses.trajectory.nodes().to_vec())];
     drives.push(timed(&mut times, "compare", || {
-        compare(&name_of(project), project, &poses.trajectory, &reference, &kinds, &kept, progress)
+        compare_drive(&name_of(project), project, &poses.trajectory, &reference, &kinds, &kept, progress)
     })?);
     drop(kept);
     for evaluation in &project.evaluations {
@@ -171,7 +171,7 @@ pub fn analyse(
             let kept = clouds::stream(&other, &poses.trajectory, &found, None, progress)?;
             tracks.push((evaluation.name.clone(), poses.trajectory.nodes().to_vec()));
             let name = &evaluation.name;
-            compare(name, &other, &poses.trajectory, &reference, &kinds, &kept, progress)
+            compare_drive(name, &other, &poses.trajectory, &reference, &kinds, &kept, progress)
         })?;
         drives.push(drive);
     }
@@ -218,7 +218,7 @@ fn kinds(
     kinds
 }
 
-fn compare(
+fn compare_drive(
     name: &str,
     project: &Project,
     trajectory: &Trajectory,
