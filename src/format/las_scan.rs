@@ -133,6 +133,61 @@ fn read_posed(file: &mut LasFile, mut take: impl FnMut(&LasPoint<'_>, Pose)) -> 
     Ok(())
 }
 
+/// A laser point in the frame of its sensor, and the pose of the sensor.
+struct PosedPoint {
+    point: ScanPoint,
+    world_from_sensor: Pose,
+}
+
+/// All points in time order, one time a pose.
+///
+/// Some writers round times to whole seconds and still give every point its own pose. Poses that
+/// share a time stamp are spread evenly, in the order of the file, over the shortest time
+/// between two stamps, so that a time names one pose again.
+fn posed_points(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
+    let mut points = Vec::new();
+    read_posed(file, |point, world_from_sensor| {
+        let position = point.position.into();
+        let position_m = world_from_sensor.inverse_transform_point(&position).coords;
+        let (time_s, intensity) = (point.time_s, point.intensity);
+        let point = ScanPoint {
+            time_s,
+            position_m,
+            intensity,
+        };
+        points.push(PosedPoint {
+            point,
+            world_from_sensor,
+        });
+    })?;
+    // Stable: points of the same time keep the order of the file.
+    points.sort_by(|a, b| a.point.time_s.total_cmp(&b.point.time_s));
+    let mut shortest_s = f64::INFINITY;
+    for pair in points.windows(2) {
+        let step_s = pair[1].point.time_s - pair[0].point.time_s;
+        if step_s > 0.0 {
+            shortest_s = shortest_s.min(step_s);
+        }
+    }
+    let spread_s = if shortest_s.is_finite() {
+        shortest_s
+    } else {
+        1.0
+    };
+    for stamp in points.chunk_by_mut(|a, b| a.point.time_s == b.point.time_s) {
+        let poses = stamp
+            .chunk_by(|a, b| a.world_from_sensor == b.world_from_sensor)
+            .count();
+        let step_s = spread_s / poses as f64;
+        let same = stamp.chunk_by_mut(|a, b| a.world_from_sensor == b.world_from_sensor);
+        for (rank, same) in same.enumerate() {
+            same.iter_mut()
+                .for_each(|posed| posed.point.time_s += rank as f64 * step_s);
+        }
+    }
+    Ok(points)
+}
+
 /// Points taken back into the frame of the sensor and sorted by time. They are held in memory:
 /// such files come ordered by place, not by time.
 pub(crate) struct PosedScan {
@@ -143,18 +198,10 @@ pub(crate) struct PosedScan {
 
 impl PosedScan {
     pub(crate) fn read(mut file: LasFile) -> Result<Self> {
-        let mut points = Vec::new();
-        read_posed(&mut file, |point, world_from_sensor| {
-            points.push(ScanPoint {
-                time_s: point.time_s,
-                position_m: world_from_sensor
-                    .inverse_transform_point(&point.position.into())
-                    .coords,
-                intensity: point.intensity,
-            });
-        })?;
-        // Stable: points of the same time keep the order of the file.
-        points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        let points = posed_points(&mut file)?
+            .into_iter()
+            .map(|posed| posed.point)
+            .collect();
         Ok(Self {
             points,
             given: 0,
@@ -182,20 +229,17 @@ impl ProfileReader for PosedScan {
     }
 }
 
-/// The poses world_from_sensor at the distinct times of a file, in time order; of several points
-/// of one time the first counts.
+/// The poses world_from_sensor of a file in time order, at the times that [`PosedScan`] gives the
+/// points.
 pub(crate) fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
-    let mut poses = Vec::new();
-    read_posed(&mut LasFile::open(path)?, |point, world_from_body| {
-        poses.push(PoseRecord {
-            time_s: point.time_s,
-            world_from_body,
-            velocity_m_s: None,
-            bias: None,
-            sigma: None,
-        });
-    })?;
-    poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    poses.dedup_by_key(|p| p.time_s);
-    Ok(poses)
+    let mut points = posed_points(&mut LasFile::open(path)?)?;
+    points.dedup_by_key(|posed| posed.point.time_s);
+    let poses = points.iter().map(|posed| PoseRecord {
+        time_s: posed.point.time_s,
+        world_from_body: posed.world_from_sensor,
+        velocity_m_s: None,
+        bias: None,
+        sigma: None,
+    });
+    Ok(poses.collect())
 }
