@@ -146,15 +146,13 @@ fn histogram(values_m: &[f64], limit_m: f64) -> String {
         let fill = raster::diverging_css(middle_m / limit_m);
         plot.bar(&fill, x0, x0 + width, share(*count));
     }
-    let note = if outside == 0 {
-        String::new()
-    } else {
-        format!(
-            "<p class=\"aside\">{} of {} core points lie outside this axis.</p>\n",
-            number::count(outside),
-            number::count(n)
-        )
-    };
+    let beyond = values_m.iter().filter(|d| d.abs() > limit_m).count();
+    let note = format!(
+        "<p class=\"aside\">{} % beyond the colour scale; {} of {} core points outside this axis.</p>\n",
+        number::fixed(share(beyond), 1),
+        number::count(outside),
+        number::count(n)
+    );
     plot.finish("Histogram of distances") + &note
 }
 
