@@ -217,7 +217,7 @@ impl Plot {
         let (left, right) = (self.px(x0), self.px(x1));
         let (top, bottom) = (self.py(height), self.py(0.0));
         self.body.push_str(&format!(
-            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{fill}\"/>\n",
+            "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{fill}\" shape-rendering=\"crispEdges\"/>\n",
             (right - left).max(0.0),
             (bottom - top).max(0.0)
         ));

@@ -176,12 +176,13 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
             std::array::from_fn(|axis| curve(&move |s| s.rotation_rad[axis].to_degrees()));
         let chart = |curves: &[Vec<[f64; 2]>; 3], label: &str, names: [&str; 3]| {
             let values = curves.iter().flatten();
-            let y = Axis::rounded(label, values.clone().map(|p| p[1]).chain([0.0]));
-            let x = Axis::over("time (s)", values.map(|p| p[0]));
+            let y = Axis::rounded(label, values.map(|p| p[1]).chain([0.0]));
+            let x = Axis::over("time (s)", drive.poses.iter().map(|p| p.time_s - start));
             let mut plot = Plot::new(HALF, 240.0, x, y);
             let mut entries = Vec::new();
             for (i, curve) in curves.iter().enumerate() {
-                plot.line(&format!("{} fine", series(i)), curve);
+                let dashed = if i == 1 { " dashed" } else { "" };
+                plot.line(&format!("{} fine{dashed}", series(i)), curve);
                 entries.push((series(i), names[i].to_owned()));
             }
             html::legend(&entries) + &plot.finish(label)
@@ -231,7 +232,7 @@ pub fn convergence(run: &MethodRun) -> String {
             .map(|(j, c)| [left + 0.12 + 0.76 * j as f64 / steps, *c])
             .collect();
         plot.line(&series(0), &curve);
-        if curve.len() <= 40 {
+        if curve.len() <= 16 {
             plot.dots(&format!("dot {}", series(0)), 3.0, &curve);
         }
         let (x, y) = (plot.px(left + 0.5), plot.bottom() + 17.0);
@@ -242,7 +243,7 @@ pub fn convergence(run: &MethodRun) -> String {
     html::figure(
         &plot.finish("Cost over iterations"),
         &format!(
-            "Cost over the iterations, method {}: one column a scale, the first dot before the first iteration. Each scale has its own points, so only the fall within a column counts.",
+            "Cost over the iterations, method {}: one column a scale, from before the first iteration to the last. Each scale has its own points, so only the fall within a column counts.",
             escape(&run.method)
         ),
     )

@@ -4,7 +4,7 @@ use super::axis::Axis;
 use super::chart::Plot;
 use super::content::{DistanceMap, MapPanel};
 use super::figures::{HALF, coordinate_label, shift};
-use super::html::{self, escape};
+use super::html::escape;
 use super::number;
 use super::raster::{self, Bounds};
 use super::tables::mounting_name;
@@ -14,8 +14,19 @@ const PIXELS: usize = 420;
 /// Bins of a histogram.
 const BINS: usize = 50;
 
+/// All maps and what they show.
+pub fn maps(list: &[DistanceMap]) -> String {
+    let mut out: String = list.iter().map(map).collect();
+    if !out.is_empty() {
+        out.push_str(
+            "<p class=\"note\">Signed M3C2 distance of every core point from above, and its histogram. All panels of a figure share one colour scale; each histogram has its own axis. Figures 6 and 7 of the paper.</p>\n",
+        );
+    }
+    out
+}
+
 /// One map with its panels side by side, colour scale and histograms.
-pub fn map(map: &DistanceMap) -> String {
+fn map(map: &DistanceMap) -> String {
     let positions = map
         .panels
         .iter()
@@ -44,20 +55,14 @@ pub fn map(map: &DistanceMap) -> String {
             histogram(&values, limit_m)
         ));
     }
-    let caption = format!(
-        "{}, {}: signed M3C2 distance of every core point from above, and its histogram. One colour scale for all panels; each histogram has its own axis.",
-        escape(&map.pair),
-        escape(&map.drive)
-    );
     let body = format!(
         "{}<div class=\"pair\">{cells}</div>\n",
         colour_scale(limit_m)
     );
     format!(
-        "<h3>{}, {}</h3>\n{}",
+        "<figure>\n<h3>{}, {}</h3>\n{body}</figure>\n",
         escape(&map.pair),
-        escape(&map.drive),
-        html::figure(&body, &caption)
+        escape(&map.drive)
     )
 }
 
@@ -141,15 +146,13 @@ fn histogram(values_m: &[f64], limit_m: f64) -> String {
         let fill = raster::diverging_css(middle_m / limit_m);
         plot.bar(&fill, x0, x0 + width, share(*count));
     }
-    let note = if outside == 0 {
-        String::new()
-    } else {
-        format!(
-            "<p class=\"aside\">{} of {} core points lie outside this axis.</p>\n",
-            number::count(outside),
-            number::count(n)
-        )
-    };
+    let beyond = values_m.iter().filter(|d| d.abs() > limit_m).count();
+    let note = format!(
+        "<p class=\"aside\">{} % beyond the colour scale; {} of {} core points outside this axis.</p>\n",
+        number::fixed(share(beyond), 1),
+        number::count(outside),
+        number::count(n)
+    );
     plot.finish("Histogram of distances") + &note
 }
 
@@ -158,15 +161,15 @@ fn colour_scale(limit_m: f64) -> String {
     let stops: Vec<String> = (0..=12)
         .map(|i| raster::diverging_css(f64::from(i) / 6.0 - 1.0))
         .collect();
-    let mm = limit_m * 1e3;
-    let text = |share: f64| {
-        let value = number::significant(share * mm, 3);
-        number::with_unit(number::signed(value), "mm")
-    };
+    let text = |share: f64| number::signed(number::shortest(share * limit_m * 1e3));
     format!(
-        "<div class=\"scale\"><span>≤ {}</span><span class=\"ramp\" style=\"background:linear-gradient(to right,{})\"></span><span>≥ {}</span></div>\n",
-        text(-1.0),
+        "<div class=\"scale\"><span class=\"ramp\" style=\"background:linear-gradient(to right,{})\"></span>\
+         <span class=\"ends\"><span>≤ {}</span><span>{}</span><span>0</span><span>{}</span><span>≥ {}</span></span>\
+         <span class=\"unit\">distance (mm)</span></div>\n",
         stops.join(","),
+        text(-1.0),
+        text(-0.5),
+        text(0.5),
         text(1.0)
     )
 }

@@ -53,16 +53,20 @@ fn decimals(value: f64, digits: i32, most: i32) -> usize {
     (digits - 1 - value.abs().log10().floor() as i32).clamp(0, most) as usize
 }
 
-/// `value` with about `digits` significant digits, as a power of ten where it is far from one.
-pub fn significant(value: f64, digits: i32) -> String {
-    let size = value.abs();
-    if size != 0.0 && size.is_finite() && !(1e-4..1e7).contains(&size) {
-        let exponent = size.log10().floor() as i32;
-        let mantissa = value / 10f64.powi(exponent);
-        let most = digits - 1;
-        return format!("{} · {}", fixed(mantissa, most as usize), power(exponent));
+/// `value` with so many significant digits, as a power of ten.
+pub fn scientific(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return fixed(value, 0);
     }
-    fixed(value, decimals(value, digits, 12))
+    let decimals = (digits - 1).max(0) as usize;
+    // Written by the library, so that 9.999 rounds to 1.00 of the next power.
+    let text = format!("{value:.decimals$e}");
+    let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    format!(
+        "{}\u{2009}·\u{2009}{}",
+        mantissa.replace('-', "−"),
+        power(exponent.parse().unwrap_or(0))
+    )
 }
 
 /// 10 to this power.
@@ -112,14 +116,19 @@ pub fn sigma(value: f64) -> String {
     fixed(value, decimals(value, 2, 4))
 }
 
+/// The fewest digits that give `value` to ten significant ones: for numbers chosen round.
+pub fn shortest(value: f64) -> String {
+    let all = decimals(value, 10, 12);
+    let text = fixed(value, all);
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
 /// A voxel size of `metres`.
 pub fn voxel(metres: f64) -> String {
-    // Rust writes the shortest digits that read back; ten decimals first drop what binary adds.
-    let millimetres = (metres * 1e10).round() / 1e7;
-    if !millimetres.is_finite() {
-        return DASH.to_owned();
-    }
-    with_unit(millimetres.to_string(), "mm")
+    with_unit(shortest(metres * 1e3), "mm")
 }
 
 /// A duration.
@@ -176,11 +185,16 @@ mod tests {
         assert_eq!(millimetres(0.0431), "43.1");
         assert_eq!(millimetres(0.125), "125");
         assert_eq!(sigma(0.00432), "0.0043");
-        assert_eq!(significant(3.21e-8, 3), "3.21 · 10⁻⁸");
+        assert_eq!(scientific(3.21e-8, 3), "3.21\u{2009}·\u{2009}10⁻⁸");
+        assert_eq!(scientific(-9.999e-5, 3), "−1.00\u{2009}·\u{2009}10⁻⁴");
         assert_eq!(signed(fixed(0.3, 1)), "+0.3");
         assert_eq!(signed(fixed(0.0, 1)), "0.0");
         assert_eq!(duration(125.4), "2\u{202f}min 05\u{202f}s");
         assert_eq!(duration(0.0), "0\u{202f}s");
+        assert_eq!(shortest(-0.1 * 25.0), "−2.5");
+        assert_eq!(shortest(50.0), "50");
+        assert_eq!(shortest(0.0), "0");
+        assert_eq!(voxel(f64::NAN), DASH);
         assert_eq!(voxel(0.005), "5\u{202f}mm");
     }
 

@@ -51,7 +51,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "maps",
             "Where they agree and where not",
-            content.maps.iter().map(maps::map).collect(),
+            maps::maps(&content.maps),
         ),
         (
             "observability",

@@ -116,7 +116,7 @@ pub fn methods(runs: &[MethodRun]) -> String {
                 number::count(scale.points),
                 number::count(scale.neighbourhoods),
                 number::count(scale.iterations),
-                number::significant(cost, 3),
+                number::scientific(cost, 3),
                 number::fixed(scale.seconds, 2)
             ));
             if known {

@@ -95,6 +95,21 @@ fn one_scanner_without_truth_or_reference_makes_a_page() {
 }
 
 #[test]
+fn large_coordinates_keep_short_ticks() {
+    let mut content = full(100);
+    let figure = content.trajectory.as_mut().unwrap();
+    figure.background_m.clear();
+    figure.outlines.clear();
+    for pose in figure.drives.iter_mut().flat_map(|d| &mut d.poses) {
+        pose.world_from_body.translation.vector += Vec3::new(364_512.0, 5_621_033.0, 0.0);
+    }
+    let page = render(&content);
+    check_well_formed(&page);
+    assert!(page.contains("east − 364\u{202f}500 m (m)"));
+    assert!(page.contains("north − 5\u{202f}621\u{202f}000 m (m)"));
+}
+
+#[test]
 fn what_is_not_finite_never_reaches_the_page() {
     let bad = f64::NAN;
     let mut content = full(200);
