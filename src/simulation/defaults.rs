@@ -114,7 +114,7 @@ impl Default for MotionSettings {
     fn default() -> Self {
         Self {
             scan_speed_m_s: 0.10,
-            transit_speed_m_s: 0.22,
+            transit_speed_m_s: 0.26,
             rest_s: 8.0,
             turn_radius_m: 0.9,
             imu_height_m: 2.0,

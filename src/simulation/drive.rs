@@ -163,7 +163,13 @@ impl Route {
         };
         for pass in &drive.passes {
             let board = &scenario.boards[pass.board];
-            let half = 0.5 * board.size_m[0].hypot(board.size_m[1]) + 0.05;
+            // Half the board's extent along the pass, seen from above, and a little more.
+            let (sin, cos) = (pass.heading_deg - board.azimuth_deg)
+                .to_radians()
+                .sin_cos();
+            let slope = board.tilt_deg.to_radians().cos();
+            let [level, sloping] = board.size_m;
+            let half = 0.5 * (level * sin.abs() + sloping * slope * cos.abs()) + 0.08;
             let center = Waypoint::heading(board.center_m[0], board.center_m[1], pass.heading_deg);
             let enter = center.along(0.0, -ahead - half);
             let mut from = 0.0;

@@ -5,9 +5,12 @@
 
 mod aiding;
 mod defaults;
+mod deformation;
 mod drive;
 mod inertial;
+mod profiler;
 mod random;
+mod reference;
 mod route;
 mod scenario;
 mod scene;
@@ -15,8 +18,11 @@ mod soil;
 mod spline;
 
 pub use aiding::{simulate_heading, simulate_prism};
+pub use deformation::Mountings;
 pub use drive::{BodyState, Drive};
 pub use inertial::{Inertial, simulate_imu};
+pub use profiler::{Profile, Profiler, Ray};
+pub use reference::Reference;
 pub use scenario::{
     BoardSettings, DeformationSettings, DriveSettings, Field, HeadingSettings, ImuSettings,
     MotionSettings, Pass, PrismSettings, ProfileSettings, ReferenceSettings, ScannerSettings,

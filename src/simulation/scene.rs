@@ -204,7 +204,7 @@ mod tests {
         let scene = Scene::new(&Scenario::demo());
         let mut rng = stream(3, Purpose::Profile, 9, 9);
         let (mut hits, mut boards, mut grazed) = (0, 0, 0);
-        for _ in 0..3000 {
+        for _ in 0..1000 {
             let origin = Vec3::new(
                 rng.random_range(-1.0..8.5),
                 rng.random_range(-1.0..7.0),
@@ -240,7 +240,7 @@ mod tests {
             }
         }
         assert!(grazed <= 3, "{grazed}");
-        assert!(hits > 2000 && boards > 100, "{hits} {boards}");
+        assert!(hits > 600 && boards > 30, "{hits} {boards}");
     }
 
     #[test]
