@@ -98,7 +98,7 @@ mod tests {
                 .cholesky()
                 .expect("all parameters are seen")
                 .solve(&right);
-            let rmse = ((squares - fit.dot(&right)) / count as f64).sqrt();
+            let rmse = ((squares - fit.dot(&right)) / count).sqrt();
             println!("scanner {scanner}: rigid fit leaves {:.2} mm", rmse * 1e3);
             assert!((0.006..0.010).contains(&rmse), "{rmse}");
         }

@@ -85,10 +85,7 @@ impl Drive {
             let top = Vec3::new(x, y, z) + up * motion.imu_height_m;
             samples.push([top.x, top.y, top.z, roll, pitch, yaw]);
             let still = remaining <= 0.0 && speed.abs() < 1e-4 && rate.abs() < 1e-4;
-            let since = *stopped_s.get_or_insert_with(|| if still { t } else { f64::INFINITY });
-            if since.is_infinite() {
-                stopped_s = None;
-            } else if t > since + 3.0 {
+            if still && t > *stopped_s.get_or_insert(t) + 3.0 {
                 break;
             }
         }
@@ -208,8 +205,9 @@ impl Route {
                 curvature: 0.0,
             },
         );
+        // Room to stop in.
         pieces.push(Piece {
-            length_m: 1.0,
+            length_m: 0.5 + 4.0 * SPEED_TIME_S * scenario.motion.transit_speed_m_s,
             curvature: 0.0,
         });
         Self {

@@ -6,6 +6,7 @@
 mod aiding;
 mod defaults;
 mod deformation;
+mod describe;
 mod drive;
 mod inertial;
 mod profiler;
@@ -16,6 +17,7 @@ mod scenario;
 mod scene;
 mod soil;
 mod spline;
+mod write;
 
 pub use aiding::{simulate_heading, simulate_prism};
 pub use deformation::Mountings;
@@ -29,3 +31,4 @@ pub use scenario::{
     Scenario, SoilSettings,
 };
 pub use scene::{Board, Hit, Scene, Surface};
+pub use write::{SimulatedDrive, SimulatedFiles, simulate};

@@ -212,7 +212,7 @@ mod tests {
             );
             let (tilt, azimuth) = (
                 rng.random_range(0.0..1.35f64),
-                rng.random_range(0.0..6.28f64),
+                rng.random_range(0.0..std::f64::consts::TAU),
             );
             let direction = Vec3::new(
                 tilt.sin() * azimuth.cos(),

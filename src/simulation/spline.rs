@@ -57,10 +57,10 @@ impl<const N: usize> Spline<N> {
         };
         let from = cell as usize;
         for (k, control) in self.control[from..from + 6].iter().enumerate() {
-            for n in 0..N {
-                jet.value[n] += w0[k] * control[n];
-                jet.first[n] += w1[k] * control[n];
-                jet.second[n] += w2[k] * control[n];
+            for (n, c) in control.iter().enumerate() {
+                jet.value[n] += w0[k] * c;
+                jet.first[n] += w1[k] * c;
+                jet.second[n] += w2[k] * c;
             }
         }
         let h = self.spacing;
