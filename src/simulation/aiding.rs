@@ -1,0 +1,112 @@
+//! What the total station and the heading antennas measure.
+
+use super::drive::Drive;
+use super::random::{Purpose, normal, normal3, stream};
+use super::scenario::Scenario;
+use crate::geometry::{Vec3, heading};
+use crate::sensor::{HeadingFix, PrismFix};
+
+/// Facets of a round prism: its error repeats as often when it turns.
+const FACETS: f64 = 6.0;
+
+/// Positions of the prism, at times of their own.
+pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<PrismFix> {
+    let settings = &scenario.prism;
+    let mut rng = stream(scenario.seed, Purpose::Prism, drive_index as u64, 0);
+    let lever_arm = scenario.lever_arm_m();
+    let up = scenario.body.up();
+    ticks(drive.span_s, settings.rate_hz, 0.0137)
+        .map(|time_s| {
+            let body = drive.at(time_s - settings.latency_s).world_from_body;
+            let prism = body.translation.vector + body.rotation * lever_arm;
+            let sight = prism - Vec3::from(settings.station_m);
+            // Where the line of sight enters, seen from the prism and about its axis.
+            let seen = body.rotation.inverse() * sight;
+            let level = up.cross(&Vec3::x());
+            let angle = FACETS * seen.dot(&level).atan2(seen.x);
+            let along = sight.normalize();
+            let across = Vec3::z().cross(&along);
+            let bias = (along * angle.cos() + across * angle.sin()) * settings.incidence_bias_m;
+            PrismFix {
+                time_s,
+                position_m: prism + bias + normal3(&mut rng) * settings.sigma_m,
+                sigma_m: None,
+            }
+        })
+        .collect()
+}
+
+/// Headings of the antennas, clockwise from north, in (−π, π].
+pub fn simulate_heading(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<HeadingFix> {
+    let settings = &scenario.heading;
+    let mut rng = stream(scenario.seed, Purpose::Heading, drive_index as u64, 0);
+    ticks(drive.span_s, settings.rate_hz, 0.0061)
+        .map(|time_s| {
+            let truth = heading::heading_rad(&drive.at(time_s).world_from_body.rotation);
+            let error = normal(&mut rng) * settings.sigma_deg - settings.mounting_offset_deg;
+            HeadingFix {
+                time_s,
+                heading_rad: heading::wrap(truth + error.to_radians()),
+                sigma_rad: None,
+            }
+        })
+        .collect()
+}
+
+/// Times at this rate inside the span, the first one `phase_s` after its start.
+pub(super) fn ticks(
+    (start, end): (f64, f64),
+    rate_hz: f64,
+    phase_s: f64,
+) -> impl ExactSizeIterator<Item = f64> {
+    let count = ((end - start - phase_s) * rate_hz).floor().max(0.0) as usize;
+    (0..count).map(move |k| start + phase_s + k as f64 / rate_hz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::Scene;
+    use super::*;
+
+    fn rms(values: impl Iterator<Item = f64>) -> f64 {
+        let squares: Vec<f64> = values.map(|v| v * v).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn errors_are_as_large_as_they_should_be_and_latency_is_late() {
+        let mut scenario = Scenario::demo();
+        let drive = Drive::new(&scenario, &Scene::new(&scenario), 1, 10.0);
+        let errors = |scenario: &Scenario, latency: f64| {
+            rms(simulate_prism(scenario, &drive, 1)
+                .into_iter()
+                .flat_map(|fix| {
+                    let body = drive.at(fix.time_s - latency).world_from_body;
+                    let d = fix.position_m
+                        - body.translation.vector
+                        - body.rotation * scenario.lever_arm_m();
+                    [d.x, d.y, d.z]
+                }))
+        };
+        // Some 5000 values scatter by 1 %.
+        assert!((errors(&scenario, 0.0) / 0.005 - 1.0).abs() < 0.04);
+        let headings = simulate_heading(&scenario, &drive, 1);
+        let heading_rms = rms(headings.iter().map(|fix| {
+            let truth = heading::heading_rad(&drive.at(fix.time_s).world_from_body.rotation);
+            heading::wrap(fix.heading_rad - truth).to_degrees()
+        }));
+        assert!((heading_rms / 0.7 - 1.0).abs() < 0.1, "{heading_rms}");
+
+        scenario.prism.sigma_m = 0.0;
+        scenario.prism.latency_s = 0.08;
+        assert!(errors(&scenario, 0.0) > 0.003 && errors(&scenario, 0.08) < 1e-12);
+        scenario.prism.latency_s = 0.0;
+        scenario.prism.incidence_bias_m = 0.003;
+        // A vector of 3 mm spreads over three coordinates.
+        let biased = errors(&scenario, 0.0);
+        assert!(
+            (biased / (0.003 / 3f64.sqrt()) - 1.0).abs() < 0.01,
+            "{biased}"
+        );
+    }
+}

@@ -1,0 +1,144 @@
+//! The text files of a simulated campaign: projects, true mountings, scene, scenario.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use super::scenario::Scenario;
+use super::scene::Scene;
+use crate::error::{Error, Result};
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::{EulerConvention, Pose, Vec3};
+
+/// The folder of a drive.
+pub(super) fn drive_name(index: usize) -> String {
+    format!("drive-{}", index + 1)
+}
+
+/// Writes `text` into a file.
+pub(super) fn write_text(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text).map_err(|e| Error::io(path, e))
+}
+
+/// Writes project, true mounting and scene of one drive.
+pub(super) fn write_texts(
+    scenario: &Scenario,
+    scene: &Scene,
+    index: usize,
+    at: &dyn Fn(&str) -> PathBuf,
+) -> Result<()> {
+    write_text(&at("project.toml"), &project(scenario, index))?;
+    write_text(&at("truth/mounting.toml"), &mounting(scenario))?;
+    write_text(&at("truth/scene.toml"), &scene_text(scenario, scene, index))
+}
+
+/// The scenario with every value.
+pub(super) fn scenario(scenario: &Scenario) -> Result<String> {
+    toml::to_string(scenario)
+        .map_err(|e| Error::data(format!("the scenario cannot be written: {e}"), "correct it"))
+}
+
+/// What a user would write: datasheets, a measured lever arm, a first guess of the mounting.
+fn project(scenario: &Scenario, index: usize) -> String {
+    let body = match scenario.body {
+        crate::geometry::BodyAxes::Frd => "FRD",
+        crate::geometry::BodyAxes::Flu => "FLU",
+    };
+    let (imu, prism, heading) = (&scenario.imu, &scenario.prism, &scenario.heading);
+    let mut text = format!(
+        "# Simulated: {} of scenario {:?}, seed {}.\n\
+         [frame]\nbody = \"{body}\"\ngravity_m_s2 = {:?}\n\n\
+         [imu]\nfile = \"imu.csv\"\n\
+         gyro_noise_deg_sqrt_h = {:?}\naccel_noise_ug_sqrt_hz = {:?}\n\
+         gyro_bias_instability_deg_h = {:?}\naccel_bias_instability_ug = {:?}\n\n\
+         [prism]\nfile = \"prism.csv\"\nsigma_m = {:?}\nlever_arm_m = {}\n\n\
+         [heading]\nfile = \"heading.csv\"\nsigma_deg = {:?}\nmounting_offset_deg = {:?}\n",
+        drive_name(index),
+        scenario.name,
+        scenario.seed,
+        scenario.gravity_m_s2,
+        imu.gyro_noise_deg_sqrt_h,
+        imu.accel_noise_ug_sqrt_hz,
+        imu.gyro_bias_instability_deg_h,
+        imu.accel_bias_instability_ug,
+        prism.sigma_m,
+        list(&scenario.lever_arm_m(), 6),
+        heading.sigma_deg,
+        heading.mounting_offset_deg,
+    );
+    for (scanner, initial) in scenario.scanners.iter().zip(scenario.initial_mountings()) {
+        text += &scanner_table(&scanner.name, Some(&scanner.name), &initial, 6);
+    }
+    text += "\n[reference]\nfile = \"../tls.laz\"\n\
+             \n[calibration]\nvoxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005]\nneighbours = 50\n";
+    if index == 0 {
+        for other in 1..scenario.drives.len() {
+            let name = drive_name(other);
+            text += &format!(
+                "\n[[evaluation]]\nname = \"{name}\"\nproject = \"../{name}/project.toml\"\n"
+            );
+        }
+    }
+    text
+}
+
+/// The true mountings, as they are without deformation.
+fn mounting(scenario: &Scenario) -> String {
+    let mut text =
+        String::from("# True mountings; with deformation, those of the robot at rest.\n");
+    for (scanner, truth) in scenario.scanners.iter().zip(scenario.true_mountings()) {
+        text += &scanner_table(&scanner.name, None, &truth, 10);
+    }
+    text
+}
+
+fn scanner_table(name: &str, profiles: Option<&str>, mounting: &Pose, digits: usize) -> String {
+    let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
+    let profiles = profiles.map_or(String::new(), |p| {
+        format!("profiles = {:?}\n", format!("{p}.bin"))
+    });
+    format!(
+        "\n[[scanner]]\nname = {name:?}\n{profiles}translation_m = {}\nrotation_deg = {}\n\
+         rotation_convention = \"bonn\"\n",
+        list(&mounting.translation.vector, digits),
+        list(&Vec3::from(angles), digits),
+    )
+}
+
+/// Field, boards and the passes of one drive.
+fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
+    let mut text = format!(
+        "# The field goes from the origin to size_m (east, north).\n[field]\nsize_m = {:?}\n",
+        scene.size_m
+    );
+    for (board, settings) in scene.boards.iter().zip(&scenario.boards) {
+        let [a, b] = board.half_m;
+        let corners = [(a, b), (-a, b), (-a, -b), (a, -b)]
+            .map(|(u, v)| list(&board.point_m(u, v), 9))
+            .join(", ");
+        // Writing into a string cannot fail.
+        let _ = write!(
+            text,
+            "\n[[board]]\ncenter_m = {}\nnormal = {}\ntilt_deg = {:?}\nazimuth_deg = {:?}\n\
+             corners_m = [{corners}]\n",
+            list(&board.center_m, 9),
+            list(&board.normal, 12),
+            settings.tilt_deg,
+            settings.azimuth_deg,
+        );
+    }
+    for pass in &scenario.drives[index].passes {
+        let _ = write!(
+            text,
+            "\n[[pass]]\nboard = {}\nheading_deg = {:?}\n",
+            pass.board, pass.heading_deg
+        );
+    }
+    text
+}
+
+/// A TOML list of three numbers, without negative zeros.
+fn list(v: &Vec3, digits: usize) -> String {
+    let unit = 10f64.powi(digits as i32);
+    let [x, y, z] = [v.x, v.y, v.z].map(|c| (c * unit).round() / unit + 0.0);
+    format!("[{x:?}, {y:?}, {z:?}]")
+}

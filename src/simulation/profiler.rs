@@ -1,0 +1,167 @@
+//! What a triangulating profile scanner on the robot records.
+
+use rand::RngExt;
+
+use super::aiding::ticks;
+use super::deformation::Mountings;
+use super::drive::Drive;
+use super::random::{Purpose, normal, stream};
+use super::scenario::Scenario;
+use super::scene::{Hit, Scene, Surface};
+use crate::geometry::Vec3;
+
+/// One profile: for each ray x, z in the scanner frame (m) and the intensity, or nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// Seconds.
+    pub time_s: f64,
+    /// The rays from one side of the fan to the other.
+    pub points: Vec<Option<(f64, f64, u8)>>,
+}
+
+/// A ray without noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// The point in the scanner frame, metres.
+    pub point_m: Vec3,
+    /// What it met.
+    pub hit: Hit,
+    /// Cosine of the angle between the ray and the surface's normal.
+    pub cosine: f64,
+}
+
+/// The scanners on one drive.
+#[derive(Debug, Clone)]
+pub struct Profiler<'a> {
+    scenario: &'a Scenario,
+    scene: &'a Scene,
+    drive: &'a Drive,
+    drive_index: usize,
+    mountings: Mountings,
+    rays: Vec<Vec3>,
+    start_s: f64,
+    count: usize,
+}
+
+impl<'a> Profiler<'a> {
+    /// Scanners that record from one second before the robot moves until it has stopped.
+    pub fn new(
+        scenario: &'a Scenario,
+        scene: &'a Scene,
+        drive: &'a Drive,
+        drive_index: usize,
+    ) -> Self {
+        let settings = &scenario.profiles;
+        let fan = settings.fan_deg.to_radians();
+        let rays = (0..settings.width)
+            .map(|k| {
+                let angle = fan * ((k as f64 + 0.5) / settings.width as f64 - 0.5);
+                Vec3::new(angle.sin(), 0.0, -angle.cos())
+            })
+            .collect();
+        let span = (drive.moving_s.0 - 1.0, drive.moving_s.1);
+        Self {
+            scenario,
+            scene,
+            drive,
+            drive_index,
+            mountings: Mountings::new(scenario, drive),
+            rays,
+            start_s: span.0,
+            count: ticks(span, settings.rate_hz, 0.0).len(),
+        }
+    }
+
+    /// Profiles of each scanner.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Time of a profile. The scanners fire in turn, so that none sees another's line.
+    pub fn time_s(&self, scanner: usize, index: usize) -> f64 {
+        let turn = scanner as f64 / self.scenario.scanners.len() as f64;
+        self.start_s + (index as f64 + turn) / self.scenario.profiles.rate_hz
+    }
+
+    /// Where the rays of a profile end, without noise and drop-outs.
+    pub fn ideal(&self, scanner: usize, index: usize) -> Vec<Option<Ray>> {
+        let time_s = self.time_s(scanner, index);
+        let state = self.drive.at(time_s);
+        let world_from_scanner =
+            state.world_from_body * self.mountings.body_from_scanner(scanner, time_s, &state);
+        let origin = world_from_scanner.translation.vector;
+        let rotation = world_from_scanner.rotation.to_rotation_matrix();
+        let [near, far] = self.scenario.profiles.range_m;
+        self.rays
+            .iter()
+            .map(|ray| {
+                let direction = rotation * ray;
+                let hit = self.scene.intersect(&origin, &direction, far / -ray.z)?;
+                (hit.range_m * -ray.z >= near).then(|| Ray {
+                    point_m: ray * hit.range_m,
+                    cosine: -hit.normal.dot(&direction),
+                    hit,
+                })
+            })
+            .collect()
+    }
+
+    /// The profile as recorded.
+    pub fn profile(&self, scanner: usize, index: usize) -> Profile {
+        let settings = &self.scenario.profiles;
+        let group = (self.drive_index * self.scenario.scanners.len() + scanner) as u64;
+        let mut rng = stream(self.scenario.seed, Purpose::Profile, group, index as u64);
+        let ideal = self.ideal(scanner, index);
+        let [near, far] = settings.range_m;
+        let [lost, flying] = settings.edge_lost_flying;
+        let least_cosine = settings.grazing_deg.to_radians().cos();
+        // The nearer neighbour at an edge, whose light mixes with that of this ray.
+        let across_edge = |k: usize, range: f64| {
+            [k.wrapping_sub(1), k + 1]
+                .into_iter()
+                .filter_map(|n| ideal.get(n)?.as_ref().map(|ray| ray.hit.range_m))
+                .find(|other| (other - range).abs() > settings.edge_m)
+        };
+        let points = ideal
+            .iter()
+            .enumerate()
+            .map(|(k, ray)| {
+                // Drawn for every ray, so that one ray's fate leaves the others' noise alone.
+                let noise = normal(&mut rng);
+                let [chance, mix] = [rng.random::<f64>(), rng.random::<f64>()];
+                let Ray { hit, cosine, .. } = ray.as_ref()?;
+                let (direction, range) = (&self.rays[k], hit.range_m);
+                if *cosine < least_cosine || chance < settings.dropout {
+                    return None;
+                }
+                let mut measured = range;
+                if let Some(other) = across_edge(k, range) {
+                    if chance < lost {
+                        return None;
+                    } else if chance < lost + flying {
+                        measured += mix * (other - range);
+                    }
+                }
+                let depth = measured * -direction.z;
+                let share = ((depth - near) / (far - near)).clamp(0.0, 1.0);
+                let sigma =
+                    settings.sigma_m[0] + share * (settings.sigma_m[1] - settings.sigma_m[0]);
+                measured += noise * sigma / -direction.z;
+                let albedo = if hit.surface == Surface::Soil {
+                    110.0
+                } else {
+                    220.0
+                };
+                Some((
+                    direction.x * measured,
+                    direction.z * measured,
+                    (albedo * cosine) as u8,
+                ))
+            })
+            .collect();
+        Profile {
+            time_s: self.time_s(scanner, index),
+            points,
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! Random numbers that depend on what they are for, never on when they are drawn.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::geometry::Vec3;
+
+/// What a stream of random numbers is for; with the scenario's seed it names the stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Lattice of the soil.
+    Soil,
+    /// IMU of one drive.
+    Imu,
+    /// Prism of one drive.
+    Prism,
+    /// Heading of one drive.
+    Heading,
+    /// One profile of one scanner of one drive.
+    Profile,
+    /// One strip of the reference.
+    Reference,
+}
+
+/// The stream of `purpose` with up to two numbers that tell it from others of its kind.
+pub fn stream(seed: u64, purpose: Purpose, group: u64, index: u64) -> ChaCha8Rng {
+    let mut key = [0u8; 32];
+    for (slot, value) in key
+        .chunks_exact_mut(8)
+        .zip([seed, purpose as u64 + 1, group, index])
+    {
+        slot.copy_from_slice(&value.to_le_bytes());
+    }
+    ChaCha8Rng::from_seed(key)
+}
+
+/// One number of the standard normal distribution.
+pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+/// Three independent numbers of the standard normal distribution.
+pub fn normal3(rng: &mut ChaCha8Rng) -> Vec3 {
+    let (x, y, z) = (normal(rng), normal(rng), normal(rng));
+    Vec3::new(x, y, z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_differ_and_repeat() {
+        let first = |group, index| normal(&mut stream(1, Purpose::Profile, group, index));
+        assert_eq!(first(0, 0), first(0, 0));
+        assert_ne!(first(0, 0), first(0, 1));
+        assert_ne!(first(0, 1), first(1, 0));
+    }
+}

@@ -1,0 +1,261 @@
+//! What stands on the field: rough soil and tilted boards.
+
+use super::scenario::{BoardSettings, Scenario};
+use super::soil::Soil;
+use crate::geometry::Vec3;
+
+/// A flat board of no thickness.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Board {
+    /// Centre, metres.
+    pub center_m: Vec3,
+    /// Upward unit normal.
+    pub normal: Vec3,
+    /// Unit vectors along the two edges; the first is level.
+    pub edges: [Vec3; 2],
+    /// Half the length along each edge, metres.
+    pub half_m: [f64; 2],
+}
+
+impl Board {
+    /// The board with this tilt against the horizon, its normal leaning towards the azimuth.
+    pub fn new(settings: &BoardSettings) -> Self {
+        let azimuth = settings.azimuth_deg.to_radians();
+        let (st, ct) = settings.tilt_deg.to_radians().sin_cos();
+        let towards = Vec3::new(azimuth.sin(), azimuth.cos(), 0.0);
+        let level = Vec3::new(azimuth.cos(), -azimuth.sin(), 0.0);
+        let normal = towards * st + Vec3::z() * ct;
+        Self {
+            center_m: Vec3::from(settings.center_m),
+            normal,
+            edges: [level, normal.cross(&level)],
+            half_m: settings.size_m.map(|s| 0.5 * s),
+        }
+    }
+
+    /// Coordinates along the edges and along the normal, from the centre, metres.
+    pub fn coordinates_m(&self, point: &Vec3) -> [f64; 3] {
+        let d = point - self.center_m;
+        [
+            d.dot(&self.edges[0]),
+            d.dot(&self.edges[1]),
+            d.dot(&self.normal),
+        ]
+    }
+
+    /// The point with these coordinates along the edges.
+    pub fn point_m(&self, u: f64, v: f64) -> Vec3 {
+        self.center_m + self.edges[0] * u + self.edges[1] * v
+    }
+
+    /// Range along the unit vector `direction`; `None` where the board is missed.
+    pub fn intersect(&self, origin: &Vec3, direction: &Vec3) -> Option<f64> {
+        let closing = self.normal.dot(direction);
+        if closing.abs() < 1e-12 {
+            return None;
+        }
+        let range = self.normal.dot(&(self.center_m - origin)) / closing;
+        let [u, v, _] = self.coordinates_m(&(origin + direction * range));
+        (range >= 0.0 && u.abs() <= self.half_m[0] && v.abs() <= self.half_m[1]).then_some(range)
+    }
+
+    /// Whether the board, grown by `margin_m`, covers the point seen from above.
+    pub fn covers(&self, x: f64, y: f64, margin_m: f64) -> bool {
+        let d = Vec3::new(x - self.center_m.x, y - self.center_m.y, 0.0);
+        // The point above or below on the board's plane.
+        let on = d - Vec3::z() * (d.dot(&self.normal) / self.normal.z);
+        on.dot(&self.edges[0]).abs() <= self.half_m[0] + margin_m
+            && on.dot(&self.edges[1]).abs() <= self.half_m[1] + margin_m / self.normal.z
+    }
+}
+
+/// Which surface a ray met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// The ground.
+    Soil,
+    /// The board of this index.
+    Board(usize),
+}
+
+/// Where a ray ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance from the origin, metres.
+    pub range_m: f64,
+    /// Unit normal of the surface, turned towards the origin.
+    pub normal: Vec3,
+    /// What was hit.
+    pub surface: Surface,
+}
+
+/// The field.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The ground.
+    pub soil: Soil,
+    /// The boards.
+    pub boards: Vec<Board>,
+    /// The field goes from the origin to this corner (east, north), metres.
+    pub size_m: [f64; 2],
+}
+
+impl Scene {
+    /// The scene of a scenario.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            soil: Soil::new(scenario.seed, &scenario.field, &scenario.soil),
+            boards: scenario.boards.iter().map(Board::new).collect(),
+            size_m: scenario.field.size_m,
+        }
+    }
+
+    /// The first surface along the unit vector `direction`, exact on boards and good to 1e-6 m on
+    /// the ground; `None` beyond `max_range_m`.
+    pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<Hit> {
+        let mut reach = max_range_m;
+        let mut hit = None;
+        for (index, board) in self.boards.iter().enumerate() {
+            if let Some(range_m) = board.intersect(origin, direction)
+                && range_m <= reach
+            {
+                reach = range_m;
+                hit = Some((range_m, board.normal, Surface::Board(index)));
+            }
+        }
+        if let Some(range_m) = self.soil.intersect(origin, direction, reach) {
+            let p = origin + direction * range_m;
+            let (_, [gx, gy]) = self.soil.height_and_gradient(p.x, p.y);
+            hit = Some((range_m, Vec3::new(-gx, -gy, 1.0).normalize(), Surface::Soil));
+        }
+        hit.map(|(range_m, normal, surface)| Hit {
+            range_m,
+            normal: if normal.dot(direction) > 0.0 {
+                -normal
+            } else {
+                normal
+            },
+            surface,
+        })
+    }
+
+    /// Distance of a point near a surface from it, metres; on the ground to first order.
+    pub fn distance_m(&self, point: &Vec3) -> f64 {
+        let (height, [gx, gy]) = self.soil.height_and_gradient(point.x, point.y);
+        let ground = (point.z - height).abs() / (1.0 + gx * gx + gy * gy).sqrt();
+        self.boards
+            .iter()
+            .map(|board| {
+                let [u, v, w] = board.coordinates_m(point);
+                let beyond = |c: f64, half: f64| (c.abs() - half).max(0.0);
+                Vec3::new(beyond(u, board.half_m[0]), beyond(v, board.half_m[1]), w).norm()
+            })
+            .fold(ground, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::super::random::{Purpose, stream};
+    use super::*;
+
+    /// First sign change of a dense march, refined by bisection: slow and obvious.
+    fn reference(scene: &Scene, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
+        let above = |range: f64| {
+            let p = origin + direction * range;
+            p.z - scene.soil.height_m(p.x, p.y)
+        };
+        let step = 2e-4;
+        let mut ground = None;
+        for k in 1..=(max_range_m / step) as usize + 1 {
+            let far = k as f64 * step;
+            if above(far) <= 0.0 {
+                let (mut low, mut high) = (far - step, far);
+                for _ in 0..60 {
+                    let middle = 0.5 * (low + high);
+                    if above(middle) > 0.0 {
+                        low = middle
+                    } else {
+                        high = middle
+                    }
+                }
+                ground = Some(low);
+                break;
+            }
+        }
+        let boards = scene.boards.iter().filter_map(|board| {
+            // Solve origin + range d = center + u e0 + v e1.
+            let system =
+                nalgebra::Matrix3::from_columns(&[*direction, -board.edges[0], -board.edges[1]]);
+            let x = system.lu().solve(&(board.center_m - origin))?;
+            (x[0] > 0.0 && x[1].abs() <= board.half_m[0] && x[2].abs() <= board.half_m[1])
+                .then_some(x[0])
+        });
+        boards
+            .chain(ground)
+            .filter(|&r| r <= max_range_m)
+            .reduce(f64::min)
+    }
+
+    #[test]
+    fn rays_end_where_the_slow_march_ends() {
+        let scene = Scene::new(&Scenario::demo());
+        let mut rng = stream(3, Purpose::Profile, 9, 9);
+        let (mut hits, mut boards, mut grazed) = (0, 0, 0);
+        for _ in 0..1000 {
+            let origin = Vec3::new(
+                rng.random_range(-1.0..8.5),
+                rng.random_range(-1.0..7.0),
+                rng.random_range(1.2..1.6),
+            );
+            let (tilt, azimuth) = (
+                rng.random_range(0.0..1.35f64),
+                rng.random_range(0.0..std::f64::consts::TAU),
+            );
+            let direction = Vec3::new(
+                tilt.sin() * azimuth.cos(),
+                tilt.sin() * azimuth.sin(),
+                -tilt.cos(),
+            );
+            let fast = scene.intersect(&origin, &direction, 2.5);
+            let slow = reference(&scene, &origin, &direction, 2.5);
+            let Some(hit) = fast else {
+                assert_eq!(slow, None, "missed from {origin} along {direction}");
+                continue;
+            };
+            hits += 1;
+            boards += usize::from(hit.surface != Surface::Soil);
+            assert!(hit.normal.dot(&direction) <= 0.0);
+            // The march may step over a crumb that the ray grazes over less than 0.2 mm; then the
+            // fast range is the shorter one and must itself lie on the surface.
+            if slow.is_none_or(|range| (hit.range_m - range).abs() > 1e-6) {
+                assert!(
+                    slow.is_none_or(|range| hit.range_m < range),
+                    "{hit:?} {slow:?}"
+                );
+                assert!(scene.distance_m(&(origin + direction * hit.range_m)) < 1e-6);
+                grazed += 1;
+            }
+        }
+        assert!(grazed <= 3, "{grazed}");
+        assert!(hits > 600 && boards > 30, "{hits} {boards}");
+    }
+
+    #[test]
+    fn boards_lean_towards_their_azimuth() {
+        let board = Board::new(&BoardSettings {
+            center_m: [1.0, 2.0, 0.5],
+            tilt_deg: 30.0,
+            azimuth_deg: 90.0,
+            size_m: [1.0, 1.0],
+        });
+        assert!((board.normal - Vec3::new(0.5, 0.0, 0.75f64.sqrt())).norm() < 1e-12);
+        // Half a metre along the slope is 0.433 m from above.
+        assert!(board.covers(1.42, 2.0, 0.0) && !board.covers(1.44, 2.0, 0.0));
+        assert!(board.covers(1.0, 2.49, 0.0) && !board.covers(1.0, 2.51, 0.0));
+        let [u, v, w] = board.coordinates_m(&board.point_m(0.2, -0.3));
+        assert!((u - 0.2).abs() < 1e-12 && (v + 0.3).abs() < 1e-12 && w.abs() < 1e-12);
+    }
+}

@@ -1,0 +1,292 @@
+//! Rough soil as a height field, and rays that meet it.
+
+use rand::RngExt;
+use rayon::prelude::*;
+
+use super::random::{Purpose, stream};
+use super::scenario::{Field, SoilSettings};
+use crate::geometry::Vec3;
+
+/// Cells along one side of a tile.
+const TILE: usize = 8;
+
+/// Side of the table of lattice values; relief repeats after this many wavelengths.
+const LATTICE: usize = 64;
+
+/// A height field: a biquadratic B-spline over a fine grid of heights, continuously
+/// differentiable. The heights are a sum of smooth noise from metres down to centimetres.
+#[derive(Debug, Clone)]
+pub struct Soil {
+    waves: Vec<Wave>,
+    origin: [f64; 2],
+    cell_m: f64,
+    columns: usize,
+    rows: usize,
+    control: Vec<f32>,
+    tile_columns: usize,
+    tiles: Vec<Tile>,
+    highest: f64,
+}
+
+/// Noise of one wavelength: values on a lattice, smoothly interpolated.
+#[derive(Debug, Clone)]
+struct Wave {
+    length_m: f64,
+    values: Vec<f64>,
+}
+
+/// What rays need to know about a square of cells.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tile {
+    highest: f64,
+    slope: f64,
+}
+
+impl Wave {
+    fn new(seed: u64, index: u64, length_m: f64, sigma_m: f64) -> Self {
+        let mut rng = stream(seed, Purpose::Soil, index, 0);
+        // Uniform on ±√3 has unit variance; smooth interpolation keeps about half of it.
+        let values = (0..LATTICE * LATTICE)
+            .map(|_| rng.random_range(-1.0..1.0) * 6f64.sqrt() * sigma_m)
+            .collect();
+        Self { length_m, values }
+    }
+
+    fn height_m(&self, x: f64, y: f64) -> f64 {
+        // Half a wavelength between lattice points; turned so that lattices do not line up.
+        let (s, c) = self.length_m.sin_cos();
+        let (u, v) = (
+            2.0 * (c * x + s * y) / self.length_m,
+            2.0 * (c * y - s * x) / self.length_m,
+        );
+        let (iu, iv) = (u.floor(), v.floor());
+        let (wu, wv) = (fade(u - iu), fade(v - iv));
+        let at = |di: i64, dj: i64| {
+            let i = (iu as i64 + di).rem_euclid(LATTICE as i64) as usize;
+            let j = (iv as i64 + dj).rem_euclid(LATTICE as i64) as usize;
+            self.values[j * LATTICE + i]
+        };
+        let low = at(0, 0) + wu * (at(1, 0) - at(0, 0));
+        let high = at(0, 1) + wu * (at(1, 1) - at(0, 1));
+        low + wv * (high - low)
+    }
+}
+
+/// 6 f⁵ − 15 f⁴ + 10 f³.
+fn fade(f: f64) -> f64 {
+    f * f * f * (f * (f * 6.0 - 15.0) + 10.0)
+}
+
+impl Soil {
+    /// The soil of this seed around the field.
+    pub fn new(seed: u64, field: &Field, settings: &SoilSettings) -> Self {
+        let waves: Vec<Wave> = settings
+            .wavelengths_m
+            .iter()
+            .zip(&settings.sigmas_m)
+            .enumerate()
+            .map(|(i, (&length, &sigma))| Wave::new(seed, i as u64, length, sigma))
+            .collect();
+        let cell = settings.cell_m;
+        let origin = [-field.margin_m, -field.margin_m];
+        let count = |size: f64| {
+            let cells = ((size + 2.0 * field.margin_m) / cell).ceil() as usize;
+            cells.div_ceil(TILE) * TILE
+        };
+        let (columns, rows) = (count(field.size_m[0]) + 2, count(field.size_m[1]) + 2);
+        let control: Vec<f32> = (0..rows)
+            .into_par_iter()
+            .flat_map_iter(|j| {
+                let waves = &waves;
+                (0..columns).map(move |i| {
+                    // Control point i is centred half a cell before grid line i.
+                    let x = origin[0] + (i as f64 - 0.5) * cell;
+                    let y = origin[1] + (j as f64 - 0.5) * cell;
+                    waves.iter().map(|wave| wave.height_m(x, y)).sum::<f64>() as f32
+                })
+            })
+            .collect();
+        let mut soil = Self {
+            waves,
+            origin,
+            cell_m: cell,
+            columns,
+            rows,
+            control,
+            tile_columns: (columns - 2) / TILE,
+            tiles: Vec::new(),
+            highest: f64::NEG_INFINITY,
+        };
+        soil.tiles = (0..(rows - 2) / TILE)
+            .flat_map(|tj| (0..soil.tile_columns).map(move |ti| (ti, tj)))
+            .map(|(ti, tj)| soil.bound(ti, tj))
+            .collect();
+        soil.highest = soil
+            .tiles
+            .iter()
+            .map(|tile| tile.highest)
+            .fold(f64::NEG_INFINITY, f64::max);
+        soil
+    }
+
+    /// Bounds of a tile by the convex hull of its control points and of their differences.
+    fn bound(&self, ti: usize, tj: usize) -> Tile {
+        let (mut highest, mut dx, mut dy) = (f64::NEG_INFINITY, 0.0f64, 0.0f64);
+        for j in tj * TILE..(tj + 1) * TILE + 2 {
+            for i in ti * TILE..(ti + 1) * TILE + 2 {
+                let h = self.control(i, j);
+                highest = highest.max(h);
+                if i + 1 < (ti + 1) * TILE + 2 {
+                    dx = dx.max((self.control(i + 1, j) - h).abs());
+                }
+                if j + 1 < (tj + 1) * TILE + 2 {
+                    dy = dy.max((self.control(i, j + 1) - h).abs());
+                }
+            }
+        }
+        Tile {
+            highest,
+            slope: dx.hypot(dy) / self.cell_m,
+        }
+    }
+
+    fn control(&self, i: usize, j: usize) -> f64 {
+        f64::from(self.control[j * self.columns + i])
+    }
+
+    /// Height of the ground that carries a wheel: wavelengths of at least `shortest_m`.
+    pub fn carrying_height_m(&self, x: f64, y: f64, shortest_m: f64) -> f64 {
+        self.waves
+            .iter()
+            .filter(|wave| wave.length_m >= shortest_m)
+            .map(|wave| wave.height_m(x, y))
+            .sum()
+    }
+
+    /// Lower and upper corner of the ground that exists, metres.
+    pub fn extent_m(&self) -> [[f64; 2]; 2] {
+        let size = |n: usize| (n - 2) as f64 * self.cell_m;
+        [
+            self.origin,
+            [
+                self.origin[0] + size(self.columns),
+                self.origin[1] + size(self.rows),
+            ],
+        ]
+    }
+
+    /// Height and its gradient at a point; beyond the extent those of the nearest cell go on.
+    pub fn height_and_gradient(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
+        let (u, v) = (
+            (x - self.origin[0]) / self.cell_m,
+            (y - self.origin[1]) / self.cell_m,
+        );
+        let i = (u.max(0.0) as usize).min(self.columns - 3);
+        let j = (v.max(0.0) as usize).min(self.rows - 3);
+        let (fx, fy) = (u - i as f64, v - j as f64);
+        let weights = |f: f64| [0.5 * (1.0 - f) * (1.0 - f), 0.5 + f - f * f, 0.5 * f * f];
+        let slopes = |f: f64| [f - 1.0, 1.0 - 2.0 * f, f];
+        let (wx, wy, sx, sy) = (weights(fx), weights(fy), slopes(fx), slopes(fy));
+        let (mut h, mut gx, mut gy) = (0.0, 0.0, 0.0);
+        for k in 0..3 {
+            let at = (j + k) * self.columns + i;
+            let c = [self.control[at], self.control[at + 1], self.control[at + 2]].map(f64::from);
+            let row = wx[0] * c[0] + wx[1] * c[1] + wx[2] * c[2];
+            h += wy[k] * row;
+            gy += sy[k] * row;
+            gx += wy[k] * (sx[0] * c[0] + sx[1] * c[1] + sx[2] * c[2]);
+        }
+        (h, [gx / self.cell_m, gy / self.cell_m])
+    }
+
+    /// Height at a point, metres.
+    pub fn height_m(&self, x: f64, y: f64) -> f64 {
+        self.height_and_gradient(x, y).0
+    }
+
+    /// Range along the unit vector `direction` to the first point on the ground, good to 1e-6 m;
+    /// `None` beyond `max_range_m` or where the ground ends.
+    ///
+    /// Each step is so short that, by the tile's bound on the slope, the ground cannot be crossed.
+    pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
+        let (enter, leave) = self.inside(origin, direction)?;
+        let max_range = max_range_m.min(leave);
+        let mut range = enter.max(0.0);
+        if origin.z + range * direction.z > self.highest {
+            if direction.z >= 0.0 {
+                return None;
+            }
+            range = (self.highest - origin.z) / direction.z;
+        }
+        let across = direction.x.hypot(direction.y);
+        let tile_m = TILE as f64 * self.cell_m;
+        while range <= max_range {
+            let p = origin + direction * range;
+            let tile_of =
+                |x: f64, o: f64, n: usize| (((x - o) / tile_m).max(0.0) as usize).min(n - 1);
+            let ti = tile_of(p.x, self.origin[0], self.tile_columns);
+            let tj = tile_of(p.y, self.origin[1], self.tiles.len() / self.tile_columns);
+            let tile = self.tiles[tj * self.tile_columns + ti];
+            // A hair beyond the tile's edge, so that the next point lies in the next tile.
+            let edge = |x: f64, o: f64, t: usize, d: f64| {
+                if d > 0.0 {
+                    (o + (t + 1) as f64 * tile_m - x) / d
+                } else if d < 0.0 {
+                    (o + t as f64 * tile_m - x) / d
+                } else {
+                    f64::INFINITY
+                }
+            };
+            let exit = range
+                + edge(p.x, self.origin[0], ti, direction.x)
+                    .min(edge(p.y, self.origin[1], tj, direction.y))
+                    .max(0.0)
+                + 1e-9;
+            if p.z > tile.highest + 1e-9 {
+                range = if direction.z < 0.0 {
+                    exit.min((tile.highest - origin.z) / direction.z)
+                } else {
+                    exit
+                };
+                continue;
+            }
+            let (height, gradient) = self.height_and_gradient(p.x, p.y);
+            let above = p.z - height;
+            if above < 1e-5 {
+                let closing = gradient[0] * direction.x + gradient[1] * direction.y - direction.z;
+                // Below 10 µm the ground is flat enough for Newton unless the ray grazes it.
+                if above < 1e-7 {
+                    return Some(range);
+                } else if closing > 0.1 {
+                    return Some(range + above / closing);
+                }
+            }
+            let closing_bound = tile.slope * across - direction.z;
+            range = if closing_bound > 0.0 {
+                exit.min(range + (above / closing_bound).max(1e-8))
+            } else {
+                exit
+            };
+        }
+        None
+    }
+
+    /// Where the ray is above the ground's extent.
+    fn inside(&self, origin: &Vec3, direction: &Vec3) -> Option<(f64, f64)> {
+        let [low, high] = self.extent_m();
+        let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
+        for axis in 0..2 {
+            let (o, d) = (origin[axis], direction[axis]);
+            if d == 0.0 {
+                if o < low[axis] || o > high[axis] {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((low[axis] - o) / d, (high[axis] - o) / d);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        (enter <= leave).then_some((enter, leave))
+    }
+}

@@ -1,0 +1,219 @@
+//! Writes a simulated campaign as the files a field crew would bring home, and the truth.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::aiding::{simulate_heading, simulate_prism};
+use super::deformation::Mountings;
+use super::describe;
+use super::drive::Drive;
+use super::inertial::simulate_imu;
+use super::profiler::Profiler;
+use super::reference::Reference;
+use super::scenario::Scenario;
+use super::scene::Scene;
+use crate::error::Result;
+use crate::format;
+use crate::geometry::Vec3;
+use crate::output::Staging;
+use crate::progress::Progress;
+
+/// Profiles of each scanner made at a time.
+const PROFILES_AT_ONCE: usize = 256;
+
+/// Strips of the reference made at a time.
+const STRIPS_AT_ONCE: usize = 64;
+
+/// Seconds of the day at which the first drive starts, and from drive to drive.
+const FIRST_DRIVE_S: f64 = 36_000.0;
+const DRIVE_EVERY_S: f64 = 1_200.0;
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulatedFiles {
+    /// One entry per drive; the first one's project evaluates the others.
+    pub drives: Vec<SimulatedDrive>,
+    /// The reference cloud.
+    pub reference: PathBuf,
+    /// Its points.
+    pub reference_points: u64,
+}
+
+/// The files of one drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulatedDrive {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Its project file.
+    pub project: PathBuf,
+    /// Its duration, seconds.
+    pub duration_s: f64,
+    /// Profiles of all scanners.
+    pub profiles: u64,
+    /// Points of all scanners.
+    pub points: u64,
+}
+
+/// Simulates the scenario and writes it into the folder `out`: `drive-1`, `drive-2`, … with logs,
+/// recordings and `project.toml`, in each `truth` with trajectory, mounting and scene; beside them
+/// `tls.laz` and `scenario.toml`. The same scenario gives the same bytes on any machine and with
+/// any number of threads. Memory stays bounded at any number of points.
+///
+/// # Errors
+/// A scenario without sense; a folder that cannot be written.
+pub fn simulate(
+    scenario: &Scenario,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<SimulatedFiles> {
+    scenario.check()?;
+    let staging = Staging::new(out)?;
+    let scene = Scene::new(scenario);
+    let mut drives = Vec::with_capacity(scenario.drives.len());
+    for index in 0..scenario.drives.len() {
+        let start_s = FIRST_DRIVE_S + index as f64 * DRIVE_EVERY_S;
+        let drive = Drive::new(scenario, &scene, index, start_s);
+        let name = describe::drive_name(index);
+        let at = |file: &str| staging.path(&format!("{name}/{file}"));
+        write_logs(scenario, &drive, index, &at)?;
+        describe::write_texts(scenario, &scene, index, &at)?;
+        let (profiles, points) = write_profiles(scenario, &scene, &drive, index, &at, progress)?;
+        let folder = out.join(&name);
+        drives.push(SimulatedDrive {
+            project: folder.join("project.toml"),
+            folder,
+            duration_s: drive.span_s.1 - drive.span_s.0,
+            profiles,
+            points,
+        });
+    }
+    let reference_points = write_reference(scenario, &scene, &staging.path("tls.laz"), progress)?;
+    describe::write_text(
+        &staging.path("scenario.toml"),
+        &describe::scenario(scenario)?,
+    )?;
+    staging.commit()?;
+    Ok(SimulatedFiles {
+        drives,
+        reference: out.join("tls.laz"),
+        reference_points,
+    })
+}
+
+/// IMU, prism, heading and the true trajectory.
+fn write_logs(
+    scenario: &Scenario,
+    drive: &Drive,
+    index: usize,
+    at: &dyn Fn(&str) -> PathBuf,
+) -> Result<()> {
+    let imu = simulate_imu(scenario, drive, index);
+    format::write_imu(&at("imu.csv"), &imu.samples)?;
+    format::write_trajectory(&at("truth/trajectory.csv"), &imu.truth)?;
+    format::write_prism(&at("prism.csv"), &simulate_prism(scenario, drive, index))?;
+    format::write_heading(
+        &at("heading.csv"),
+        &simulate_heading(scenario, drive, index),
+    )?;
+    if scenario.deformation.enabled {
+        write_deformation(scenario, drive, at)?;
+    }
+    Ok(())
+}
+
+/// The true mounting of every scanner ten times a second.
+fn write_deformation(
+    scenario: &Scenario,
+    drive: &Drive,
+    at: &dyn Fn(&str) -> PathBuf,
+) -> Result<()> {
+    use std::fmt::Write;
+    let mountings = Mountings::new(scenario, drive);
+    for (scanner, settings) in scenario.scanners.iter().enumerate() {
+        let mut text = String::from("time_s,x_m,y_m,z_m,qx,qy,qz,qw\n");
+        let (start, end) = drive.moving_s;
+        for k in 0..((end - start) * 10.0) as usize {
+            let time_s = start + k as f64 * 0.1;
+            let mounting = mountings.body_from_scanner(scanner, time_s, &drive.at(time_s));
+            let (t, q) = (mounting.translation.vector, mounting.rotation.coords);
+            // Writing into a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{time_s:.3},{:.7},{:.7},{:.7},{:.10},{:.10},{:.10},{:.10}",
+                t.x, t.y, t.z, q.x, q.y, q.z, q.w
+            );
+        }
+        describe::write_text(&at(&format!("truth/mounting-{}.csv", settings.name)), &text)?;
+    }
+    Ok(())
+}
+
+/// The recordings of all scanners; returns the numbers of profiles and points.
+fn write_profiles(
+    scenario: &Scenario,
+    scene: &Scene,
+    drive: &Drive,
+    index: usize,
+    at: &dyn Fn(&str) -> PathBuf,
+    progress: &dyn Progress,
+) -> Result<(u64, u64)> {
+    let profiler = Profiler::new(scenario, scene, drive, index);
+    let scanners = scenario.scanners.len();
+    let mut writers = scenario
+        .scanners
+        .iter()
+        .map(|scanner| format::BonnWriter::create(&at(&format!("{}.bin", scanner.name))))
+        .collect::<Result<Vec<_>>>()?;
+    let count = profiler.count();
+    let stage = format!("simulating profiles of {}", describe::drive_name(index));
+    progress.begin(&stage, (count * scanners) as u64);
+    let mut points = 0u64;
+    for from in (0..count).step_by(PROFILES_AT_ONCE) {
+        let to = count.min(from + PROFILES_AT_ONCE);
+        for (scanner, writer) in writers.iter_mut().enumerate() {
+            let chunk: Vec<_> = (from..to)
+                .into_par_iter()
+                .map(|k| profiler.profile(scanner, k))
+                .collect();
+            for profile in &chunk {
+                writer.write_profile(profile.time_s, &profile.points)?;
+                points += profile.points.iter().flatten().count() as u64;
+            }
+            progress.advance(chunk.len() as u64);
+        }
+    }
+    for writer in writers {
+        writer.finish()?;
+    }
+    progress.end();
+    Ok(((count * scanners) as u64, points))
+}
+
+/// The reference cloud; returns its number of points.
+fn write_reference(
+    scenario: &Scenario,
+    scene: &Scene,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<u64> {
+    let reference = Reference::new(scenario, scene);
+    let mut writer = format::CloudWriter::create(path, Vec3::zeros())?;
+    progress.begin("simulating the reference", reference.strips() as u64);
+    let mut points = 0;
+    for from in (0..reference.strips()).step_by(STRIPS_AT_ONCE) {
+        let to = reference.strips().min(from + STRIPS_AT_ONCE);
+        let strips: Vec<Vec<Vec3>> = (from..to)
+            .into_par_iter()
+            .map(|k| reference.strip(k))
+            .collect();
+        for point in strips.iter().flatten() {
+            writer.write(point, 0.0, 0.0, 0)?;
+            points += 1;
+        }
+        progress.advance((to - from) as u64);
+    }
+    writer.finish()?;
+    progress.end();
+    Ok(points)
+}
