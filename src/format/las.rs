@@ -1,0 +1,362 @@
+//! LAS and LAZ, opened with care: damaged headers must not claim memory, damaged points not
+//! panic.
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use super::guarded;
+use crate::error::{Error, Location, Result};
+use crate::geometry::Vec3;
+
+/// More points than one chunk of a compressed file ever holds; real files have 50,000.
+const LARGEST_CHUNK: u64 = 100_000_000;
+
+/// Does the file start as LAS and LAZ do? Leaves the file at its start.
+pub(crate) fn is_las(path: &Path, file: &mut File) -> Result<bool> {
+    Ok(super::first_bytes(path, file)?.starts_with(b"LASF"))
+}
+
+/// One point as decoded, with what may stand beside it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LasPoint<'a> {
+    pub(crate) position: Vec3,
+    pub(crate) time_s: f64,
+    pub(crate) intensity: f32,
+    /// The bytes after the standard fields.
+    pub(crate) extra: &'a [u8],
+}
+
+/// An open LAS or LAZ file.
+pub(crate) struct LasFile {
+    path: PathBuf,
+    reader: las::Reader,
+    points: las::PointData,
+    taken: u64,
+    bytes: u64,
+}
+
+fn problem(path: &Path, error: las::Error) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        error.to_string(),
+        "an undamaged LAS or LAZ file",
+    )
+}
+
+impl LasFile {
+    pub(crate) fn open(path: &Path) -> Result<Self> {
+        let (mut file, bytes) = super::open(path)?;
+        check_header(path, &mut file, bytes)?;
+        guarded(path, "LAS or LAZ", || {
+            // Sequential decompression takes no memory by what a damaged chunk table says.
+            let options =
+                las::ReaderOptions::default().with_laz_parallelism(las::LazParallelism::No);
+            let reader = las::Reader::with_options(BufReader::new(file), options)
+                .map_err(|e| problem(path, e))?;
+            let points = las::PointDataBuilder::new()
+                .for_header(reader.header())
+                .build();
+            Ok(Self {
+                path: path.to_owned(),
+                reader,
+                points,
+                taken: 0,
+                bytes,
+            })
+        })
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn header(&self) -> &las::Header {
+        self.reader.header()
+    }
+
+    pub(crate) fn has_time(&self) -> bool {
+        self.header().point_format().has_gps_time
+    }
+
+    pub(crate) fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    pub(crate) fn bytes_total(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Decodes up to `n` points and hands each with its index to `take`; how many there were.
+    pub(crate) fn read(
+        &mut self,
+        n: usize,
+        mut take: impl FnMut(u64, LasPoint<'_>) -> Result<()>,
+    ) -> Result<u64> {
+        let Self {
+            path,
+            reader,
+            points,
+            taken,
+            ..
+        } = self;
+        let format = *reader.header().point_format();
+        let first = *taken;
+        let count = guarded(path, "LAS or LAZ", || {
+            reader
+                .fill_points(n as u64, points)
+                .map_err(|e| problem(path, e))
+        })?;
+        *taken += count;
+        let (length, extra) = (points.record_len(), usize::from(format.extra_bytes));
+        let transforms = *reader.header().transforms();
+        let time_at = if format.is_extended { 22 } else { 20 };
+        for (i, record) in points.raw_bytes().chunks_exact(length).enumerate() {
+            let raw = |at: usize| i32::from_le_bytes(bytes_at(record, at));
+            let point = LasPoint {
+                position: Vec3::new(
+                    transforms.x.direct(raw(0)),
+                    transforms.y.direct(raw(4)),
+                    transforms.z.direct(raw(8)),
+                ),
+                time_s: if format.has_gps_time {
+                    f64::from_le_bytes(bytes_at(record, time_at))
+                } else {
+                    f64::NAN
+                },
+                intensity: f32::from(u16::from_le_bytes(bytes_at(record, 12))),
+                extra: &record[length - extra..],
+            };
+            if !point.position.iter().all(|v| v.is_finite())
+                || (format.has_gps_time && !point.time_s.is_finite())
+            {
+                return Err(point_error(
+                    path,
+                    first + i as u64,
+                    "a coordinate or time that is not finite",
+                    "finite numbers",
+                ));
+            }
+            take(first + i as u64, point)?;
+        }
+        Ok(count)
+    }
+}
+
+/// A format error at a point, counted from 0.
+pub(crate) fn point_error(path: &Path, index: u64, found: &str, expected: &str) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        format!("{found} at point {index}"),
+        expected,
+    )
+}
+
+fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    let mut out = [0; N];
+    out.copy_from_slice(&bytes[at..at + N]);
+    out
+}
+
+/// Checks what the header claims against the size of the file, before a decoder believes it.
+fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
+    let short = |at: u64, what: &str| {
+        Error::format(
+            path,
+            Location::Byte(at),
+            format!("a LAS file of {size} bytes that ends before {what}"),
+            "a complete LAS or LAZ file",
+        )
+    };
+    let mut head = [0u8; 375];
+    let available = size.min(head.len() as u64) as usize;
+    file.read_exact(&mut head[..available])
+        .map_err(|e| Error::io(path, e))?;
+    if available < 227 {
+        return Err(short(size, "its header does"));
+    }
+    let minor = head[25];
+    if available < 375 && minor >= 4 {
+        return Err(short(size, "its header does"));
+    }
+    let u32_at = |at| u64::from(u32::from_le_bytes(bytes_at(&head, at)));
+    let u64_at = |at| u64::from_le_bytes(bytes_at(&head, at));
+    let data = u32_at(96);
+    if data > size {
+        return Err(short(96, "its points begin"));
+    }
+    let compressed = head[104] & 0x80 != 0;
+    let length = u64::from(u16::from_le_bytes(bytes_at(&head, 105)));
+    let points = match (u32_at(107), minor >= 4) {
+        (0, true) => u64_at(247),
+        (n, _) => n,
+    };
+    if !compressed && points.saturating_mul(length) > size - data {
+        return Err(short(107, &format!("its {points} points do")));
+    }
+    if compressed {
+        check_chunks(path, file, data, size, points)?;
+    }
+    file.seek(SeekFrom::Start(0))
+        .map_err(|e| Error::io(path, e))?;
+    Ok(())
+}
+
+/// Checks the place and length of the table of compressed chunks.
+fn check_chunks(path: &Path, file: &mut File, data: u64, size: u64, points: u64) -> Result<()> {
+    let mut read_at = |at: u64| -> Result<[u8; 8]> {
+        let mut bytes = [0; 8];
+        file.seek(SeekFrom::Start(at))
+            .and_then(|_| file.read_exact(&mut bytes))
+            .map_err(|e| match e.kind() {
+                std::io::ErrorKind::UnexpectedEof => Error::format(
+                    path,
+                    Location::Byte(size),
+                    "the end of the file",
+                    "compressed points and the table of their chunks",
+                ),
+                _ => Error::io(path, e),
+            })?;
+        Ok(bytes)
+    };
+    let mut table = i64::from_le_bytes(read_at(data)?);
+    if table <= data as i64 {
+        table = i64::from_le_bytes(read_at(size.saturating_sub(8))?);
+    }
+    if table <= data as i64 {
+        return Ok(());
+    }
+    let head = read_at(table as u64)?;
+    let chunks = u64::from(u32::from_le_bytes(bytes_at(&head, 4)));
+    // A chunk takes at least a byte, and no writer makes more of them than there are points.
+    if chunks > size.min(points.max(1)) || points > chunks.max(1) * LARGEST_CHUNK {
+        return Err(Error::format(
+            path,
+            Location::Byte(table as u64 + 4),
+            format!("{chunks} compressed chunks for {points} points"),
+            "a table of chunks that fits the file",
+        ));
+    }
+    Ok(())
+}
+
+/// Where the sensor's pose stands in the extra bytes of each point: position (m), then roll,
+/// pitch, yaw (rad).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PoseColumns {
+    places: [ExtraColumn; 6],
+}
+
+/// One extra dimension: place in the extra bytes, type code of the standard, scale and offset.
+#[derive(Debug, Clone, Copy)]
+struct ExtraColumn {
+    at: usize,
+    code: u8,
+    scale: f64,
+    offset: f64,
+}
+
+const POSE_NAMES: [&str; 6] = [
+    "SensorX",
+    "SensorY",
+    "SensorZ",
+    "SensorRollRads",
+    "SensorPitchRads",
+    "SensorYawRads",
+];
+
+/// Bytes of the extra-dimension types 1 to 10.
+const TYPE_SIZES: [usize; 11] = [0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
+
+/// Names and places of all extra dimensions.
+fn extra_columns(file: &LasFile) -> Vec<(String, ExtraColumn)> {
+    let mut columns = Vec::new();
+    let mut at = 0;
+    let described = file
+        .header()
+        .all_vlrs()
+        .filter(|vlr| vlr.user_id == "LASF_Spec" && vlr.record_id == 4);
+    for record in described.flat_map(|vlr| vlr.data.chunks_exact(192)) {
+        let (code, options) = (record[2], record[3]);
+        let size = match TYPE_SIZES.get(usize::from(code)) {
+            // Without a type the options count the bytes.
+            Some(0) => usize::from(options),
+            Some(size) => *size,
+            // Two and three of each type: deprecated, of known size.
+            None if code <= 30 => {
+                TYPE_SIZES[usize::from((code - 1) % 10 + 1)] * usize::from((code - 1) / 10 + 1)
+            }
+            None => break,
+        };
+        let name = record[4..36].split(|b| *b == 0).next().unwrap_or_default();
+        let number = |at: usize| f64::from_le_bytes(bytes_at(record, at));
+        columns.push((
+            String::from_utf8_lossy(name).into_owned(),
+            ExtraColumn {
+                at,
+                code,
+                scale: if options & 8 != 0 { number(112) } else { 1.0 },
+                offset: if options & 16 != 0 { number(136) } else { 0.0 },
+            },
+        ));
+        at += size;
+    }
+    columns
+}
+
+/// The names of the extra dimensions.
+pub(crate) fn extra_names(file: &LasFile) -> Vec<String> {
+    extra_columns(file).into_iter().map(|(n, _)| n).collect()
+}
+
+impl ExtraColumn {
+    fn fits(&self, length: usize) -> bool {
+        let size = TYPE_SIZES.get(usize::from(self.code)).copied().unwrap_or(0);
+        size > 0 && self.at + size <= length
+    }
+
+    fn value(&self, extra: &[u8]) -> f64 {
+        let at = self.at;
+        let raw = match self.code {
+            1 => f64::from(extra[at]),
+            2 => f64::from(extra[at] as i8),
+            3 => f64::from(u16::from_le_bytes(bytes_at(extra, at))),
+            4 => f64::from(i16::from_le_bytes(bytes_at(extra, at))),
+            5 => f64::from(u32::from_le_bytes(bytes_at(extra, at))),
+            6 => f64::from(i32::from_le_bytes(bytes_at(extra, at))),
+            7 => u64::from_le_bytes(bytes_at(extra, at)) as f64,
+            8 => i64::from_le_bytes(bytes_at(extra, at)) as f64,
+            9 => f64::from(f32::from_le_bytes(bytes_at(extra, at))),
+            _ => f64::from_le_bytes(bytes_at(extra, at)),
+        };
+        raw * self.scale + self.offset
+    }
+}
+
+impl PoseColumns {
+    /// The columns where the file has them all, and times.
+    pub(crate) fn of(file: &LasFile) -> Option<Self> {
+        let columns = extra_columns(file);
+        let length = usize::from(file.header().point_format().extra_bytes);
+        let mut places = [ExtraColumn {
+            at: 0,
+            code: 0,
+            scale: 1.0,
+            offset: 0.0,
+        }; 6];
+        for (place, name) in places.iter_mut().zip(POSE_NAMES) {
+            *place = columns
+                .iter()
+                .find(|(other, column)| other == name && column.fits(length))?
+                .1;
+        }
+        file.has_time().then_some(Self { places })
+    }
+
+    /// Position (m) and roll, pitch, yaw (rad) of the sensor at a point.
+    pub(crate) fn values(&self, point: &LasPoint<'_>) -> [f64; 6] {
+        self.places.map(|place| place.value(point.extra))
+    }
+}
