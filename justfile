@@ -1,0 +1,27 @@
+# What can be done here; `just` lists it.
+
+_list:
+    @just --list
+
+# All tests, as the continuous integration runs them
+test:
+    cargo test --release
+
+# Three simulated drives, everything on them, and the report in out/
+demo:
+    cargo run --release -- demo
+
+# The same at the paper's rates: gigabytes of profiles
+full:
+    cargo run --release -- simulate --scenario full --out out/full
+    cargo run --release -- run out/full/drive-1/project.toml
+
+# Formatting, clippy and documentation, with warnings denied
+lint:
+    cargo fmt --check
+    cargo clippy --all-targets -- -D warnings
+    RUSTDOCFLAGS=-Dwarnings cargo doc --no-deps
+
+# Licences, advisories and sources of the dependencies (needs cargo-deny)
+deny:
+    cargo deny check
