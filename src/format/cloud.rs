@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use super::las::LasFile;
 use super::native::Sheet;
 use super::table::{Columns, Lines, Table, numbers};
@@ -51,19 +53,47 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
+/// Points decoded by one thread: some of the format's chunks of 50,000, so that the way to the
+/// first of them is short.
+const PART: u64 = 500_000;
+
+/// Reads the parts of a file side by side and joins them in order.
 fn read_las(path: &Path) -> Result<PointCloud> {
+    let count = LasFile::open(path)?.header().number_of_points();
+    let parts: Result<Vec<PointCloud>> = (0..count.div_ceil(PART))
+        .into_par_iter()
+        .map(|i| read_las_part(path, i * PART, PART.min(count - i * PART)))
+        .collect();
+    let mut cloud = PointCloud::default();
+    for part in parts? {
+        cloud.points.extend(part.points);
+        cloud.time_s.extend(part.time_s);
+        cloud.intensity.extend(part.intensity);
+    }
+    Ok(cloud)
+}
+
+fn read_las_part(path: &Path, start: u64, count: u64) -> Result<PointCloud> {
     let mut file = LasFile::open(path)?;
+    if start > 0 {
+        file.seek(start)?;
+    }
     let mut cloud = PointCloud::default();
     let has_time = file.has_time();
-    while file.read(CHUNK_POINTS, |_, point| {
-        cloud.points.push(point.position);
-        cloud.intensity.push(point.intensity);
-        if has_time {
-            cloud.time_s.push(point.time_s);
+    while file.taken() < start + count {
+        let left = (start + count - file.taken()) as usize;
+        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+            cloud.points.push(point.position);
+            cloud.intensity.push(point.intensity);
+            if has_time {
+                cloud.time_s.push(point.time_s);
+            }
+            Ok(())
+        })?;
+        if read == 0 {
+            break;
         }
-        Ok(())
-    })? > 0
-    {}
+    }
     Ok(cloud)
 }
 

@@ -73,8 +73,7 @@ fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<Pose> {
         return Ok(Pose::identity());
     };
     let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
-    // Written so that NaN fails as well.
-    if !((q.norm() - 1.0).abs() < 1e-3) {
+    if q.norm().is_nan() || (q.norm() - 1.0).abs() > 1e-3 {
         return Err(problem(
             path,
             format!("a pose whose quaternion has the length {}", q.norm()),
@@ -89,7 +88,11 @@ fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(cause) = source {
-        text += &format!(": {cause}");
+        let cause_text = cause.to_string();
+        // Some errors of the decoder already quote their causes.
+        if !text.contains(&cause_text) {
+            text += &format!(": {cause_text}");
+        }
         source = cause.source();
     }
     text
