@@ -1,7 +1,7 @@
 //! One file per file format, in and out; detection.
 //!
 //! Angles in files are degrees where a column's name says so; records hold radians. Every reader
-//! ends in data or in one [`Error`](crate::Error) that names the file, the line or byte, what
+//! ends in data or in one [`Error`] that names the file, the line or byte, what
 //! stands there and what should.
 
 mod binary;
