@@ -7,7 +7,7 @@
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`sensor`] | what each sensor measured, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
-//! | [`format`](mod@format) | one file per file format, in and out; detection |
+//! | [`mod@format`] | one file per file format, in and out; detection |
 //! | [`project`] | `project.toml`: as written, then checked |
 //! | [`trajectory`] | preintegration, factors, smoother, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |

@@ -199,26 +199,26 @@ impl BonnReader {
         }
         let intensities = self.take_values(shades, 1, "intensity")?;
 
-        let raw = |at: usize, i: usize| i16::from_le_bytes(word(&self.record, at + 2 * i));
-        for i in 0..head.width as usize {
-            let (x, z) = (raw(xs, i), raw(zs, i));
-            if x == INVALID || z == INVALID {
-                continue;
-            }
-            into.push(ScanPoint {
-                time_s: head.time_s,
-                position_m: Vec3::new(
-                    f64::from(x) * head.x_scale_m + head.x_offset_m,
-                    0.0,
-                    f64::from(z) * head.z_scale_m + head.z_offset_m - STAND_OFF_M,
-                ),
-                intensity: if shades == 0 {
-                    0.0
-                } else {
-                    f32::from(self.record[intensities + i])
-                },
-            });
-        }
+        let width = head.width as usize;
+        let raw = |at: usize| {
+            self.record[at..at + 2 * width]
+                .chunks_exact(2)
+                .map(|pair| i16::from_le_bytes([pair[0], pair[1]]))
+        };
+        let shades = self.record[intensities..].iter().copied();
+        let rays = raw(xs).zip(raw(zs)).zip(shades.chain(std::iter::repeat(0)));
+        into.extend(
+            rays.filter(|((x, z), _)| *x != INVALID && *z != INVALID)
+                .map(|((x, z), shade)| ScanPoint {
+                    time_s: head.time_s,
+                    position_m: Vec3::new(
+                        f64::from(x) * head.x_scale_m + head.x_offset_m,
+                        0.0,
+                        f64::from(z) * head.z_scale_m + head.z_offset_m - STAND_OFF_M,
+                    ),
+                    intensity: f32::from(shade),
+                }),
+        );
         Ok(true)
     }
 }

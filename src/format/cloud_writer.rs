@@ -111,17 +111,19 @@ impl CloudWriter {
                 "check the trajectory and the mounting; a cloud file spans 42 km at most",
             ));
         }
-        let out = &mut self.records;
-        for v in raw.iter() {
-            out.extend((*v as i32).to_le_bytes());
+        let mut record = [0; RECORD];
+        for (place, v) in record.chunks_exact_mut(4).zip(raw.iter()) {
+            place.copy_from_slice(&(*v as i32).to_le_bytes());
         }
         // `as` saturates and makes 0 of NaN.
-        out.extend((intensity.round() as u16).to_le_bytes());
-        // First of one return; no flags; never classified; user data.
-        out.extend([0x11, 0, 0, scanner]);
-        out.extend(0i16.to_le_bytes());
-        out.extend(u16::from(scanner).to_le_bytes());
-        out.extend(time_s.to_le_bytes());
+        record[12..14].copy_from_slice(&(intensity.round() as u16).to_le_bytes());
+        // The first of one return; flags, class and scan angle stay 0.
+        record[14] = 0x11;
+        record[17] = scanner;
+        record[20..22].copy_from_slice(&u16::from(scanner).to_le_bytes());
+        record[22..30].copy_from_slice(&time_s.to_le_bytes());
+        let out = &mut self.records;
+        out.extend_from_slice(&record);
         if out.len() >= BATCH * RECORD {
             self.flush()?;
         }

@@ -88,6 +88,15 @@ impl LasFile {
         self.bytes
     }
 
+    /// Goes to a point, counted from 0.
+    pub(crate) fn seek(&mut self, index: u64) -> Result<()> {
+        self.taken = index;
+        let Self { path, reader, .. } = self;
+        guarded(path, "LAS or LAZ", || {
+            reader.seek(index).map_err(|e| problem(path, e))
+        })
+    }
+
     /// Decodes up to `n` points and hands each with its index to `take`; how many there were.
     pub(crate) fn read(
         &mut self,
