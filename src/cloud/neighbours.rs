@@ -2,7 +2,7 @@
 //! points.
 //!
 //! The tree is laid out without pointers. Points are reordered so that every leaf is a run of
-//! [`LEAF`] points (the last leaf may be shorter), and a subtree of L leaves occupies 2 L − 1
+//! 32 points (the last leaf may be shorter), and a subtree of L leaves occupies 2 L − 1
 //! consecutive nodes: its root, its left subtree of ⌊L/2⌋ leaves, its right subtree.
 //!
 //! Exactness needs no tolerance. Squared distances are computed as

@@ -13,7 +13,9 @@
 //!
 //!    LoD = 1.96 (√(s₁²/n₁ + s₂²/n₂) + registration error).
 //!
-//! Conventions are those of py4dgeo, so that numbers can be compared one by one.
+//! Conventions are those of py4dgeo, so that numbers can be compared one by one; apart from points
+//! exactly at a radius around a core point, which count here, and exactly on the borders between
+//! the pieces it cuts its cylinders into, which it loses.
 
 use rayon::prelude::*;
 
@@ -92,14 +94,14 @@ pub fn core_points(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<Vec
 
 /// Compares `compared` with `reference` at the points `core` (all metres, in one frame).
 ///
-/// `normals`, of any length but zero and one for each core point, take the place of those found
-/// from the reference. Found normals are flipped to n·`orientation` ≥ 0; given ones stay. The
+/// `normals`, one for each core point and of any norm above zero, take the place of those found from
+/// the reference. Found normals are flipped to n·`orientation` ≥ 0; given ones stay. The
 /// cylinder reaches `max_distance_m` to both sides, at least its radius. Core points
 /// outside the overlap get NaN, which is no error; see [`super::Statistics::of`] for none at all.
 ///
 /// # Errors
-/// [`Error::Data`] where a cloud or `core` is empty, settings are not positive and finite, or there
-/// are not as many normals as core points.
+/// [`Error::Data`] where a cloud or `core` is empty, a radius or distance is not positive and finite,
+/// the registration error is negative, or there are not as many normals as core points.
 pub fn m3c2(
     reference: &[Vec3],
     compared: &[Vec3],
@@ -216,6 +218,13 @@ fn check(
         return Err(Error::data(
             format!("{name} of the comparison is {length} m"),
             "give a length above zero",
+        ));
+    }
+    let registration = settings.registration_error_m;
+    if !(registration >= 0.0 && registration.is_finite()) {
+        return Err(Error::data(
+            format!("registration_error_m of the comparison is {registration} m"),
+            "give zero or a length above zero",
         ));
     }
     if normals.is_none() && settings.normal_radii_m.is_empty() {
