@@ -28,7 +28,7 @@ impl Scenario {
         {
             return refuse(
                 "soil.wavelengths_m holds one shorter than two cells or beyond 100 m, or soil.sigmas_m \
-                 a negative one",,
+                 a negative one",
             );
         }
         let area: f64 = self
@@ -79,7 +79,7 @@ impl Scenario {
             (
                 "motion.suspension_damping",
                 motion.suspension_damping,
-                (0.05, 2.0),
+                (0.05, 1.0),
             ),
             ("imu.rate_hz", imu.rate_hz, RATE),
             ("imu.gyro_noise_deg_sqrt_h", imu.gyro_noise_deg_sqrt_h, ANY),
