@@ -81,10 +81,10 @@ impl Default for Scenario {
                     (180.0, &[3, 0]),
                 ]),
                 drive(&[
-                    (0.0, &[0, 3]),
+                    (270.0, &[1, 0]),
+                    (TO_NE, &[0, 2, 4]),
+                    (270.0, &[4, 3]),
                     (TO_SE, &[3, 2, 1]),
-                    (0.0, &[1, 4]),
-                    (TO_SW, &[4, 2, 0]),
                 ]),
             ],
         }
@@ -105,7 +105,7 @@ impl Default for SoilSettings {
         Self {
             cell_m: 0.01,
             wavelengths_m: vec![2.6, 1.3, 0.7, 0.3, 0.12, 0.06, 0.03],
-            sigmas_m: vec![0.012, 0.006, 0.004, 0.004, 0.003, 0.003, 0.0025],
+            sigmas_m: vec![0.016, 0.008, 0.004, 0.004, 0.003, 0.003, 0.0025],
         }
     }
 }
@@ -196,11 +196,11 @@ impl Default for DeformationSettings {
     fn default() -> Self {
         Self {
             enabled: false,
-            rotation_deg_per_deg: 0.15,
-            shift_m_per_deg: 0.004,
+            rotation_deg_per_deg: 0.2,
+            shift_m_per_deg: 0.008,
             shift_m_per_m_s2: 0.005,
-            drift_deg: 0.3,
-            drift_m: 0.006,
+            drift_deg: 0.5,
+            drift_m: 0.024,
         }
     }
 }

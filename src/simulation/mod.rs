@@ -4,6 +4,7 @@
 //! by it.
 
 mod aiding;
+mod check;
 mod defaults;
 mod deformation;
 mod describe;

@@ -165,3 +165,72 @@ impl<'a> Profiler<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_lost_where_light_grazes_at_edges_and_at_random() {
+        let scenario = Scenario::demo();
+        let scene = Scene::new(&scenario);
+        let drive = Drive::new(&scenario, &scene, 1, 0.0);
+        let profiler = Profiler::new(&scenario, &scene, &drive, 1);
+        let settings = &scenario.profiles;
+        let [
+            mut plain,
+            mut lost,
+            mut edges,
+            mut lost_edges,
+            mut flying,
+            mut grazing,
+        ] = [0.0; 6];
+        for index in (0..profiler.count()).step_by(20) {
+            for scanner in 0..2 {
+                let ideal = profiler.ideal(scanner, index);
+                let profile = profiler.profile(scanner, index);
+                assert_eq!(profile.points.len(), settings.width);
+                for (k, (ray, point)) in ideal.iter().zip(&profile.points).enumerate() {
+                    let Some(ray) = ray else {
+                        assert_eq!(*point, None);
+                        continue;
+                    };
+                    let depth = -ray.point_m.z;
+                    assert!((0.35..=1.85).contains(&depth));
+                    if ray.cosine < settings.grazing_deg.to_radians().cos() {
+                        grazing += 1.0;
+                        assert_eq!(*point, None);
+                        continue;
+                    }
+                    let range = |n: usize| Some(ideal.get(n)?.as_ref()?.hit.range_m);
+                    let is_edge = [k.wrapping_sub(1), k + 1].into_iter().any(|n| {
+                        range(n).is_some_and(|r| (r - ray.hit.range_m).abs() > settings.edge_m)
+                    });
+                    let error = point.map(|(x, z, _)| x.hypot(z) - ray.hit.range_m);
+                    if is_edge {
+                        edges += 1.0;
+                        lost_edges += f64::from(u8::from(error.is_none()));
+                        flying += f64::from(u8::from(error.is_some_and(|e| e.abs() > 0.003)));
+                    } else {
+                        plain += 1.0;
+                        lost += f64::from(u8::from(error.is_none()));
+                        // Six standard deviations of a ray at the side of the fan.
+                        assert!(error.is_none_or(|e| e.abs() < 0.0022), "{error:?}");
+                    }
+                }
+            }
+        }
+        println!(
+            "{plain} plain, {lost} lost, {edges} at edges, {lost_edges} lost, {flying} flying, {grazing} grazing"
+        );
+        // Binomial counts within four standard deviations.
+        let within = |seen: f64, of: f64, share: f64| {
+            (seen - of * share).abs() < 4.0 * (of * share * (1.0 - share)).sqrt()
+        };
+        assert!(grazing > 100.0 && edges > 100.0);
+        assert!(within(lost, plain, settings.dropout));
+        assert!(within(lost_edges, edges, settings.edge_lost_flying[0]));
+        // Few of those that fly stay within 3 mm of the surface.
+        assert!(flying > 0.05 * edges && flying < 0.15 * edges);
+    }
+}

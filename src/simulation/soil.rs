@@ -10,8 +10,8 @@ use crate::geometry::Vec3;
 /// Cells along one side of a tile.
 const TILE: usize = 8;
 
-/// Side of the table of lattice values; relief repeats after this many wavelengths.
-const LATTICE: usize = 64;
+/// Side of the table of lattice values; relief repeats after half as many wavelengths.
+const LATTICE: usize = 256;
 
 /// A height field: a biquadratic B-spline over a fine grid of heights, continuously
 /// differentiable. The heights are a sum of smooth noise from metres down to centimetres.
@@ -258,7 +258,7 @@ impl Soil {
                 if above < 1e-7 {
                     return Some(range);
                 } else if closing > 0.1 {
-                    return Some(range + above / closing);
+                    return Some(range + above / closing).filter(|&range| range <= max_range);
                 }
             }
             let closing_bound = tile.slope * across - direction.z;

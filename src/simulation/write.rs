@@ -57,8 +57,8 @@ pub struct SimulatedDrive {
 
 /// Simulates the scenario and writes it into the folder `out`: `drive-1`, `drive-2`, … with logs,
 /// recordings and `project.toml`, in each `truth` with trajectory, mounting and scene; beside them
-/// `tls.laz` and `scenario.toml`. The same scenario gives the same bytes on any machine and with
-/// any number of threads. Memory stays bounded at any number of points.
+/// `tls.laz` and `scenario.toml`. The same scenario gives the same bytes with any number of
+/// threads. Memory stays bounded at any number of points.
 ///
 /// # Errors
 /// A scenario without sense; a folder that cannot be written.
