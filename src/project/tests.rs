@@ -508,3 +508,47 @@ fn missing_files_are_named_with_key_line_and_path() {
         "{message}"
     );
 }
+
+/// The README of the package.
+const README: &str = include_str!("../../README.md");
+
+#[test]
+fn the_project_of_the_readme_is_understood() {
+    let (_, rest) = README.split_once("```toml\n").unwrap();
+    let (text, _) = rest.split_once("```").unwrap();
+    let project = read(text).unwrap();
+    assert_eq!(project.scanners[0].name, "left");
+    assert!(project.reference.is_some());
+}
+
+#[test]
+fn the_readme_names_every_key_with_its_default() {
+    for text in [EXAMPLE, UNUSUAL, POSES] {
+        let printed = read(text).unwrap().to_toml().unwrap();
+        for line in printed.lines() {
+            if let Some((key, _)) = line.split_once(" = ") {
+                assert!(README.contains(key), "{key} is not in the README");
+            }
+        }
+    }
+    let calibration = CalibrationSettings::default();
+    let comparison = ComparisonSettings::default();
+    for row in [
+        format!("| `calibration.neighbours` | {} |", calibration.neighbours),
+        format!(
+            "| `calibration.max_iterations` | {} |",
+            calibration.max_iterations
+        ),
+        format!("| `calibration.pass_gap_s` | {} |", calibration.pass_gap_s),
+        format!(
+            "| {}, {:?}, {}, {}, {} | M3C2",
+            comparison.core_spacing_m,
+            comparison.normal_radii_m,
+            comparison.cylinder_radius_m,
+            comparison.max_distance_m,
+            comparison.registration_error_m
+        ),
+    ] {
+        assert!(README.contains(&row), "{row}");
+    }
+}
