@@ -178,8 +178,8 @@ fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
         "rotation to start       -145, 0, 90 ° (bonn, the project's)",
         "voxel sizes             50, 40, 30, 20, 10, 5 mm",
         "1. estimate the trajectory from IMU and prism",
-        "2. calibrate left against each other and themselves; without a reference their common \
-         height cannot be found and is held",
+        "2. calibrate left on 6 scales against its own passes; without a reference its height \
+         cannot be found and is held",
         "cloud-left.laz",
     ] {
         assert!(run.out.contains(expected), "{expected}\n{}", run.out);
