@@ -79,7 +79,7 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
         .multi_start_rad
         .map_or(String::new(), |half_width| {
             format!(
-                ", after a search over rotations of ±{}°",
+                "; before it, search rotations within ±{}°",
                 short(half_width.to_degrees())
             )
         });
