@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use super::las::{LasFile, LasPoint, PoseColumns, point_error};
+use super::las::{LasFile, PoseColumns, point_error};
 use super::profile::ProfileReader;
 use super::{CHUNK_POINTS, nothing_in};
 use crate::error::{Error, Location, Result};
@@ -103,8 +103,33 @@ impl ProfileReader for LasScan {
     }
 }
 
-/// Reads every point with its pose world_from_sensor, R = Rz(yaw) Ry(pitch) Rx(roll).
-fn read_posed(file: &mut LasFile, mut take: impl FnMut(&LasPoint<'_>, Pose)) -> Result<()> {
+/// A point in the world with the pose of the sensor that saw it.
+struct PosedPoint {
+    time_s: f64,
+    /// Position (m), then roll, pitch, yaw (rad).
+    pose: [f64; 6],
+    world: Vec3,
+    intensity: f32,
+}
+
+impl PosedPoint {
+    fn position(&self) -> Vec3 {
+        Vec3::from_column_slice(&self.pose[..3])
+    }
+
+    /// R = Rz(yaw) Ry(pitch) Rx(roll).
+    fn world_from_sensor(&self) -> Pose {
+        let [_, _, _, roll, pitch, yaw] = self.pose;
+        pose(
+            Rotation::from_euler_angles(roll, pitch, yaw),
+            self.position(),
+        )
+    }
+}
+
+/// Reads every point with its pose, in time order. They are held in memory: such files come
+/// ordered by place, not by time.
+fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
     let path = file.path().to_owned();
     let Some(columns) = PoseColumns::of(file) else {
         return Err(Error::format(
@@ -115,26 +140,92 @@ fn read_posed(file: &mut LasFile, mut take: impl FnMut(&LasPoint<'_>, Pose)) -> 
              SensorPitchRads, SensorYawRads",
         ));
     };
+    let mut points = Vec::new();
     while file.read(CHUNK_POINTS, |index, point| {
-        let values = columns.values(&point);
-        if !values.iter().all(|v| v.is_finite()) {
+        let pose = columns.values(&point);
+        if !pose.iter().all(|v| v.is_finite()) {
             let found = "a pose that is not finite";
             return Err(point_error(&path, index, found, "finite numbers"));
         }
-        let [x, y, z, roll, pitch, yaw] = values;
-        let rotation = Rotation::from_euler_angles(roll, pitch, yaw);
-        take(&point, pose(rotation, Vec3::new(x, y, z)));
+        points.push(PosedPoint {
+            time_s: point.time_s,
+            pose,
+            world: point.position,
+            intensity: point.intensity,
+        });
         Ok(())
     })? > 0
     {}
-    if file.taken() == 0 {
+    if points.is_empty() {
         return Err(nothing_in(&path, "point"));
     }
-    Ok(())
+    // Stable: points of the same time keep the order of the file.
+    points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    spread_times(&mut points);
+    Ok(points)
 }
 
-/// Points taken back into the frame of the sensor and sorted by time. They are held in memory:
-/// such files come ordered by place, not by time.
+/// Where a file's times are coarser than its poses, as those rounded to seconds are, gives every
+/// pose a time of its own: poses of one time are put in order along the track and spread evenly
+/// over the file's smallest step of time. Where each time has one pose, nothing changes.
+fn spread_times(points: &mut [PosedPoint]) {
+    let groups: Vec<(usize, usize)> = {
+        let mut start = 0;
+        points
+            .chunk_by(|a, b| a.time_s == b.time_s)
+            .map(|group| {
+                let range = (start, start + group.len());
+                start = range.1;
+                range
+            })
+            .collect()
+    };
+    let times: Vec<f64> = groups.iter().map(|g| points[g.0].time_s).collect();
+    let centres: Vec<Vec3> = groups
+        .iter()
+        .map(|g| {
+            points[g.0..g.1]
+                .iter()
+                .map(PosedPoint::position)
+                .sum::<Vec3>()
+        })
+        .zip(&groups)
+        .map(|(sum, g)| sum / (g.1 - g.0) as f64)
+        .collect();
+    let step = times.windows(2).map(|w| w[1] - w[0]).fold(1.0, f64::min);
+    for (i, &(start, end)) in groups.iter().enumerate() {
+        // The neighbour nearer in time: the other may belong to another pass.
+        let after = times.get(i + 1).map_or(f64::INFINITY, |t| t - times[i]);
+        let before = if i > 0 {
+            times[i] - times[i - 1]
+        } else {
+            f64::INFINITY
+        };
+        let ahead = if after.is_finite() && after <= before {
+            centres[i + 1] - centres[i]
+        } else if before.is_finite() {
+            centres[i] - centres[i - 1]
+        } else {
+            Vec3::x()
+        };
+        let group = &mut points[start..end];
+        let place = |p: &PosedPoint| p.position().dot(&ahead);
+        group.sort_by(|a, b| {
+            let along = place(a).total_cmp(&place(b));
+            (0..6).fold(along, |order, k| {
+                order.then_with(|| a.pose[k].total_cmp(&b.pose[k]))
+            })
+        });
+        let count = group.chunk_by(|a, b| a.pose == b.pose).count() as f64;
+        for (k, same) in group.chunk_by_mut(|a, b| a.pose == b.pose).enumerate() {
+            for point in same {
+                point.time_s += step * k as f64 / count;
+            }
+        }
+    }
+}
+
+/// Points taken back into the frame of the sensor, in time order.
 pub(crate) struct PosedScan {
     points: Vec<ScanPoint>,
     given: usize,
@@ -143,18 +234,17 @@ pub(crate) struct PosedScan {
 
 impl PosedScan {
     pub(crate) fn read(mut file: LasFile) -> Result<Self> {
-        let mut points = Vec::new();
-        read_posed(&mut file, |point, world_from_sensor| {
-            points.push(ScanPoint {
+        let points = read_posed(&mut file)?
+            .iter()
+            .map(|point| ScanPoint {
                 time_s: point.time_s,
-                position_m: world_from_sensor
-                    .inverse_transform_point(&point.position.into())
+                position_m: point
+                    .world_from_sensor()
+                    .inverse_transform_point(&point.world.into())
                     .coords,
                 intensity: point.intensity,
-            });
-        })?;
-        // Stable: points of the same time keep the order of the file.
-        points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+            })
+            .collect();
         Ok(Self {
             points,
             given: 0,
@@ -182,20 +272,18 @@ impl ProfileReader for PosedScan {
     }
 }
 
-/// The poses world_from_sensor at the distinct times of a file, in time order; of several points
-/// of one time the first counts.
+/// The distinct poses world_from_sensor of a file, in time order.
 pub(crate) fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
-    let mut poses = Vec::new();
-    read_posed(&mut LasFile::open(path)?, |point, world_from_body| {
-        poses.push(PoseRecord {
+    let mut points = read_posed(&mut LasFile::open(path)?)?;
+    points.dedup_by_key(|p| p.time_s);
+    Ok(points
+        .iter()
+        .map(|point| PoseRecord {
             time_s: point.time_s,
-            world_from_body,
+            world_from_body: point.world_from_sensor(),
             velocity_m_s: None,
             bias: None,
             sigma: None,
-        });
-    })?;
-    poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    poses.dedup_by_key(|p| p.time_s);
-    Ok(poses)
+        })
+        .collect())
 }

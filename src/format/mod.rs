@@ -4,13 +4,24 @@
 //! ends in data or in one [`Error`](crate::Error) that names the file, the line or byte, what
 //! stands there and what should.
 
+mod binary;
 mod bonn;
 mod bonn_trajectory;
+mod cloud;
 mod cloud_writer;
+mod detect;
+mod e57;
+mod inspect;
 mod las;
 mod las_scan;
+mod mounting;
 mod native;
+mod npy;
+mod pcd;
+mod ply;
 mod profile;
+mod pts;
+mod sbet;
 mod table;
 mod trajectory;
 
@@ -21,7 +32,11 @@ use std::path::Path;
 use crate::error::{Error, Location, Result};
 
 pub use bonn::BonnWriter;
+pub use cloud::{read_cloud, write_cloud_table};
 pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
+pub use detect::{Format, detect};
+pub use inspect::{Bounds, Gap, Inspection, inspect};
+pub use mounting::{read_mounting, write_mounting};
 pub use native::{read_heading, read_imu, read_prism, write_heading, write_imu, write_prism};
 pub use profile::{ProfileReader, open_profiles, write_profiles};
 pub use trajectory::{read_trajectory, write_trajectory};

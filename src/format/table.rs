@@ -67,14 +67,6 @@ impl Lines {
             .trim_ascii()
     }
 
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    pub(crate) fn number(&self) -> u64 {
-        self.number
-    }
-
     pub(crate) fn bytes_read(&self) -> u64 {
         self.bytes
     }

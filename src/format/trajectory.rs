@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::native::{Sheet, read_rows};
 use super::table::{Columns, Lines, Table, numbers};
-use super::{bonn_trajectory, las_scan};
-use crate::error::{Error, Result};
+use super::{Format, bonn_trajectory, las_scan, sbet};
+use crate::error::{Error, Location, Result};
 use crate::geometry::{Rotation, Vec3, pose};
 use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
 
@@ -42,43 +42,40 @@ const QUATERNION_SLACK: f64 = 1e-3;
 /// What the format's own reader finds; SBET, whose positions are geographic; times that do not
 /// increase; no poses.
 pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
-    let (mut file, _) = super::open(path)?;
-    if super::las::is_las(path, &mut file)? {
-        return las_scan::read_poses(path);
-    }
-    if matches!(super::extension(path).as_str(), "sbet" | "out") {
-        return Err(Error::data(
-            format!(
-                "{}: SBET holds latitude, longitude and wander azimuth, not a local frame",
-                path.display()
-            ),
-            "export the trajectory with projected coordinates, as time_s, east_m, north_m, up_m, \
-             qx, qy, qz, qw; a grid convergence belongs into its attitude",
-        ));
-    }
-    match first_numbers(path)? {
-        Some(16) => bonn_trajectory::read(path),
-        Some(8) => read_tum(path),
-        _ => read_native(path),
-    }
-}
-
-/// How many numbers the first line that is neither empty nor a comment holds; `None` where it is
-/// no line of numbers.
-pub(crate) fn first_numbers(path: &Path) -> Result<Option<usize>> {
-    let mut lines = Lines::open(path)?;
-    let mut cells = Vec::new();
-    let mut named_by_comment = false;
-    while lines.advance()? {
-        let text = lines.text();
-        if let Some(comment) = text.strip_prefix('#') {
-            named_by_comment = comment.contains("time_s");
-        } else if !text.is_empty() {
-            let numeric = numbers(text, &mut cells) && !named_by_comment;
-            return Ok(numeric.then_some(cells.len()));
+    // Unknown tables are handed on as well: their reader names the column that is missing.
+    match super::detect(path).unwrap_or(Format::TrajectoryCsv) {
+        Format::Las | Format::Laz => las_scan::read_poses(path),
+        Format::BonnTrajectory => bonn_trajectory::read(path),
+        Format::Tum => read_tum(path),
+        Format::Sbet => {
+            // A damaged file is told first.
+            sbet::for_each(path, |_| ())?;
+            Err(Error::data(
+                format!(
+                    "{}: SBET holds latitude, longitude and a wander azimuth, no local frame",
+                    path.display()
+                ),
+                "export the trajectory in projected coordinates as time_s, east_m, north_m, \
+                 up_m, qx, qy, qz, qw, with the grid convergence in its attitude",
+            ))
         }
+        Format::TrajectoryCsv
+        | Format::ImuCsv
+        | Format::PrismCsv
+        | Format::HeadingCsv
+        | Format::ProfileCsv
+        | Format::CloudCsv => read_native(path),
+        other => Err(Error::format(
+            path,
+            Location::Whole,
+            other.to_string(),
+            format!(
+                "a trajectory: a table with the columns {}, Bonn .trj, TUM, or LAS and LAZ with \
+                 the sensor's pose at every point",
+                TRAJECTORY.needed.join(", ")
+            ),
+        )),
     }
-    Ok(None)
 }
 
 /// The rotation of a quaternion as written, its bits kept where its length is 1.

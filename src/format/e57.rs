@@ -1,0 +1,119 @@
+//! E57: all scans of a file, cartesian or spherical, each moved by its pose.
+
+use std::io::BufReader;
+use std::path::Path;
+
+use super::binary::Number;
+use super::{first_bytes, guarded};
+use crate::cloud::PointCloud;
+use crate::error::{Error, Location, Result};
+use crate::geometry::{Pose, Rotation, Vec3, pose, transform};
+
+fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        error.to_string(),
+        "an undamaged E57 file",
+    )
+}
+
+/// Hands every measured point with its intensity (0 where a scan has none) to `take`.
+pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
+    let (mut file, size) = super::open(path)?;
+    let head = first_bytes(path, &mut file)?;
+    check_header(path, &head, size)?;
+    guarded(path, "E57", || {
+        let mut reader =
+            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+        for scan in reader.pointclouds() {
+            // A point takes a bit at least, unless all points are the same.
+            if scan.records > size.saturating_mul(8) {
+                return Err(problem(
+                    path,
+                    format!("{} points in a file of {size} bytes", scan.records),
+                ));
+            }
+            let world_from_scan = scan_pose(path, &scan)?;
+            let mut points = reader
+                .pointcloud_simple(&scan)
+                .map_err(|e| problem(path, chain(&e)))?;
+            points.apply_pose(false);
+            points.normalize_intensity(false);
+            points.normalize_color(false);
+            points.intensity_to_color(false);
+            for point in points {
+                let point = point.map_err(|e| problem(path, chain(&e)))?;
+                if let e57::CartesianCoordinate::Valid { x, y, z } = point.cartesian {
+                    let p = transform(&world_from_scan, &Vec3::new(x, y, z));
+                    if p.iter().all(|v| v.is_finite()) {
+                        take(p, point.intensity.unwrap_or(0.0));
+                    }
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+pub(crate) fn read(path: &Path) -> Result<PointCloud> {
+    let mut cloud = PointCloud::default();
+    for_each(path, |p, intensity| {
+        cloud.points.push(p);
+        cloud.intensity.push(intensity);
+    })?;
+    if cloud.intensity.iter().all(|v| *v == 0.0) {
+        cloud.intensity.clear();
+    }
+    Ok(cloud)
+}
+
+fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<Pose> {
+    let Some(t) = &scan.transform else {
+        return Ok(Pose::identity());
+    };
+    let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
+    // Written so that NaN fails as well.
+    if !((q.norm() - 1.0).abs() < 1e-3) {
+        return Err(problem(
+            path,
+            format!("a pose whose quaternion has the length {}", q.norm()),
+        ));
+    }
+    let t = Vec3::new(t.translation.x, t.translation.y, t.translation.z);
+    Ok(pose(Rotation::new_normalize(q), t))
+}
+
+/// An error with its causes.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        text += &format!(": {cause}");
+        source = cause.source();
+    }
+    text
+}
+
+/// Checks what the header claims against the size of the file, before a decoder believes it.
+fn check_header(path: &Path, head: &[u8], size: u64) -> Result<()> {
+    if head.len() < 48 || !head.starts_with(b"ASTM-E57") {
+        return Err(problem(path, "another start than that of E57"));
+    }
+    let u64_at = |at: usize| {
+        let low = Number::U32.read(&head[at..], false) as u64;
+        let high = Number::U32.read(&head[at + 4..], false) as u64;
+        low | high << 32
+    };
+    let (length, at, xml, page) = (u64_at(16), u64_at(24), u64_at(32), u64_at(40));
+    if length > size || at.saturating_add(xml) > size || !(8..=1 << 20).contains(&page) {
+        return Err(problem(
+            path,
+            format!(
+                "a header that speaks of {length} bytes, {xml} of them XML at byte {at}, in pages \
+                 of {page}, in a file of {size}"
+            ),
+        ));
+    }
+    Ok(())
+}

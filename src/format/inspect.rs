@@ -1,0 +1,398 @@
+//! What a file holds, in numbers with units, without keeping it in memory.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use super::detect::TABLES;
+use super::las::{LasFile, PoseColumns, extra_names};
+use super::table::Table;
+use super::{CHUNK_POINTS, Format, detect, open_profiles, read_cloud, read_trajectory, sbet};
+use crate::error::{Error, Result};
+use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
+
+/// An interval of time that is much longer than the others.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Gap {
+    /// Last time before it, seconds.
+    pub start_s: f64,
+    /// Its length, seconds.
+    pub duration_s: f64,
+}
+
+/// The least and the greatest value of a column; its unit is the end of its name.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Bounds {
+    /// Name with unit.
+    pub column: String,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+}
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Inspection {
+    /// The file.
+    pub path: PathBuf,
+    /// Its format.
+    pub format: Format,
+    /// Its size.
+    pub bytes: u64,
+    /// Rows, samples, poses or points.
+    pub count: u64,
+    /// Distinct times, where rows are in time order.
+    pub epochs: Option<u64>,
+    /// First and last time, seconds.
+    pub span_s: Option<[f64; 2]>,
+    /// One over the median interval between distinct times, hertz.
+    pub rate_hz: Option<f64>,
+    /// The longest gaps of more than five median intervals, longest first; ten at most.
+    pub gaps: Vec<Gap>,
+    /// Range of each column.
+    pub bounds: Vec<Bounds>,
+    /// Names of the columns or fields in the file.
+    pub columns: Vec<String>,
+    /// What else the user should know.
+    pub notes: Vec<String>,
+}
+
+/// Gaps remembered.
+const MOST_GAPS: usize = 10;
+/// Intervals that the median is taken from.
+const MOST_INTERVALS: usize = 1_000_000;
+
+/// Gathers the times of a stream.
+#[derive(Default)]
+struct Clock {
+    span: Option<[f64; 2]>,
+    last: Option<f64>,
+    epochs: u64,
+    intervals: Vec<f64>,
+    longest: Vec<Gap>,
+    backwards: u64,
+}
+
+impl Clock {
+    fn see(&mut self, time_s: f64) {
+        let span = self.span.get_or_insert([time_s; 2]);
+        *span = [span[0].min(time_s), span[1].max(time_s)];
+        let Some(last) = self.last.replace(time_s) else {
+            self.epochs = 1;
+            return;
+        };
+        if time_s < last {
+            self.backwards += 1;
+        } else if time_s > last {
+            self.epochs += 1;
+            let duration_s = time_s - last;
+            if self.intervals.len() < MOST_INTERVALS {
+                self.intervals.push(duration_s);
+            }
+            let place = self.longest.partition_point(|g| g.duration_s >= duration_s);
+            if place < MOST_GAPS {
+                let gap = Gap {
+                    start_s: last,
+                    duration_s,
+                };
+                self.longest.insert(place, gap);
+                self.longest.truncate(MOST_GAPS);
+            }
+        }
+    }
+
+    fn report(mut self, into: &mut Inspection) {
+        into.span_s = self.span;
+        if self.backwards > 0 {
+            into.notes.push(format!(
+                "the time goes backwards {} times: the rows are not in time order",
+                self.backwards
+            ));
+            return;
+        }
+        into.epochs = self.span.map(|_| self.epochs);
+        if self.intervals.is_empty() {
+            return;
+        }
+        let middle = self.intervals.len() / 2;
+        let median = *self
+            .intervals
+            .select_nth_unstable_by(middle, f64::total_cmp)
+            .1;
+        into.rate_hz = Some(1.0 / median);
+        into.gaps = self.longest;
+        into.gaps.retain(|gap| gap.duration_s > 5.0 * median);
+    }
+}
+
+/// Gathers the ranges of named columns.
+struct Ranges(Vec<Bounds>);
+
+impl Ranges {
+    fn of(names: &[&str]) -> Self {
+        let bounds = |name: &&str| Bounds {
+            column: (*name).to_owned(),
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+        };
+        Self(names.iter().map(bounds).collect())
+    }
+
+    fn see(&mut self, values: impl IntoIterator<Item = f64>) {
+        for (bounds, value) in self.0.iter_mut().zip(values) {
+            // Both are false for NaN, which stands for an empty cell.
+            if value < bounds.min {
+                bounds.min = value;
+            }
+            if value > bounds.max {
+                bounds.max = value;
+            }
+        }
+    }
+
+    fn report(self, into: &mut Inspection) {
+        into.bounds = self.0;
+        into.bounds.retain(|b| b.min <= b.max);
+    }
+}
+
+/// Reads a file through and says what it holds.
+///
+/// # Errors
+/// Whatever its reader finds wrong, and project files, which are no data.
+pub fn inspect(path: &Path) -> Result<Inspection> {
+    let format = detect(path)?;
+    let (_, bytes) = super::open(path)?;
+    let mut report = Inspection {
+        path: path.to_owned(),
+        format,
+        bytes,
+        count: 0,
+        epochs: None,
+        span_s: None,
+        rate_hz: None,
+        gaps: Vec::new(),
+        bounds: Vec::new(),
+        columns: Vec::new(),
+        notes: Vec::new(),
+    };
+    if let Some((_, columns)) = TABLES.iter().find(|(table, _)| *table == format) {
+        inspect_table(path, columns, &mut report)?;
+        return Ok(report);
+    }
+    match format {
+        Format::BonnProfiles => inspect_profiles(path, &mut report)?,
+        Format::BonnTrajectory | Format::Tum => inspect_poses(path, &mut report)?,
+        Format::Sbet => inspect_sbet(path, &mut report)?,
+        Format::Las | Format::Laz => inspect_las(path, &mut report)?,
+        Format::BonnMounting => inspect_mounting(path, &mut report)?,
+        Format::Project => {
+            return Err(Error::data(
+                format!("{} is a project, not data", path.display()),
+                "name the files of the project, or inspect it as a project",
+            ));
+        }
+        _ => inspect_cloud(path, &mut report)?,
+    }
+    Ok(report)
+}
+
+fn inspect_table(
+    path: &Path,
+    columns: &super::table::Columns,
+    report: &mut Inspection,
+) -> Result<()> {
+    let wanted: Vec<&str> = columns
+        .needed
+        .iter()
+        .chain(columns.optional)
+        .copied()
+        .collect();
+    let time = wanted.iter().position(|name| *name == "time_s");
+    let mut table = Table::open(path, columns)?;
+    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&wanted));
+    let mut row = vec![0.0; wanted.len()];
+    while table.next_row(&mut row)? {
+        report.count += 1;
+        if let Some(time_s) = time.map(|i| row[i]).filter(|t| !t.is_nan()) {
+            clock.see(time_s);
+        }
+        ranges.see(row.iter().copied());
+    }
+    if report.count == 0 {
+        return Err(super::nothing_in(path, "row"));
+    }
+    report.columns = table.names().to_vec();
+    ranges.report(report);
+    report.bounds.retain(|bounds| bounds.column != "time_s");
+    clock.report(report);
+    Ok(())
+}
+
+fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
+    let mut reader = open_profiles(path)?;
+    let mut chunk = Vec::new();
+    let (mut clock, mut ranges) = (
+        Clock::default(),
+        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
+    );
+    while reader.next_chunk(&mut chunk)? {
+        report.count += chunk.len() as u64;
+        for point in &chunk {
+            clock.see(point.time_s);
+            let p = &point.position_m;
+            ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
+        }
+    }
+    ranges.report(report);
+    clock.report(report);
+    Ok(())
+}
+
+fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
+    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&["x_m", "y_m", "z_m"]));
+    for pose in read_trajectory(path)? {
+        report.count += 1;
+        clock.see(pose.time_s);
+        ranges.see(pose.world_from_body.translation.vector.iter().copied());
+    }
+    ranges.report(report);
+    clock.report(report);
+    Ok(())
+}
+
+fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
+    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&sbet::COLUMNS[1..]));
+    sbet::for_each(path, |row| {
+        report.count += 1;
+        clock.see(row[0]);
+        ranges.see(row[1..].iter().copied());
+    })?;
+    report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
+    report.notes.push(
+        "geographic positions and a wander azimuth: export projected coordinates to use it"
+            .to_owned(),
+    );
+    ranges.report(report);
+    clock.report(report);
+    Ok(())
+}
+
+fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
+    let mut file = LasFile::open(path)?;
+    let has_time = file.has_time();
+    let (mut clock, mut ranges) = (
+        Clock::default(),
+        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
+    );
+    while file.read(CHUNK_POINTS, |_, point| {
+        let p = &point.position;
+        ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
+        if has_time {
+            clock.see(point.time_s);
+        }
+        Ok(())
+    })? > 0
+    {}
+    report.count = file.taken();
+    report.columns = extra_names(&file);
+    if PoseColumns::of(&file).is_some() {
+        report.notes.push(
+            "every point carries the pose of the sensor: the file serves as profiles and as \
+             trajectory"
+                .to_owned(),
+        );
+    }
+    ranges.report(report);
+    clock.report(report);
+    Ok(())
+}
+
+fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
+    let cloud = read_cloud(path)?;
+    let (mut clock, mut ranges) = (
+        Clock::default(),
+        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
+    );
+    report.count = cloud.points.len() as u64;
+    for (i, p) in cloud.points.iter().enumerate() {
+        let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
+        ranges.see([p.x, p.y, p.z, intensity]);
+    }
+    cloud.time_s.iter().for_each(|time_s| clock.see(*time_s));
+    ranges.report(report);
+    clock.report(report);
+    Ok(())
+}
+
+fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
+    let mounting = super::read_mounting(path)?;
+    let t = mounting.translation.vector;
+    let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
+    report.count = 1;
+    report.notes.push(format!(
+        "translation ({}, {}, {}) m, rotation ({:.4}, {:.4}, {:.4}) degrees in the convention \
+         `bonn`",
+        t.x, t.y, t.z, angles[0], angles[1], angles[2]
+    ));
+    Ok(())
+}
+
+impl fmt::Display for Inspection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.path.display())?;
+        writeln!(f, "  format   {}", self.format)?;
+        writeln!(f, "  size     {} bytes", self.bytes)?;
+        writeln!(f, "  rows     {}", self.count)?;
+        if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {
+            writeln!(f, "  epochs   {epochs}")?;
+        }
+        if let Some([first, last]) = self.span_s {
+            let length = last - first;
+            writeln!(
+                f,
+                "  time     {first:.6} s to {last:.6} s, {length:.3} s long"
+            )?;
+        }
+        if let Some(rate_hz) = self.rate_hz {
+            writeln!(f, "  rate     {rate_hz:.3} Hz (median)")?;
+        }
+        for gap in &self.gaps {
+            let Gap {
+                start_s,
+                duration_s,
+            } = gap;
+            writeln!(f, "  gap      {duration_s:.3} s after {start_s:.3} s")?;
+        }
+        for Bounds { column, min, max } in &self.bounds {
+            let (name, unit) = split_unit(column);
+            writeln!(f, "  {name:<22} {min:.6} to {max:.6} {unit}")?;
+        }
+        if !self.columns.is_empty() {
+            writeln!(f, "  columns  {}", self.columns.join(", "))?;
+        }
+        for note in &self.notes {
+            writeln!(f, "  note     {note}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Name and unit of a column.
+fn split_unit(column: &str) -> (&str, &str) {
+    const UNITS: [(&str, &str); 7] = [
+        ("_rad_s", "rad/s"),
+        ("_m_s2", "m/s²"),
+        ("_m_s", "m/s"),
+        ("_rad", "rad"),
+        ("_deg", "°"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    for (ending, unit) in UNITS {
+        if let Some(name) = column.strip_suffix(ending) {
+            return (name, unit);
+        }
+    }
+    (column, "")
+}

@@ -1,0 +1,62 @@
+//! NumPy `.npy`: little-endian float32 or float64 of shape (n, 3) in C order.
+
+use std::path::Path;
+
+use super::binary::{Bytes, Number};
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::geometry::Vec3;
+
+pub(crate) fn read(path: &Path) -> Result<PointCloud> {
+    let mut bytes = Bytes::open(path)?;
+    let mut head = [0; 8];
+    bytes.take(&mut head, "the start of an .npy file")?;
+    if !head.starts_with(b"\x93NUMPY") {
+        return Err(bytes.error("another start", "that of an .npy file"));
+    }
+    let length = if head[6] == 1 {
+        let mut size = [0; 2];
+        bytes.take(&mut size, "the length of the header")?;
+        usize::from(u16::from_le_bytes(size))
+    } else {
+        let mut size = [0; 4];
+        bytes.take(&mut size, "the length of the header")?;
+        u32::from_le_bytes(size) as usize
+    };
+    bytes.check(length as u64, "the header")?;
+    let mut header = vec![0; length];
+    bytes.take(&mut header, "the header")?;
+    let header = String::from_utf8_lossy(&header).into_owned();
+    let unfit = |bytes: &Bytes<'_>| {
+        let found: String = header.trim().chars().take(200).collect();
+        bytes.error(
+            format!("`{found}`"),
+            "'<f8' or '<f4' of shape (n, 3) with 'fortran_order': False",
+        )
+    };
+    let kind = if header.contains("'<f8'") {
+        Number::F64
+    } else if header.contains("'<f4'") {
+        Number::F32
+    } else {
+        return Err(unfit(&bytes));
+    };
+    let shape = header
+        .split_once("'shape': (")
+        .and_then(|(_, rest)| rest.split_once(", 3)"))
+        .and_then(|(n, _)| n.parse::<u64>().ok());
+    let (Some(n), true) = (shape, header.contains("'fortran_order': False")) else {
+        return Err(unfit(&bytes));
+    };
+    bytes.check(n.saturating_mul(3 * kind.size() as u64), "coordinates")?;
+    let mut cloud = PointCloud::default();
+    let mut record = vec![0; 3 * kind.size()];
+    for _ in 0..n {
+        bytes.take(&mut record, "a point")?;
+        let p = Vec3::from_fn(|i, _| kind.read(&record[i * kind.size()..], false));
+        if p.iter().all(|v| v.is_finite()) {
+            cloud.points.push(p);
+        }
+    }
+    Ok(cloud)
+}

@@ -1,0 +1,115 @@
+//! PTS and PTX of Leica: text, x y z intensity and perhaps colours; PTX in grids with a transform.
+
+use std::path::Path;
+
+use super::table::{Lines, numbers};
+use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+
+/// Reads a line of at least `n` numbers, skipping empty lines; false at the end of the file.
+fn row(lines: &mut Lines, n: usize, cells: &mut Vec<f64>) -> Result<bool> {
+    loop {
+        if !lines.advance()? {
+            return Ok(false);
+        }
+        if lines.text().is_empty() {
+            continue;
+        }
+        if numbers(lines.text(), cells) && cells.len() >= n && cells.iter().all(|v| v.is_finite()) {
+            return Ok(true);
+        }
+        let found: String = lines.text().chars().take(80).collect();
+        return Err(lines.error(format!("`{found}`"), format!("{n} numbers or more")));
+    }
+}
+
+fn ended(lines: &Lines, expected: &str) -> Error {
+    lines.error("the end of the file", expected)
+}
+
+/// A line that holds one whole number.
+fn count(lines: &Lines, cells: &[f64], what: &str) -> Result<u64> {
+    match cells {
+        [n] if *n >= 0.0 && n.fract() == 0.0 && *n < 1e15 => Ok(*n as u64),
+        _ => Err(lines.error(format!("`{}`", lines.text()), what)),
+    }
+}
+
+fn push(cloud: &mut PointCloud, p: Vec3, cells: &[f64]) {
+    cloud.points.push(p);
+    if let Some(intensity) = cells.get(3) {
+        cloud.intensity.push(*intensity as f32);
+    }
+}
+
+/// Intensities are kept where all points have them.
+fn settle(mut cloud: PointCloud) -> PointCloud {
+    if cloud.intensity.len() != cloud.points.len() {
+        cloud.intensity.clear();
+    }
+    cloud
+}
+
+/// Reads PTS: a count, then that many points; several such blocks may follow each other.
+pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
+    let mut lines = Lines::open(path)?;
+    let mut cloud = PointCloud::default();
+    let mut cells = Vec::new();
+    while row(&mut lines, 1, &mut cells)? {
+        let n = count(&lines, &cells, "the number of points")?;
+        for i in 0..n {
+            if !row(&mut lines, 3, &mut cells)? {
+                return Err(ended(
+                    &lines,
+                    &format!("{n} points, of which {i} are there"),
+                ));
+            }
+            push(&mut cloud, Vec3::new(cells[0], cells[1], cells[2]), &cells);
+        }
+    }
+    Ok(settle(cloud))
+}
+
+/// Reads PTX: for each scan columns and rows, position and axes of the scanner (repeated by the
+/// transform), the transform for row vectors, and the points; those at (0, 0, 0) were not measured.
+pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
+    let mut lines = Lines::open(path)?;
+    let mut cloud = PointCloud::default();
+    let mut cells = Vec::new();
+    while row(&mut lines, 1, &mut cells)? {
+        let columns = count(&lines, &cells, "the number of columns")?;
+        let next = |n: usize, what: &str, cells: &mut Vec<f64>, lines: &mut Lines| {
+            if row(lines, n, cells)? {
+                Ok(())
+            } else {
+                Err(ended(lines, what))
+            }
+        };
+        next(1, "the number of rows", &mut cells, &mut lines)?;
+        let rows = count(&lines, &cells, "the number of rows")?;
+        for _ in 0..4 {
+            next(
+                3,
+                "position and axes of the scanner",
+                &mut cells,
+                &mut lines,
+            )?;
+        }
+        let mut m = [[0.0; 3]; 4];
+        for line in &mut m {
+            next(4, "the transform", &mut cells, &mut lines)?;
+            line.copy_from_slice(&cells[..3]);
+        }
+        for _ in 0..columns.saturating_mul(rows) {
+            next(3, "the points of the grid", &mut cells, &mut lines)?;
+            let p = [cells[0], cells[1], cells[2]];
+            if p == [0.0; 3] {
+                continue;
+            }
+            let world = |k: usize| p[0] * m[0][k] + p[1] * m[1][k] + p[2] * m[2][k] + m[3][k];
+            push(&mut cloud, Vec3::new(world(0), world(1), world(2)), &cells);
+        }
+    }
+    Ok(settle(cloud))
+}

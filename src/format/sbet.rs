@@ -1,0 +1,68 @@
+//! SBET of Applanix, to look into: 17 little-endian f64 a record. Its positions are latitude and
+//! longitude (rad) and ellipsoidal height, its attitude refers to a wander azimuth; without a
+//! projection that the user names they do not belong to a local frame, so no trajectory is made
+//! of them.
+
+use std::path::Path;
+
+use super::binary::{Bytes, Number};
+use crate::error::Result;
+
+/// Bytes of a record.
+pub(crate) const RECORD: usize = 136;
+
+/// The columns of a record.
+pub(crate) const COLUMNS: [&str; 17] = [
+    "time_s",
+    "latitude_rad",
+    "longitude_rad",
+    "altitude_m",
+    "velocity_x_m_s",
+    "velocity_y_m_s",
+    "velocity_z_m_s",
+    "roll_rad",
+    "pitch_rad",
+    "platform_heading_rad",
+    "wander_angle_rad",
+    "accel_x_m_s2",
+    "accel_y_m_s2",
+    "accel_z_m_s2",
+    "gyro_x_rad_s",
+    "gyro_y_rad_s",
+    "gyro_z_rad_s",
+];
+
+fn record(bytes: &[u8]) -> [f64; 17] {
+    std::array::from_fn(|i| Number::F64.read(&bytes[8 * i..], false))
+}
+
+/// Could these be the first bytes of a file of `size` bytes in this format?
+pub(crate) fn looks_like(start: &[u8], size: u64) -> bool {
+    use std::f64::consts::{FRAC_PI_2, TAU};
+    start.len() >= RECORD && size.is_multiple_of(RECORD as u64) && {
+        let r = record(start);
+        let normal = |v: f64| v == 0.0 || (1e-12..1e10).contains(&v.abs());
+        r.iter().all(|v| normal(*v))
+            && r[0] >= 0.0
+            && r[1].abs() <= FRAC_PI_2
+            && r[2].abs() <= TAU
+            && r[7].abs() <= TAU
+            && r[8].abs() <= TAU
+    }
+}
+
+/// Hands every record to `take`.
+pub(crate) fn for_each(path: &Path, mut take: impl FnMut(&[f64; 17])) -> Result<()> {
+    let mut bytes = Bytes::open(path)?;
+    let mut buffer = [0; RECORD];
+    while bytes.at < bytes.total {
+        bytes.take(&mut buffer, "an SBET record")?;
+        let values = record(&buffer);
+        if let Some(i) = values.iter().position(|v| !v.is_finite()) {
+            bytes.at -= (RECORD - 8 * i) as u64;
+            return Err(bytes.error(format!("{} = {}", COLUMNS[i], values[i]), "a finite number"));
+        }
+        take(&values);
+    }
+    Ok(())
+}
