@@ -199,3 +199,38 @@ fn inspect_as_json_gives_the_resolved_project() {
     let profiles = project["scanner"][0]["profiles"].as_str().unwrap();
     assert_eq!(Path::new(profiles), folder.path().join("left.csv"));
 }
+
+#[test]
+fn inspect_tells_what_a_log_holds() {
+    let folder = project_of_logs();
+    let imu = folder.path().join("imu.csv");
+    let prism = folder.path().join("prism.csv");
+    let run = boresight(&["inspect", imu.to_str().unwrap(), prism.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    // 1500 rows at 50 Hz and 150 at 5 Hz.
+    for expected in [
+        "imu.csv",
+        "1500",
+        "50.000 Hz",
+        "prism.csv",
+        "150\n",
+        "5.000 Hz",
+    ] {
+        assert!(run.out.contains(expected), "{expected}\n{}", run.out);
+    }
+    let run = boresight(&["inspect", imu.to_str().unwrap(), "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(document["files"][0]["count"], 1500);
+}
+
+#[test]
+fn inspect_names_a_file_that_nothing_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notes.txt");
+    fs::write(&path, "dear diary,\nit rained\n").unwrap();
+    for path in [path, folder.path().join("missing.csv")] {
+        let run = boresight(&["inspect", path.to_str().unwrap()]);
+        assert_eq!(run.code, 1, "{}", run.out);
+        assert!(run.err.contains(path.to_str().unwrap()), "{}", run.err);
+    }
+}
