@@ -178,8 +178,8 @@ fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
         "rotation to start       -145, 0, 90 ° (bonn, the project's)",
         "voxel sizes             50, 40, 30, 20, 10, 5 mm",
         "1. estimate the trajectory from IMU and prism",
-        "2. calibrate left against each other and themselves; without a reference their common \
-         height cannot be found and is held",
+        "2. calibrate left on 6 scales against its own passes; without a reference its height \
+         cannot be found and is held",
         "cloud-left.laz",
     ] {
         assert!(run.out.contains(expected), "{expected}\n{}", run.out);
@@ -198,4 +198,39 @@ fn inspect_as_json_gives_the_resolved_project() {
     assert_eq!(project["calibration"]["neighbours"], 50);
     let profiles = project["scanner"][0]["profiles"].as_str().unwrap();
     assert_eq!(Path::new(profiles), folder.path().join("left.csv"));
+}
+
+#[test]
+fn inspect_tells_what_a_log_holds() {
+    let folder = project_of_logs();
+    let imu = folder.path().join("imu.csv");
+    let prism = folder.path().join("prism.csv");
+    let run = boresight(&["inspect", imu.to_str().unwrap(), prism.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    // 1500 rows at 50 Hz and 150 at 5 Hz.
+    for expected in [
+        "imu.csv",
+        "1500",
+        "50.000 Hz",
+        "prism.csv",
+        "150\n",
+        "5.000 Hz",
+    ] {
+        assert!(run.out.contains(expected), "{expected}\n{}", run.out);
+    }
+    let run = boresight(&["inspect", imu.to_str().unwrap(), "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(document["files"][0]["count"], 1500);
+}
+
+#[test]
+fn inspect_names_a_file_that_nothing_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notes.txt");
+    fs::write(&path, "dear diary,\nit rained\n").unwrap();
+    for path in [path, folder.path().join("missing.csv")] {
+        let run = boresight(&["inspect", path.to_str().unwrap()]);
+        assert_eq!(run.code, 1, "{}", run.out);
+        assert!(run.err.contains(path.to_str().unwrap()), "{}", run.err);
+    }
 }

@@ -64,11 +64,14 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
     if names.is_empty() {
         return steps;
     }
-    let held = match &project.reference {
-        Some(_) => "against the reference and each other",
-        None => {
-            "against each other and themselves; without a reference their common height \
-                 cannot be found and is held"
+    let against = match (&project.reference, names.len()) {
+        (Some(_), 1) => "against the reference",
+        (Some(_), _) => "against the reference and each other",
+        (None, 1) => {
+            "against its own passes; without a reference its height cannot be found and is held"
+        }
+        (None, _) => {
+            "against each other; without a reference their common height cannot be found and is held"
         }
     };
     let search = project
@@ -76,12 +79,12 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
         .multi_start_rad
         .map_or(String::new(), |half_width| {
             format!(
-                ", after a search over rotations of ±{}°",
+                "; before it, search rotations within ±{}°",
                 short(half_width.to_degrees())
             )
         });
     steps.push(format!(
-        "calibrate {} {held}, on {} scales{search}",
+        "calibrate {} on {} scales {against}{search}",
         names.join(", "),
         project.calibration.voxel_sizes_m.len()
     ));

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::describe;
 use crate::error::{Error, Result};
+use crate::format::{self, Format};
 use crate::pipeline::Outcome;
 use crate::project::Project;
 
@@ -35,22 +36,26 @@ impl Inspect {
 }
 
 fn inspect(file: &Path) -> Result<(Value, String)> {
-    if file.extension().is_none_or(|extension| extension != "toml") {
-        return Err(Error::data("not wired yet", "wait for the formats"));
+    if format::detect(file)? != Format::Project {
+        let found = format::inspect(file)?;
+        let document = serde_json::to_value(&found).map_err(unprintable)?;
+        return Ok((document, found.to_string().trim_end().to_owned()));
     }
     let project = Project::read(file)?;
     project.check_files()?;
-    let resolved: toml::Value = toml::from_str(&project.to_toml()?).map_err(|error| {
-        Error::data(
-            format!("the project prints as what is not TOML: {error}"),
-            "report this",
-        )
-    })?;
+    let resolved: Value = toml::from_str(&project.to_toml()?).map_err(unprintable)?;
     let document = json!({
-        "file": file.display().to_string(),
+        "path": file.display().to_string(),
         "format": "project",
         "project": resolved,
         "steps": describe::steps(&project),
     });
     Ok((document, describe::project(&project)))
+}
+
+fn unprintable(error: impl std::fmt::Display) -> Error {
+    Error::data(
+        format!("what was found cannot be printed as JSON: {error}"),
+        "inspect without --json",
+    )
 }

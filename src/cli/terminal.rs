@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::progress::Progress;
 
 /// Rates are too uncertain before this to tell the time left.
@@ -54,7 +54,7 @@ impl Terminal {
 
     /// Writes all lines so far.
     pub fn write_log(&self, path: &Path) -> Result<()> {
-        std::fs::write(path, self.state().log.as_bytes()).map_err(|error| Error::io(path, error))
+        crate::output::write_whole(path, self.state().log.as_bytes())
     }
 
     /// A poisoned state is still worth showing.

@@ -1,3 +1,5 @@
+mod mistakes;
+
 use std::path::{Path, PathBuf};
 
 use super::*;
@@ -119,13 +121,6 @@ fn read(text: &str) -> crate::Result<Project> {
     Project::read(&write(folder.path(), text))
 }
 
-/// The message for `text` without the folder, so that it starts `project.toml`.
-fn message(text: &str) -> String {
-    let message = read(text).unwrap_err().to_string();
-    let start = message.find("project.toml").unwrap();
-    message[start..].to_owned()
-}
-
 #[test]
 fn the_example_is_understood() {
     let folder = folder();
@@ -204,6 +199,14 @@ fn what_is_printed_reads_back_to_the_same_project() {
 }
 
 #[test]
+fn printed_scanners_can_be_pasted_into_another_project() {
+    let project = read(UNUSUAL).unwrap();
+    let pasted = format!("{POSES}\n{}", project.scanners_to_toml().unwrap());
+    let pasted = read(&pasted).unwrap();
+    assert_eq!(pasted.scanners, project.scanners);
+}
+
+#[test]
 fn typed_values_are_printed_as_typed() {
     let printed = read(EXAMPLE).unwrap().to_toml().unwrap();
     for line in [
@@ -248,263 +251,46 @@ proptest::proptest! {
     }
 }
 
+/// The README of the package.
+const README: &str = include_str!("../../README.md");
+
 #[test]
-fn mistakes_are_named_with_line_and_remedy() {
-    // What to put in place of what, and what the message must hold.
-    let cases: [(&str, &str, &str); 31] = [
-        (
-            "sigma_m = 0.005",
-            "sigm_m = 0.005",
-            "line 16: found the unknown key `sigm_m`, expected `sigma_m` (or one of: file, ",
-        ),
-        (
-            "[[scanner]]",
-            "[[scaner]]",
-            "line 27: found the unknown key `scaner`, expected `scanner` (or",
-        ),
-        (
-            "body = \"FRD\"",
-            "body = \"frd\"",
-            "line 2: found the unknown value `frd`, expected `FRD` (or one of: FLU)",
-        ),
-        (
-            "rotation_convention = \"bonn\"",
-            "rotation_convention = \"born\"",
-            "line 32: found the unknown value `born`, expected `bonn`",
-        ),
-        (
-            "neighbours = 50",
-            "neighbours = 3",
-            "line 40: found neighbours = 3, expected 4 or more",
-        ),
-        (
-            "neighbours = 50",
-            "neighbours = -3",
-            "line 40: found integer `-3`, expected a whole number",
-        ),
-        (
-            "neighbours = 50",
-            "max_iterations = 0",
-            "line 40: found max_iterations = 0, expected 1 or more",
-        ),
-        (
-            "neighbours = 50",
-            "pass_gap_s = 0.0",
-            "line 40: found pass_gap_s = 0, expected a number above 0",
-        ),
-        (
-            "neighbours = 50",
-            "multi_start_deg = 200",
-            "line 40: found multi_start_deg = 200, expected an angle above 0 and up to 180",
-        ),
-        (
-            "0.01, 0.005]",
-            "0.01, 0.02]",
-            "line 39: found voxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.02], expected at least one size, each smaller",
-        ),
-        (
-            "0.01, 0.005]",
-            "0.01, -0.005]",
-            "line 39: found voxel_sizes_m = -0.005, expected a number above 0",
-        ),
-        (
-            "sigma_m = 0.005",
-            "sigma_m = \"5 mm\"",
-            "line 16: found string \"5 mm\", expected a number",
-        ),
-        (
-            "sigma_m = 0.005",
-            "sigma_m = nan",
-            "line 16: found sigma_m = NaN, expected a number above 0",
-        ),
-        (
-            "sigma_m = 0.005",
-            "sigma_m = 0.005 m",
-            "line 16: found what is not TOML (",
-        ),
-        (
-            "lever_arm_m = [0.10, 0.05, -0.55]",
-            "",
-            "line 14: found a table without it, expected the key `lever_arm_m`",
-        ),
-        (
-            "lever_arm_m = [0.10, 0.05, -0.55]",
-            "lever_arm_m = [0.10, inf, -0.55]",
-            "line 17: found lever_arm_m = inf, expected a finite number",
-        ),
-        (
-            "lever_arm_m = [0.10, 0.05, -0.55]",
-            "lever_arm_m = [0.10, 0.05]",
-            "line 17: found 2, expected a list of 3 numbers",
-        ),
-        (
-            "gravity_m_s2 = 9.81",
-            "gravity_m_s2 = -9.81",
-            "line 5: found gravity_m_s2 = -9.81, expected the magnitude of gravity",
-        ),
-        (
-            "gyro_noise_deg_sqrt_h = 0.15",
-            "gyro_noise_deg_sqrt_h = 0",
-            "line 9: found gyro_noise_deg_sqrt_h = 0, expected a number above 0",
-        ),
-        (
-            "gyro_noise_deg_sqrt_h = 0.15",
-            "gyro_bias_walk_rad_s_sqrt_s = 1e-6",
-            "line 9: found both gyro_bias_walk_rad_s_sqrt_s and gyro_bias_instability_deg_h, expected one of the two",
-        ),
-        (
-            "name = \"left\"",
-            "name = \"le/ft\"",
-            "line 28: found the name \"le/ft\", expected 1 to 64 letters",
-        ),
-        (
-            "name = \"left\"",
-            "name = \"\"",
-            "line 28: found the name \"\", expected 1 to 64 letters",
-        ),
-        (
-            "name = \"left\"",
-            "name = \"initial\"",
-            "line 28: found the name \"initial\", which the results need",
-        ),
-        (
-            "profiles = \"left.bin\"",
-            "profiles = []",
-            "line 29: found an empty list, expected at least one file",
-        ),
-        (
-            "profiles = \"left.bin\"",
-            "profiles = 5",
-            "line 29: found integer `5`, expected a file name or a list of file names",
-        ),
-        (
-            "rotation_deg = [-145.0, 0.0, 90.0]",
-            "",
-            "line 28: found no rotation of the scanner \"left\", expected rotation_deg or quaternion_xyzw",
-        ),
-        (
-            "rotation_deg = [-145.0, 0.0, 90.0]",
-            "quaternion_xyzw = [1, 1, 0, 0]",
-            "line 31: found a quaternion of length 1.414",
-        ),
-        (
-            "# fixed = [\"tx\", \"ty\", \"tz\"]",
-            "fixed = [\"tx\", \"xr\"]",
-            "line 33: found the unknown parameter `xr`, expected `rx` (parameters: tx, ty,",
-        ),
-        (
-            "# fixed = [\"tx\", \"ty\", \"tz\"]",
-            "quaternion_xyzw = [0, 0, 0, 1]",
-            "line 33: found both rotation_deg and quaternion_xyzw, expected one of the two",
-        ),
-        (
-            "# [trajectory]                          # instead of the three above\n#",
-            "[trajectory]\n",
-            "line 7: found [imu] beside [trajectory], expected either a trajectory or the logs",
-        ),
-        (
-            "[prism]\nfile = \"prism.csv\"\nsigma_m = 0.005\nlever_arm_m = [0.10, 0.05, -0.55]",
-            "",
-            ": found no [prism], expected [imu] and [prism], or [trajectory]",
-        ),
-    ];
-    for (old, new, expected) in cases {
-        assert_eq!(EXAMPLE.matches(old).count(), 1, "{old}");
-        let message = message(&EXAMPLE.replacen(old, new, 1));
-        assert!(
-            message.contains(expected),
-            "{new}: {message}\n  should hold: {expected}"
-        );
-    }
+fn the_project_of_the_readme_is_understood() {
+    let (_, rest) = README.split_once("```toml\n").unwrap();
+    let (text, _) = rest.split_once("```").unwrap();
+    let project = read(text).unwrap();
+    assert_eq!(project.scanners[0].name, "left");
+    assert!(project.reference.is_some());
 }
 
 #[test]
-fn names_are_given_once() {
-    let scanner = |name: &str| {
+fn the_readme_names_every_key_with_its_default() {
+    for text in [EXAMPLE, UNUSUAL, POSES] {
+        let printed = read(text).unwrap().to_toml().unwrap();
+        for line in printed.lines() {
+            if let Some((key, _)) = line.split_once(" = ") {
+                assert!(README.contains(key), "{key} is not in the README");
+            }
+        }
+    }
+    let calibration = CalibrationSettings::default();
+    let comparison = ComparisonSettings::default();
+    for row in [
+        format!("| `calibration.neighbours` | {} |", calibration.neighbours),
         format!(
-            "[[scanner]]\nname = \"{name}\"\nprofiles = \"p\"\ntranslation_m = [0, 0, 0]\n\
-             rotation_deg = [0, 0, 0]\n"
-        )
-    };
-    let twice = message(&format!("{POSES}{}{}", scanner("a"), scanner("A")));
-    assert!(
-        twice.contains("line 12: found the name \"A\" a second time"),
-        "{twice}"
-    );
-    let pair = [scanner("a"), scanner("b"), scanner("a-b")].concat();
-    let pair = message(&format!("{POSES}{pair}"));
-    assert!(
-        pair.contains("line 17: found the name \"a-b\", which"),
-        "{pair}"
-    );
-}
-
-#[test]
-fn text_that_is_not_utf8_is_named() {
-    let folder = folder();
-    let path = folder.path().join("project.toml");
-    std::fs::write(&path, b"[frame]\n\xff").unwrap();
-    let error = Project::read(&path).unwrap_err().to_string();
-    assert!(
-        error.contains("byte 8: found bytes that are not UTF-8"),
-        "{error}"
-    );
-}
-
-#[test]
-fn missing_files_are_named_with_key_line_and_path() {
-    let folder = folder();
-    let drive_1 = folder.path().join("drive-1");
-    let drive_2 = folder.path().join("drive-2");
-    for drive in [&drive_1, &drive_2] {
-        std::fs::create_dir(drive).unwrap();
-    }
-    let path = write(&drive_1, EXAMPLE);
-    let missing = || {
-        let checked = Project::read(&path).unwrap().check_files();
-        checked.map_err(|error| error.to_string())
-    };
-    for (file, expected) in [
-        ("imu.csv", "line 8: found imu.file = "),
-        ("prism.csv", "line 15: found prism.file = "),
-        ("heading.csv", "line 20: found heading.file = "),
-        ("left.bin", "line 29: found scanner[0].profiles"),
-        ("tls.laz", "line 36: found reference.file = "),
+            "| `calibration.max_iterations` | {} |",
+            calibration.max_iterations
+        ),
+        format!("| `calibration.pass_gap_s` | {} |", calibration.pass_gap_s),
+        format!(
+            "| {}, {:?}, {}, {}, {} | M3C2",
+            comparison.core_spacing_m,
+            comparison.normal_radii_m,
+            comparison.cylinder_radius_m,
+            comparison.max_distance_m,
+            comparison.registration_error_m
+        ),
     ] {
-        let message = missing().unwrap_err();
-        assert!(
-            message.contains(expected) && message.contains(file),
-            "{message}"
-        );
-        assert!(message.contains("no such file"), "{message}");
-        std::fs::write(drive_1.join(file), "").unwrap();
-        std::fs::write(drive_2.join(file), "").unwrap();
+        assert!(README.contains(&row), "{row}");
     }
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("line 44: found evaluation[0].project = "),
-        "{message}"
-    );
-
-    // The other drive is looked at as well, but not the drives that it names in turn.
-    write(&drive_2, EXAMPLE);
-    assert_eq!(missing(), Ok(()));
-    write(&drive_2, &EXAMPLE.replace("\"left\"", "\"rear\""));
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("line 44: found an evaluation with the scanner \"rear\", which this"),
-        "{message}"
-    );
-    write(&drive_2, &EXAMPLE.replace("FRD", "FLU"));
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("other body axes (Flu instead of Frd)"),
-        "{message}"
-    );
-    write(&drive_2, &EXAMPLE.replace("left.bin", "elsewhere.bin"));
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("drive-2/project.toml, line 29"),
-        "{message}"
-    );
 }
