@@ -38,7 +38,7 @@ use observability::Observability;
 
 /// Most neighbourhoods in the cost of one scale. Beyond, every second, third … scanner point is a
 /// centre, chosen once: more centres of the same points add time, not knowledge.
-const MOST_CENTRES: usize = 1_000_000;
+const MOST_CENTRES: usize = 250_000;
 
 /// What is calibrated from what.
 #[derive(Debug, Clone)]
@@ -200,7 +200,7 @@ fn adjust(
     let scale = ScaleSettings {
         voxel_m,
         k: settings.neighbours,
-        stride: cloud.movable.len().div_ceil(MOST_CENTRES),
+        stride: cloud.movable.len().div_ceil(MOST_CENTRES).max(1),
         max_iterations: settings.max_iterations,
     };
     let placed = cloud.place(start);

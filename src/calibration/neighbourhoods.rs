@@ -50,7 +50,7 @@ pub struct Placed {
 pub struct Neighbourhoods {
     /// Neighbours in each neighbourhood.
     pub k: usize,
-    /// Centres: indices of movable points, ascending.
+    /// Centres: indices of movable points, neighbours in the list being neighbours in space.
     pub centres: Vec<u32>,
     /// `k` indices a centre, movable points first, then fixed ones.
     pub members: Vec<u32>,

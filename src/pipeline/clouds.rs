@@ -23,7 +23,11 @@ struct Evenly {
 
 impl Evenly {
     fn new() -> Self {
-        Self { stride: 1, shown: 0, kept: Vec::new() }
+        Self {
+            stride: 1,
+            shown: 0,
+            kept: Vec::new(),
+        }
     }
 
     fn show(&mut self, point: &ScanPoint) {
@@ -31,7 +35,8 @@ impl Evenly {
             self.kept.push((self.shown, *point));
             if self.kept.len() > MOST_KEPT {
                 self.stride *= 2;
-                self.kept.retain(|(index, _)| index.is_multiple_of(self.stride));
+                self.kept
+                    .retain(|(index, _)| index.is_multiple_of(self.stride));
             }
         }
         self.shown += 1;
@@ -61,7 +66,11 @@ pub fn stream(
         .enumerate()
         .map(|(index, (scanner, pose))| Ok((index, scanner, pose, open_profiles(scanner)?)))
         .collect::<Result<Vec<_>>>()?;
-    let bytes = jobs.iter().flat_map(|job| &job.3).map(|reader| reader.bytes_total()).sum();
+    let bytes = jobs
+        .iter()
+        .flat_map(|job| &job.3)
+        .map(|reader| reader.bytes_total())
+        .sum();
     progress.begin("georeferencing", bytes);
     let found = in_parallel(jobs, |(index, scanner, pose, readers)| {
         let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
@@ -75,7 +84,9 @@ pub fn stream(
             let mut bytes = 0;
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
-                    let Some(world) = place.place(point) else { continue };
+                    let Some(world) = place.place(point) else {
+                        continue;
+                    };
                     kept.show(point);
                     if let Some(writer) = &mut writer {
                         let time_s = point.time_s + scanner.time_offset_s;
@@ -106,7 +117,10 @@ pub fn place(
     let jobs: Vec<_> = project.scanners.iter().zip(mountings).zip(kept).collect();
     in_parallel(jobs, |((scanner, pose), points)| {
         let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
-        points.iter().filter_map(|point| place.place(point)).collect()
+        points
+            .iter()
+            .filter_map(|point| place.place(point))
+            .collect()
     })
 }
 
@@ -114,4 +128,3 @@ pub fn place(
 pub fn file_name(scanner: &str) -> String {
     format!("cloud-{scanner}.laz")
 }
-

@@ -46,38 +46,49 @@ const DEMO_PAPER_VOXELS_M: [f64; 1] = [0.05];
 /// # Errors
 /// Whatever a stage refuses.
 pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let scenario = Scenario { seed: options.seed, ..Scenario::demo() };
+    let scenario = Scenario {
+        seed: options.seed,
+        ..Scenario::demo()
+    };
     let data = options.out.join("data");
-    simulation::simulate(&scenario, &data, progress)?;
-    let project = Project::read(&data.join("drive-1").join("project.toml"))?;
+    let files = simulation::simulate(&scenario, &data, progress)?;
+    let project = Project::read(&files.drives[0].project)?;
     let extras = Extras {
         command: "boresight demo".into(),
         seed: Some(options.seed),
-        truth: Some(truth(&project, &data.join("drive-1").join("truth"))?),
+        truth: Some(truth(
+            &project,
+            &scenario,
+            &files.drives[0].folder.join("truth"),
+        )?),
         paper_voxels_m: DEMO_PAPER_VOXELS_M.to_vec(),
     };
     let findings = analyse(&project, &options.out, &extras, progress)?;
     Ok(answer(&project, &findings, &options.out))
 }
 
-/// The truth that the simulation wrote into `folder`.
-fn truth(project: &Project, folder: &Path) -> Result<Truth> {
+/// The truth of the first drive: its poses as written into `folder`, and the scenario's mountings.
+fn truth(project: &Project, scenario: &Scenario, folder: &Path) -> Result<Truth> {
     let trajectory = Trajectory::new(format::read_trajectory(&folder.join("trajectory.csv"))?)?;
-    let mountings = simulation::read_mountings(&folder.join("mounting.toml"))?;
-    let of = |name: &str| mountings.iter().find(|(known, _)| known == name).map(|(_, pose)| *pose);
+    let names = scenario
+        .scanners
+        .iter()
+        .map(|scanner| scanner.name.as_str());
+    let known: Vec<_> = names.zip(scenario.true_mountings()).collect();
     let mountings = project
         .scanners
         .iter()
-        .map(|scanner| {
-            of(&scanner.name).ok_or_else(|| {
-                Error::data(
-                    format!("the truth does not know the scanner `{}`", scanner.name),
-                    "simulate again into an empty folder",
-                )
-            })
+        .filter_map(|s| {
+            known
+                .iter()
+                .find(|(name, _)| *name == s.name)
+                .map(|(_, pose)| *pose)
         })
-        .collect::<Result<_>>()?;
-    Ok(Truth { mountings, trajectory })
+        .collect();
+    Ok(Truth {
+        mountings,
+        trajectory,
+    })
 }
 
 /// Writes the drives of `scenario` (a name or a file) as sensor files, with the truth beside them.
@@ -85,12 +96,38 @@ fn truth(project: &Project, folder: &Path) -> Result<Truth> {
 /// # Errors
 /// A scenario that cannot be read, a folder that cannot be written.
 pub fn simulate(scenario: &str, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let scenario = Scenario::named_or_read(scenario)?;
+    let is_file = Path::new(scenario).exists();
+    let mut scenario = Scenario::load(scenario)?;
+    if !is_file {
+        scenario.seed = options.seed;
+    }
     let files = simulation::simulate(&scenario, &options.out, progress)?;
+    let drives: Vec<Value> = files
+        .drives
+        .iter()
+        .map(|drive| {
+            json!({
+                "project": drive.project,
+                "duration_s": drive.duration_s,
+                "profiles": drive.profiles,
+                "points": drive.points,
+            })
+        })
+        .collect();
+    let points: u64 = files.drives.iter().map(|drive| drive.points).sum();
+    let mut written: Vec<PathBuf> = files.drives.iter().map(|d| d.project.clone()).collect();
+    written.push(files.reference.clone());
     Ok(Outcome {
-        result: json!({ "out": options.out, "files": files.paths }),
-        summary: format!("simulated into {}", options.out.display()),
-        files: files.paths,
+        result: json!({
+            "drives": drives,
+            "reference": { "file": files.reference, "points": files.reference_points },
+        }),
+        summary: format!(
+            "{} drives, {points} laser points, {} reference points",
+            drives.len(),
+            files.reference_points
+        ),
+        files: written,
     })
 }
 
@@ -105,7 +142,11 @@ pub fn trajectory(
 ) -> Result<Outcome> {
     let poses = stages::poses(project, progress)?;
     let staging = Staging::new(&options.out)?;
-    super::write_trajectory(&staging.path("trajectory.csv"), &poses.trajectory, &project.origin_m)?;
+    super::write_trajectory(
+        &staging.path("trajectory.csv"),
+        &poses.trajectory,
+        &project.origin_m,
+    )?;
     staging.commit()?;
     let nodes = poses.trajectory.nodes();
     let (first_s, last_s) = poses.trajectory.span_s();
@@ -147,7 +188,10 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     Ok(Outcome {
         result: document,
         summary: mountings_in_words(&found),
-        files: vec![options.out.join("calibration.toml"), options.out.join("result.json")],
+        files: vec![
+            options.out.join("calibration.toml"),
+            options.out.join("result.json"),
+        ],
     })
 }
 
@@ -161,10 +205,20 @@ pub fn georeference(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let poses = stages::poses(project, progress)?;
-    let mountings: Vec<_> = project.scanners.iter().map(|s| s.body_from_scanner).collect();
+    let mountings: Vec<_> = project
+        .scanners
+        .iter()
+        .map(|s| s.body_from_scanner)
+        .collect();
     let staging = Staging::new(&options.out)?;
     let path = |scanner: &crate::project::Scanner| staging.path(&clouds::file_name(&scanner.name));
-    clouds::stream(project, &poses.trajectory, &mountings, Some(&path), progress)?;
+    clouds::stream(
+        project,
+        &poses.trajectory,
+        &mountings,
+        Some(&path),
+        progress,
+    )?;
     staging.commit()?;
     let files: Vec<PathBuf> = project
         .scanners
@@ -191,7 +245,15 @@ pub fn compare(
 ) -> Result<Outcome> {
     let (compared, to) = (format::read_cloud(cloud)?, format::read_cloud(reference)?);
     let core = core_points(&to.points, settings);
-    let found = m3c2(&to.points, &compared.points, &core, None, settings, &Vec3::z(), progress)?;
+    let found = m3c2(
+        &to.points,
+        &compared.points,
+        &core,
+        None,
+        settings,
+        &Vec3::z(),
+        progress,
+    )?;
     let statistics = Statistics::of(&found)?;
     let mut table = String::from(
         "east_m,north_m,up_m,distance_m,level_of_detection_m,normal_x,normal_y,normal_z\n",
@@ -216,7 +278,11 @@ pub fn compare(
         statistics.n,
         statistics.core_points
     );
-    Ok(Outcome { result: json!(statistics), summary, files: vec![path] })
+    Ok(Outcome {
+        result: json!(statistics),
+        summary,
+        files: vec![path],
+    })
 }
 
 /// All of it, and the report.
@@ -225,7 +291,10 @@ pub fn compare(
 /// Whatever a stage refuses.
 pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let command = format!("boresight run {}", project.path.display());
-    let extras = Extras { command, ..Extras::default() };
+    let extras = Extras {
+        command,
+        ..Extras::default()
+    };
     let findings = analyse(project, &options.out, &extras, progress)?;
     Ok(answer(project, &findings, &options.out))
 }
@@ -234,13 +303,13 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
 fn answer(project: &Project, findings: &Findings, out: &Path) -> Outcome {
     let mut lines = vec![mountings_in_words(&findings.calibration)];
     for drive in &findings.drives {
-        for found in drive.agreements.iter().filter(|a| a.mounting == MountingKind::Final) {
-            let before = evaluate::Drive::find(
-                drive,
-                found.scanner,
-                found.against,
-                MountingKind::Initial,
-            );
+        for found in drive
+            .agreements
+            .iter()
+            .filter(|a| a.mounting == MountingKind::Final)
+        {
+            let before =
+                evaluate::Drive::find(drive, found.scanner, found.against, MountingKind::Initial);
             let before = before.map_or(String::new(), |before| {
                 format!(" (initially {:.1} mm)", before.statistics.rmse_m * 1e3)
             });
@@ -252,9 +321,19 @@ fn answer(project: &Project, findings: &Findings, out: &Path) -> Outcome {
             ));
         }
     }
-    let names = ["report.html", "result.json", "calibration.toml", "trajectory.csv"];
+    let names = [
+        "report.html",
+        "result.json",
+        "calibration.toml",
+        "trajectory.csv",
+    ];
     let mut files: Vec<PathBuf> = names.iter().map(|name| out.join(name)).collect();
-    files.extend(project.scanners.iter().map(|s| out.join(clouds::file_name(&s.name))));
+    files.extend(
+        project
+            .scanners
+            .iter()
+            .map(|s| out.join(clouds::file_name(&s.name))),
+    );
     Outcome {
         result: result::document(project, findings),
         summary: lines.join("\n"),

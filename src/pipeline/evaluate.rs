@@ -67,7 +67,11 @@ pub fn evaluate(
     kinds: &[(MountingKind, Vec<Vec<Vec3>>)],
     progress: &dyn Progress,
 ) -> Result<Drive> {
-    let mut drive = Drive { name: name.into(), agreements: Vec::new(), missing: Vec::new() };
+    let mut drive = Drive {
+        name: name.into(),
+        agreements: Vec::new(),
+        missing: Vec::new(),
+    };
     let core = core_points(reference, &project.comparison);
     for (mounting, clouds) in kinds {
         for (scanner, cloud) in clouds.iter().enumerate() {
@@ -80,7 +84,11 @@ pub fn evaluate(
         for first in 0..clouds.len() {
             let core = core_points(&clouds[first], &project.comparison);
             for second in first + 1..clouds.len() {
-                let sides = (clouds[first].as_slice(), clouds[second].as_slice(), core.as_slice());
+                let sides = (
+                    clouds[first].as_slice(),
+                    clouds[second].as_slice(),
+                    core.as_slice(),
+                );
                 let pair = (second, Against::Scanner(first), *mounting);
                 drive.compare(project, sides, pair, progress)?;
             }
@@ -99,15 +107,31 @@ impl Drive {
     ) -> Result<()> {
         if compared.is_empty() || core.is_empty() {
             let name = &project.scanners[scanner].name;
-            self.missing.push(format!("{}: scanner `{name}` has no points to compare", self.name));
+            self.missing.push(format!(
+                "{}: scanner `{name}` has no points to compare",
+                self.name
+            ));
             return Ok(());
         }
         let settings = &project.comparison;
-        let distances =
-            m3c2(reference, compared, core, None, settings, &Vec3::z(), progress)?;
+        let distances = m3c2(
+            reference,
+            compared,
+            core,
+            None,
+            settings,
+            &Vec3::z(),
+            progress,
+        )?;
         match Statistics::of(&distances) {
             Ok(statistics) => {
-                let found = Agreement { scanner, against, mounting, statistics, distances };
+                let found = Agreement {
+                    scanner,
+                    against,
+                    mounting,
+                    statistics,
+                    distances,
+                };
                 self.agreements.push(found);
             }
             Err(reason) => self.missing.push(format!("{}: {reason}", self.name)),

@@ -88,10 +88,17 @@ pub struct Findings {
 }
 
 /// Runs `work` and notes how long it took under `name`.
-fn timed<T>(stages: &mut Vec<StageSeconds>, name: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+fn timed<T>(
+    stages: &mut Vec<StageSeconds>,
+    name: &str,
+    work: impl FnOnce() -> Result<T>,
+) -> Result<T> {
     let started = Instant::now();
     let done = work()?;
-    stages.push(StageSeconds { name: name.into(), seconds: started.elapsed().as_secs_f64() });
+    stages.push(StageSeconds {
+        name: name.into(),
+        seconds: started.elapsed().as_secs_f64(),
+    });
     Ok(done)
 }
 
@@ -109,14 +116,20 @@ pub fn analyse(
     let staging = Staging::new(out)?;
     let mut times = Vec::new();
 
-    let reference = timed(&mut times, "reference", || stages::reference(project, progress))?;
-    let poses = timed(&mut times, "trajectory", || stages::poses(project, progress))?;
-    let samples =
-        timed(&mut times, "sample", || stages::samples(project, &poses.trajectory, progress))?;
+    let reference = timed(&mut times, "reference", || {
+        stages::reference(project, progress)
+    })?;
+    let poses = timed(&mut times, "trajectory", || {
+        stages::poses(project, progress)
+    })?;
+    let samples = timed(&mut times, "sample", || {
+        stages::samples(project, &poses.trajectory, progress)
+    })?;
     let settings = &project.calibration;
-    let calibrate = |poses: &Poses, samples: &[_], reference: &[Vec3], settings: &CalibrationSettings| {
-        stages::calibration(project, settings, poses, samples, reference, progress)
-    };
+    let calibrate =
+        |poses: &Poses, samples: &[_], reference: &[Vec3], settings: &CalibrationSettings| {
+            stages::calibration(project, settings, poses, samples, reference, progress)
+        };
     let calibration = timed(&mut times, "calibrate", || {
         calibrate(&poses, &samples, &reference, settings)
     })?;
@@ -153,15 +166,22 @@ pub fn analyse(
     let kinds = kinds(project, &calibration, truth.as_deref());
     let found = calibration.poses();
     let kept = timed(&mut times, "georeference", || {
-        let write = |scanner: &crate::project::Scanner| {
-            staging.path(&clouds::file_name(&scanner.name))
-        };
+        let write =
+            |scanner: &crate::project::Scanner| staging.path(&clouds::file_name(&scanner.name));
         clouds::stream(project, &poses.trajectory, &found, Some(&write), progress)
     })?;
     let mut drives = Vec::new();
     let mut tracks = vec![(name_of(project), poses.trajectory.nodes().to_vec())];
     drives.push(timed(&mut times, "compare", || {
-        compare_drive(&name_of(project), project, &poses.trajectory, &reference, &kinds, &kept, progress)
+        compare_drive(
+            &name_of(project),
+            project,
+            &poses.trajectory,
+            &reference,
+            &kinds,
+            &kept,
+            progress,
+        )
     })?);
     drop(kept);
     for evaluation in &project.evaluations {
@@ -171,13 +191,23 @@ pub fn analyse(
             let kept = clouds::stream(&other, &poses.trajectory, &found, None, progress)?;
             tracks.push((evaluation.name.clone(), poses.trajectory.nodes().to_vec()));
             let name = &evaluation.name;
-            compare_drive(name, &other, &poses.trajectory, &reference, &kinds, &kept, progress)
+            compare_drive(
+                name,
+                &other,
+                &poses.trajectory,
+                &reference,
+                &kinds,
+                &kept,
+                progress,
+            )
         })?;
         drives.push(drive);
     }
 
-    let mut warnings: Vec<String> =
-        drives.iter().flat_map(|drive| drive.missing.iter().cloned()).collect();
+    let mut warnings: Vec<String> = drives
+        .iter()
+        .flat_map(|drive| drive.missing.iter().cloned())
+        .collect();
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
     }
@@ -187,7 +217,10 @@ pub fn analyse(
         exact_poses,
         paper,
         truth_mountings: truth,
-        trajectory_solution: poses.solution.as_ref().map(|solution| serde_json::json!(solution)),
+        trajectory_solution: poses
+            .solution
+            .as_ref()
+            .map(|solution| serde_json::json!(solution)),
         tracks,
         drives,
         background: thinned_for_drawing(&reference),
@@ -209,9 +242,15 @@ fn kinds(
     calibration: &Calibration,
     truth: Option<&[Pose]>,
 ) -> Vec<(MountingKind, Vec<Pose>)> {
-    let initial = project.scanners.iter().map(|scanner| scanner.body_from_scanner).collect();
-    let mut kinds =
-        vec![(MountingKind::Initial, initial), (MountingKind::Final, calibration.poses())];
+    let initial = project
+        .scanners
+        .iter()
+        .map(|scanner| scanner.body_from_scanner)
+        .collect();
+    let mut kinds = vec![
+        (MountingKind::Initial, initial),
+        (MountingKind::Final, calibration.poses()),
+    ];
     if let Some(truth) = truth {
         kinds.push((MountingKind::Truth, truth.to_vec()));
     }
@@ -238,7 +277,10 @@ fn compare_drive(
 fn aligned(project: &Project, mut other: Project) -> Result<Project> {
     let mut scanners = Vec::new();
     for scanner in &project.scanners {
-        let same = other.scanners.iter().find(|candidate| candidate.name == scanner.name);
+        let same = other
+            .scanners
+            .iter()
+            .find(|candidate| candidate.name == scanner.name);
         scanners.push(same.cloned().ok_or_else(|| {
             Error::data(
                 format!("{} has no scanner `{}`", other.path.display(), scanner.name),
@@ -255,14 +297,19 @@ fn aligned(project: &Project, mut other: Project) -> Result<Project> {
 /// The folder of the project file names the drive.
 fn name_of(project: &Project) -> String {
     let folder = project.path.parent().and_then(Path::file_name);
-    folder.map_or_else(|| "drive".into(), |name| name.to_string_lossy().into_owned())
+    folder.map_or_else(
+        || "drive".into(),
+        |name| name.to_string_lossy().into_owned(),
+    )
 }
 
 /// A few thousand points of the reference.
 fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     const VOXEL_M: f64 = 0.05;
     let kept = crate::cloud::voxel::thin(reference, VOXEL_M);
-    kept.iter().map(|&index| reference[index as usize]).collect()
+    kept.iter()
+        .map(|&index| reference[index as usize])
+        .collect()
 }
 
 /// Writes everything but the clouds, which are already staged.
@@ -277,11 +324,18 @@ fn write(
         let path = staging.path(name);
         std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
     };
-    write_trajectory(&staging.path("trajectory.csv"), trajectory, &project.origin_m)?;
+    write_trajectory(
+        &staging.path("trajectory.csv"),
+        trajectory,
+        &project.origin_m,
+    )?;
     let calibrated = stages::with_mountings(project, &findings.calibration.poses());
     text("calibration.toml", &calibrated.scanners_to_toml()?)?;
     text("project.toml", &project.to_toml()?)?;
-    text("report.html", &report::render(&page::content(project, findings, extras)))?;
+    text(
+        "report.html",
+        &report::render(&page::content(project, findings, extras)),
+    )?;
     let document = result::document(project, findings);
     text("result.json", &format!("{document:#}\n"))
 }
@@ -292,7 +346,9 @@ fn write(
 /// The file cannot be written.
 pub fn write_trajectory(path: &Path, trajectory: &Trajectory, origin_m: &Vec3) -> Result<()> {
     let mut nodes = trajectory.nodes().to_vec();
-    nodes.iter_mut().for_each(|node| node.world_from_body.translation.vector += origin_m);
+    nodes
+        .iter_mut()
+        .for_each(|node| node.world_from_body.translation.vector += origin_m);
     format::write_trajectory(path, &nodes)
 }
 

@@ -15,7 +15,9 @@ use crate::report::content::{
 pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Content {
     let truth = findings.truth_mountings.as_deref();
     let named = |calibration: &Option<Calibration>, label: &str| {
-        calibration.as_ref().map(|found| method_run(found, label, truth))
+        calibration
+            .as_ref()
+            .map(|found| method_run(found, label, truth))
     };
     let main = method_run(&findings.calibration, "reweighted least squares", truth);
     let mut methods = vec![main];
@@ -32,9 +34,17 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
         summary: summary(project, findings),
         inputs: inputs(project, findings),
         mountings: mounting_tables(project, findings),
-        distances: findings.drives.iter().flat_map(|drive| rows(project, drive)).collect(),
+        distances: findings
+            .drives
+            .iter()
+            .flat_map(|drive| rows(project, drive))
+            .collect(),
         trajectory: Some(trajectory(findings)),
-        maps: findings.drives.iter().flat_map(|drive| maps(project, drive)).collect(),
+        maps: findings
+            .drives
+            .iter()
+            .flat_map(|drive| maps(project, drive))
+            .collect(),
         methods,
         correlation: correlation(&findings.calibration),
         observability: observability(findings),
@@ -42,7 +52,10 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
         stages: findings
             .stages
             .iter()
-            .map(|stage| StageTime { name: stage.name.clone(), seconds: stage.seconds })
+            .map(|stage| StageTime {
+                name: stage.name.clone(),
+                seconds: stage.seconds,
+            })
             .collect(),
         peak_memory_bytes: super::peak_memory_bytes(),
         warnings: findings.warnings.clone(),
@@ -61,7 +74,11 @@ fn millimetres(metres: f64) -> String {
 fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
     let mut lines = Vec::new();
     if let Some(drive) = findings.drives.first() {
-        for found in drive.agreements.iter().filter(|found| found.mounting == MountingKind::Final) {
+        for found in drive
+            .agreements
+            .iter()
+            .filter(|found| found.mounting == MountingKind::Final)
+        {
             lines.push(agreement_verdict(project, drive, found));
         }
     }
@@ -70,7 +87,13 @@ fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
             .agreements
             .iter()
             .filter(|found| found.mounting == MountingKind::Final)
-            .map(|found| format!("{}: {}", found.pair(project), millimetres(found.statistics.rmse_m)))
+            .map(|found| {
+                format!(
+                    "{}: {}",
+                    found.pair(project),
+                    millimetres(found.statistics.rmse_m)
+                )
+            })
             .collect();
         if !rmse.is_empty() {
             lines.push(Verdict::good(format!(
@@ -87,7 +110,11 @@ fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
             "The adjustment did not converge at every scale: treat the result with care.",
         ));
     }
-    lines.extend(observability(findings).into_iter().filter(|v| v.status != Default::default()));
+    lines.extend(
+        observability(findings)
+            .into_iter()
+            .filter(|v| v.status != Default::default()),
+    );
     if let Some(figure) = residuals(project, &findings.calibration) {
         lines.push(figure.verdict);
     }
@@ -116,9 +143,7 @@ fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Ver
             "{text}: worse than the {} with the initial mounting.",
             millimetres(before)
         )),
-        Some(before) => {
-            Verdict::good(format!("{text} (before: {}).", millimetres(before)))
-        }
+        Some(before) => Verdict::good(format!("{text} (before: {}).", millimetres(before))),
         None => Verdict::good(format!("{text}.")),
     }
 }
@@ -126,7 +151,10 @@ fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Ver
 fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
     let mut facts = Vec::new();
     let mut fact = |label: &str, value: String| {
-        facts.push(Fact { label: label.into(), value });
+        facts.push(Fact {
+            label: label.into(),
+            value,
+        });
     };
     match &project.motion {
         Motion::Logs(logs) => {
@@ -145,16 +173,27 @@ fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
         }
     }
     for scanner in &project.scanners {
-        let files: Vec<_> = scanner.profiles.iter().map(|p| p.display().to_string()).collect();
+        let files: Vec<_> = scanner
+            .profiles
+            .iter()
+            .map(|p| p.display().to_string())
+            .collect();
         fact(&format!("scanner {}", scanner.name), files.join(", "));
     }
-    let reference = project.reference.as_ref().map(|r| r.path.display().to_string());
+    let reference = project
+        .reference
+        .as_ref()
+        .map(|r| r.path.display().to_string());
     fact("reference", reference.unwrap_or_else(|| "none".into()));
     facts
 }
 
 fn mounting_tables(project: &Project, findings: &Findings) -> Vec<MountingTable> {
-    let with = if findings.without_reference.is_some() { "with reference" } else { "found" };
+    let with = if findings.without_reference.is_some() {
+        "with reference"
+    } else {
+        "found"
+    };
     project
         .scanners
         .iter()
@@ -288,7 +327,11 @@ fn trajectory(findings: &Findings) -> TrajectoryFigure {
                 }
             })
             .collect(),
-        background_m: findings.background.iter().map(|point| [point.x, point.y]).collect(),
+        background_m: findings
+            .background
+            .iter()
+            .map(|point| [point.x, point.y])
+            .collect(),
         outlines: Vec::new(),
     }
 }
@@ -322,7 +365,10 @@ fn method_run(calibration: &Calibration, label: &str, truth: Option<&[Pose]>) ->
     MethodRun {
         method: label.into(),
         converged: calibration.converged,
-        ending: calibration.scales.last().map_or(String::new(), |scale| scale.ending.to_string()),
+        ending: calibration
+            .scales
+            .last()
+            .map_or(String::new(), |scale| scale.ending.to_string()),
         scales: scales.collect(),
     }
 }
@@ -354,7 +400,9 @@ fn observability(findings: &Findings) -> Vec<Verdict> {
         .map(Verdict::attention)
         .collect::<Vec<_>>();
     if lines.is_empty() {
-        lines.push(Verdict::good("Every free parameter is determined by the data."));
+        lines.push(Verdict::good(
+            "Every free parameter is determined by the data.",
+        ));
     }
     if let Some(without) = &findings.without_reference {
         let said = statements(without, " without a reference");
@@ -389,10 +437,12 @@ fn residuals(project: &Project, calibration: &Calibration) -> Option<ResidualFig
             constancy.ratio
         ))
     } else {
-        let with = constancy.strongest.filter(|(_, r)| r.abs() > 0.3).map_or(
-            String::new(),
-            |(name, r)| format!(" They go most with {name} (correlation {r:.2})."),
-        );
+        let with = constancy
+            .strongest
+            .filter(|(_, r)| r.abs() > 0.3)
+            .map_or(String::new(), |(name, r)| {
+                format!(" They go most with {name} (correlation {r:.2}).")
+            });
         Verdict::attention(format!(
             "The mounting seems not to be constant: residuals along the drive ({size}) are {:.1} \
              times what the poses' standard deviations explain.{with}",

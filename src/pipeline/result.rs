@@ -46,7 +46,12 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
     if let Some(truth) = &findings.truth_mountings {
         let poses = project.scanners.iter().zip(truth);
         document["truth"] = poses
-            .map(|(scanner, pose)| (scanner.name.clone(), json!({"body_from_scanner": pose_json(pose)})))
+            .map(|(scanner, pose)| {
+                (
+                    scanner.name.clone(),
+                    json!({"body_from_scanner": pose_json(pose)}),
+                )
+            })
             .collect::<Map<_, _>>()
             .into();
     }
@@ -59,7 +64,10 @@ pub fn scanners(project: &Project, calibration: &Calibration) -> Value {
         let mounting = &calibration.mountings[index];
         let own = calibration.sigmas(index, mounting.convention);
         let degrees = |sigmas: [Option<f64>; 6]| -> Vec<Option<f64>> {
-            sigmas[3..].iter().map(|sigma| sigma.map(f64::to_degrees)).collect()
+            sigmas[3..]
+                .iter()
+                .map(|sigma| sigma.map(f64::to_degrees))
+                .collect()
         };
         let value = json!({
             "body_from_scanner": pose_json(&mounting.body_from_scanner),
@@ -138,9 +146,15 @@ pub fn calibration(calibration: &Calibration) -> Value {
 /// `evaluation`: final comparisons at the top, those of the initial and the true mounting below.
 fn evaluation(project: &Project, drive: &Drive) -> Value {
     let mut value = comparisons(project, drive, MountingKind::Final);
-    for (key, kind) in [("initial", MountingKind::Initial), ("truth", MountingKind::Truth)] {
+    for (key, kind) in [
+        ("initial", MountingKind::Initial),
+        ("truth", MountingKind::Truth),
+    ] {
         let nested = comparisons(project, drive, kind);
-        if nested.as_object().is_some_and(|entries| !entries.is_empty()) {
+        if nested
+            .as_object()
+            .is_some_and(|entries| !entries.is_empty())
+        {
             value[key] = nested;
         }
     }
@@ -149,7 +163,11 @@ fn evaluation(project: &Project, drive: &Drive) -> Value {
 
 fn comparisons(project: &Project, drive: &Drive, kind: MountingKind) -> Value {
     let mut entries = Map::new();
-    for found in drive.agreements.iter().filter(|found| found.mounting == kind) {
+    for found in drive
+        .agreements
+        .iter()
+        .filter(|found| found.mounting == kind)
+    {
         let name = |index: usize| project.scanners[index].name.clone();
         let statistics = json!(found.statistics);
         match found.against {
@@ -157,7 +175,10 @@ fn comparisons(project: &Project, drive: &Drive, kind: MountingKind) -> Value {
                 entries.insert(name(found.scanner), json!({"reference": statistics}));
             }
             Against::Scanner(other) => {
-                entries.insert(format!("{}-{}", name(other), name(found.scanner)), statistics);
+                entries.insert(
+                    format!("{}-{}", name(other), name(found.scanner)),
+                    statistics,
+                );
             }
         }
     }

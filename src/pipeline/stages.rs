@@ -27,7 +27,12 @@ impl Poses {
     pub fn uncertainty(&self) -> PoseUncertainty<'_> {
         match &self.covariance {
             Some(covariance) => PoseUncertainty::Smoothed(covariance),
-            None if self.trajectory.nodes().iter().any(|node| node.sigma.is_some()) => {
+            None if self
+                .trajectory
+                .nodes()
+                .iter()
+                .any(|node| node.sigma.is_some()) =>
+            {
                 PoseUncertainty::Sigmas
             }
             None => PoseUncertainty::None,
@@ -36,7 +41,11 @@ impl Poses {
 
     /// Poses taken as exact.
     pub fn exact(trajectory: Trajectory) -> Self {
-        Self { trajectory, solution: None, covariance: None }
+        Self {
+            trajectory,
+            solution: None,
+            covariance: None,
+        }
     }
 }
 
@@ -49,30 +58,48 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
         Motion::Poses(file) => {
             let nodes = read_poses(file, &project.origin_m)?;
-            Ok(Poses { trajectory: Trajectory::new(nodes)?, solution: None, covariance: None })
+            Ok(Poses {
+                trajectory: Trajectory::new(nodes)?,
+                solution: None,
+                covariance: None,
+            })
         }
     }
 }
 
 fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
     let mut imu = format::read_imu(&logs.imu.path)?;
-    imu.iter_mut().for_each(|sample| sample.time_s += logs.imu.time_offset_s);
+    imu.iter_mut()
+        .for_each(|sample| sample.time_s += logs.imu.time_offset_s);
     let mut prism = format::read_prism(&logs.prism.path)?;
     for fix in &mut prism {
         fix.time_s += logs.prism.time_offset_s;
         fix.position_m -= project.origin_m;
     }
     let heading = match &logs.heading {
-        Some(LogFile { path, time_offset_s }) => {
+        Some(LogFile {
+            path,
+            time_offset_s,
+        }) => {
             let mut heading = format::read_heading(path)?;
-            heading.iter_mut().for_each(|fix| fix.time_s += time_offset_s);
+            heading
+                .iter_mut()
+                .for_each(|fix| fix.time_s += time_offset_s);
             heading
         }
         None => Vec::new(),
     };
-    let Estimate { trajectory, solution, covariance, .. } =
-        estimate(&imu, &prism, &heading, &logs.settings, progress)?;
-    Ok(Poses { trajectory, solution: Some(solution), covariance: Some(covariance) })
+    let Estimate {
+        trajectory,
+        solution,
+        covariance,
+        ..
+    } = estimate(&imu, &prism, &heading, &logs.settings, progress)?;
+    Ok(Poses {
+        trajectory,
+        solution: Some(solution),
+        covariance: Some(covariance),
+    })
 }
 
 fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
@@ -102,9 +129,22 @@ pub fn samples(
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
-    let finest_m = project.calibration.voxel_sizes_m.iter().copied().fold(f64::INFINITY, f64::min);
-    let all = project.scanners.iter().map(open_profiles).collect::<Result<Vec<_>>>()?;
-    let bytes = all.iter().flatten().map(|reader| reader.bytes_total()).sum();
+    let finest_m = project
+        .calibration
+        .voxel_sizes_m
+        .iter()
+        .copied()
+        .fold(f64::INFINITY, f64::min);
+    let all = project
+        .scanners
+        .iter()
+        .map(open_profiles)
+        .collect::<Result<Vec<_>>>()?;
+    let bytes = all
+        .iter()
+        .flatten()
+        .map(|reader| reader.bytes_total())
+        .sum();
     progress.begin("reading profiles", bytes);
     let jobs: Vec<_> = project.scanners.iter().zip(all).collect();
     let found: Result<Vec<ScannerSample>> = in_parallel(jobs, |(scanner, readers)| {
@@ -147,11 +187,15 @@ pub fn samples(
 /// # Errors
 /// What opening finds.
 pub fn open_profiles(scanner: &Scanner) -> Result<Vec<Box<dyn format::ProfileReader>>> {
-    scanner.profiles.iter().map(|path| format::open_profiles(path)).collect()
+    scanner
+        .profiles
+        .iter()
+        .map(|path| format::open_profiles(path))
+        .collect()
 }
 
 /// Runs `work` on every job on the available threads; results in the order of the jobs.
-pub fn in_parallel<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync) -> Vec<R> {
+pub fn in_parallel<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync + Send) -> Vec<R> {
     use rayon::prelude::*;
     jobs.into_par_iter().map(work).collect()
 }
@@ -161,7 +205,9 @@ pub fn in_parallel<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync)
 /// # Errors
 /// What the reader finds; a reference without points.
 pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>> {
-    let Some(reference) = &project.reference else { return Ok(Vec::new()) };
+    let Some(reference) = &project.reference else {
+        return Ok(Vec::new());
+    };
     progress.begin("reading the reference", 0);
     let mut points = format::read_cloud(&reference.path)?.points;
     progress.end();
@@ -171,7 +217,9 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
             "check that the file is the right one and not empty",
         ));
     }
-    points.iter_mut().for_each(|point| *point -= project.origin_m);
+    points
+        .iter_mut()
+        .for_each(|point| *point -= project.origin_m);
     Ok(points)
 }
 
