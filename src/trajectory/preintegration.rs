@@ -153,7 +153,7 @@ mod tests {
     }
 
     fn difference(a: &Preintegrated, b: &Preintegrated) -> nalgebra::SVector<f64, 9> {
-        let mut d = nalgebra::SVector::zeros();
+        let mut d = nalgebra::SVector::<f64, 9>::zeros();
         let turn = log(&(a.rotation.inverse() * b.rotation));
         d.fixed_rows_mut::<3>(0).copy_from(&turn);
         d.fixed_rows_mut::<3>(3)
