@@ -2,15 +2,19 @@
 
 mod common;
 
-use boresight::geometry::heading::wrap;
+use boresight::geometry::heading::{heading_rad, wrap};
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
 use boresight::progress::Silent;
 use boresight::project::{HeadingSettings, ImuNoise, PrismSettings, TrajectorySettings};
 use boresight::sensor::{HeadingFix, ImuSample, PrismFix};
-use boresight::trajectory::{Estimate, estimate};
+use boresight::trajectory::{Estimate, PoseGradient, estimate};
 use nalgebra::Quaternion;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
+use std::time::Instant;
 
 /// The numbers of a CSV file, without its header and comments.
 fn numbers(path: &Path) -> Vec<Vec<f64>> {
@@ -135,14 +139,13 @@ fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
         return;
     };
     let logs = pose_case(&folder);
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     let found = logs.estimate();
     println!(
         "{} in {:.3} s",
         found.solution,
         begun.elapsed().as_secs_f64()
     );
-    println!("{:#?}", found.solution);
     assert!(found.solution.converged);
     let truth = numbers(&folder.join("truth.csv"));
     let nodes = found.trajectory.nodes();
@@ -164,16 +167,184 @@ fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
     let tilt_deg = rms(rotation.iter().map(|d| d.xy().norm())).to_degrees();
     let yaw_deg = rms(rotation.iter().map(|d| d.z)).to_degrees();
     let share = inside.map(|n| n as f64 / nodes.len() as f64);
+    functionals_agree_with_marginals(&found);
     println!(
         "position {position_mm:.4} mm, tilt {tilt_deg:.5}°, yaw {yaw_deg:.5}°, inside {share:?}"
     );
-    let middle = nodes[nodes.len() / 2].sigma.expect("sigma");
-    println!("sigma in the middle {middle:?}");
     assert!(position_mm <= 1.55);
     assert!(tilt_deg <= 0.006);
     assert!(yaw_deg <= 0.022);
+    // Tilt and yaw errors change over minutes: one drive holds few independent ones, and all of
+    // them may lie inside. Many drives are judged below.
+    let position = share[..3].iter().sum::<f64>() / 3.0;
     let all = share.iter().sum::<f64>() / 6.0;
+    assert!((position - 0.95).abs() <= 0.04, "{position}");
     assert!((all - 0.95).abs() <= 0.04, "{all}");
+}
+
+/// Forward substitution and back-recursion reach the same standard deviations by different
+/// arithmetic: what they differ by is rounding, here with weights from 1 to 1e12.
+fn functionals_agree_with_marginals(found: &Estimate) {
+    let nodes = found.trajectory.nodes();
+    let chosen = [0, nodes.len() / 3, nodes.len() - 1];
+    let mut gradient = PoseGradient::new(12, nodes.len());
+    for (k, &node) in chosen.iter().enumerate() {
+        // Position along the world's axes; rotation about east = first row of world_from_body δφ.
+        let r = nodes[node].world_from_body.rotation.to_rotation_matrix();
+        let mut block = [0.0; 12 * 6];
+        for axis in 0..3 {
+            block[(4 * k + axis) * 6 + 3 + axis] = 1.0;
+            block[(4 * k + 3) * 6 + axis] = r[(0, axis)];
+        }
+        gradient.add(node, &block);
+    }
+    let begun = Instant::now();
+    let covariance = found.covariance.of_functional(&gradient);
+    println!("12 functionals in {:.4} s", begun.elapsed().as_secs_f64());
+    for (k, &node) in chosen.iter().enumerate() {
+        let sigma = nodes[node].sigma.expect("standard deviations");
+        let p = sigma.position_m;
+        for (i, expected) in [p.x, p.y, p.z, sigma.rotation_rad.x].iter().enumerate() {
+            let found = covariance[(4 * k + i, 4 * k + i)].sqrt();
+            assert!((found / expected - 1.0).abs() < 1e-5, "{found} {expected}");
+        }
+    }
+}
+
+/// Attitude and position of a small rover on a wavy figure of eight: first a rest, then motion.
+fn rover(time_s: f64) -> (Vec3, Rotation) {
+    // Smooth start: path parameter with vanishing rate and acceleration at 3 s.
+    let t = (time_s - 3.0).max(0.0);
+    let s = t * t * t / (t * t + 4.0) * 0.3;
+    let p = Vec3::new(2.0 * s.sin(), 1.5 * (2.0 * s).sin(), 0.05 * (3.0 * s).sin());
+    let yaw = 1.2 * s + 0.3 * (2.0 * s).sin();
+    let (roll, pitch) = (0.05 * (5.0 * s).sin(), 0.04 * (1.0 - (4.0 * s).cos()));
+    (p, Rotation::from_euler_angles(roll, pitch, yaw))
+}
+
+/// A simulated minute: logs, and the truth at the nodes.
+fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+    let mut noise3 = |sigma: f64| Vec3::new(normal(), normal(), normal()) * sigma;
+    let noise = ImuNoise {
+        gyro_density: 1e-4,
+        accel_density: 1e-3,
+        gyro_bias_walk: 2e-5,
+        accel_bias_walk: 1e-4,
+    };
+    let (dt, count) = (0.02, 3000);
+    let gravity = Vec3::new(0.0, 0.0, 9.81);
+    let (mut gyro_bias, mut accel_bias) = (noise3(0.02), noise3(0.1));
+    let imu = (0..count)
+        .map(|k| {
+            let t = f64::from(k) * dt;
+            // Means of ten parts of the interval.
+            let (mut gyro, mut force) = (Vec3::zeros(), Vec3::zeros());
+            for part in 0..10 {
+                let (a, b) = (
+                    t + dt * f64::from(part) / 10.0,
+                    t + dt * f64::from(part + 1) / 10.0,
+                );
+                let (m, e) = (0.5 * (a + b), 1e-3);
+                let (middle, r) = rover(m);
+                let acceleration = (rover(m + e).0 - middle * 2.0 + rover(m - e).0) / (e * e);
+                gyro += (rover(a).1.inverse() * rover(b).1).scaled_axis() / dt;
+                force += r.inverse() * (acceleration + gravity) / 10.0;
+            }
+            gyro_bias += noise3(noise.gyro_bias_walk * dt.sqrt());
+            accel_bias += noise3(noise.accel_bias_walk * dt.sqrt());
+            ImuSample {
+                time_s: t,
+                gyro_rad_s: gyro + gyro_bias + noise3(noise.gyro_density / dt.sqrt()),
+                accel_m_s2: force + accel_bias + noise3(noise.accel_density / dt.sqrt()),
+            }
+        })
+        .collect();
+    let lever = Vec3::new(0.1, -0.2, 0.8);
+    let (prism_sigma, heading_sigma) = (0.004, 0.01);
+    let span = dt * f64::from(count);
+    // Between the nodes: 7 Hz and 5 Hz do not divide 50 Hz times.
+    let times = |rate: f64| {
+        (0..)
+            .map(move |k| 0.003 + f64::from(k) / rate)
+            .take_while(move |t| *t < span)
+    };
+    let prism = times(7.0)
+        .map(|t| PrismFix {
+            time_s: t,
+            position_m: rover(t).0 + rover(t).1 * lever + noise3(prism_sigma),
+            sigma_m: None,
+        })
+        .collect();
+    let heading = times(5.0)
+        .map(|t| HeadingFix {
+            time_s: t,
+            heading_rad: wrap(heading_rad(&rover(t).1) + noise3(heading_sigma).x),
+            sigma_rad: None,
+        })
+        .collect();
+    let settings = TrajectorySettings {
+        axes: BodyAxes::Flu,
+        gravity_m_s2: 9.81,
+        imu: noise,
+        prism: PrismSettings {
+            sigma_m: prism_sigma,
+            lever_arm_m: lever,
+        },
+        heading: HeadingSettings {
+            sigma_rad: heading_sigma,
+            mounting_offset_rad: 0.0,
+            grid_convergence_rad: 0.0,
+        },
+    };
+    let logs = Logs {
+        imu,
+        prism,
+        heading,
+        settings,
+    };
+    (
+        logs,
+        (0..=count).map(|k| rover(f64::from(k) * dt)).collect(),
+    )
+}
+
+#[test]
+fn claimed_standard_deviations_cover_the_errors_of_many_drives() {
+    // 40 drives of a minute hold at least a few hundred independent errors of each kind: the
+    // share inside 95 % is known to about 2 %, and 4 % is the bound of the requirement.
+    let (mut inside, mut count) = ([0usize; 6], 0);
+    let mut squares = [0.0; 6];
+    for seed in 0..40 {
+        let (logs, truth) = rover_drive(seed);
+        let found = logs.estimate();
+        assert!(found.solution.converged, "seed {seed}: {}", found.solution);
+        for (node, (p, r)) in found.trajectory.nodes().iter().zip(&truth).step_by(25) {
+            let sigma = node.sigma.expect("standard deviations");
+            let dp = node.world_from_body.translation.vector - p;
+            let dr = (node.world_from_body.rotation * r.inverse()).scaled_axis();
+            for axis in 0..3 {
+                let normalised = [
+                    dp[axis] / sigma.position_m[axis],
+                    dr[axis] / sigma.rotation_rad[axis],
+                ];
+                for (kind, x) in normalised.iter().enumerate() {
+                    inside[3 * kind + axis] += usize::from(x.abs() < 1.96);
+                    squares[3 * kind + axis] += x * x;
+                }
+            }
+            count += 1;
+        }
+    }
+    let share = inside.map(|n| n as f64 / f64::from(count));
+    println!(
+        "inside {share:.3?}, rms {:.3?}",
+        squares.map(|s| (s / f64::from(count)).sqrt())
+    );
+    for x in share {
+        assert!((x - 0.95).abs() <= 0.04, "{share:?}");
+    }
 }
 
 /// Into forward, left, up: the file's axes are up, right, forward.
@@ -260,7 +431,7 @@ fn euroc(folder: &Path) -> Flight {
         .into_iter()
         .map(|(t, _, q)| HeadingFix {
             time_s: *t,
-            heading_rad: boresight::geometry::heading::heading_rad(q),
+            heading_rad: heading_rad(q),
             sigma_rad: None,
         })
         .collect();
@@ -275,7 +446,9 @@ fn euroc(folder: &Path) -> Flight {
             accel_bias_walk: 3.0e-3,
         },
         prism: PrismSettings {
-            sigma_m: 0.002,
+            // The README's agreement of 1.4 mm median and 3.5 mm at 95 % in space is that of
+            // 0.9 mm and 1.25 mm in each coordinate.
+            sigma_m: 0.001,
             lever_arm_m: flu(Vec3::new(0.0800, -0.0217, -0.1151)),
         },
         heading: HeadingSettings {
@@ -303,14 +476,13 @@ fn recorded_flight_is_followed_between_the_fixes() {
         return;
     };
     let flight = euroc(&folder);
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     let found = flight.logs.estimate();
     println!(
         "{} in {:.3} s",
         found.solution,
         begun.elapsed().as_secs_f64()
     );
-    println!("{:#?}", found.solution);
     let mut error = vec![];
     for (t, p, r) in &flight.truth {
         if let Some(pose) = found.trajectory.pose_at(*t) {
