@@ -151,7 +151,7 @@ impl<'a> Graph<'a> {
                 let mut sums = Preintegrated::new(start.bias);
                 let dt = timeline.dt_s(step);
                 sums.add(sample.gyro_rad_s, sample.accel_m_s2, dt, &settings.imu);
-                ImuFactor::new(sums)
+                ImuFactor::new(&sums)
             })
             .collect();
         let imu = factors.ok_or_else(|| {

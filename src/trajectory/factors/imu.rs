@@ -5,22 +5,20 @@ use crate::geometry::so3::{exp, hat, log, right_jacobian, right_jacobian_inverse
 use crate::geometry::{Mat3, Rotation, Vec3};
 use crate::sensor::ImuBias;
 use crate::trajectory::chain::{NODE, STEP, StepSystem};
-use crate::trajectory::preintegration::Preintegrated;
+use crate::trajectory::preintegration::{MotionSums, Preintegrated};
 
 /// Preintegrated IMU between node i and node i + 1:
 /// r_φ = Log(ΔRᵀ R_iᵀ R_j), r_p = R_iᵀ (p_j − p_i − v_i Δt − ½ g Δt²) − Δp,
 /// r_v = R_iᵀ (v_j − v_i − g Δt) − Δv, with the sums corrected to the bias.
 #[derive(Debug, Clone)]
 pub(in crate::trajectory) struct ImuFactor {
-    pub(super) sums: Preintegrated,
+    sums: MotionSums,
     /// Lower triangular W with Wᵀ W = covariance⁻¹.
     whitener: [[f64; 9]; 9],
 }
 
 /// The sums corrected to a bias: what the residual compares with.
 struct Corrected {
-    /// J_φ δb, the correction of the rotation.
-    turn: Vec3,
     rotation: Rotation,
     position_m: Vec3,
     velocity_m_s: Vec3,
@@ -28,15 +26,18 @@ struct Corrected {
 
 impl ImuFactor {
     /// `None` where the covariance is not positive definite.
-    pub fn new(sums: Preintegrated) -> Option<Self> {
-        let w = sums.whitener()?;
+    pub fn new(preintegrated: &Preintegrated) -> Option<Self> {
+        let w = preintegrated.whitener()?;
         let mut whitener = [[0.0; 9]; 9];
         for (a, row) in whitener.iter_mut().enumerate() {
             for (b, x) in row.iter_mut().enumerate() {
                 *x = w[(a, b)];
             }
         }
-        Some(Self { sums, whitener })
+        Some(Self {
+            sums: preintegrated.sums.clone(),
+            whitener,
+        })
     }
 
     pub fn duration_s(&self) -> f64 {
@@ -50,13 +51,16 @@ impl ImuFactor {
             .into_owned()
     }
 
+    /// J_φ δb, the correction of the rotation to a bias.
+    fn turn(&self, bias: &ImuBias) -> Vec3 {
+        self.by_bias(0, 0) * (bias.gyro_rad_s - self.sums.bias.gyro_rad_s)
+    }
+
     fn corrected(&self, bias: &ImuBias) -> Corrected {
         let gyro = bias.gyro_rad_s - self.sums.bias.gyro_rad_s;
         let accel = bias.accel_m_s2 - self.sums.bias.accel_m_s2;
-        let turn = self.by_bias(0, 0) * gyro;
         Corrected {
-            turn,
-            rotation: self.sums.rotation * exp(&turn),
+            rotation: self.sums.rotation * exp(&self.turn(bias)),
             position_m: self.sums.position_m
                 + self.by_bias(3, 0) * gyro
                 + self.by_bias(3, 3) * accel,
@@ -120,7 +124,7 @@ impl ImuFactor {
         let back = matrix(&from.rotation.inverse());
         let turned = matrix(&(to.rotation.inverse() * from.rotation));
         let inverse = right_jacobian_inverse(&residual[0]);
-        let turn = self.corrected(bias).turn;
+        let turn = self.turn(bias);
         let gyro =
             -inverse * matrix(&exp(&-residual[0])) * right_jacobian(&turn) * self.by_bias(0, 0);
         let mut rows = [[0.0; STEP]; 9];

@@ -29,7 +29,7 @@ fn sample() -> ImuSample {
     }
 }
 
-fn imu() -> ImuFactor {
+fn preintegrated() -> Preintegrated {
     let noise = ImuNoise {
         gyro_density: 1e-3,
         accel_density: 1e-2,
@@ -40,7 +40,11 @@ fn imu() -> ImuFactor {
     for _ in 0..3 {
         sums.add(sample().gyro_rad_s, sample().accel_m_s2, 0.05, &noise);
     }
-    ImuFactor::new(sums).expect("positive covariance")
+    sums
+}
+
+fn imu() -> ImuFactor {
+    ImuFactor::new(&preintegrated()).expect("positive covariance")
 }
 
 fn moved(
@@ -133,7 +137,7 @@ fn normal_equations_are_those_of_the_whitened_rows() {
     factor.add_to(&mut system, GRAVITY, &from, &to, &bias);
     let residual = factor.residual(GRAVITY, &from, &to, &bias);
     let rows = factor.jacobian(GRAVITY, &from, &to, &bias, &residual);
-    let information = factor.sums.covariance.try_inverse().expect("regular");
+    let information = preintegrated().covariance.try_inverse().expect("regular");
     let j = nalgebra::SMatrix::<f64, 9, STEP>::from_fn(|a, b| rows[a][b]);
     let r = nalgebra::SVector::<f64, 9>::from_fn(|a, _| residual[a / 3][a % 3]);
     let h = j.transpose() * information * j;
@@ -156,7 +160,7 @@ fn a_body_at_rest_feels_gravity_upwards() {
     };
     let mut sums = Preintegrated::new(ImuBias::default());
     sums.add(Vec3::zeros(), Vec3::new(0.0, 0.0, GRAVITY), 0.01, &noise);
-    let factor = ImuFactor::new(sums).expect("positive covariance");
+    let factor = ImuFactor::new(&sums).expect("positive covariance");
     let rest = NodeState {
         rotation: Rotation::identity(),
         position_m: Vec3::new(1.0, 2.0, 3.0),
