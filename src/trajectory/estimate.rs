@@ -95,7 +95,13 @@ pub fn estimate(
     let (state, factor, mut solution) = solved?;
     graph.summarise(&state, &mut solution);
     let trajectory = Trajectory::new(graph.records(&state, &factor))?;
-    progress.say(&solution.to_string());
+    if solution.converged {
+        progress.say(&solution.to_string());
+    } else {
+        progress.warn(&format!(
+            "{solution}: check lever arm, axes, heading offset and the clocks of the logs"
+        ));
+    }
     Ok(Estimate {
         trajectory,
         solution,

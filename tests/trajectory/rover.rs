@@ -15,13 +15,14 @@ fn rover(time_s: f64) -> (Vec3, Rotation) {
     let t = (time_s - 3.0).max(0.0);
     let s = t * t * t / (t * t + 4.0) * 0.3;
     let p = Vec3::new(2.0 * s.sin(), 1.5 * (2.0 * s).sin(), 0.05 * (3.0 * s).sin());
-    let yaw = 1.2 * s + 0.3 * (2.0 * s).sin();
+    // The course, and some crabbing.
+    let yaw = (3.0 * (2.0 * s).cos()).atan2(2.0 * s.cos()) + 0.1 * (2.0 * s).sin();
     let (roll, pitch) = (0.05 * (5.0 * s).sin(), 0.04 * (1.0 - (4.0 * s).cos()));
     (p, Rotation::from_euler_angles(roll, pitch, yaw))
 }
 
 /// A simulated minute: logs, and the truth at the nodes.
-fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
+pub fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
     let mut noise3 = |sigma: f64| Vec3::new(normal(), normal(), normal()) * sigma;
