@@ -27,9 +27,9 @@ pub(super) const STEP: usize = 2 * NODE + BIAS;
 /// Unknowns a change of bias touches: old bias, node, new bias.
 pub(super) const CHANGE: usize = NODE + 2 * BIAS;
 /// Steps linearised at a time while the steps before them are eliminated; sized for the cache.
-const CHUNK: usize = 128;
+const CHUNK: usize = 256;
 /// Steps linearised by one task.
-const TASK: usize = 16;
+const TASK: usize = 64;
 
 /// Which bias each step uses; a step's bias is that of the step before or the next one.
 #[derive(Debug, Clone, PartialEq)]

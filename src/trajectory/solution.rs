@@ -7,7 +7,7 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// The last step was below 1 % of a posterior standard deviation.
+    /// The last step was below 5 % of a posterior standard deviation.
     Converged,
     /// The most iterations allowed were used.
     IterationLimit,

@@ -108,7 +108,7 @@ fn axes_down_and_right_give_the_same_trajectory() {
     let (a, b) = (flu.estimate(), frd.estimate());
     for (a, b) in a.trajectory.nodes().iter().zip(b.trajectory.nodes()) {
         let (a, b) = (a.world_from_body, b.world_from_body);
-        // Both stop within 1 % of millimetres and hundredths of degrees of the minimum.
+        // Both stop within a few percent of a standard deviation (1 mm, 1e-3 rad) of the minimum.
         assert!((a.translation.vector - b.translation.vector).norm() < 2e-5);
         assert!((a.rotation * flu_from_frd).angle_to(&b.rotation) < 2e-6);
     }
