@@ -25,11 +25,11 @@ pub(super) const TAIL: usize = NODE + BIAS;
 /// Unknowns a step touches: node i, node i + 1, bias.
 pub(super) const STEP: usize = 2 * NODE + BIAS;
 /// Unknowns a change of bias touches: old bias, node, new bias.
-const CHANGE: usize = NODE + 2 * BIAS;
+pub(super) const CHANGE: usize = NODE + 2 * BIAS;
 /// Steps linearised at a time while the steps before them are eliminated; sized for the cache.
-const CHUNK: usize = 128;
+const CHUNK: usize = 256;
 /// Steps linearised by one task.
-const TASK: usize = 16;
+const TASK: usize = 64;
 
 /// Which bias each step uses; a step's bias is that of the step before or the next one.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +56,7 @@ impl ChainLayout {
     }
 
     /// Whether the bias changes before step `i`; the old one is `bias_of_step[i] − 1`.
-    fn changes_before(&self, i: usize) -> bool {
+    pub fn changes_before(&self, i: usize) -> bool {
         i > 0 && self.bias_of_step[i] != self.bias_of_step[i - 1]
     }
 }
@@ -275,24 +275,20 @@ impl ChainFactor {
         // Order: old bias, node, new bias.
         let mut h = [[0.0; CHANGE]; CHANGE];
         let mut g = [0.0; CHANGE];
-        for a in 0..NODE {
-            for b in a..NODE {
-                h[BIAS + a][BIAS + b] = carry.h[a][b];
+        let place = |a: usize| if a < NODE { BIAS + a } else { a - NODE };
+        for a in 0..TAIL {
+            for b in a..TAIL {
+                let (i, j) = (place(a), place(b));
+                h[i.min(j)][i.max(j)] = carry.h[a][b];
             }
-            for b in 0..BIAS {
-                h[b][BIAS + a] = carry.h[a][NODE + b];
-            }
-            g[BIAS + a] = carry.g[a];
+            g[place(a)] = carry.g[a];
         }
         for a in 0..BIAS {
-            for b in a..BIAS {
-                h[a][b] = carry.h[NODE + a][NODE + b];
-            }
             let w = walk.weight[a];
             h[a][a] += w + damping[NODE + a];
             h[a][TAIL + a] = -w;
             h[TAIL + a][TAIL + a] = w;
-            g[a] = carry.g[NODE + a] + w * walk.difference[a];
+            g[a] += w * walk.difference[a];
             g[TAIL + a] = -w * walk.difference[a];
         }
         if !eliminate::<BIAS, CHANGE>(&mut h, &mut g) {
@@ -340,41 +336,10 @@ impl ChainFactor {
             }
         }
     }
-
-    /// Visits every node from the last to the first with the covariance of (node, its bias).
-    /// From the covariance Σ of a separator: K = U_PP⁻¹ U_PS, Σ_PS = −K Σ,
-    /// Σ_PP = U_PP⁻¹ U_PP⁻ᵀ + K Σ Kᵀ.
-    pub fn marginals(&self, mut visit: impl FnMut(usize, &[[f64; TAIL]; TAIL])) {
-        let steps = self.layout.steps();
-        let mut sigma = tail_covariance(&self.tail_rows);
-        visit(steps, &sigma);
-        for i in (0..steps).rev() {
-            let (own, cross) = pivot_covariance::<NODE, STEP>(&self.step_rows[i], &sigma);
-            for a in 0..NODE {
-                sigma[a][..NODE].copy_from_slice(&own[a]);
-                for b in NODE..TAIL {
-                    sigma[a][b] = cross[a][b];
-                    sigma[b][a] = cross[a][b];
-                }
-            }
-            visit(i, &sigma);
-            if self.layout.changes_before(i) {
-                let old = self.layout.bias_of_step[i] as usize - 1;
-                let (own, cross) = pivot_covariance::<BIAS, CHANGE>(&self.change_rows[old], &sigma);
-                for a in 0..BIAS {
-                    sigma[NODE + a][NODE..].copy_from_slice(&own[a]);
-                    for b in 0..NODE {
-                        sigma[NODE + a][b] = cross[a][b];
-                        sigma[b][NODE + a] = cross[a][b];
-                    }
-                }
-            }
-        }
-    }
 }
 
 /// Completes `x`, whose last N − P entries are known, by U x = y.
-fn solve_rows<const P: usize, const N: usize>(
+pub(super) fn solve_rows<const P: usize, const N: usize>(
     rows: &[[f64; N]; P],
     y: &[f64; P],
     mut x: [f64; N],
@@ -386,70 +351,5 @@ fn solve_rows<const P: usize, const N: usize>(
     x
 }
 
-/// Σ_PP and Σ_PS of a front's pivots, given the covariance of its separator.
-fn pivot_covariance<const P: usize, const N: usize>(
-    rows: &[[f64; N]; P],
-    separator: &[[f64; TAIL]; TAIL],
-) -> ([[f64; P]; P], [[f64; TAIL]; P]) {
-    // K and the inverse of U_PP, row by row from the last.
-    let mut k = [[0.0; TAIL]; P];
-    let mut inverse = [[0.0; P]; P];
-    for a in (0..P).rev() {
-        let scale = 1.0 / rows[a][a];
-        let mut row = [0.0; TAIL];
-        row.copy_from_slice(&rows[a][P..]);
-        let mut inverse_row = [0.0; P];
-        inverse_row[a] = 1.0;
-        for b in a + 1..P {
-            let factor = rows[a][b];
-            for c in 0..TAIL {
-                row[c] -= factor * k[b][c];
-            }
-            for c in 0..P {
-                inverse_row[c] -= factor * inverse[b][c];
-            }
-        }
-        k[a] = row.map(|x| x * scale);
-        inverse[a] = inverse_row.map(|x| x * scale);
-    }
-    let mut cross = [[0.0; TAIL]; P];
-    for a in 0..P {
-        let mut row = [0.0; TAIL];
-        for b in 0..TAIL {
-            let factor = k[a][b];
-            for c in 0..TAIL {
-                row[c] -= factor * separator[b][c];
-            }
-        }
-        cross[a] = row;
-    }
-    let mut own = [[0.0; P]; P];
-    for a in 0..P {
-        for b in a..P {
-            let inner: f64 = (b..P).map(|c| inverse[a][c] * inverse[b][c]).sum();
-            let outer: f64 = (0..TAIL).map(|c| cross[a][c] * k[b][c]).sum();
-            own[a][b] = inner - outer;
-            own[b][a] = own[a][b];
-        }
-    }
-    (own, cross)
-}
-
-/// (Uᵀ U)⁻¹ of the tail.
-fn tail_covariance(rows: &[[f64; TAIL]; TAIL]) -> [[f64; TAIL]; TAIL] {
-    let mut sigma = [[0.0; TAIL]; TAIL];
-    for column in 0..TAIL {
-        // Uᵀ z = e, then U x = z.
-        let mut z = [0.0; TAIL];
-        z[column] = 1.0;
-        for a in 0..TAIL {
-            let sum: f64 = (0..a).map(|b| rows[b][a] * z[b]).sum();
-            z[a] = (z[a] - sum) / rows[a][a];
-        }
-        let x = solve_rows::<TAIL, TAIL>(rows, &z, [0.0; TAIL]);
-        for a in 0..TAIL {
-            sigma[a][column] = x[a];
-        }
-    }
-    sigma
-}
+#[cfg(test)]
+mod tests;

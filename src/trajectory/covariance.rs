@@ -94,6 +94,9 @@ impl PosteriorCovariance {
             self.nodes(),
             "gradient of another trajectory"
         );
+        if m == 0 {
+            return DMatrix::zeros(0, 0);
+        }
         let steps = self.factor.layout.steps();
         let mut sum = vec![0.0; m * m];
         // Right-hand sides of (node, bias), 15 rows of m; fronts below read and pass them on.
@@ -101,8 +104,7 @@ impl PosteriorCovariance {
         let mut front = vec![0.0; (2 * NODE + BIAS) * m];
         let first = gradient.slot.iter().position(|&slot| slot != NONE);
         for i in first.unwrap_or(steps)..steps {
-            if i > 0 && self.factor.layout.bias_of_step[i] != self.factor.layout.bias_of_step[i - 1]
-            {
+            if self.factor.layout.changes_before(i) {
                 let old = self.factor.layout.bias_of_step[i - 1] as usize;
                 let (bias, node, new) = (0, BIAS * m, TAIL * m);
                 front[bias..node].copy_from_slice(&carry[NODE * m..]);

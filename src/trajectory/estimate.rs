@@ -37,9 +37,10 @@ const FIRST_DAMPING: f64 = 1e-2;
 const DAMPING_FACTOR: f64 = 10.0;
 const LARGEST_DAMPING: f64 = 1e10;
 const MOST_ITERATIONS: usize = 50;
-/// Converged where a step is shorter than this, in posterior standard deviations: no functional
-/// of the trajectory then moves by more than 1 % of its own sigma, and the step is still taken.
-const CONVERGED_SIGMAS: f64 = 0.01;
+/// Converged where a step is shorter than this, in posterior standard deviations: it moves no
+/// functional of the trajectory by more than 5 % of its own sigma. The step is still taken, and
+/// as convergence is quadratic, what is left is far less.
+const CONVERGED_SIGMAS: f64 = 0.05;
 /// Rise of the cost (half the sum of squared normalised residuals) that rounding may cause.
 const COST_ROUNDING: f64 = 1e-6;
 /// Steps per task where costs are summed; fixed, so that sums do not depend on the threads.
@@ -90,12 +91,19 @@ pub fn estimate(
         nodes: start.nodes,
     };
     progress.begin("trajectory", MOST_ITERATIONS as u64);
-    let solved = graph.solve(state, progress);
+    // Enter the thread pool once: each entry from outside costs two thread switches.
+    let solved = rayon::scope(|_| graph.solve(state, progress));
     progress.end();
     let (state, factor, mut solution) = solved?;
     graph.summarise(&state, &mut solution);
     let trajectory = Trajectory::new(graph.records(&state, &factor))?;
-    progress.say(&solution.to_string());
+    if solution.converged {
+        progress.say(&solution.to_string());
+    } else {
+        progress.warn(&format!(
+            "{solution}: check lever arm, axes, heading offset and the clocks of the logs"
+        ));
+    }
     Ok(Estimate {
         trajectory,
         solution,
@@ -151,7 +159,7 @@ impl<'a> Graph<'a> {
                 let mut sums = Preintegrated::new(start.bias);
                 let dt = timeline.dt_s(step);
                 sums.add(sample.gyro_rad_s, sample.accel_m_s2, dt, &settings.imu);
-                ImuFactor::new(sums)
+                ImuFactor::new(&sums)
             })
             .collect();
         let imu = factors.ok_or_else(|| {
@@ -276,8 +284,8 @@ impl<'a> Graph<'a> {
     }
 
     /// Levenberg-Marquardt from `state`; every step is accepted or refused on the true cost.
-    /// Returns the state, the undamped factor at it (or less than 1 % of a standard deviation
-    /// from it) and how it ended.
+    /// Returns the state, the undamped factor at it (or within 5 % of a standard deviation of
+    /// it) and how it ended.
     fn solve(
         &self,
         mut state: State,

@@ -6,6 +6,7 @@ mod estimate;
 mod factors;
 mod initial;
 mod interpolate;
+mod marginals;
 mod preintegration;
 mod solution;
 mod timeline;

@@ -20,7 +20,7 @@ pub(super) const INTEGRATION_DENSITY: f64 = 1e-5;
 /// Order of the 9: rotation (in the body frame at j), position, velocity; of the 6: gyro bias,
 /// accelerometer bias.
 #[derive(Debug, Clone)]
-pub(super) struct Preintegrated {
+pub(super) struct MotionSums {
     pub duration_s: f64,
     pub rotation: Rotation,
     pub position_m: Vec3,
@@ -29,18 +29,26 @@ pub(super) struct Preintegrated {
     pub bias: ImuBias,
     /// Derivative of (rotation, position, velocity) by the bias.
     pub by_bias: Mat9x6,
+}
+
+/// Sums and their covariance.
+#[derive(Debug, Clone)]
+pub(super) struct Preintegrated {
+    pub sums: MotionSums,
     pub covariance: Mat9,
 }
 
 impl Preintegrated {
     pub fn new(bias: ImuBias) -> Self {
         Self {
-            duration_s: 0.0,
-            rotation: Rotation::identity(),
-            position_m: Vec3::zeros(),
-            velocity_m_s: Vec3::zeros(),
-            bias,
-            by_bias: Mat9x6::zeros(),
+            sums: MotionSums {
+                duration_s: 0.0,
+                rotation: Rotation::identity(),
+                position_m: Vec3::zeros(),
+                velocity_m_s: Vec3::zeros(),
+                bias,
+                by_bias: Mat9x6::zeros(),
+            },
             covariance: Mat9::zeros(),
         }
     }
@@ -53,10 +61,10 @@ impl Preintegrated {
     /// leave is of second order in θ (Forster et al. leave the first).
     pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64, noise: &ImuNoise) {
         let dt = dt_s;
-        let theta = (gyro_rad_s - self.bias.gyro_rad_s) * dt;
-        let force = accel_m_s2 - self.bias.accel_m_s2;
+        let theta = (gyro_rad_s - self.sums.bias.gyro_rad_s) * dt;
+        let force = accel_m_s2 - self.sums.bias.accel_m_s2;
         let step = exp(&theta);
-        let start = self.rotation.to_rotation_matrix().into_inner();
+        let start = self.sums.rotation.to_rotation_matrix().into_inner();
         let half = exp(&(theta / 2.0)).to_rotation_matrix().into_inner();
         let third = exp(&(theta / 3.0)).to_rotation_matrix().into_inner();
 
@@ -74,7 +82,7 @@ impl Preintegrated {
         put(6, 0, start * half * force_hat * turn * dt);
         put(6, 3, start * half * -dt);
 
-        if self.duration_s > 0.0 {
+        if self.sums.duration_s > 0.0 {
             // Derivative of the new sums by the old.
             let mut old = Mat9::identity();
             let mut put = |row: usize, column: usize, block: Mat3| {
@@ -84,10 +92,10 @@ impl Preintegrated {
             put(3, 0, start * hat(&(third * force)) * (-0.5 * dt * dt));
             put(3, 6, Mat3::identity() * dt);
             put(6, 0, start * hat(&(half * force)) * -dt);
-            self.by_bias = old * self.by_bias + own;
+            self.sums.by_bias = old * self.sums.by_bias + own;
             self.covariance = old * self.covariance * old.transpose();
         } else {
-            self.by_bias = own;
+            self.sums.by_bias = own;
         }
         let mut weighted = own;
         let gyro_variance = noise.gyro_density.powi(2) / dt;
@@ -105,10 +113,11 @@ impl Preintegrated {
             self.covariance[(axis, axis)] += INTEGRATION_DENSITY.powi(2) * dt;
         }
 
-        self.position_m += self.velocity_m_s * dt + start * (third * force) * (0.5 * dt * dt);
-        self.velocity_m_s += start * (half * force) * dt;
-        self.rotation *= step;
-        self.duration_s += dt;
+        self.sums.position_m +=
+            self.sums.velocity_m_s * dt + start * (third * force) * (0.5 * dt * dt);
+        self.sums.velocity_m_s += start * (half * force) * dt;
+        self.sums.rotation *= step;
+        self.sums.duration_s += dt;
     }
 
     /// W, lower triangular, with Wᵀ W the inverse of the covariance; `None` where the noise is
@@ -153,13 +162,13 @@ mod tests {
     }
 
     fn difference(a: &Preintegrated, b: &Preintegrated) -> nalgebra::SVector<f64, 9> {
-        let mut d = nalgebra::SVector::zeros();
-        let turn = log(&(a.rotation.inverse() * b.rotation));
+        let mut d = nalgebra::SVector::<f64, 9>::zeros();
+        let turn = log(&(a.sums.rotation.inverse() * b.sums.rotation));
         d.fixed_rows_mut::<3>(0).copy_from(&turn);
         d.fixed_rows_mut::<3>(3)
-            .copy_from(&(b.position_m - a.position_m));
+            .copy_from(&(b.sums.position_m - a.sums.position_m));
         d.fixed_rows_mut::<3>(6)
-            .copy_from(&(b.velocity_m_s - a.velocity_m_s));
+            .copy_from(&(b.sums.velocity_m_s - a.sums.velocity_m_s));
         d
     }
 
@@ -188,17 +197,17 @@ mod tests {
                 r *= exp(&(gyro * h));
             }
         }
-        assert!(r.angle_to(&sum.rotation) < 1e-9);
+        assert!(r.angle_to(&sum.sums.rotation) < 1e-9);
         // θ up to 0.025 rad in a sample: θ²/24 of 10 m/s² over 0.09 s is 2e-5 m/s.
         assert!(
-            (v - sum.velocity_m_s).norm() < 3e-5,
+            (v - sum.sums.velocity_m_s).norm() < 3e-5,
             "{}",
-            (v - sum.velocity_m_s).norm()
+            (v - sum.sums.velocity_m_s).norm()
         );
         assert!(
-            (p - sum.position_m).norm() < 3e-6,
+            (p - sum.sums.position_m).norm() < 3e-6,
             "{}",
-            (p - sum.position_m).norm()
+            (p - sum.sums.position_m).norm()
         );
     }
 
@@ -214,7 +223,7 @@ mod tests {
             let plus = difference(&sum, &integrated(shifted(bias, column, h)));
             let minus = difference(&sum, &integrated(shifted(bias, column, -h)));
             let numeric = (plus - minus) / (2.0 * h);
-            let error = (numeric - sum.by_bias.column(column)).norm();
+            let error = (numeric - sum.sums.by_bias.column(column)).norm();
             assert!(error < 1e-9, "column {column}: {error}");
         }
     }
@@ -251,7 +260,7 @@ mod tests {
         }
         // Integration noise enters the position of each sample and stays there.
         for axis in 3..6 {
-            expected[(axis, axis)] += INTEGRATION_DENSITY.powi(2) * sum.duration_s;
+            expected[(axis, axis)] += INTEGRATION_DENSITY.powi(2) * sum.sums.duration_s;
         }
         let error = (expected - sum.covariance).norm() / expected.norm();
         assert!(error < 1e-8, "{error}");

@@ -7,7 +7,7 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// The last step was below 1 % of a posterior standard deviation.
+    /// The last step was below 5 % of a posterior standard deviation.
     Converged,
     /// The most iterations allowed were used.
     IterationLimit,
@@ -119,14 +119,20 @@ impl fmt::Display for Solution {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} after {} iterations; residuals: prism {:.1} mm ({:.2} sigma), heading {:.2}° \
-             ({:.2} sigma)",
+            "{} after {} iterations; residuals: prism {:.1} mm ({:.2} sigma)",
             self.stop,
             self.iterations,
             self.prism.rms_raw * 1e3,
-            self.prism.rms_normalised,
-            self.heading.rms_raw.to_degrees(),
-            self.heading.rms_normalised
-        )
+            self.prism.rms_normalised
+        )?;
+        if self.heading.count > 0 {
+            let degrees = self.heading.rms_raw.to_degrees();
+            write!(
+                f,
+                ", heading {degrees:.2}° ({:.2} sigma)",
+                self.heading.rms_normalised
+            )?;
+        }
+        Ok(())
     }
 }

@@ -1,180 +1,12 @@
-//! The trajectory stage against a simulated drive with truth and a recorded flight with reference.
+//! EuRoC V2_03: real inertial data, positions and yaw decimated from a motion capture system.
 
-mod common;
-
-use boresight::geometry::heading::wrap;
+use super::{Logs, common, quantile, quaternion, rms, vec3};
+use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
-use boresight::progress::Silent;
 use boresight::project::{HeadingSettings, ImuNoise, PrismSettings, TrajectorySettings};
 use boresight::sensor::{HeadingFix, ImuSample, PrismFix};
-use boresight::trajectory::{Estimate, estimate};
-use nalgebra::Quaternion;
-use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
-
-/// The numbers of a CSV file, without its header and comments.
-fn numbers(path: &Path) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(path).expect("readable file");
-    text.lines()
-        .filter(|line| {
-            !line.is_empty() && !line.starts_with(|c: char| c.is_alphabetic() || c == '#')
-        })
-        .map(|line| {
-            line.split(',')
-                .map(|x| x.trim().parse().expect("a number"))
-                .collect()
-        })
-        .collect()
-}
-
-fn vec3(row: &[f64], first: usize) -> Vec3 {
-    Vec3::new(row[first], row[first + 1], row[first + 2])
-}
-
-/// Quaternion from w, x, y, z.
-fn quaternion(row: &[f64], w: usize) -> Rotation {
-    Rotation::from_quaternion(Quaternion::new(row[w], row[w + 1], row[w + 2], row[w + 3]))
-}
-
-/// The number after `"key":` in a flat JSON file.
-fn json_number(text: &str, key: &str) -> f64 {
-    let (_, rest) = text
-        .split_once(&format!("\"{key}\":"))
-        .expect("the key is there");
-    let end = rest.find([',', '\n', '}']).expect("the value ends");
-    rest[..end].trim().parse().expect("a number")
-}
-
-struct Logs {
-    imu: Vec<ImuSample>,
-    prism: Vec<PrismFix>,
-    heading: Vec<HeadingFix>,
-    settings: TrajectorySettings,
-}
-
-impl Logs {
-    fn estimate(&self) -> Estimate {
-        estimate(
-            &self.imu,
-            &self.prism,
-            &self.heading,
-            &self.settings,
-            &Silent,
-        )
-        .expect("a trajectory")
-    }
-}
-
-fn pose_case(folder: &Path) -> Logs {
-    let parameters = std::fs::read_to_string(folder.join("params.json")).expect("parameters");
-    let parameter = |key: &str| json_number(&parameters, key);
-    let imu = numbers(&folder.join("imu.csv"))
-        .iter()
-        .map(|r| ImuSample {
-            time_s: r[0],
-            gyro_rad_s: vec3(r, 1),
-            accel_m_s2: vec3(r, 4),
-        })
-        .collect();
-    let prism = numbers(&folder.join("prism.csv"))
-        .iter()
-        .map(|r| PrismFix {
-            time_s: r[0],
-            position_m: vec3(r, 1),
-            sigma_m: None,
-        })
-        .collect();
-    let heading = numbers(&folder.join("heading.csv"))
-        .iter()
-        .map(|r| HeadingFix {
-            time_s: r[0],
-            heading_rad: wrap(FRAC_PI_2 - r[1]),
-            sigma_rad: None,
-        })
-        .collect();
-    let settings = TrajectorySettings {
-        axes: BodyAxes::Flu,
-        gravity_m_s2: parameter("gravity_mps2"),
-        imu: ImuNoise {
-            gyro_density: parameter("gyro_noise_density"),
-            accel_density: parameter("accel_noise_density"),
-            gyro_bias_walk: parameter("gyro_bias_rw"),
-            accel_bias_walk: parameter("accel_bias_rw"),
-        },
-        prism: PrismSettings {
-            sigma_m: parameter("sigma_prism_m"),
-            lever_arm_m: Vec3::new(0.20, 0.05, 1.50),
-        },
-        heading: HeadingSettings {
-            sigma_rad: parameter("sigma_heading_rad"),
-            mounting_offset_rad: 0.0,
-            grid_convergence_rad: 0.0,
-        },
-    };
-    Logs {
-        imu,
-        prism,
-        heading,
-        settings,
-    }
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0), |(s, n), x| (s + x * x, n + 1));
-    (sum / f64::from(count)).sqrt()
-}
-
-fn quantile(values: &mut [f64], q: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[((values.len() - 1) as f64 * q).round() as usize]
-}
-
-#[test]
-fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
-    let Some(folder) = common::shared_data("pose_case") else {
-        return;
-    };
-    let logs = pose_case(&folder);
-    let begun = std::time::Instant::now();
-    let found = logs.estimate();
-    println!(
-        "{} in {:.3} s",
-        found.solution,
-        begun.elapsed().as_secs_f64()
-    );
-    println!("{:#?}", found.solution);
-    assert!(found.solution.converged);
-    let truth = numbers(&folder.join("truth.csv"));
-    let nodes = found.trajectory.nodes();
-    assert_eq!(nodes.len(), truth.len());
-    let (mut position, mut rotation, mut inside) = (vec![], vec![], [0usize; 6]);
-    for (node, t) in nodes.iter().zip(&truth) {
-        assert!((node.time_s - t[0]).abs() < 1e-6);
-        let dp = node.world_from_body.translation.vector - vec3(t, 1);
-        let dr = (node.world_from_body.rotation * quaternion(t, 4).inverse()).scaled_axis();
-        let sigma = node.sigma.expect("standard deviations");
-        for axis in 0..3 {
-            inside[axis] += usize::from(dp[axis].abs() < 1.96 * sigma.position_m[axis]);
-            inside[3 + axis] += usize::from(dr[axis].abs() < 1.96 * sigma.rotation_rad[axis]);
-        }
-        position.push(dp);
-        rotation.push(dr);
-    }
-    let position_mm = rms(position.iter().map(|d| d.norm())) * 1e3;
-    let tilt_deg = rms(rotation.iter().map(|d| d.xy().norm())).to_degrees();
-    let yaw_deg = rms(rotation.iter().map(|d| d.z)).to_degrees();
-    let share = inside.map(|n| n as f64 / nodes.len() as f64);
-    println!(
-        "position {position_mm:.4} mm, tilt {tilt_deg:.5}°, yaw {yaw_deg:.5}°, inside {share:?}"
-    );
-    let middle = nodes[nodes.len() / 2].sigma.expect("sigma");
-    println!("sigma in the middle {middle:?}");
-    assert!(position_mm <= 1.55);
-    assert!(tilt_deg <= 0.006);
-    assert!(yaw_deg <= 0.022);
-    let all = share.iter().sum::<f64>() / 6.0;
-    assert!((all - 0.95).abs() <= 0.04, "{all}");
-}
+use std::time::Instant;
 
 /// Into forward, left, up: the file's axes are up, right, forward.
 fn flu(v: Vec3) -> Vec3 {
@@ -260,7 +92,7 @@ fn euroc(folder: &Path) -> Flight {
         .into_iter()
         .map(|(t, _, q)| HeadingFix {
             time_s: *t,
-            heading_rad: boresight::geometry::heading::heading_rad(q),
+            heading_rad: heading_rad(q),
             sigma_rad: None,
         })
         .collect();
@@ -275,7 +107,9 @@ fn euroc(folder: &Path) -> Flight {
             accel_bias_walk: 3.0e-3,
         },
         prism: PrismSettings {
-            sigma_m: 0.002,
+            // The README's agreement of 1.4 mm median and 3.5 mm at 95 % in space is that of
+            // 0.9 mm and 1.25 mm in each coordinate.
+            sigma_m: 0.001,
             lever_arm_m: flu(Vec3::new(0.0800, -0.0217, -0.1151)),
         },
         heading: HeadingSettings {
@@ -303,14 +137,13 @@ fn recorded_flight_is_followed_between_the_fixes() {
         return;
     };
     let flight = euroc(&folder);
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     let found = flight.logs.estimate();
     println!(
         "{} in {:.3} s",
         found.solution,
         begun.elapsed().as_secs_f64()
     );
-    println!("{:#?}", found.solution);
     let mut error = vec![];
     for (t, p, r) in &flight.truth {
         if let Some(pose) = found.trajectory.pose_at(*t) {
