@@ -75,7 +75,7 @@ pub fn estimate(
     progress: &dyn Progress,
 ) -> Result<Estimate> {
     let timeline = Timeline::new(imu, prism, heading, settings)?;
-    report_ignored(&timeline, progress);
+    report_flaws(&timeline, progress);
     let start = initial(imu, &timeline, settings)?;
     if let Some((from, to)) = start.rest_s {
         progress.say(&format!(
@@ -111,7 +111,13 @@ pub fn estimate(
     })
 }
 
-fn report_ignored(timeline: &Timeline, progress: &dyn Progress) {
+fn report_flaws(timeline: &Timeline, progress: &dyn Progress) {
+    if let Some((from, length)) = timeline.imu_gap_s {
+        progress.warn(&format!(
+            "the IMU log is silent for {length:.3} s from {from:.3} s: the sample before stands \
+             for that time"
+        ));
+    }
     for (name, ignored) in [
         ("prism fixes", timeline.prism_ignored),
         ("headings", timeline.heading_ignored),

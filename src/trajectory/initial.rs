@@ -431,3 +431,35 @@ fn turned_to_heading(rotation: &Rotation, heading: f64, gain: f64) -> Rotation {
     let miss = wrap(heading - heading_rad(rotation));
     Rotation::from_axis_angle(&Vec3::z_axis(), -gain * miss) * rotation
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parabola_is_reproduced_from_uneven_fixes() {
+        let at = |t: f64| Vec3::new(1.0 + 2.0 * t + 3.0 * t * t, -t, 4.0);
+        let prism: Vec<_> = [0.0, 0.1, 0.25, 0.4, 0.5].map(|t| (t, at(t))).to_vec();
+        for (middle, &(t, p)) in prism.iter().enumerate() {
+            let found = parabola(&prism, middle);
+            assert!((found.position_m - p).norm() < 1e-9);
+            assert!((found.velocity_m_s - Vec3::new(2.0 + 6.0 * t, -1.0, 0.0)).norm() < 1e-9);
+            assert!((found.acceleration_m_s2 - Vec3::new(6.0, 0.0, 0.0)).norm() < 1e-9);
+        }
+        // Alone in time, a fix says where, not how fast.
+        let lonely = parabola(&[(0.0, at(0.0)), (5.0, at(5.0))], 0);
+        assert!((lonely.position_m - at(0.0)).norm() < 1e-12);
+        assert_eq!(lonely.velocity_m_s, Vec3::zeros());
+    }
+
+    #[test]
+    fn turning_to_a_heading_keeps_the_tilt() {
+        let tilted = exp(&Vec3::new(0.2, -0.1, 2.0));
+        for heading in [-3.0, 0.0, 1.0] {
+            let turned = turned_to_heading(&tilted, heading, 1.0);
+            assert!(wrap(heading_rad(&turned) - heading).abs() < 1e-12);
+            let up = |r: &Rotation| r.inverse() * Vec3::z();
+            assert!((up(&turned) - up(&tilted)).norm() < 1e-12);
+        }
+    }
+}

@@ -9,6 +9,8 @@ use crate::sensor::{HeadingFix, ImuSample, PrismFix, Timed, check_overlap, span_
 
 /// A longer gap between IMU samples is refused: one sample cannot stand for what happened in it.
 const LONGEST_IMU_GAP_S: f64 = 1.0;
+/// IMU intervals longer than this many times the median are worth a warning.
+const NOTABLE_INTERVALS: f64 = 5.0;
 /// Fewest prism fixes within the IMU's span: below, not even a smooth start can be made.
 const FEWEST_PRISM_FIXES: usize = 5;
 /// Longest time that one bias is held: where the prism is out, biases still walk.
@@ -32,6 +34,8 @@ pub(super) struct Timeline {
     /// Fixes outside the IMU's span.
     pub prism_ignored: usize,
     pub heading_ignored: usize,
+    /// The longest IMU interval (when, how long, seconds) where it is unlike the median.
+    pub imu_gap_s: Option<(f64, f64)>,
 }
 
 impl Timeline {
@@ -124,6 +128,7 @@ impl Timeline {
             heading_ignored: heading.len() - heading_factors.len(),
             prism: prism_factors,
             heading: heading_factors,
+            imu_gap_s: longest_gap(&times_s),
             times_s,
         })
     }
@@ -229,6 +234,16 @@ fn node_times(imu: &[ImuSample]) -> Result<Vec<f64>> {
     Ok(times)
 }
 
+/// The longest interval where it exceeds [`NOTABLE_INTERVALS`] times the last, which is the median.
+fn longest_gap(times_s: &[f64]) -> Option<(f64, f64)> {
+    let steps = times_s.len() - 1;
+    let median = times_s[steps] - times_s[steps - 1];
+    let intervals = times_s.windows(2).map(|w| (w[0], w[1] - w[0]));
+    intervals
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .filter(|gap| gap.1 > NOTABLE_INTERVALS * median)
+}
+
 fn within<T: Timed>(stream: &[T], (start, end): (f64, f64)) -> &[T] {
     let first = stream.partition_point(|r| r.time_s() < start);
     let last = stream.partition_point(|r| r.time_s() <= end);
@@ -267,4 +282,54 @@ fn biases(times_s: &[f64], steps: &[usize], prism: &[PrismFactor]) -> (ChainLayo
         bias_of_step.push((start_s.len() - 1) as u32);
     }
     (ChainLayout { bias_of_step }, start_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vec3;
+
+    fn fix(rest_s: f64) -> PrismFactor {
+        PrismFactor {
+            ahead: Ahead {
+                rest_s,
+                sample: ImuSample {
+                    time_s: 0.0,
+                    gyro_rad_s: Vec3::zeros(),
+                    accel_m_s2: Vec3::zeros(),
+                },
+            },
+            position_m: Vec3::zeros(),
+            sigma_m: 0.005,
+            lever_arm_m: Vec3::zeros(),
+        }
+    }
+
+    #[test]
+    fn biases_change_after_each_prism_fix_and_every_second() {
+        let times: Vec<f64> = (0..=30).map(|i| f64::from(i) * 0.1).collect();
+        // A fix on node 0 changes nothing, one on node 4 changes at node 4, one within step 6 at
+        // node 7, one in the last step would change at the end, where no step is left.
+        let fixes = [fix(0.0), fix(0.0), fix(0.05), fix(0.1)];
+        let (layout, start_s) = biases(&times, &[0, 4, 6, 29], &fixes);
+        let rounded: Vec<i32> = start_s.iter().map(|t| (t * 10.0).round() as i32).collect();
+        assert_eq!(rounded, [0, 4, 7, 17, 27]);
+        assert_eq!(layout.biases(), start_s.len());
+        assert_eq!(layout.bias_of_step[3..5], [0, 1]);
+        assert_eq!(layout.bias_of_step[6..8], [1, 2]);
+    }
+
+    #[test]
+    fn a_fix_belongs_to_the_step_that_holds_it() {
+        let times = [0.0, 0.1, 0.2, 0.3];
+        let found = [0.0, 0.05, 0.1, 0.25, 0.3].map(|t| step_at(&times, t));
+        assert_eq!(found, [0, 0, 1, 2, 2]);
+        assert_eq!(starts(&[0, 0, 2], 3), [0, 2, 2, 3]);
+    }
+
+    #[test]
+    fn only_an_unusual_interval_is_a_gap() {
+        assert_eq!(longest_gap(&[0.0, 0.1, 0.25, 0.35]), None);
+        assert_eq!(longest_gap(&[0.0, 0.1, 0.85, 0.95]), Some((0.1, 0.75)));
+    }
 }

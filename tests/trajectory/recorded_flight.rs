@@ -174,16 +174,15 @@ fn recorded_flight_is_followed_between_the_fixes() {
     let mut p: Vec<f64> = error.iter().map(|e| e.1.norm() * 1e3).collect();
     let mut tilt: Vec<f64> = error.iter().map(|e| e.2.xy().norm().to_degrees()).collect();
     let mut yaw: Vec<f64> = error.iter().map(|e| e.2.z.abs().to_degrees()).collect();
-    let mean = error.iter().map(|e| e.1).sum::<Vec3>() / error.len() as f64 * 1e3;
     let turn = error.iter().map(|e| e.2).sum::<Vec3>() / error.len() as f64;
     println!(
         "n {} position rmse {position_mm:.2} mm (at fixes {at_mm:.2}, between {between_mm:.2}), \
-         median {:.2}, 95 % {:.2}, max {:.2}; mean {mean:?}; turn {:?}",
+         median {:.2}, 95 % {:.2}, max {:.2}; mean rotation about e, n, u {:.2?}°",
         error.len(),
         quantile(&mut p, 0.5),
         quantile(&mut p, 0.95),
         quantile(&mut p, 1.0),
-        turn.map(f64::to_degrees)
+        turn.map(f64::to_degrees).as_slice()
     );
     let (tilt, yaw) = (quantile(&mut tilt, 0.5), quantile(&mut yaw, 0.5));
     println!("tilt median {tilt:.3}°, yaw median {yaw:.3}°");
