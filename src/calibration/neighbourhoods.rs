@@ -1,12 +1,12 @@
 //! The cloud of one scale and its neighbourhoods.
 
-use nalgebra::Matrix3x6;
 use rayon::prelude::*;
 
 use super::parameters::Mounting;
 use super::sample::SamplePoint;
+use crate::cloud::StructureTensor;
 use crate::cloud::neighbours::NeighbourIndex;
-use crate::geometry::{Mat3, Vec3, so3};
+use crate::geometry::{Mat3, Vec3};
 
 /// A scanner point ready to be moved: x_m = t_mb + R_mb (t_bs + R_bs x_s).
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +54,8 @@ pub struct Neighbourhoods {
     pub centres: Vec<u32>,
     /// `k` indices a centre, movable points first, then fixed ones.
     pub members: Vec<u32>,
+    /// (λ₁ λ₂)^⅔ of each when it was found, m^8/3.
+    pub extents: Vec<f64>,
 }
 
 impl ScaleCloud {
@@ -106,17 +108,6 @@ impl ScaleCloud {
         world.extend_from_slice(&self.fixed);
         Placed { world, arm }
     }
-
-    /// A = ∂x_m/∂(δt, δψ) of the movable point `index`: R_mb [I, −(v)×].
-    pub fn derivative(&self, placed: &Placed, index: usize) -> Matrix3x6<f64> {
-        let rotation = &self.movable[index].world_from_body;
-        let mut derivative = Matrix3x6::zeros();
-        derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
-        derivative
-            .fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&(-(rotation * so3::hat(&placed.arm[index]))));
-        derivative
-    }
 }
 
 /// Finds the neighbourhoods of every `stride`-th scanner point among all points.
@@ -126,22 +117,26 @@ pub fn find(cloud: &ScaleCloud, placed: &Placed, k: usize, stride: usize) -> Nei
     let centres: Vec<u32> = (0..cloud.movable.len() as u32)
         .step_by(stride.max(1))
         .collect();
-    let members: Vec<u32> = centres
+    let (members, extents): (Vec<Vec<u32>>, Vec<Vec<f64>>) = centres
         .par_chunks(1024)
-        .flat_map_iter(|chunk| {
+        .map(|chunk| {
             let mut found = Vec::with_capacity(k);
             let mut members = Vec::with_capacity(k * chunk.len());
+            let mut extents = Vec::with_capacity(chunk.len());
             for &centre in chunk {
                 index.nearest(&placed.world[centre as usize], k, &mut found);
                 members.extend_from_slice(&found);
+                let values = StructureTensor::of(&placed.world, &found).eigen().values;
+                extents.push((values.x * values.y).cbrt().powi(2));
             }
-            members
+            (members, extents)
         })
-        .collect();
+        .unzip();
     Neighbourhoods {
         k,
         centres,
-        members,
+        members: members.concat(),
+        extents: extents.concat(),
     }
 }
 

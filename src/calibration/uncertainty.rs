@@ -3,7 +3,7 @@
 //! At the minimum the gradient g(θ, x) vanishes. Moving a laser point by dx moves the gradient by
 //! G_l dx with
 //!
-//!   G_l = 2/k Σ_{i ∋ l} (A_l − Ā_i)ᵀ W_i,
+//!   G_l = Σ_{i ∋ l} 2w_i/k (a_l − ā_i) n_iᵀ,
 //!
 //! and the mountings by −N⁻¹ G_l dx. Two things move points: the scanner's noise and roughness,
 //! independent from point to point, and the poses, whose errors are correlated along the drive:
@@ -11,10 +11,10 @@
 //! full posterior covariance, correlations in time included. Uncertainties that ignore the poses
 //! would be too small by an order of magnitude.
 
-use nalgebra::{DMatrix, Matrix3x6, Matrix6x3};
+use nalgebra::{DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
-use super::cost::weight;
+use super::cost::LocalPlane;
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
 use super::parameters::Mounting;
 use crate::cloud::StructureTensor;
@@ -45,39 +45,30 @@ fn point_gradients(
     scanner: usize,
 ) -> Vec<Matrix6x3<f64>> {
     let mut gradients = vec![Matrix6x3::zeros(); cloud.movable.len()];
+    let mut derivatives = Vec::new();
     for index in 0..neighbourhoods.len() {
         let members = neighbourhoods.of(index);
-        let mut mean = Matrix3x6::zeros();
-        let mut own = false;
-        for &member in members {
-            let member = member as usize;
-            if cloud
-                .movable
-                .get(member)
-                .is_some_and(|point| point.scanner as usize == scanner)
-            {
-                mean += cloud.derivative(placed, member);
-                own = true;
-            }
-        }
-        if !own {
-            continue;
-        }
-        mean /= members.len() as f64;
-        let shape = StructureTensor::of(&placed.world, members);
-        let Some((_, weight)) = weight(&shape) else {
+        let Some(plane) = LocalPlane::of(placed, neighbourhoods, index) else {
             continue;
         };
-        let weight = weight * (2.0 / members.len() as f64);
-        let shared = -(mean.transpose() * weight);
-        for &member in members {
-            let member = member as usize;
-            let Some(point) = cloud.movable.get(member) else {
-                continue;
-            };
-            gradients[member] += shared;
-            if point.scanner as usize == scanner {
-                gradients[member] += cloud.derivative(placed, member).tr_mul(&weight);
+        derivatives.clear();
+        derivatives.extend(members.iter().map(|&member| {
+            let own = cloud.movable.get(member as usize);
+            let own = own.is_some_and(|point| point.scanner as usize == scanner);
+            own.then(|| plane.derivative(cloud, placed, member as usize))
+        }));
+        if derivatives.iter().all(Option::is_none) {
+            continue;
+        }
+        let sum = derivatives
+            .iter()
+            .flatten()
+            .fold(Vector6::zeros(), |sum, a| sum + a);
+        let mean = sum / members.len() as f64;
+        let weighted = (plane.normal * plane.weight).transpose();
+        for (&member, derivative) in members.iter().zip(&derivatives) {
+            if let Some(gradient) = gradients.get_mut(member as usize) {
+                *gradient += (derivative.unwrap_or_default() - mean) * weighted;
             }
         }
     }
