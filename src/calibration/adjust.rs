@@ -88,7 +88,7 @@ pub fn adjust_scale(
         let candidate = parameters::moved(&mountings, &step);
         let candidate_placed = cloud.place(&candidate);
         let moved_m = farthest_move(&placed, &candidate_placed);
-        let candidate_cost = cost(&candidate_placed, &neighbourhoods);
+        let candidate_cost = cost(cloud, &candidate_placed, &neighbourhoods);
         let small = moved_m < CONVERGED_SHARE * settings.voxel_m;
         if candidate_cost <= equations.cost {
             mountings = candidate;

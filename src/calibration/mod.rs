@@ -40,6 +40,9 @@ use observability::Observability;
 /// centre, chosen once: more centres of the same points add time, not knowledge.
 const MOST_CENTRES: usize = 250_000;
 
+/// The thickness below which flatness says nothing about alignment, as a share of the voxel.
+const FLOOR_SHARE: f64 = 0.05;
+
 /// What is calibrated from what.
 #[derive(Debug, Clone)]
 pub struct Input<'a> {
@@ -171,7 +174,7 @@ fn scale_cloud(
         .iter()
         .map(|&index| input.reference[index as usize])
         .collect();
-    let cloud = ScaleCloud::new(&samples, fixed);
+    let cloud = ScaleCloud::new(&samples, fixed, FLOOR_SHARE * voxel_m);
     let all = cloud.movable.len() + cloud.fixed.len();
     if all < 2 * settings.neighbours {
         return Err(Error::data(

@@ -4,7 +4,6 @@ use rayon::prelude::*;
 
 use super::parameters::Mounting;
 use super::sample::SamplePoint;
-use crate::cloud::StructureTensor;
 use crate::cloud::neighbours::NeighbourIndex;
 use crate::geometry::{Mat3, Vec3};
 
@@ -33,6 +32,8 @@ pub struct ScaleCloud {
     pub fixed: Vec<Vec3>,
     /// How many scanners there are.
     pub scanners: usize,
+    /// s: thickness below which flatness says nothing about alignment, metres.
+    pub floor_m: f64,
 }
 
 /// Where the points of a [`ScaleCloud`] are for given mountings.
@@ -54,13 +55,11 @@ pub struct Neighbourhoods {
     pub centres: Vec<u32>,
     /// `k` indices a centre, movable points first, then fixed ones.
     pub members: Vec<u32>,
-    /// (λ₁ λ₂)^⅔ of each when it was found, m^8/3.
-    pub extents: Vec<f64>,
 }
 
 impl ScaleCloud {
     /// Joins the scanners' samples and the reference.
-    pub fn new(samples: &[Vec<SamplePoint>], fixed: Vec<Vec3>) -> Self {
+    pub fn new(samples: &[Vec<SamplePoint>], fixed: Vec<Vec3>, floor_m: f64) -> Self {
         let movable = samples
             .iter()
             .enumerate()
@@ -78,6 +77,7 @@ impl ScaleCloud {
             movable,
             fixed,
             scanners: samples.len(),
+            floor_m,
         }
     }
 
@@ -117,26 +117,22 @@ pub fn find(cloud: &ScaleCloud, placed: &Placed, k: usize, stride: usize) -> Nei
     let centres: Vec<u32> = (0..cloud.movable.len() as u32)
         .step_by(stride.max(1))
         .collect();
-    let (members, extents): (Vec<Vec<u32>>, Vec<Vec<f64>>) = centres
+    let members: Vec<u32> = centres
         .par_chunks(1024)
-        .map(|chunk| {
+        .flat_map_iter(|chunk| {
             let mut found = Vec::with_capacity(k);
             let mut members = Vec::with_capacity(k * chunk.len());
-            let mut extents = Vec::with_capacity(chunk.len());
             for &centre in chunk {
                 index.nearest(&placed.world[centre as usize], k, &mut found);
                 members.extend_from_slice(&found);
-                let values = StructureTensor::of(&placed.world, &found).eigen().values;
-                extents.push((values.x * values.y).cbrt().powi(2));
             }
-            (members, extents)
+            members
         })
-        .unzip();
+        .collect();
     Neighbourhoods {
         k,
         centres,
-        members: members.concat(),
-        extents: extents.concat(),
+        members,
     }
 }
 

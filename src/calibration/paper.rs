@@ -31,6 +31,7 @@ pub fn thin(cloud: &ScaleCloud, placed: &Placed, voxel_m: f64) -> ScaleCloud {
             .map(|&index| placed.world[index as usize])
             .collect(),
         scanners: cloud.scanners,
+        floor_m: cloud.floor_m,
     }
 }
 

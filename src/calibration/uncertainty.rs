@@ -48,9 +48,7 @@ fn point_gradients(
     let mut derivatives = Vec::new();
     for index in 0..neighbourhoods.len() {
         let members = neighbourhoods.of(index);
-        let Some(plane) = LocalPlane::of(placed, neighbourhoods, index) else {
-            continue;
-        };
+        let plane = LocalPlane::of(cloud, placed, neighbourhoods, index);
         derivatives.clear();
         derivatives.extend(members.iter().map(|&member| {
             let own = cloud.movable.get(member as usize);

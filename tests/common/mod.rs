@@ -6,7 +6,9 @@ use std::path::PathBuf;
 /// The file or folder `name` of the data that lie beside the repository; prints `skipped` and
 /// returns `None` where they are not there.
 pub fn shared_data(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared/data")
+        .join(name);
     if path.exists() {
         Some(path)
     } else {
