@@ -9,9 +9,9 @@ use super::parameters::{self, Mounting};
 /// Neighbours are sought again when a point has moved by more than this share of the voxel.
 const SEARCH_AGAIN_SHARE: f64 = 0.1;
 
-/// A scale has converged when a step moves no point by more than this share of the voxel: what is
-/// left is finer than the next scale can see.
-const CONVERGED_SHARE: f64 = 1e-3;
+/// A scale has converged when a step moves no point by more than this share of the thickness s
+/// below which flatness says nothing.
+const CONVERGED_SHARE: f64 = 0.01;
 
 /// Damping at the start, relative to the diagonal of the normal matrix.
 const INITIAL_DAMPING: f64 = 1e-6;
@@ -89,7 +89,7 @@ pub fn adjust_scale(
         let candidate_placed = cloud.place(&candidate);
         let moved_m = farthest_move(&placed, &candidate_placed);
         let candidate_cost = cost(cloud, &candidate_placed, &neighbourhoods);
-        let small = moved_m < CONVERGED_SHARE * settings.voxel_m;
+        let small = moved_m < CONVERGED_SHARE * cloud.floor_m;
         if candidate_cost <= equations.cost {
             mountings = candidate;
             placed = candidate_placed;

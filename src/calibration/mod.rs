@@ -40,7 +40,8 @@ use observability::Observability;
 /// centre, chosen once: more centres of the same points add time, not knowledge.
 const MOST_CENTRES: usize = 250_000;
 
-/// The thickness below which flatness says nothing about alignment, as a share of the voxel.
+/// The thickness below which flatness says nothing about alignment, as a share of the voxel. What
+/// the poses scatter comes on top.
 const FLOOR_SHARE: f64 = 0.05;
 
 /// What is calibrated from what.
@@ -174,7 +175,7 @@ fn scale_cloud(
         .iter()
         .map(|&index| input.reference[index as usize])
         .collect();
-    let cloud = ScaleCloud::new(&samples, fixed, FLOOR_SHARE * voxel_m);
+    let cloud = ScaleCloud::new(&samples, fixed, floor_m(input, voxel_m));
     let all = cloud.movable.len() + cloud.fixed.len();
     if all < 2 * settings.neighbours {
         return Err(Error::data(
@@ -190,6 +191,25 @@ fn scale_cloud(
         Method::Reweighted => cloud,
         Method::Paper => paper::thin(&cloud, &cloud.place(mountings), voxel_m),
     })
+}
+
+/// s of the cost: the share of the voxel, and the root mean square standard deviation of the poses'
+/// coordinates. Passes cannot agree better than their poses.
+fn floor_m(input: &Input<'_>, voxel_m: f64) -> f64 {
+    let sigmas = input
+        .trajectory
+        .nodes()
+        .iter()
+        .filter_map(|node| node.sigma);
+    let (sum, count) = sigmas.fold((0.0, 0), |(sum, count), sigma| {
+        (sum + sigma.position_m.norm_squared() / 3.0, count + 1)
+    });
+    let variance = if count > 0 {
+        sum / f64::from(count)
+    } else {
+        0.0
+    };
+    (variance + (FLOOR_SHARE * voxel_m).powi(2)).sqrt()
 }
 
 /// Adjusts one scale in the directions that the data determine there.

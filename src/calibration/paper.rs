@@ -16,6 +16,13 @@ const STEP: f64 = 1e-4;
 /// A scale has converged when a step moves no point by more than this, metres.
 const CONVERGED_M: f64 = 1e-5;
 
+/// New neighbourhoods in every iteration keep the parameters from coming to rest. A scale has also
+/// ended when this many iterations have not lowered the cost by [`WORTHWHILE`].
+const PATIENCE: usize = 30;
+
+/// Relative change of the cost that counts as progress.
+const WORTHWHILE: f64 = 1e-3;
+
 /// Keeps one point a voxel of scanners and reference together.
 pub fn thin(cloud: &ScaleCloud, placed: &Placed, voxel_m: f64) -> ScaleCloud {
     let kept = voxel::thin(&placed.world, voxel_m);
@@ -48,10 +55,18 @@ pub fn adjust_scale(
     let mut costs = Vec::new();
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
+    let (mut lowest, mut lowest_at) = (f64::INFINITY, 0);
     while iterations < settings.max_iterations {
         iterations += 1;
         let residuals = omnivariances(&placed, &neighbourhoods);
-        costs.push(residuals.norm_squared());
+        let cost = residuals.norm_squared();
+        costs.push(cost);
+        if cost < lowest * (1.0 - WORTHWHILE) {
+            (lowest, lowest_at) = (cost, iterations);
+        } else if iterations - lowest_at > PATIENCE {
+            ending = Ending::CostFloor;
+            break;
+        }
         let basis = basis_of(&mountings);
         let jacobian = jacobian(cloud, &neighbourhoods, &mountings, &basis);
         let gradient = jacobian.tr_mul(&residuals);

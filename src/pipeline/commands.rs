@@ -39,7 +39,7 @@ pub struct Outcome {
 }
 
 /// Scales at which the demo runs the paper's own method beside ours: the finer ones take minutes.
-const DEMO_PAPER_VOXELS_M: [f64; 1] = [0.05];
+const DEMO_PAPER_VOXELS_M: [f64; 2] = [0.05, 0.04];
 
 /// Simulates the paper's drives, runs everything on them and writes the report.
 ///

@@ -11,6 +11,10 @@ use crate::project::{CalibrationSettings, LogFile, Logs, Motion, PosesFile, Proj
 use crate::sensor::{PoseRecord, PoseSigma};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
 
+/// What to know about sigmas from poses that have none.
+pub const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
+     the mounting hold for exact poses, and real ones are larger";
+
 /// Where the body was, and how that is known.
 #[derive(Debug)]
 pub struct Poses {
@@ -249,6 +253,9 @@ pub fn calibration(
     reference: &[Vec3],
     progress: &dyn Progress,
 ) -> Result<Calibration> {
+    if matches!(poses.uncertainty(), PoseUncertainty::None) {
+        progress.warn(POSES_WITHOUT_SIGMA);
+    }
     let input = Input {
         mountings: mountings(project),
         samples: samples.iter().collect(),

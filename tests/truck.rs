@@ -1,0 +1,175 @@
+//! Calibration on real data: a parked truck in two opposite passes of a UAV (coin-or/Gravity,
+//! LA-UR-20-28196), an unknown rotation between sensor and scanner, no reference.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use boresight::calibration::Calibration;
+use boresight::cloud::NeighbourIndex;
+use boresight::geometry::{Pose, Vec3, pose, so3};
+use boresight::pipeline::{clouds, stages};
+use boresight::progress::Silent;
+use boresight::project::Project;
+use common::shared_data;
+
+/// An independent multi-start fit of the mean omnivariance, rotation vector in degrees.
+const KNOWN_DEG: [f64; 3] = [1.48, -0.81, 0.30];
+
+fn truck() -> Option<PathBuf> {
+    shared_data("boresight_truck/Truck.adc.laz")
+}
+
+/// The whole file as one 3-D scanner whose lever arm is held.
+fn project(laz: &Path, start_deg: Vec3, folder: &Path) -> Project {
+    let start = so3::exp(&start_deg.map(f64::to_radians));
+    let q = start.coords;
+    let laz = laz.canonicalize().unwrap();
+    let text = format!(
+        r#"
+        [trajectory]
+        file = "{0}"
+        [[scanner]]
+        name = "lidar"
+        profiles = "{0}"
+        translation_m = [0.0, 0.0, 0.0]
+        quaternion_xyzw = [{1}, {2}, {3}, {4}]
+        fixed = ["tx", "ty", "tz"]
+        [calibration]
+        voxel_sizes_m = [2.0, 1.0, 0.5, 0.25, 0.1, 0.05]
+        neighbours = 20
+        "#,
+        laz.display(),
+        q.x,
+        q.y,
+        q.z,
+        q.w
+    );
+    let path = folder.join("project.toml");
+    std::fs::write(&path, text).unwrap();
+    Project::read(&path).unwrap()
+}
+
+fn calibrated(project: &Project) -> Calibration {
+    let poses = stages::poses(project, &Silent).unwrap();
+    let samples = stages::samples(project, &poses.trajectory, &Silent).unwrap();
+    stages::calibration(
+        project,
+        &project.calibration,
+        &poses,
+        &samples,
+        &[],
+        &Silent,
+    )
+    .unwrap()
+}
+
+fn rotation_deg(found: &Pose) -> Vec3 {
+    so3::log(&found.rotation).map(f64::to_degrees)
+}
+
+/// Largest difference to the known rotation on any axis, degrees.
+fn off_deg(found: &Pose) -> f64 {
+    (rotation_deg(found) - Vec3::from(KNOWN_DEG)).amax()
+}
+
+/// Median distance from a point of the second pass, which has 6,401 points, to the nearest of the
+/// first, which has 20,013, metres. From there the known rotation gives 0.554 m → 0.0455 m; the
+/// other way round the sparse pass's own spacing, 0.066 m, would be all that is seen.
+fn gap_m(project: &Project, mounting: &Pose) -> f64 {
+    let poses = stages::poses(project, &Silent).unwrap();
+    let trajectory = &poses.trajectory;
+    let kept = clouds::stream(project, trajectory, &[*mounting], None, &Silent).unwrap();
+    let placed = clouds::place(project, trajectory, &[*mounting], &kept);
+    // The passes are 41 s apart.
+    let middle_s = 0.5 * (trajectory.span_s().0 + trajectory.span_s().1);
+    let split = kept[0].partition_point(|point| point.time_s < middle_s);
+    let (first, second) = placed[0].split_at(split);
+    let index = NeighbourIndex::new(first);
+    let mut found = Vec::new();
+    let mut gaps: Vec<f64> = second
+        .iter()
+        .map(|point| {
+            index.nearest(point, 1, &mut found);
+            (first[found[0] as usize] - point).norm()
+        })
+        .collect();
+    gaps.sort_by(f64::total_cmp);
+    gaps[gaps.len() / 2]
+}
+
+#[test]
+fn from_zero_the_rotation_is_found_and_the_passes_meet() {
+    let Some(laz) = truck() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let project = project(&laz, Vec3::zeros(), folder.path());
+    let found = calibrated(&project);
+    let pose = found.mountings[0].body_from_scanner;
+    let (before, after) = (gap_m(&project, &Pose::identity()), gap_m(&project, &pose));
+    println!(
+        "rotation vector {:?}°, gap {before:.3} m → {after:.3} m, sigmas {:?} rad",
+        rotation_deg(&pose).as_slice(),
+        found.sigmas(0, found.mountings[0].convention)
+    );
+    assert!(found.converged);
+    assert!(off_deg(&pose) < 0.2, "{}", rotation_deg(&pose));
+    assert_eq!(
+        pose.translation.vector,
+        Vec3::zeros(),
+        "the lever arm is held"
+    );
+    assert!(before > 0.3 && after <= 0.05, "gap {before} m → {after} m");
+}
+
+/// A start at zero falls into a local minimum 1.71e-3 at the fine scales alone. Coarse scales carry
+/// past it, and not by the luck of one start: every corner of a cube of ± 2° around zero, which
+/// reaches 4.5° from the solution, ends there too.
+#[test]
+fn the_local_minimum_is_escaped_from_wherever_one_starts() {
+    let Some(laz) = truck() else { return };
+    for corner in 0..8 {
+        let sign = |bit: i32| if corner >> bit & 1 == 0 { -2.0 } else { 2.0 };
+        let start = Vec3::new(sign(0), sign(1), sign(2));
+        let folder = tempfile::tempdir().unwrap();
+        let found = calibrated(&project(&laz, start, folder.path()));
+        let mounting = found.mountings[0].body_from_scanner;
+        println!(
+            "from {:?}: {:?}",
+            start.as_slice(),
+            rotation_deg(&mounting).as_slice()
+        );
+        assert!(
+            off_deg(&mounting) < 0.2,
+            "from {start}: {}",
+            rotation_deg(&mounting)
+        );
+    }
+}
+
+#[test]
+fn poses_beside_points_lead_back_to_the_points() {
+    let Some(laz) = truck() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let project = project(&laz, Vec3::zeros(), folder.path());
+    let poses = stages::poses(&project, &Silent).unwrap();
+    let identity = pose(boresight::geometry::Rotation::identity(), Vec3::zeros());
+    let kept = clouds::stream(&project, &poses.trajectory, &[identity], None, &Silent).unwrap();
+    let placed = clouds::place(&project, &poses.trajectory, &[identity], &kept);
+    let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&laz)
+        .unwrap()
+        .points
+        .iter()
+        .map(|p| millimetres(p))
+        .collect();
+    let mut ours: Vec<[i64; 3]> = placed[0].iter().map(millimetres).collect();
+    file.sort_unstable();
+    ours.sort_unstable();
+    assert_eq!(ours, file);
+}
+
+/// The file's own grid.
+fn millimetres(point: &Vec3) -> [i64; 3] {
+    [point.x, point.y, point.z].map(|x| (x * 1e3).round() as i64)
+}
