@@ -232,60 +232,10 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::neighbourhoods::{MovablePoint, find};
-    use crate::calibration::parameters::{Mounting, moved};
-    use crate::geometry::{EulerConvention, Pose, Rotation, so3};
-
-    /// Numbers in [-1, 1) from a linear congruential generator: the same everywhere.
-    fn numbers() -> impl FnMut() -> f64 {
-        let mut state = 1u64;
-        move || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963);
-            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        }
-    }
-
-    /// Two scanners over a bumpy surface, each point with a pose of its own, and a reference.
-    fn case() -> (ScaleCloud, Vec<Mounting>) {
-        let mut next = numbers();
-        let movable = (0..400)
-            .map(|i| {
-                let turn = Rotation::from_scaled_axis(Vec3::new(next(), next(), next()) * 0.3);
-                MovablePoint {
-                    scanner: i % 2,
-                    time_s: f64::from(i),
-                    position_m: Vec3::new(next(), 0.1 * next(), -1.0 + 0.05 * next()),
-                    world_from_body: *turn.to_rotation_matrix().matrix(),
-                    body_m: Vec3::new(next(), next(), 2.0),
-                }
-            })
-            .collect();
-        let fixed = (0..100)
-            .map(|_| Vec3::new(next(), next(), 1.0 + 0.3 * next()))
-            .collect();
-        let mountings = ["left", "right"]
-            .map(|name| Mounting {
-                name: name.into(),
-                body_from_scanner: Pose::new(
-                    Vec3::new(0.3 * next(), 0.3 * next(), 0.1 * next()),
-                    Vec3::new(next(), next(), next()),
-                ),
-                convention: EulerConvention::Zyx,
-                fixed: [false; 6],
-            })
-            .to_vec();
-        (
-            ScaleCloud {
-                movable,
-                fixed,
-                scanners: 2,
-                floor_m: 0.02,
-            },
-            mountings,
-        )
-    }
+    use crate::calibration::neighbourhoods::find;
+    use crate::calibration::parameters::moved;
+    use crate::calibration::small_case::case;
+    use crate::geometry::so3;
 
     #[test]
     fn the_gradient_meets_finite_differences() {

@@ -13,6 +13,8 @@ pub mod observability;
 pub mod paper;
 pub mod parameters;
 pub mod sample;
+#[cfg(test)]
+mod small_case;
 pub mod uncertainty;
 
 use std::time::Instant;

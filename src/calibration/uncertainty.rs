@@ -233,3 +233,122 @@ pub fn mounting_covariance(
     let covariance = &spread * gradient_covariance * spread.transpose();
     Some((&covariance + covariance.transpose()) * 0.5)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DVector;
+
+    use super::*;
+    use crate::calibration::neighbourhoods::find;
+    use crate::calibration::small_case::case;
+    use crate::geometry::{Pose, so3};
+    use crate::sensor::{PoseRecord, PoseSigma};
+
+    /// g with planes, weights and derivatives frozen at `placed` and the points at `world`.
+    fn frozen_gradient(
+        cloud: &ScaleCloud,
+        placed: &Placed,
+        neighbourhoods: &Neighbourhoods,
+        world: &[Vec3],
+    ) -> DVector<f64> {
+        let mut gradient = DVector::zeros(6 * cloud.scanners);
+        for index in 0..neighbourhoods.len() {
+            let members = neighbourhoods.of(index);
+            let plane = LocalPlane::of(cloud, placed, neighbourhoods, index);
+            let mean =
+                members.iter().map(|&m| world[m as usize]).sum::<Vec3>() / members.len() as f64;
+            for &member in members {
+                let Some(point) = cloud.movable.get(member as usize) else {
+                    continue;
+                };
+                let a = plane.derivative(cloud, placed, member as usize);
+                let distance = plane.normal.dot(&(world[member as usize] - mean));
+                let mut rows = gradient.rows_mut(6 * point.scanner as usize, 6);
+                rows += a * (plane.weight * distance);
+            }
+        }
+        gradient
+    }
+
+    #[test]
+    fn moving_a_point_moves_the_gradient_as_the_sensitivity_says() {
+        let (cloud, mountings) = case();
+        let placed = cloud.place(&mountings);
+        let neighbourhoods = find(&cloud, &placed, 20, 1);
+        let sensitivities: Vec<_> = (0..2)
+            .map(|scanner| point_gradients(&cloud, &placed, &neighbourhoods, scanner))
+            .collect();
+        let before = frozen_gradient(&cloud, &placed, &neighbourhoods, &placed.world);
+        for l in [0, 7, 150, 399] {
+            let step = Vec3::new(0.01, -0.02, 0.03);
+            let mut world = placed.world.clone();
+            world[l] += step;
+            let change = frozen_gradient(&cloud, &placed, &neighbourhoods, &world) - &before;
+            for (scanner, sensitivity) in sensitivities.iter().enumerate() {
+                let predicted = sensitivity[l] * step;
+                let found = change.rows(6 * scanner, 6);
+                // Linear in the points: only rounding is left.
+                assert!(
+                    (predicted - found).amax() < 1e-9 * before.amax(),
+                    "point {l}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn errors_of_a_pose_reach_the_gradient_through_the_points() {
+        // One block of time: a common error of position and rotation moves every point.
+        let (mut cloud, mountings) = case();
+        let world_from_body = Pose::new(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.1, -0.2, 0.3));
+        for (l, point) in cloud.movable.iter_mut().enumerate() {
+            point.time_s = l as f64 * 1e-3;
+            point.world_from_body = *world_from_body.rotation.to_rotation_matrix().matrix();
+            point.body_m = world_from_body.translation.vector;
+        }
+        let sigma = PoseSigma {
+            position_m: Vec3::new(1e-3, 2e-3, 3e-3),
+            rotation_rad: Vec3::new(1e-4, 2e-4, 3e-4),
+        };
+        let node = |time_s| PoseRecord {
+            time_s,
+            world_from_body,
+            velocity_m_s: None,
+            bias: None,
+            sigma: Some(sigma),
+        };
+        let trajectory = Trajectory::new(vec![node(0.0), node(1.0)]).expect("two nodes");
+        let placed = cloud.place(&mountings);
+        let neighbourhoods = find(&cloud, &placed, 20, 1);
+        let covariance_with = |poses| {
+            gradient_covariance(
+                &cloud,
+                &placed,
+                &neighbourhoods,
+                &mountings,
+                &trajectory,
+                poses,
+            )
+        };
+        let found =
+            covariance_with(PoseUncertainty::Sigmas) - covariance_with(PoseUncertainty::None);
+        let before = frozen_gradient(&cloud, &placed, &neighbourhoods, &placed.world);
+        let mut expected = DMatrix::zeros(12, 12);
+        for axis in 0..6 {
+            let mut world = placed.world.clone();
+            for (x, point) in world.iter_mut().zip(&cloud.movable) {
+                if axis < 3 {
+                    x[axis] += sigma.position_m[axis];
+                } else {
+                    let mut turn = Vec3::zeros();
+                    turn[axis - 3] = sigma.rotation_rad[axis - 3];
+                    *x = point.body_m + so3::exp(&turn) * (*x - point.body_m);
+                }
+            }
+            let change = frozen_gradient(&cloud, &placed, &neighbourhoods, &world) - &before;
+            expected += &change * change.transpose();
+        }
+        // Finite rotations of up to 3e-4 rad differ from their derivative by half of that.
+        assert!((&found - &expected).amax() < 1e-3 * expected.amax());
+    }
+}
