@@ -189,10 +189,7 @@ fn scale_cloud(
             "use smaller calibration.voxel_sizes_m or fewer calibration.neighbours",
         ));
     }
-    Ok(match settings.method {
-        Method::Reweighted => cloud,
-        Method::Paper => paper::thin(&cloud, &cloud.place(mountings), voxel_m),
-    })
+    Ok(cloud)
 }
 
 /// s of the cost: the share of the voxel, and the root mean square standard deviation of the poses'

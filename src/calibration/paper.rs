@@ -1,6 +1,6 @@
 //! The adjustment as the paper describes it, to compare with: one point a voxel whatever scanner
 //! and pass it comes from, the omnivariances themselves as residuals, their Jacobian by numeric
-//! differences, Gauss-Newton without damping.
+//! differences, Gauss-Newton with steps halved until the cost falls.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -23,8 +23,13 @@ const PATIENCE: usize = 30;
 /// Relative change of the cost that counts as progress.
 const WORTHWHILE: f64 = 1e-3;
 
-/// Keeps one point a voxel of scanners and reference together.
-pub fn thin(cloud: &ScaleCloud, placed: &Placed, voxel_m: f64) -> ScaleCloud {
+/// A step is halved up to this many times until it lowers the cost: dσ vanishes where surfaces
+/// meet, so that undamped steps overshoot by degrees.
+const HALVINGS: i32 = 12;
+
+/// Keeps one point a voxel of scanners and reference together, with the mountings as now known.
+fn thin(cloud: &ScaleCloud, mountings: &[Mounting], voxel_m: f64) -> ScaleCloud {
+    let placed = cloud.place(mountings);
     let kept = voxel::thin(&placed.world, voxel_m);
     let movable = cloud.movable.len();
     let split = kept.partition_point(|&index| (index as usize) < movable);
@@ -42,48 +47,68 @@ pub fn thin(cloud: &ScaleCloud, placed: &Placed, voxel_m: f64) -> ScaleCloud {
     }
 }
 
-/// Minimises Σσ² by Gauss-Newton on the residuals σ.
+/// Minimises Σσ² by Gauss-Newton on the residuals σ; the voxel filter and the neighbourhoods are
+/// made anew in every iteration. The cost is Σσ² over the neighbourhoods of the iteration.
 pub fn adjust_scale(
-    cloud: &ScaleCloud,
+    all: &ScaleCloud,
     start: &[Mounting],
     basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
     settings: ScaleSettings,
 ) -> ScaleResult {
     let mut mountings = start.to_vec();
-    let mut placed = cloud.place(&mountings);
-    let mut neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
     let mut costs = Vec::new();
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
     let (mut lowest, mut lowest_at) = (f64::INFINITY, 0);
+    let found = |mountings: &[Mounting]| {
+        let cloud = thin(all, mountings, settings.voxel_m);
+        let placed = cloud.place(mountings);
+        let neighbourhoods = find(&cloud, &placed, settings.k, settings.stride);
+        let residuals = omnivariances(&placed, &neighbourhoods);
+        (cloud, placed, neighbourhoods, residuals)
+    };
+    let (mut cloud, mut placed, mut neighbourhoods, mut residuals) = found(&mountings);
+    costs.push(residuals.norm_squared());
     while iterations < settings.max_iterations {
         iterations += 1;
-        let residuals = omnivariances(&placed, &neighbourhoods);
-        let cost = residuals.norm_squared();
-        costs.push(cost);
-        if cost < lowest * (1.0 - WORTHWHILE) {
-            (lowest, lowest_at) = (cost, iterations);
-        } else if iterations - lowest_at > PATIENCE {
-            ending = Ending::CostFloor;
-            break;
-        }
         let basis = basis_of(&mountings);
-        let jacobian = jacobian(cloud, &neighbourhoods, &mountings, &basis);
+        let jacobian = jacobian(&cloud, &neighbourhoods, &mountings, &basis);
         let gradient = jacobian.tr_mul(&residuals);
         let Some(factor) = Cholesky::new(jacobian.tr_mul(&jacobian)) else {
             break;
         };
         let step = -(basis * factor.solve(&gradient));
-        mountings = parameters::moved(&mountings, &step);
-        let before = std::mem::replace(&mut placed, cloud.place(&mountings));
-        let moved_m = farthest_move(&before, &placed);
-        neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+        let cost = residuals.norm_squared();
+        let lowered = (0..HALVINGS).find_map(|halvings| {
+            let candidate = parameters::moved(&mountings, &(&step * 0.5f64.powi(halvings)));
+            let moved = cloud.place(&candidate);
+            let lower = omnivariances(&moved, &neighbourhoods).norm_squared() < cost;
+            lower.then_some((candidate, moved))
+        });
+        let Some((candidate, moved)) = lowered else {
+            ending = Ending::CostFloor;
+            break;
+        };
+        let moved_m = farthest_move(&placed, &moved);
+        mountings = candidate;
+        (cloud, placed, neighbourhoods, residuals) = found(&mountings);
+        let cost = residuals.norm_squared();
+        costs.push(cost);
+        let mean = cost / residuals.len() as f64;
         if moved_m < CONVERGED_M {
             ending = Ending::Converged;
             break;
         }
+        if mean < lowest * (1.0 - WORTHWHILE) {
+            (lowest, lowest_at) = (mean, iterations);
+        } else if iterations - lowest_at > PATIENCE {
+            ending = Ending::CostFloor;
+            break;
+        }
     }
-    costs.push(omnivariances(&placed, &neighbourhoods).norm_squared());
+    // What judges the result afterwards works on all points.
+    let placed = all.place(&mountings);
+    let neighbourhoods = find(all, &placed, settings.k, settings.stride);
     ScaleResult {
         mountings,
         ending,
