@@ -44,9 +44,9 @@ struct Global {
     /// Work on N threads [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Seed of every random draw
-    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    /// Seed of every random draw [default: the scenario's, 1]
+    #[arg(long, global = true, value_name = "N")]
+    seed: Option<u64>,
     /// Print nothing but the result and errors
     #[arg(long, global = true, conflicts_with = "verbose")]
     quiet: bool,
@@ -79,7 +79,7 @@ struct OnProject {
 
 /// What every command is given.
 struct Context {
-    seed: u64,
+    seed: Option<u64>,
     terminal: Terminal,
 }
 
