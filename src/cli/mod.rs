@@ -142,8 +142,13 @@ pub fn main() -> ExitCode {
         }
     };
     let json = line.global.json;
-    match execute(line).and_then(|outcome| print_outcome(&outcome, json)) {
-        Ok(()) => ExitCode::SUCCESS,
+    let printed = execute(line).and_then(|(outcome, complete)| {
+        print_outcome(&outcome, json)?;
+        Ok(complete)
+    });
+    match printed {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
         Err(error) => {
             print_error(&error, json);
             ExitCode::from(1)
@@ -151,7 +156,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn execute(line: CommandLine) -> Result<Outcome> {
+/// What the command found, and whether that is all that it was asked for.
+fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
     let global = line.global;
     let threads = usize::from(global.threads.unwrap_or(0));
     let pool = rayon::ThreadPoolBuilder::new()
@@ -167,15 +173,16 @@ fn execute(line: CommandLine) -> Result<Outcome> {
         seed: global.seed,
         terminal: Terminal::new(global.quiet, global.verbose),
     };
+    let complete = |outcome| (outcome, true);
     pool.install(|| match line.command {
-        Command::Demo(command) => command.execute(&context),
-        Command::Simulate(command) => command.execute(&context),
         Command::Inspect(command) => command.execute(),
-        Command::Trajectory(command) => command.execute(&context),
-        Command::Calibrate(command) => command.execute(&context),
-        Command::Georeference(command) => command.execute(&context),
-        Command::Compare(command) => command.execute(&context),
-        Command::Run(command) => command.execute(&context),
+        Command::Demo(command) => command.execute(&context).map(complete),
+        Command::Simulate(command) => command.execute(&context).map(complete),
+        Command::Trajectory(command) => command.execute(&context).map(complete),
+        Command::Calibrate(command) => command.execute(&context).map(complete),
+        Command::Georeference(command) => command.execute(&context).map(complete),
+        Command::Compare(command) => command.execute(&context).map(complete),
+        Command::Run(command) => command.execute(&context).map(complete),
     })
 }
 
@@ -186,6 +193,9 @@ fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
         format!("{}\n", outcome.summary.trim_end())
     };
     if !json {
+        if !outcome.files.is_empty() && outcome.summary.contains('\n') {
+            text.push('\n');
+        }
         for file in &outcome.files {
             text.push_str(&format!("wrote {}\n", file.display()));
         }

@@ -91,7 +91,7 @@ impl Terminal {
         let (bar, template) = if total == 0 {
             (ProgressBar::new_spinner(), "{spinner} {msg}  {elapsed}")
         } else {
-            let template = "{spinner} {msg}  {bar:30} {percent:>3} % {left}";
+            let template = "{spinner} {msg}  {bar:20} {percent:>3} % {left}";
             (ProgressBar::new(total), template)
         };
         let style = ProgressStyle::with_template(template)

@@ -115,7 +115,7 @@ impl Drive {
         }
         let settings = &project.comparison;
         let other = match against {
-            Against::Reference => "the reference",
+            Against::Reference => "reference",
             Against::Scanner(other) => &project.scanners[other].name,
         };
         let kind = match mounting {
@@ -124,7 +124,7 @@ impl Drive {
             MountingKind::Truth => "true",
         };
         let stage = format!(
-            "comparing {} with {other} ({}, {kind} mounting)",
+            "comparing {} with {other} ({}, {kind})",
             project.scanners[scanner].name, self.name
         );
         progress.begin(&stage, core.len() as u64);
