@@ -4,12 +4,12 @@
 //! renamed into place, file by file. Whoever is killed in between leaves each file either old or
 //! new, never half; what was left behind is removed by the next run.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 
 /// Start of the names of staging folders; the lock beside each ends in `.lock`.
 const PREFIX: &str = ".staging-";
@@ -47,6 +47,10 @@ impl Staging {
     /// # Errors
     /// `dir` cannot be created or written.
     pub fn new(dir: &Path) -> Result<Self> {
+        if dir.exists() && !dir.is_dir() {
+            let (found, expected) = ("a file", "a folder for the results, or a name still free");
+            return Err(Error::format(dir, Location::Whole, found, expected));
+        }
         fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
         remove_leftovers(dir)?;
         let name = format!("{PREFIX}{}", unique());
@@ -102,14 +106,19 @@ impl Staging {
                 .and_then(|file| file.sync_all())
                 .map_err(|e| Error::io(&staged, e))?;
         }
+        let mut folders = BTreeSet::new();
         for name in &names {
             let target = self.dir.join(name);
             let parent = target.parent().unwrap_or(&self.dir);
             fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-            fs::rename(self.folder.join(name), &target).map_err(|e| Error::io(&target, e))?;
-            sync_folder(parent)?;
+            folders.insert(parent.to_owned());
         }
-        Ok(())
+        // Nothing slow stands between the renames: a kill in between is unlikely.
+        for name in &names {
+            let target = self.dir.join(name);
+            fs::rename(self.folder.join(name), &target).map_err(|e| Error::io(&target, e))?;
+        }
+        folders.iter().try_for_each(|folder| sync_folder(folder))
     }
 }
 
@@ -171,7 +180,8 @@ fn sync_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes one file so that at any moment `path` holds either its old or its new content.
+/// Writes one file so that at any moment `path` holds either its old or its new content. Its folder
+/// is created where it is missing.
 ///
 /// # Errors
 /// The folder cannot be written; `path` is then as it was.
@@ -181,17 +191,10 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         _ => Path::new("."),
     };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let temporary = parent.join(format!(".{name}.{}.tmp", unique()));
-    let written = File::create(&temporary).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, path)
-    });
-    if let Err(e) = written {
-        let _ = fs::remove_file(&temporary);
-        return Err(Error::io(path, e));
-    }
-    sync_folder(parent)
+    let staging = Staging::new(parent)?;
+    let staged = staging.path(&name);
+    fs::write(&staged, bytes).map_err(|e| Error::io(&staged, e))?;
+    staging.commit()
 }
 
 #[cfg(test)]
@@ -260,6 +263,8 @@ mod tests {
         write_whole(&path, b"second").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"second");
         assert_eq!(names(dir.path()), ["a.txt"]);
-        assert!(write_whole(&dir.path().join("none/a.txt"), b"x").is_err());
+        let error = write_whole(&path.join("b.txt"), b"x").unwrap_err();
+        assert!(error.to_string().contains("found a file"), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"second");
     }
 }

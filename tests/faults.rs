@@ -61,7 +61,6 @@ fn on_project(folder: &Path, command: &str) -> Run {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_prism_log_that_does_not_overlap_the_imu_is_named_with_the_gap() {
     let folder = project_of_logs();
     shift_times(folder.path(), "prism.csv", 1000.0);
@@ -81,7 +80,6 @@ fn a_prism_log_that_does_not_overlap_the_imu_is_named_with_the_gap() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_time_offset_of_the_project_mends_what_does_not_overlap() {
     let folder = project_of_logs();
     shift_times(folder.path(), "prism.csv", 1000.0);
@@ -95,7 +93,6 @@ fn a_time_offset_of_the_project_mends_what_does_not_overlap() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn profiles_outside_the_trajectory_are_named_with_the_scanner() {
     let folder = project_of_logs();
     shift_times(folder.path(), "left.csv", 500.0);
@@ -110,7 +107,6 @@ fn profiles_outside_the_trajectory_are_named_with_the_scanner() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn an_empty_cloud_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let (full, empty) = (
@@ -142,7 +138,6 @@ fn an_empty_cloud_is_named() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_reference_without_points_is_named() {
     let folder = project_of_logs();
     let path = folder.path().join("project.toml");
@@ -154,7 +149,6 @@ fn a_reference_without_points_is_named() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_value_that_is_no_number_is_named_with_file_and_line() {
     for (name, line) in [("imu.csv", 700), ("prism.csv", 77), ("left.csv", 5000)] {
         for bad in ["nan", "inf", "", "1.2.3"] {
@@ -174,7 +168,6 @@ fn a_value_that_is_no_number_is_named_with_file_and_line() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn times_that_run_backwards_are_named_with_file_and_line() {
     for name in ["imu.csv", "prism.csv"] {
         let folder = project_of_logs();
@@ -192,7 +185,6 @@ fn times_that_run_backwards_are_named_with_file_and_line() {
 }
 
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_log_that_ends_in_the_middle_of_a_row_is_named() {
     let folder = project_of_logs();
     let path = folder.path().join("imu.csv");
@@ -204,7 +196,6 @@ fn a_log_that_ends_in_the_middle_of_a_row_is_named() {
 
 /// Whoever is killed leaves, of each result, the old file or the new one, byte for byte.
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_killed_run_leaves_old_or_new_files() {
     let folder = project_of_logs();
     let project = folder.path().join("project.toml");
@@ -263,7 +254,6 @@ fn a_killed_run_leaves_old_or_new_files() {
 
 /// A run ends on its own, whatever the data: here within a minute.
 #[test]
-#[ignore = "enable with the pipeline"]
 fn a_scene_that_determines_nothing_ends() {
     let folder = project_of_logs();
     let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))

@@ -19,19 +19,33 @@ pub(super) struct Inspect {
 }
 
 impl Inspect {
-    pub fn execute(&self) -> Result<Outcome> {
+    /// Of several files each is told what it holds or what is wrong with it; the flag says whether
+    /// all could be read.
+    pub fn execute(&self) -> Result<(Outcome, bool)> {
         let mut documents = Vec::new();
         let mut texts = Vec::new();
+        let mut all_read = true;
         for file in &self.files {
-            let (document, text) = inspect(file)?;
+            let (document, text) = match inspect(file) {
+                Ok(found) => found,
+                Err(error) if self.files.len() == 1 => return Err(error),
+                Err(error) => {
+                    all_read = false;
+                    (
+                        json!({ "path": file.display().to_string(), "error": error.to_string() }),
+                        format!("{}\n  error    {error}", file.display()),
+                    )
+                }
+            };
             documents.push(document);
             texts.push(text);
         }
-        Ok(Outcome {
+        let outcome = Outcome {
             result: json!({ "files": documents }),
             summary: texts.join("\n\n"),
             files: Vec::new(),
-        })
+        };
+        Ok((outcome, all_read))
     }
 }
 

@@ -44,9 +44,9 @@ struct Global {
     /// Work on N threads [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Seed of every random draw
-    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    /// Seed of every random draw [default: the scenario's, 1]
+    #[arg(long, global = true, value_name = "N")]
+    seed: Option<u64>,
     /// Print nothing but the result and errors
     #[arg(long, global = true, conflicts_with = "verbose")]
     quiet: bool,
@@ -79,7 +79,7 @@ struct OnProject {
 
 /// What every command is given.
 struct Context {
-    seed: u64,
+    seed: Option<u64>,
     terminal: Terminal,
 }
 
@@ -142,8 +142,13 @@ pub fn main() -> ExitCode {
         }
     };
     let json = line.global.json;
-    match execute(line).and_then(|outcome| print_outcome(&outcome, json)) {
-        Ok(()) => ExitCode::SUCCESS,
+    let printed = execute(line).and_then(|(outcome, complete)| {
+        print_outcome(&outcome, json)?;
+        Ok(complete)
+    });
+    match printed {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
         Err(error) => {
             print_error(&error, json);
             ExitCode::from(1)
@@ -151,7 +156,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn execute(line: CommandLine) -> Result<Outcome> {
+/// What the command found, and whether that is all that it was asked for.
+fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
     let global = line.global;
     let threads = usize::from(global.threads.unwrap_or(0));
     let pool = rayon::ThreadPoolBuilder::new()
@@ -167,15 +173,16 @@ fn execute(line: CommandLine) -> Result<Outcome> {
         seed: global.seed,
         terminal: Terminal::new(global.quiet, global.verbose),
     };
+    let complete = |outcome| (outcome, true);
     pool.install(|| match line.command {
-        Command::Demo(command) => command.execute(&context),
-        Command::Simulate(command) => command.execute(&context),
         Command::Inspect(command) => command.execute(),
-        Command::Trajectory(command) => command.execute(&context),
-        Command::Calibrate(command) => command.execute(&context),
-        Command::Georeference(command) => command.execute(&context),
-        Command::Compare(command) => command.execute(&context),
-        Command::Run(command) => command.execute(&context),
+        Command::Demo(command) => command.execute(&context).map(complete),
+        Command::Simulate(command) => command.execute(&context).map(complete),
+        Command::Trajectory(command) => command.execute(&context).map(complete),
+        Command::Calibrate(command) => command.execute(&context).map(complete),
+        Command::Georeference(command) => command.execute(&context).map(complete),
+        Command::Compare(command) => command.execute(&context).map(complete),
+        Command::Run(command) => command.execute(&context).map(complete),
     })
 }
 
@@ -186,6 +193,9 @@ fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
         format!("{}\n", outcome.summary.trim_end())
     };
     if !json {
+        if !outcome.files.is_empty() && outcome.summary.contains('\n') {
+            text.push('\n');
+        }
         for file in &outcome.files {
             text.push_str(&format!("wrote {}\n", file.display()));
         }

@@ -28,11 +28,15 @@ struct State {
     /// The running stages, innermost last.
     stages: Vec<Stage>,
     log: String,
+    /// Warnings so far: the same one said twice helps nobody.
+    warned: Vec<String>,
 }
 
 struct Stage {
     name: String,
     start: Instant,
+    total: u64,
+    done: u64,
     bar: ProgressBar,
 }
 
@@ -87,7 +91,7 @@ impl Terminal {
         let (bar, template) = if total == 0 {
             (ProgressBar::new_spinner(), "{spinner} {msg}  {elapsed}")
         } else {
-            let template = "{spinner} {msg}  {bar:30} {percent:>3} % {left}";
+            let template = "{spinner} {msg}  {bar:20} {percent:>3} % {left}";
             (ProgressBar::new(total), template)
         };
         let style = ProgressStyle::with_template(template)
@@ -127,20 +131,23 @@ fn duration(duration: Duration) -> String {
 impl Progress for Terminal {
     fn begin(&self, stage: &str, total: u64) {
         let mut state = self.state();
-        // An outer bar rests while an inner one runs.
+        // An outer bar makes room while an inner one runs.
         if let Some(outer) = state.stages.last() {
-            outer.bar.disable_steady_tick();
+            outer.bar.finish_and_clear();
         }
         let bar = self.bar(stage, total);
         state.stages.push(Stage {
             name: stage.to_owned(),
             start: Instant::now(),
+            total,
+            done: 0,
             bar,
         });
     }
 
     fn advance(&self, units: u64) {
-        if let Some(stage) = self.state().stages.last() {
+        if let Some(stage) = self.state().stages.last_mut() {
+            stage.done += units;
             stage.bar.inc(units);
         }
     }
@@ -158,8 +165,11 @@ impl Progress for Terminal {
         if !self.quiet {
             self.show(&state, &line);
         }
-        if let (true, Some(outer)) = (self.bars, state.stages.last()) {
-            outer.bar.enable_steady_tick(Duration::from_millis(200));
+        if let (true, Some(outer)) = (self.bars, state.stages.last_mut()) {
+            outer.bar = self
+                .bar(&outer.name, outer.total)
+                .with_position(outer.done)
+                .with_elapsed(outer.start.elapsed());
         }
     }
 
@@ -174,6 +184,10 @@ impl Progress for Terminal {
     fn warn(&self, message: &str) {
         let mut state = self.state();
         let line = format!("warning: {message}");
+        if state.warned.contains(&line) {
+            return;
+        }
+        state.warned.push(line.clone());
         self.keep(&mut state, &line);
         if !self.quiet {
             self.show(&state, &line);
@@ -203,6 +217,7 @@ mod tests {
         terminal.begin("inner", 0);
         terminal.advance(3);
         terminal.say("found\ntwo lines");
+        terminal.warn("beware");
         terminal.warn("beware");
         terminal.end();
         terminal.end();

@@ -98,6 +98,7 @@ pub fn core_points(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<Vec
 /// the reference. Found normals are flipped to n·`orientation` ≥ 0; given ones stay. The
 /// cylinder reaches `max_distance_m` to both sides, at least its radius. Core points
 /// outside the overlap get NaN, which is no error; see [`super::Statistics::of`] for none at all.
+/// The stage is the caller's to begin, name and end; it advances by one for each core point.
 ///
 /// # Errors
 /// [`Error::Data`] where a cloud or `core` is empty, a radius or distance is not positive and finite,
@@ -118,7 +119,6 @@ pub fn m3c2(
     let order = NeighbourIndex::new(core);
     let order = order.spatial_order();
 
-    progress.begin("M3C2", core.len() as u64);
     let found: Vec<CoreDistance> = order
         .par_chunks(CHUNK)
         .flat_map_iter(|chunk| {
@@ -160,7 +160,6 @@ pub fn m3c2(
             distances
         })
         .collect();
-    progress.end();
 
     let mut in_order = found.clone();
     for (&at, distance) in order.iter().zip(found) {

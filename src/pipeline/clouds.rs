@@ -1,13 +1,13 @@
 //! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
 
-use super::stages::{in_parallel, open_profiles};
+use super::stages::{in_parallel, open_profiles, warn_of_outside};
 use crate::error::Result;
 use crate::format::CloudWriter;
 use crate::geometry::{Pose, Vec3};
 use crate::georeference::Georeferencer;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
-use crate::sensor::ScanPoint;
+use crate::sensor::{ScanPoint, check_overlap};
 use crate::trajectory::Trajectory;
 
 /// Most points of one scanner and drive that are kept for comparing. M3C2 averages over cylinders;
@@ -51,7 +51,8 @@ pub type KeptPoints = Vec<Vec<ScanPoint>>;
 /// returns for a scanner.
 ///
 /// # Errors
-/// What the readers find; a cloud cannot be written.
+/// What the readers find; profiles of which none falls in the trajectory's span; a cloud cannot be
+/// written.
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
@@ -80,16 +81,21 @@ pub fn stream(
         };
         let mut kept = Evenly::new();
         let mut chunk = Vec::new();
+        let (mut read, mut outside) = (0, 0);
+        let mut span_s = (f64::INFINITY, f64::NEG_INFINITY);
         for mut reader in readers {
             let mut bytes = 0;
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
+                    let time_s = point.time_s + scanner.time_offset_s;
+                    span_s = (time_s.min(span_s.0), time_s.max(span_s.1));
+                    read += 1;
                     let Some(world) = place.place(point) else {
+                        outside += 1;
                         continue;
                     };
                     kept.show(point);
                     if let Some(writer) = &mut writer {
-                        let time_s = point.time_s + scanner.time_offset_s;
                         let position = world + project.origin_m;
                         writer.write(&position, time_s, point.intensity, index as u8)?;
                     }
@@ -101,10 +107,23 @@ pub fn stream(
         if let Some(writer) = writer {
             writer.finish()?;
         }
-        Ok(kept.kept.into_iter().map(|(_, point)| point).collect())
+        if outside == read && read > 0 {
+            let name = format!("the profiles of scanner `{}`", scanner.name);
+            let poses = ("the trajectory", trajectory.span_s());
+            check_overlap((&name, span_s), poses)?;
+        }
+        let points = kept.kept.into_iter().map(|(_, point)| point).collect();
+        Ok((points, outside, read))
     });
     progress.end();
-    found.into_iter().collect()
+    let found = found.into_iter().collect::<Result<Vec<_>>>()?;
+    let named = project.scanners.iter().zip(found);
+    Ok(named
+        .map(|(scanner, (points, outside, read))| {
+            warn_of_outside(&scanner.name, outside, read, progress);
+            points
+        })
+        .collect())
 }
 
 /// Places kept points with these mountings.

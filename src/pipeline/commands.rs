@@ -4,17 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::{Extras, Findings, Truth, analyse, clouds, evaluate, page, result, stages};
-use crate::calibration::Calibration;
+use super::{Extras, Findings, Truth, analyse, clouds, result, stages, summary};
 use crate::comparison::{Statistics, core_points, m3c2};
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
-use crate::geometry::euler::euler_deg_from_rotation;
-use crate::output::{Staging, write_whole};
+use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::{ComparisonSettings, Project};
-use crate::report::content::MountingKind;
 use crate::simulation::{self, Scenario};
 use crate::trajectory::Trajectory;
 
@@ -23,8 +20,8 @@ use crate::trajectory::Trajectory;
 pub struct Options {
     /// The folder of the results; created where it is missing.
     pub out: PathBuf,
-    /// Seed of every random draw.
-    pub seed: u64,
+    /// Seed of every random draw; `None` for that of the scenario.
+    pub seed: Option<u64>,
 }
 
 /// What a command found.
@@ -34,7 +31,7 @@ pub struct Outcome {
     pub result: Value,
     /// The same for people: a few lines with units.
     pub summary: String,
-    /// What was written, most important first.
+    /// What was written beside the report, most important first.
     pub files: Vec<PathBuf>,
 }
 
@@ -46,16 +43,14 @@ const DEMO_PAPER_VOXELS_M: [f64; 2] = [0.05, 0.04];
 /// # Errors
 /// Whatever a stage refuses.
 pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let scenario = Scenario {
-        seed: options.seed,
-        ..Scenario::demo()
-    };
+    let mut scenario = Scenario::demo();
+    scenario.seed = options.seed.unwrap_or(scenario.seed);
     let data = options.out.join("data");
     let files = simulation::simulate(&scenario, &data, progress)?;
     let project = Project::read(&files.drives[0].project)?;
     let extras = Extras {
         command: "boresight demo".into(),
-        seed: Some(options.seed),
+        seed: Some(scenario.seed),
         truth: Some(truth(
             &project,
             &scenario,
@@ -96,11 +91,8 @@ fn truth(project: &Project, scenario: &Scenario, folder: &Path) -> Result<Truth>
 /// # Errors
 /// A scenario that cannot be read, a folder that cannot be written.
 pub fn simulate(scenario: &str, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let is_file = Path::new(scenario).exists();
     let mut scenario = Scenario::load(scenario)?;
-    if !is_file {
-        scenario.seed = options.seed;
-    }
+    scenario.seed = options.seed.unwrap_or(scenario.seed);
     let files = simulation::simulate(&scenario, &options.out, progress)?;
     let drives: Vec<Value> = files
         .drives
@@ -140,8 +132,8 @@ pub fn trajectory(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let poses = stages::poses(project, progress)?;
     let staging = Staging::new(&options.out)?;
+    let poses = stages::poses(project, progress)?;
     super::write_trajectory(
         &staging.path("trajectory.csv"),
         &poses.trajectory,
@@ -150,13 +142,17 @@ pub fn trajectory(
     staging.commit()?;
     let nodes = poses.trajectory.nodes();
     let (first_s, last_s) = poses.trajectory.span_s();
+    let mut summary = format!("{} poses over {:.1} s", nodes.len(), last_s - first_s);
+    if let Some(solution) = &poses.solution {
+        summary.push_str(&format!("; {solution}"));
+    }
     Ok(Outcome {
         result: json!({
             "trajectory": poses.solution,
             "poses": nodes.len(),
             "span_s": [first_s, last_s],
         }),
-        summary: format!("{} poses over {:.1} s", nodes.len(), last_s - first_s),
+        summary,
         files: vec![options.out.join("trajectory.csv")],
     })
 }
@@ -166,16 +162,17 @@ pub fn trajectory(
 /// # Errors
 /// Whatever a stage refuses.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+    let staging = Staging::new(&options.out)?;
     let reference = stages::reference(project, progress)?;
     let poses = stages::poses(project, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
+    stages::check_reference(project, &samples, &reference)?;
     let settings = &project.calibration;
     let found = stages::calibration(project, settings, &poses, &samples, &reference, progress)?;
     let document = json!({
         "scanners": result::scanners(project, &found),
         "calibration": result::calibration(&found),
     });
-    let staging = Staging::new(&options.out)?;
     let calibrated = stages::with_mountings(project, &found.poses());
     for (name, text) in [
         ("calibration.toml", calibrated.scanners_to_toml()?),
@@ -187,7 +184,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     staging.commit()?;
     Ok(Outcome {
         result: document,
-        summary: mountings_in_words(&found),
+        summary: summary::mountings(&found),
         files: vec![
             options.out.join("calibration.toml"),
             options.out.join("result.json"),
@@ -204,13 +201,13 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    let staging = Staging::new(&options.out)?;
     let poses = stages::poses(project, progress)?;
     let mountings: Vec<_> = project
         .scanners
         .iter()
         .map(|s| s.body_from_scanner)
         .collect();
-    let staging = Staging::new(&options.out)?;
     let path = |scanner: &crate::project::Scanner| staging.path(&clouds::file_name(&scanner.name));
     clouds::stream(
         project,
@@ -227,7 +224,10 @@ pub fn georeference(
         .collect();
     Ok(Outcome {
         result: json!({ "clouds": files }),
-        summary: format!("{} clouds", files.len()),
+        summary: format!(
+            "{} clouds, placed with the project's mountings",
+            files.len()
+        ),
         files,
     })
 }
@@ -243,8 +243,10 @@ pub fn compare(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    let staging = Staging::new(&options.out)?;
     let (compared, to) = (format::read_cloud(cloud)?, format::read_cloud(reference)?);
     let core = core_points(&to.points, settings);
+    progress.begin("comparing the clouds (M3C2)", core.len() as u64);
     let found = m3c2(
         &to.points,
         &compared.points,
@@ -253,7 +255,9 @@ pub fn compare(
         settings,
         &Vec3::z(),
         progress,
-    )?;
+    );
+    progress.end();
+    let found = found?;
     let statistics = Statistics::of(&found)?;
     let mut table = String::from(
         "east_m,north_m,up_m,distance_m,level_of_detection_m,normal_x,normal_y,normal_z\n",
@@ -265,23 +269,25 @@ pub fn compare(
             p.x, p.y, p.z, core.distance_m, core.level_of_detection_m, n.x, n.y, n.z
         ));
     }
-    std::fs::create_dir_all(&options.out).map_err(|error| Error::io(&options.out, error))?;
-    let path = options.out.join("m3c2.csv");
-    write_whole(&path, table.as_bytes())?;
+    let path = staging.path("m3c2.csv");
+    std::fs::write(&path, table).map_err(|error| Error::io(&path, error))?;
+    staging.commit()?;
+    let millimetres = |metres: f64| format!("{:.2} mm", metres * 1e3);
     let summary = format!(
-        "RMSE {:.2} mm, mean {:.2} mm, standard deviation {:.2} mm, median {:.2} mm over {} of {} \
-         core points",
-        statistics.rmse_m * 1e3,
-        statistics.mean_m * 1e3,
-        statistics.std_m * 1e3,
-        statistics.median_m * 1e3,
+        "distance of the cloud from the reference (M3C2)\n  RMSE                 {}\n  mean                 \
+         {}\n  standard deviation   {}\n  median               {}\n  core points          {} of {} \
+         have a distance",
+        millimetres(statistics.rmse_m),
+        millimetres(statistics.mean_m),
+        millimetres(statistics.std_m),
+        millimetres(statistics.median_m),
         statistics.n,
         statistics.core_points
     );
     Ok(Outcome {
         result: json!(statistics),
         summary,
-        files: vec![path],
+        files: vec![options.out.join("m3c2.csv")],
     })
 }
 
@@ -301,32 +307,8 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
 
 /// What a whole run answers.
 fn answer(project: &Project, findings: &Findings, out: &Path) -> Outcome {
-    let mut lines = vec![mountings_in_words(&findings.calibration)];
-    for drive in &findings.drives {
-        for found in drive
-            .agreements
-            .iter()
-            .filter(|a| a.mounting == MountingKind::Final)
-        {
-            let before =
-                evaluate::Drive::find(drive, found.scanner, found.against, MountingKind::Initial);
-            let before = before.map_or(String::new(), |before| {
-                format!(" (initially {:.1} mm)", before.statistics.rmse_m * 1e3)
-            });
-            lines.push(format!(
-                "{}, {}: M3C2 RMSE {:.2} mm{before}",
-                drive.name,
-                found.pair(project),
-                found.statistics.rmse_m * 1e3
-            ));
-        }
-    }
-    let names = [
-        "report.html",
-        "result.json",
-        "calibration.toml",
-        "trajectory.csv",
-    ];
+    let report = out.join("report.html");
+    let names = ["result.json", "calibration.toml", "trajectory.csv"];
     let mut files: Vec<PathBuf> = names.iter().map(|name| out.join(name)).collect();
     files.extend(
         project
@@ -336,36 +318,12 @@ fn answer(project: &Project, findings: &Findings, out: &Path) -> Outcome {
     );
     Outcome {
         result: result::document(project, findings),
-        summary: lines.join("\n"),
+        summary: format!(
+            "report: {}\n\n{}\n\n{}\n",
+            report.display(),
+            summary::mountings(&findings.calibration),
+            summary::distances(project, &findings.drives)
+        ),
         files,
     }
-}
-
-/// Mountings with sigmas, and what could not be found.
-fn mountings_in_words(calibration: &Calibration) -> String {
-    let mut lines = Vec::new();
-    for (index, mounting) in calibration.mountings.iter().enumerate() {
-        let pose = &mounting.body_from_scanner;
-        let sigmas = calibration.sigmas(index, mounting.convention);
-        let angles = euler_deg_from_rotation(mounting.convention, &pose.rotation);
-        let shown = |value: f64, sigma: Option<f64>, digits: usize| match sigma {
-            Some(sigma) => format!("{value:.digits$} ± {sigma:.digits$}"),
-            None => format!("{value:.digits$} (held)"),
-        };
-        let metres: Vec<String> = (0..3)
-            .map(|axis| shown(pose.translation.vector[axis], sigmas[axis], 4))
-            .collect();
-        let degrees: Vec<String> = (0..3)
-            .map(|axis| shown(angles[axis], sigmas[3 + axis].map(f64::to_degrees), 3))
-            .collect();
-        lines.push(format!(
-            "{}: t = ({}) m, angles ({:?}) = ({})°",
-            mounting.name,
-            metres.join(", "),
-            mounting.convention,
-            degrees.join(", ")
-        ));
-    }
-    lines.extend(page::statements(calibration, ""));
-    lines.join("\n")
 }

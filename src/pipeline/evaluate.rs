@@ -114,6 +114,20 @@ impl Drive {
             return Ok(());
         }
         let settings = &project.comparison;
+        let other = match against {
+            Against::Reference => "reference",
+            Against::Scanner(other) => &project.scanners[other].name,
+        };
+        let kind = match mounting {
+            MountingKind::Initial => "initial",
+            MountingKind::Final => "calibrated",
+            MountingKind::Truth => "true",
+        };
+        let stage = format!(
+            "comparing {} with {other} ({}, {kind})",
+            project.scanners[scanner].name, self.name
+        );
+        progress.begin(&stage, core.len() as u64);
         let distances = m3c2(
             reference,
             compared,
@@ -122,7 +136,9 @@ impl Drive {
             settings,
             &Vec3::z(),
             progress,
-        )?;
+        );
+        progress.end();
+        let distances = distances?;
         match Statistics::of(&distances) {
             Ok(statistics) => {
                 let found = Agreement {

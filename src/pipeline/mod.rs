@@ -9,6 +9,7 @@ pub mod evaluate;
 pub mod page;
 pub mod result;
 pub mod stages;
+pub mod summary;
 
 use std::path::Path;
 use std::time::Instant;
@@ -87,6 +88,19 @@ pub struct Findings {
     pub warnings: Vec<String>,
 }
 
+/// As [`timed`], and shown as a stage around those of `work`: for what runs again.
+fn shown<T>(
+    stages: &mut Vec<StageSeconds>,
+    name: &str,
+    progress: &dyn Progress,
+    work: impl FnOnce() -> Result<T>,
+) -> Result<T> {
+    progress.begin(name, 0);
+    let done = timed(stages, name, work);
+    progress.end();
+    done
+}
+
 /// Runs `work` and notes how long it took under `name`.
 fn timed<T>(
     stages: &mut Vec<StageSeconds>,
@@ -125,6 +139,7 @@ pub fn analyse(
     let samples = timed(&mut times, "sample", || {
         stages::samples(project, &poses.trajectory, progress)
     })?;
+    stages::check_reference(project, &samples, &reference)?;
     let settings = &project.calibration;
     let calibrate =
         |poses: &Poses, samples: &[_], reference: &[Vec3], settings: &CalibrationSettings| {
@@ -135,30 +150,43 @@ pub fn analyse(
     })?;
     let without_reference = match reference.is_empty() {
         true => None,
-        false => Some(timed(&mut times, "calibrate without reference", || {
-            calibrate(&poses, &samples, &[], settings)
-        })?),
+        false => Some(shown(
+            &mut times,
+            "calibrate without reference",
+            progress,
+            || calibrate(&poses, &samples, &[], settings),
+        )?),
     };
     let exact_poses = match &extras.truth {
-        Some(truth) => Some(timed(&mut times, "calibrate with exact poses", || {
-            let exact = Poses::exact(truth.trajectory.clone());
-            let samples = stages::samples(project, &exact.trajectory, progress)?;
-            calibrate(&exact, &samples, &reference, settings)
-        })?),
+        Some(truth) => Some(shown(
+            &mut times,
+            "calibrate with exact poses",
+            progress,
+            || {
+                let exact = Poses::exact(truth.trajectory.clone());
+                let samples = stages::samples(project, &exact.trajectory, progress)?;
+                calibrate(&exact, &samples, &reference, settings)
+            },
+        )?),
         None => None,
     };
     let paper = match extras.paper_voxels_m.is_empty() {
         true => None,
-        false => Some(timed(&mut times, "calibrate as the paper", || {
-            let voxel_sizes_m = extras.paper_voxels_m.clone();
-            let paper = CalibrationSettings {
-                voxel_sizes_m,
-                method: Method::Paper,
-                max_iterations: PAPER_ITERATIONS,
-                ..settings.clone()
-            };
-            calibrate(&poses, &samples, &reference, &paper)
-        })?),
+        false => Some(shown(
+            &mut times,
+            "calibrate as the paper",
+            progress,
+            || {
+                let voxel_sizes_m = extras.paper_voxels_m.clone();
+                let paper = CalibrationSettings {
+                    voxel_sizes_m,
+                    method: Method::Paper,
+                    max_iterations: PAPER_ITERATIONS,
+                    ..settings.clone()
+                };
+                calibrate(&poses, &samples, &reference, &paper)
+            },
+        )?),
     };
     drop(samples);
 
@@ -186,7 +214,8 @@ pub fn analyse(
     drop(kept);
     for evaluation in &project.evaluations {
         let other = aligned(project, Project::read(&evaluation.project)?)?;
-        let drive = timed(&mut times, &format!("evaluate {}", evaluation.name), || {
+        let stage = format!("evaluate {}", evaluation.name);
+        let drive = shown(&mut times, &stage, progress, || {
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, &found, None, progress)?;
             tracks.push((evaluation.name.clone(), poses.trajectory.nodes().to_vec()));

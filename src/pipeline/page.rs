@@ -4,7 +4,7 @@ use super::evaluate::{Against, Agreement, Drive};
 use super::{Extras, Findings};
 use crate::calibration::Calibration;
 use crate::geometry::{Pose, so3};
-use crate::project::{Motion, Project};
+use crate::project::{Method, Motion, Project};
 use crate::report::content::{
     Content, CorrelationMatrix, DistanceMap, DistanceRow, DistanceStatistics, DriveTrack, Fact,
     MapPanel, MapPoint, MethodRun, MountingEstimate, MountingKind, MountingTable, ParameterOrigin,
@@ -19,7 +19,11 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
             .as_ref()
             .map(|found| method_run(found, label, truth))
     };
-    let main = method_run(&findings.calibration, "reweighted least squares", truth);
+    let label = match findings.calibration.method {
+        Method::Reweighted => "reweighted least squares",
+        Method::Paper => "as in the paper",
+    };
+    let main = method_run(&findings.calibration, label, truth);
     let mut methods = vec![main];
     methods.extend(named(&findings.paper, "as in the paper"));
     methods.extend(named(&findings.without_reference, "without reference"));

@@ -5,7 +5,7 @@ use crate::calibration::{
 };
 use crate::error::{Error, Result};
 use crate::format;
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{Pose, Vec3, transform};
 use crate::progress::Progress;
 use crate::project::{CalibrationSettings, LogFile, Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma};
@@ -175,15 +175,79 @@ pub fn samples(
             sample.points.len(),
             sample.outside
         ));
-        if sample.outside > 0 {
-            progress.warn(&format!(
-                "{:.1} % of the points of scanner `{}` lie outside the trajectory and were left out",
-                100.0 * sample.outside as f64 / sample.read as f64,
-                scanner.name
-            ));
-        }
+        warn_of_outside(&scanner.name, sample.outside, sample.read, progress);
     }
     Ok(found)
+}
+
+/// Warns of points that have no pose.
+pub fn warn_of_outside(scanner: &str, outside: u64, read: u64, progress: &dyn Progress) {
+    if outside > 0 {
+        progress.warn(&format!(
+            "{:.1} % of the points of scanner `{scanner}` lie outside the trajectory and were left out",
+            100.0 * outside as f64 / read as f64,
+        ));
+    }
+}
+
+/// Checks that the reference, where there is one, lies where the scanners looked.
+///
+/// # Errors
+/// The boxes around both, a metre apart for a mounting that is only roughly known, do not meet.
+pub fn check_reference(
+    project: &Project,
+    samples: &[ScannerSample],
+    reference: &[Vec3],
+) -> Result<()> {
+    const MARGIN_M: f64 = 1.0;
+    let scanned = project
+        .scanners
+        .iter()
+        .zip(samples)
+        .flat_map(|(scanner, sample)| {
+            sample.points.iter().map(|point| {
+                let body = transform(&scanner.body_from_scanner, &point.position_m);
+                transform(&point.world_from_body, &body)
+            })
+        });
+    let (Some(scanned), Some(known)) = (box_of(scanned), box_of(reference.iter().copied())) else {
+        return Ok(());
+    };
+    let gap_m = (0..3)
+        .map(|axis| (known.0[axis] - scanned.1[axis]).max(scanned.0[axis] - known.1[axis]))
+        .fold(f64::NEG_INFINITY, f64::max);
+    if gap_m < MARGIN_M {
+        return Ok(());
+    }
+    let words = |(low, high): (Vec3, Vec3)| {
+        let (low, high) = (low + project.origin_m, high + project.origin_m);
+        format!(
+            "east {:.1} to {:.1}, north {:.1} to {:.1}, up {:.1} to {:.1} m",
+            low.x, high.x, low.y, high.y, low.z, high.z
+        )
+    };
+    let file = project.reference.as_ref().map_or_else(
+        || "the reference".to_owned(),
+        |file| file.path.display().to_string(),
+    );
+    Err(Error::data(
+        format!(
+            "{file}: the reference ({}) and the scanners' points ({}) do not overlap: they miss \
+             each other by {gap_m:.1} m",
+            words(known),
+            words(scanned)
+        ),
+        "check that the reference and the prism log are in the same world coordinates; or leave \
+         [reference] out",
+    ))
+}
+
+/// The lowest and the highest coordinates; `None` without points.
+fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
+    points.fold(None, |found, point| {
+        let (low, high) = found.unwrap_or((point, point));
+        Some((low.inf(&point), high.sup(&point)))
+    })
 }
 
 /// Opens the profile files of a scanner.
@@ -244,7 +308,7 @@ pub fn mountings(project: &Project) -> Vec<Mounting> {
 /// Calibrates the project's scanners.
 ///
 /// # Errors
-/// See [`calibrate`].
+/// Every parameter is fixed; see [`calibrate`].
 pub fn calibration(
     project: &Project,
     settings: &CalibrationSettings,
@@ -253,6 +317,19 @@ pub fn calibration(
     reference: &[Vec3],
     progress: &dyn Progress,
 ) -> Result<Calibration> {
+    if project
+        .scanners
+        .iter()
+        .all(|scanner| scanner.fixed == [true; 6])
+    {
+        return Err(Error::data(
+            format!(
+                "{}: every parameter of every scanner is fixed: nothing is left to calibrate",
+                project.path.display()
+            ),
+            "leave some parameters out of `fixed`, or use `boresight georeference`",
+        ));
+    }
     if matches!(poses.uncertainty(), PoseUncertainty::None) {
         progress.warn(POSES_WITHOUT_SIGMA);
     }

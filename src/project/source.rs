@@ -26,6 +26,10 @@ pub(super) enum Step<'a> {
 impl Source {
     /// Reads the file's text.
     pub fn read(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            let expected = "a project file, such as `project.toml` in it";
+            return Err(Error::format(path, Location::Whole, "a folder", expected));
+        }
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let good = error.utf8_error().valid_up_to();

@@ -282,7 +282,15 @@ impl Scenario {
             _ => {}
         }
         let path = Path::new(name_or_path);
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => Error::format(
+                path,
+                Location::Whole,
+                "neither a file nor a scenario of this name",
+                "`demo`, `full` or a scenario file",
+            ),
+            _ => Error::io(path, e),
+        })?;
         let scenario: Self = toml::from_str(&text).map_err(|e| {
             let at = e.span().map_or(Location::Whole, |span| {
                 let before = text.get(..span.start).unwrap_or_default();
@@ -290,7 +298,12 @@ impl Scenario {
             });
             Error::format(path, at, e.message().to_owned(), "the keys of a scenario")
         })?;
-        scenario.check()?;
+        scenario.check().map_err(|error| match error {
+            Error::Data { problem, remedy } => {
+                Error::data(format!("{}: {problem}", path.display()), remedy)
+            }
+            other => other,
+        })?;
         Ok(scenario)
     }
 

@@ -1,0 +1,370 @@
+//! Whole runs on a small simulated project, through the real binary.
+#![allow(clippy::unwrap_used)] // helpers fail as tests do
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use common::{Run, boresight};
+use serde_json::Value;
+
+/// One board, two passes, ten coarse profiles a second.
+const SCENARIO: &str = r#"
+name = "tiny"
+boards = [{ center_m = [1.2, 1.2, 0.5], tilt_deg = 30.0, azimuth_deg = 70.0, size_m = [1.0, 1.0] }]
+drives = [{ passes = [{ board = 0, heading_deg = 90.0 }, { board = 0, heading_deg = 270.0 }] }]
+[field]
+size_m = [2.4, 2.4]
+margin_m = 4.0
+[profiles]
+rate_hz = 10.0
+width = 64
+[reference]
+board_spacing_m = 0.015
+soil_spacing_m = 0.03
+[motion]
+rest_s = 3.0
+"#;
+
+/// The folder of the simulated drive, with a space in its path, and what keeps it.
+fn simulated() -> (tempfile::TempDir, PathBuf) {
+    let kept = tempfile::tempdir().unwrap();
+    let scenario = kept.path().join("tiny.toml");
+    fs::write(&scenario, SCENARIO).unwrap();
+    let out = kept.path().join("test field");
+    let run = boresight(&[
+        "simulate",
+        "--scenario",
+        scenario.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let drive = out.join("drive-1");
+    change(&drive, |text| {
+        let lines = text.lines().map(|line| match line.split_once(" = ") {
+            Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.05]\n".to_owned(),
+            Some(("neighbours", _)) => "neighbours = 20\n".to_owned(),
+            _ => format!("{line}\n"),
+        });
+        lines.collect()
+    });
+    (kept, drive)
+}
+
+fn change(drive: &Path, how: impl Fn(String) -> String) {
+    let path = drive.join("project.toml");
+    fs::write(&path, how(fs::read_to_string(&path).unwrap())).unwrap();
+}
+
+fn on_drive(drive: &Path, arguments: &[&str]) -> Run {
+    let project = drive.join("project.toml");
+    let mut all = vec![arguments[0], project.to_str().unwrap()];
+    all.extend(&arguments[1..]);
+    boresight(&all)
+}
+
+/// `document` without what differs from run to run: times and memory.
+fn timeless(mut document: Value) -> Value {
+    match &mut document {
+        Value::Object(entries) => {
+            entries.retain(|key, _| key != "seconds" && key != "peak_memory_bytes");
+            for value in entries.values_mut() {
+                *value = timeless(value.take());
+            }
+        }
+        Value::Array(values) => {
+            for value in values {
+                *value = timeless(value.take());
+            }
+        }
+        _ => {}
+    }
+    document
+}
+
+/// Results whose bytes depend on nothing but the input.
+const EXACT: [&str; 5] = [
+    "calibration.toml",
+    "trajectory.csv",
+    "cloud-left.laz",
+    "cloud-right.laz",
+    "project.toml",
+];
+
+/// The results in `out` by name, without times; panics where a file is missing or not whole.
+fn results(out: &Path) -> BTreeMap<&'static str, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for name in EXACT {
+        found.insert(name, fs::read(out.join(name)).unwrap());
+    }
+    let document: Value =
+        serde_json::from_slice(&fs::read(out.join("result.json")).unwrap()).unwrap();
+    found.insert("result.json", timeless(document).to_string().into_bytes());
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.trim_end().ends_with("</html>"), "half a report");
+    found
+}
+
+#[test]
+fn the_same_bytes_on_one_and_on_two_threads() {
+    let (_kept, drive) = simulated();
+    let [one, two] = ["1", "2"].map(|threads| {
+        let out = drive.join(format!("on {threads}"));
+        let run = on_drive(
+            &drive,
+            &[
+                "run",
+                "--json",
+                "--threads",
+                threads,
+                "--out",
+                out.to_str().unwrap(),
+            ],
+        );
+        assert_eq!(run.code, 0, "{}", run.err);
+        let printed: Value = serde_json::from_str(&run.out).unwrap();
+        let written = fs::read(out.join("result.json")).unwrap();
+        let written: Value = serde_json::from_slice(&written).unwrap();
+        assert_eq!(timeless(printed), timeless(written));
+        results(&out)
+    });
+    for (name, bytes) in &one {
+        assert!(bytes == &two[name], "{name} differs");
+    }
+}
+
+/// Whoever is killed or interrupted leaves the old files or the new ones, each whole.
+#[cfg(unix)]
+#[test]
+fn a_killed_run_leaves_old_or_new_files() {
+    let (_kept, drive) = simulated();
+    let out = drive.join("out");
+    let start = Instant::now();
+    let run = on_drive(&drive, &["run"]);
+    let took = start.elapsed();
+    assert_eq!(run.code, 0, "{}", run.err);
+    let (old, old_files) = (results(&out), drive.join("old"));
+    fs::rename(&out, &old_files).unwrap();
+    // Every result is another with these.
+    change(&drive, |text| {
+        text.replace("sigma_m = 0.005", "sigma_m = 0.02")
+            .replace("translation_m = [1.2,", "translation_m = [1.21,")
+    });
+    let run = on_drive(&drive, &["run"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let new = results(&out);
+    for (name, bytes) in &old {
+        assert!(bytes != &new[name], "{name} does not change");
+    }
+
+    let mut leftovers = 0;
+    for step in 0..12 {
+        for name in EXACT.iter().chain(&["result.json", "report.html"]) {
+            fs::copy(old_files.join(name), out.join(name)).unwrap();
+        }
+        let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
+            .args([
+                "run",
+                drive.join("project.toml").to_str().unwrap(),
+                "--quiet",
+            ])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        // From the start to the end of a run, or a little later.
+        std::thread::sleep(took.mul_f64(f64::from(step) / 10.0));
+        if step % 2 == 0 {
+            child.kill().unwrap();
+        } else {
+            let pid = child.id().to_string();
+            // It may be over already.
+            let _ = Command::new("kill")
+                .args(["-INT", &pid])
+                .stderr(Stdio::null())
+                .status();
+        }
+        child.wait().unwrap();
+        leftovers += usize::from(hidden(&out) > 0);
+        let found = results(&out);
+        for (name, bytes) in &found {
+            let whole = bytes == &old[name] || bytes == &new[name];
+            assert!(
+                whole,
+                "step {step}: {name} is neither the old nor the new one"
+            );
+        }
+        if found["result.json"] == new["result.json"] {
+            assert!(
+                found == new,
+                "step {step}: result.json speaks of files that are not there"
+            );
+        }
+    }
+
+    // The next run that is left alone removes what the killed ones left.
+    assert!(leftovers > 0, "no run was killed at work");
+    assert_eq!(on_drive(&drive, &["run"]).code, 0);
+    assert!(results(&out) == new);
+    assert_eq!(hidden(&out), 0);
+}
+
+/// Number of hidden files and folders in `out`.
+#[cfg(unix)]
+fn hidden(out: &Path) -> usize {
+    let names = fs::read_dir(out)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
+    names
+        .filter(|name| name.to_str().unwrap().starts_with('.'))
+        .count()
+}
+
+#[test]
+fn every_command_answers_in_json_and_keeps_quiet() {
+    let (kept, drive) = simulated();
+    let out = kept.path().join("results");
+    let out = out.to_str().unwrap();
+    let answers = |arguments: &[&str]| {
+        let run = boresight(&[arguments, &["--json", "--quiet"]].concat());
+        assert_eq!(run.code, 0, "{arguments:?}: {}", run.err);
+        assert_eq!(run.err, "", "{arguments:?}");
+        let document: Value = serde_json::from_str(&run.out).unwrap();
+        assert!(
+            document
+                .as_object()
+                .is_some_and(|entries| !entries.is_empty()),
+            "{arguments:?}"
+        );
+    };
+    let project = drive.join("project.toml");
+    let project = project.to_str().unwrap();
+    for command in ["trajectory", "calibrate", "georeference"] {
+        answers(&[command, project, "--out", out]);
+    }
+    answers(&["inspect", project]);
+    let cloud = |name: &str| format!("{out}/cloud-{name}.laz");
+    answers(&["compare", &cloud("left"), &cloud("right"), "--out", out]);
+}
+
+#[test]
+fn what_cannot_be_calibrated_is_refused_before_the_work() {
+    let refused = |edit: &dyn Fn(&Path), expected: &[&str]| {
+        let (_kept, drive) = simulated();
+        edit(&drive);
+        for command in ["calibrate", "run"] {
+            let start = Instant::now();
+            let run = on_drive(&drive, &[command, "--quiet"]);
+            assert_eq!(run.code, 1, "{}", run.err);
+            assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
+            for expected in expected {
+                assert!(run.err.contains(expected), "{expected}: {}", run.err);
+            }
+            assert!(!drive.join("out/result.json").exists());
+            assert!(start.elapsed() < Duration::from_secs(60));
+        }
+    };
+    refused(
+        &|drive| {
+            change(drive, |text| {
+                let all = r#"fixed = ["tx", "ty", "tz", "rx", "ry", "rz"]"#;
+                text.replace("[[scanner]]", &format!("[[scanner]]\n{all}"))
+            });
+        },
+        &[
+            "project.toml",
+            "every parameter of every scanner is fixed",
+            "remedy: ",
+        ],
+    );
+    refused(
+        &|drive| {
+            let far = "east_m, north_m, up_m\n100, 0, 0\n101, 1, 0\n";
+            fs::write(drive.join("far.csv"), far).unwrap();
+            change(drive, |text| text.replace("../tls.laz", "far.csv"));
+        },
+        // Nothing that was simulated reaches beyond 10 m.
+        &[
+            "far.csv",
+            "do not overlap",
+            "miss each other by 9",
+            "remedy: ",
+        ],
+    );
+    refused(
+        &|drive| fs::write(drive.join("out"), "a file").unwrap(),
+        &["out: found a file, expected a folder"],
+    );
+}
+
+#[test]
+fn variants_of_a_project_run() {
+    let (_kept, drive) = simulated();
+    let project = fs::read_to_string(drive.join("project.toml")).unwrap();
+    let variant = |edit: &dyn Fn(&str) -> String| {
+        change(&drive, |_| edit(&project));
+        let run = on_drive(&drive, &["run", "--json"]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        serde_json::from_str::<Value>(&run.out).unwrap()
+    };
+    let between = |text: &str, from: &str, to: &str, instead: &str| {
+        let (start, end) = (text.find(from).unwrap(), text.find(to).unwrap());
+        format!("{}{instead}{}", &text[..start], &text[end..])
+    };
+
+    let poses = "[trajectory]\nfile = \"truth/trajectory.csv\"\n";
+    let result = variant(&|text| between(text, "[imu]", "[[scanner]]", poses));
+    // With exact poses the mounting comes out close to the scenario's.
+    let height = &result["scanners"]["left"]["body_from_scanner"]["translation_m"][2];
+    assert!((height.as_f64().unwrap() - 0.587).abs() < 0.005, "{height}");
+
+    let result = variant(&|text| between(text, "[reference]", "[calibration]", ""));
+    assert_eq!(
+        result["scanners"]["left"]["unobservable"],
+        serde_json::json!(["tz"])
+    );
+    assert!(result["scanners"]["left"]["sigma"]["translation_m"][2].is_null());
+    assert!(result["evaluation"]["left-right"]["m3c2_rmse_m"].is_f64());
+
+    let result = variant(&|text| {
+        let right = text.rfind("[[scanner]]").unwrap();
+        let reference = text.find("[reference]").unwrap();
+        format!("{}{}", &text[..right], &text[reference..])
+    });
+    assert_eq!(result["scanners"].as_object().unwrap().len(), 1);
+
+    let result =
+        variant(&|text| text.replace("name = \"left\"", "name = \"left\"\nfixed = [\"tx\"]"));
+    let left = &result["scanners"]["left"];
+    assert_eq!(left["body_from_scanner"]["translation_m"][0], 1.2);
+    assert!(left["sigma"]["translation_m"][0].is_null());
+
+    let result = variant(&|text| {
+        text.replace(
+            "[calibration]",
+            "[calibration]\nmethod = \"paper\"\nmax_iterations = 5",
+        )
+    });
+    assert_eq!(result["calibration"]["scales"][0]["iterations"], 5);
+}
+
+#[test]
+fn of_several_files_each_is_told_what_is_wrong_with_it() {
+    let (kept, drive) = simulated();
+    let notes = kept.path().join("notes.txt");
+    fs::write(&notes, "dear diary,\nit rained\n").unwrap();
+    let profiles = drive.join("left.bin");
+    let run = boresight(&[
+        "inspect",
+        notes.to_str().unwrap(),
+        profiles.to_str().unwrap(),
+    ]);
+    assert_eq!(run.code, 1);
+    assert!(run.out.contains("notes.txt, line 1: found"), "{}", run.out);
+    assert!(run.out.contains("Gocator"), "{}", run.out);
+}
