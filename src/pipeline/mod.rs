@@ -9,6 +9,7 @@ pub mod evaluate;
 pub mod page;
 pub mod result;
 pub mod stages;
+pub mod summary;
 
 use std::path::Path;
 use std::time::Instant;
