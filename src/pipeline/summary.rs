@@ -91,11 +91,16 @@ fn sigmas(calibration: &Calibration) -> Option<Verdict> {
     .into_iter()
     .flatten()
     .collect();
-    (!parts.is_empty()).then(|| {
-        Verdict::good(format!(
-            "The mounting of the scanners is known: {} or better (one standard deviation).",
-            parts.join(", ")
-        ))
+    let known = parts.join(", ");
+    let is_constant = calibration.constancy.as_ref().is_none_or(|c| c.constant);
+    (!parts.is_empty()).then(|| match is_constant {
+        true => Verdict::good(format!(
+            "The mounting of the scanners is known: {known} or better (one standard deviation)."
+        )),
+        false => Verdict::neutral(format!(
+            "A constant mounting would be known: {known} or better. This one is not, and its \
+             standard deviations are too small."
+        )),
     })
 }
 

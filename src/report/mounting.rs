@@ -166,12 +166,12 @@ pub fn tables(list: &[MountingTable]) -> String {
     }
     let mut out: String = usable.iter().map(|t| table(t)).collect();
     out.push_str("<p class=\"note\">± is one standard deviation.");
+    if usable.iter().any(|t| t.truth.is_some()) {
+        out.push_str(" Below it the error: value minus truth. ‡ marks errors beyond 1.96 σ, of which one in twenty is to be expected.");
+    }
     let mut estimates = usable.iter().flat_map(|t| &t.estimates);
     if estimates.any(|e| e.origin.contains(&ParameterOrigin::NotObservable)) {
         out.push_str(" What is not observable keeps what the initial values say of it.");
-    }
-    if usable.iter().any(|t| t.truth.is_some()) {
-        out.push_str(" Below it the error: value minus truth. ‡ marks errors beyond 1.96 σ, of which one in twenty is to be expected.");
     }
     out.push_str(" Table I of the paper.</p>\n");
     out

@@ -100,7 +100,7 @@ fn rmse(rows: &[DistanceRow]) -> String {
             ));
         }
     }
-    html::table("numbers", &head, &body)
+    html::table("numbers rmse", &head, &body)
 }
 
 /// One table a pair of clouds.
