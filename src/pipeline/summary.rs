@@ -19,7 +19,12 @@ pub fn millimetres(metres: f64) -> String {
 /// The lines of the verdict: what needs attention first, then how well the clouds agree, then how
 /// well the mounting is known.
 pub fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
+    let constancy = page::residuals(project, &findings.calibration).map(|figure| figure.verdict);
+    let is_constant = constancy.as_ref().is_none_or(|v| v.status == Status::Good);
     let mut lines = Vec::new();
+    if !is_constant {
+        lines.extend(constancy.clone());
+    }
     if let Some(drive) = findings.drives.first() {
         for found in drive
             .agreements
@@ -66,8 +71,8 @@ pub fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
             .into_iter()
             .filter(|v| v.status != Status::Good),
     );
-    if let Some(figure) = page::residuals(project, &findings.calibration) {
-        lines.push(figure.verdict);
+    if is_constant {
+        lines.extend(constancy);
     }
     lines.sort_by_key(|line| line.status != Status::Attention);
     lines

@@ -66,7 +66,7 @@ fn errors(scale: Option<&ScaleRun>) -> String {
         .map(number::millimetres);
     let angle = scale
         .and_then(|s| s.max_rotation_error_rad)
-        .map(|a| number::fixed(a.to_degrees(), 3));
+        .map(|a| number::sigma(a.to_degrees()));
     let dash = || DASH.to_owned();
     format!(
         "<td>{}</td><td>{}</td>",

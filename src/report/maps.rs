@@ -171,7 +171,7 @@ fn histogram(values_m: &[f64], limit_m: f64) -> String {
         plot.under(&fill, x0, x0 + width);
     }
     let note = format!(
-        "<p class=\"aside\">{} % of {} core points beyond the scale</p>\n",
+        "<p class=\"aside\">{} % of {} points beyond the scale</p>\n",
         number::fixed(share(beyond), 1),
         number::count(n)
     );
