@@ -161,7 +161,7 @@ fn poses_beside_points_lead_back_to_the_points() {
         .unwrap()
         .points
         .iter()
-        .map(|p| millimetres(p))
+        .map(millimetres)
         .collect();
     let mut ours: Vec<[i64; 3]> = placed[0].iter().map(millimetres).collect();
     file.sort_unstable();

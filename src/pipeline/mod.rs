@@ -10,6 +10,7 @@ pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
+pub mod verdicts;
 
 use std::path::Path;
 use std::time::Instant;

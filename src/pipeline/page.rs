@@ -1,14 +1,15 @@
 //! The findings of a run as the report shows it.
 
 use super::evaluate::{Against, Agreement, Drive};
-use super::{Extras, Findings};
+use super::{Extras, Findings, verdicts};
 use crate::calibration::Calibration;
 use crate::geometry::{Pose, so3};
 use crate::project::{Method, Motion, Project};
 use crate::report::content::{
-    Content, CorrelationMatrix, DistanceMap, DistanceRow, DistanceStatistics, DriveTrack, Fact,
-    MapPanel, MapPoint, MethodRun, MountingEstimate, MountingKind, MountingTable, ParameterOrigin,
-    ResidualBlock, ResidualFigure, ResidualSeries, ScaleRun, StageTime, TrajectoryFigure, Verdict,
+    Content, CorrelationMatrix, CostMeasure, DistanceMap, DistanceRow, DistanceStatistics,
+    DriveTrack, Fact, MapPanel, MapPoint, MethodRun, MountingEstimate, MountingKind, MountingTable,
+    ParameterOrigin, ResidualBlock, ResidualFigure, ResidualSeries, ScaleRun, StageTime,
+    TrajectoryFigure, Verdict,
 };
 
 /// Fills the report.
@@ -35,7 +36,7 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
         command: extras.command.clone(),
         project: project.path.display().to_string(),
         seed: extras.seed,
-        summary: summary(project, findings),
+        summary: verdicts::summary(project, findings),
         inputs: inputs(project, findings),
         mountings: mounting_tables(project, findings),
         distances: findings
@@ -63,92 +64,6 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
             .collect(),
         peak_memory_bytes: super::peak_memory_bytes(),
         warnings: findings.warnings.clone(),
-    }
-}
-
-fn millimetres(metres: f64) -> String {
-    if metres >= 0.01 {
-        format!("{:.0} mm", metres * 1e3)
-    } else {
-        format!("{:.1} mm", metres * 1e3)
-    }
-}
-
-/// The verdict in words a field crew understands.
-fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
-    let mut lines = Vec::new();
-    if let Some(drive) = findings.drives.first() {
-        for found in drive
-            .agreements
-            .iter()
-            .filter(|found| found.mounting == MountingKind::Final)
-        {
-            lines.push(agreement_verdict(project, drive, found));
-        }
-    }
-    for drive in findings.drives.iter().skip(1) {
-        let rmse: Vec<String> = drive
-            .agreements
-            .iter()
-            .filter(|found| found.mounting == MountingKind::Final)
-            .map(|found| {
-                format!(
-                    "{}: {}",
-                    found.pair(project),
-                    millimetres(found.statistics.rmse_m)
-                )
-            })
-            .collect();
-        if !rmse.is_empty() {
-            lines.push(Verdict::good(format!(
-                "On {}, which took no part in the calibration: {}.",
-                drive.name,
-                rmse.join("; ")
-            )));
-        }
-    }
-    if findings.calibration.converged {
-        lines.push(Verdict::good("The adjustment converged at every scale."));
-    } else {
-        lines.push(Verdict::attention(
-            "The adjustment did not converge at every scale: treat the result with care.",
-        ));
-    }
-    lines.extend(
-        observability(findings)
-            .into_iter()
-            .filter(|v| v.status != Default::default()),
-    );
-    if let Some(figure) = residuals(project, &findings.calibration) {
-        lines.push(figure.verdict);
-    }
-    lines
-}
-
-fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Verdict {
-    let before = drive.find(found.scanner, found.against, MountingKind::Initial);
-    let after = found.statistics.rmse_m;
-    let name = |index: usize| project.scanners[index].name.as_str();
-    let text = match found.against {
-        Against::Reference => format!(
-            "Scanner {}: points agree with the reference scan to {}",
-            name(found.scanner),
-            millimetres(after)
-        ),
-        Against::Scanner(other) => format!(
-            "Scanners {} and {} agree with each other to {}",
-            name(other),
-            name(found.scanner),
-            millimetres(after)
-        ),
-    };
-    match before.map(|before| before.statistics.rmse_m) {
-        Some(before) if before < after => Verdict::attention(format!(
-            "{text}: worse than the {} with the initial mounting.",
-            millimetres(before)
-        )),
-        Some(before) => Verdict::good(format!("{text} (before: {}).", millimetres(before))),
-        None => Verdict::good(format!("{text}.")),
     }
 }
 
@@ -334,7 +249,7 @@ fn trajectory(findings: &Findings) -> TrajectoryFigure {
         background_m: findings
             .background
             .iter()
-            .map(|point| [point.x, point.y])
+            .map(|point| [point.x, point.y, point.z])
             .collect(),
         outlines: Vec::new(),
     }
@@ -360,7 +275,11 @@ fn method_run(calibration: &Calibration, label: &str, truth: Option<&[Pose]>) ->
             points: scale.points + scale.reference_points,
             neighbourhoods: scale.neighbourhoods,
             iterations: scale.iterations,
-            cost_m4: scale.costs.clone(),
+            cost: scale
+                .costs
+                .iter()
+                .map(|cost| mean_cost(calibration.method, cost / scale.neighbourhoods as f64))
+                .collect(),
             seconds: scale.seconds,
             max_translation_error_m: errors.map(|worst| worst.0),
             max_rotation_error_rad: errors.map(|worst| worst.1),
@@ -368,12 +287,25 @@ fn method_run(calibration: &Calibration, label: &str, truth: Option<&[Pose]>) ->
     });
     MethodRun {
         method: label.into(),
+        measure: match calibration.method {
+            Method::Reweighted => CostMeasure::Thickness,
+            Method::Paper => CostMeasure::Omnivariance,
+        },
         converged: calibration.converged,
         ending: calibration
             .scales
             .last()
             .map_or(String::new(), |scale| scale.ending.to_string()),
         scales: scales.collect(),
+    }
+}
+
+/// What the page shows of a method's cost over the number of neighbourhoods.
+fn mean_cost(method: Method, mean: f64) -> f64 {
+    match method {
+        // exp(½ mean ln(λ₃ + s²)): the geometric mean of √(λ₃ + s²).
+        Method::Reweighted => (0.5 * mean).exp(),
+        Method::Paper => mean.sqrt(),
     }
 }
 
@@ -398,7 +330,7 @@ fn correlation(calibration: &Calibration) -> Option<CorrelationMatrix> {
     Some(CorrelationMatrix { labels, values })
 }
 
-fn observability(findings: &Findings) -> Vec<Verdict> {
+pub(super) fn observability(findings: &Findings) -> Vec<Verdict> {
     let mut lines = statements(&findings.calibration, "")
         .into_iter()
         .map(Verdict::attention)
@@ -431,9 +363,9 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
         .collect()
 }
 
-fn residuals(project: &Project, calibration: &Calibration) -> Option<ResidualFigure> {
+pub(super) fn residuals(project: &Project, calibration: &Calibration) -> Option<ResidualFigure> {
     let constancy = calibration.constancy.as_ref()?;
-    let size = millimetres(constancy.rms_m);
+    let size = verdicts::millimetres(constancy.rms_m);
     let verdict = if constancy.constant {
         Verdict::good(format!(
             "The mounting seems constant: residuals along the drive ({size}) are {:.1} times what \

@@ -41,15 +41,17 @@ impl Axis {
         axis
     }
 
-    /// A logarithmic axis of whole decades over the positive finite ones of `values`.
-    pub fn decades(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
-        let (min, max) = range(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
-        let low = min.log10().floor();
-        let high = max.log10().ceil().max(low + 1.0);
+    /// A logarithmic axis over the positive finite ones of `values`, from one of 1, 2, 5 times a
+    /// power of ten to another.
+    pub fn logarithmic(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
+        let (least, most) = range(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
+        // The least such number below v is the reciprocal of the one above 1 / v.
+        let min = 1.0 / number::nice_above(1.0 / least);
+        let max = number::nice_above(most);
         Self {
             label: label.to_owned(),
-            min: 10f64.powf(low),
-            max: 10f64.powf(high),
+            min,
+            max: if max > min { max } else { 10.0 * min },
             log: true,
         }
     }
@@ -62,13 +64,7 @@ impl Axis {
     /// Positions and texts of about `wanted` ticks.
     pub fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         if self.log {
-            let low = self.min.log10().round() as i32;
-            let high = self.max.log10().round() as i32;
-            let every = (f64::from(high - low) / wanted).ceil().max(1.0) as usize;
-            return (low..=high)
-                .step_by(every)
-                .map(|e| (10f64.powi(e), number::power(e)))
-                .collect();
+            return self.logarithmic_ticks(wanted);
         }
         let step = self.step(wanted);
         let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
@@ -80,6 +76,32 @@ impl Axis {
                 (value, number::fixed(value, decimals))
             })
             .collect()
+    }
+
+    /// Every 1, 2, 5 times a power of ten where these are few, else only powers.
+    fn logarithmic_ticks(&self, wanted: f64) -> Vec<(f64, String)> {
+        let low = self.min.log10().floor() as i32;
+        let high = self.max.log10().ceil() as i32;
+        let inside = |v: f64| v >= self.min * (1.0 - 1e-9) && v <= self.max * (1.0 + 1e-9);
+        let text = |v: f64| match (1e-3..1e5).contains(&v) {
+            true => number::shortest(v),
+            false => number::power(v.log10().round() as i32),
+        };
+        let all = |factors: &[f64], every: usize| -> Vec<(f64, String)> {
+            (low..=high)
+                .step_by(every)
+                .flat_map(|e| factors.iter().map(move |f| f * 10f64.powi(e)))
+                .filter(|v| inside(*v))
+                .map(|v| (v, text(v)))
+                .collect()
+        };
+        let close = all(&[1.0, 2.0, 5.0], 1);
+        let is_short = self.min >= 1e-3 && self.max < 1e5;
+        if is_short && close.len() as f64 <= 2.0 * wanted {
+            return close;
+        }
+        let every = (f64::from(high - low) / wanted).ceil().max(1.0) as usize;
+        all(&[1.0], every)
     }
 
     /// Share of the axis at `value`, 0 at its lower end.
@@ -137,9 +159,12 @@ mod tests {
         assert!(ticks.len() >= 3, "{ticks:?}");
         assert!(axis.min <= -0.37 && axis.max >= 1.21);
         assert_eq!(ticks[0].1, "−0.5");
-        let log = Axis::decades("", [3e-9, 0.0, f64::NAN, 2e-5]);
-        assert_eq!(log.ticks(9.0)[0].1, "10⁻⁹");
-        assert!((log.max - 1e-4).abs() < 1e-18);
+        let log = Axis::logarithmic("", [3e-9, 0.0, f64::NAN, 3e-5]);
+        assert_eq!(log.ticks(9.0)[0].1, "10⁻⁸");
+        assert!((log.min - 2e-9).abs() < 1e-18 && (log.max - 5e-5).abs() < 1e-14);
+        let near = Axis::logarithmic("", [1.06, 16.0]);
+        let texts: Vec<String> = near.ticks(5.0).into_iter().map(|t| t.1).collect();
+        assert_eq!(texts, ["1", "2", "5", "10", "20"]);
     }
 
     #[test]

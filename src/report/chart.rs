@@ -223,6 +223,16 @@ impl Plot {
         ));
     }
 
+    /// A piece of a scale of colours just below the plot area.
+    pub fn under(&mut self, fill: &str, x0: f64, x1: f64) {
+        let (left, right) = (self.px(x0), self.px(x1));
+        self.body.push_str(&format!(
+            "<rect x=\"{left:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"5\" fill=\"{fill}\" shape-rendering=\"crispEdges\"/>\n",
+            self.bottom(),
+            (right - left).max(0.0)
+        ));
+    }
+
     /// An image whose corners are (x0, y0) at the lower left and (x1, y1) at the upper right.
     pub fn image(&mut self, uri: &str, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) {
         let (left, top) = (self.px(x0), self.py(y1));

@@ -197,8 +197,8 @@ pub struct DistanceStatistics {
 pub struct TrajectoryFigure {
     /// One line a drive. The page thins what is drawn; give all poses or an even subset.
     pub drives: Vec<DriveTrack>,
-    /// Pale background, for example the reference thinned: east, north, metres.
-    pub background_m: Vec<[f64; 2]>,
+    /// The reference thinned: east, north, up, metres; drawn darker where it is higher.
+    pub background_m: Vec<[f64; 3]>,
     /// Objects with a known outline, for example the planes.
     pub outlines: Vec<Outline>,
 }
@@ -262,8 +262,20 @@ pub struct MethodRun {
     pub converged: bool,
     /// How it ended, in words; may be empty.
     pub ending: String,
+    /// What [`ScaleRun::cost`] is.
+    pub measure: CostMeasure,
     /// Coarse to fine.
     pub scales: Vec<ScaleRun>,
+}
+
+/// What a method minimises, as a mean over its neighbourhoods so that numbers of points drop out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CostMeasure {
+    /// Geometric mean of the thicknesses √(λ₃ + s²), metres.
+    #[default]
+    Thickness,
+    /// Root mean square of the omnivariances (λ₁ λ₂ λ₃)^⅓, m².
+    Omnivariance,
 }
 
 /// One scale of an adjustment.
@@ -277,8 +289,9 @@ pub struct ScaleRun {
     pub neighbourhoods: usize,
     /// Iterations taken.
     pub iterations: usize,
-    /// Cost Σσ² (σ the omnivariance, so m⁴) before the first iteration and after each.
-    pub cost_m4: Vec<f64>,
+    /// What the method minimises, in the unit of its [`CostMeasure`], before the first iteration
+    /// and after each.
+    pub cost: Vec<f64>,
     /// Run time, seconds.
     pub seconds: f64,
     /// Largest error of a translation component after this scale where the truth is known,

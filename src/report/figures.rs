@@ -1,22 +1,22 @@
-//! Figures along the drive: trajectory, pose sigmas, residuals, convergence.
+//! Figures along the drive: trajectory, pose sigmas, residuals.
 
 use super::axis::{Axis, thin};
 use super::chart::Plot;
-use super::content::{DriveTrack, MethodRun, ResidualFigure, TrajectoryFigure};
+use super::content::{DriveTrack, ResidualBlock, ResidualFigure, TrajectoryFigure};
 use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
 use crate::geometry::heading::heading_rad;
 
 /// Width of a figure over the whole column.
-const FULL: f64 = 900.0;
+pub const FULL: f64 = 900.0;
 /// Width of one of two figures side by side.
-pub const HALF: f64 = 440.0;
+const HALF: f64 = 440.0;
 /// Most vertices of one line.
-const VERTICES: usize = 700;
+pub const VERTICES: usize = 700;
 
 /// Class of the i-th line of a figure.
-fn series(i: usize) -> String {
+pub fn series(i: usize) -> String {
     format!("s{}", i % 6)
 }
 
@@ -51,7 +51,8 @@ pub fn top_view(figure: &TrajectoryFigure) -> String {
     let tracks: Vec<Vec<[f64; 2]>> = figure.drives.iter().map(position).collect();
     let outlines = figure.outlines.iter().flat_map(|o| &o.corners_m);
     let all = tracks.iter().flatten().chain(outlines);
-    let all = all.chain(&figure.background_m).copied();
+    let ground = figure.background_m.iter().map(|p| [p[0], p[1]]);
+    let all = all.copied().chain(ground);
     let Some(bounds) = Bounds::around(all) else {
         return String::new();
     };
@@ -69,8 +70,9 @@ pub fn top_view(figure: &TrajectoryFigure) -> String {
             [bounds.min[1] - y0, bounds.max[1] - y0],
         ),
     );
-    if !figure.background_m.is_empty() {
-        let image = raster::background(&figure.background_m, bounds, 450);
+    let heights = height_range(&figure.background_m);
+    if let Some(heights) = heights {
+        let image = raster::heights(&figure.background_m, heights, bounds, 600);
         plot.image(
             &image.uri,
             local(&image.extent.min),
@@ -104,13 +106,33 @@ pub fn top_view(figure: &TrajectoryFigure) -> String {
     if !figure.outlines.is_empty() {
         entries.push(("outline".into(), "planes".into()));
     }
-    if !figure.background_m.is_empty() {
-        entries.push(("ground".into(), "reference".into()));
+    let mut legend = html::legend(&entries);
+    if let Some([low, high]) = heights {
+        legend.push_str(&height_scale(low, high));
     }
     let svg = plot.finish("Trajectories from above");
     html::figure(
-        &(html::legend(&entries) + &svg),
+        &(legend + &svg),
         "Trajectories from above; arrows show the body's forward axis. Figure 5 of the paper.",
+    )
+}
+
+/// The heights between which nearly all of the ground lies; `None` without any.
+fn height_range(ground_m: &[[f64; 3]]) -> Option<[f64; 2]> {
+    let mut up: Vec<f64> = ground_m.iter().map(|p| p[2]).collect();
+    up.retain(|up| up.is_finite());
+    up.sort_by(f64::total_cmp);
+    let tail = up.len() / 100;
+    Some([*up.get(tail)?, *up.get(up.len() - 1 - tail)?])
+}
+
+fn height_scale(low_m: f64, high_m: f64) -> String {
+    format!(
+        "<div class=\"heights\">reference, height {} <span class=\"ramp\" style=\"background:linear-gradient(to right,{},{})\"></span> {}</div>\n",
+        number::with_unit(number::fixed(low_m, 2), "m"),
+        raster::shade_css(0.0),
+        raster::shade_css(1.0),
+        number::with_unit(number::fixed(high_m, 2), "m")
     )
 }
 
@@ -155,7 +177,8 @@ fn arrows(plot: &mut Plot, drive: &DriveTrack, class: &str, origin: [f64; 2], bo
 
 /// Standard deviations of the poses over time, two charts a drive.
 pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
-    let mut out = String::new();
+    let mut shown = String::new();
+    let mut folded = String::new();
     for drive in &figure.drives {
         let Some(start) = drive.poses.first().map(|p| p.time_s) else {
             continue;
@@ -193,6 +216,11 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
             "σ of rotation (°)",
             ["about east", "about north", "about up (heading)"],
         );
+        let out = if shown.is_empty() {
+            &mut shown
+        } else {
+            &mut folded
+        };
         out.push_str(&html::figure(
             &format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n"),
             &format!(
@@ -201,52 +229,7 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
             ),
         ));
     }
-    out
-}
-
-/// Cost over iterations, every scale in its own column of one logarithmic chart.
-pub fn convergence(run: &MethodRun) -> String {
-    let costs = run.scales.iter().flat_map(|s| &s.cost_m4).copied();
-    if !costs.clone().any(|c| c.is_finite() && c > 0.0) {
-        return String::new();
-    }
-    let columns = run.scales.len() as f64;
-    let x = Axis {
-        label: "voxel size, iterations".into(),
-        min: 0.0,
-        max: columns,
-        log: false,
-    };
-    let y = Axis::decades("cost Σσ² (m⁴)", costs);
-    let mut plot = Plot::bare(FULL, 290.0, x, y);
-    for (i, scale) in run.scales.iter().enumerate() {
-        let left = i as f64;
-        if i > 0 {
-            plot.upright("grid", left);
-        }
-        let steps = scale.cost_m4.len().max(2) as f64 - 1.0;
-        let curve: Vec<[f64; 2]> = scale
-            .cost_m4
-            .iter()
-            .enumerate()
-            .map(|(j, c)| [left + 0.12 + 0.76 * j as f64 / steps, *c])
-            .collect();
-        plot.line(&series(0), &curve);
-        if curve.len() <= 16 {
-            plot.dots(&format!("dot {}", series(0)), 3.0, &curve);
-        }
-        let (x, y) = (plot.px(left + 0.5), plot.bottom() + 17.0);
-        let text = format!("{} · {}", number::voxel(scale.voxel_m), scale.iterations);
-        plot.text("tick", x, y, &text);
-    }
-    plot.x_label();
-    html::figure(
-        &plot.finish("Cost over iterations"),
-        &format!(
-            "Cost over the iterations, method {}: one column a scale, from before the first iteration to the last. Each scale has its own points, so only the fall within a column counts.",
-            escape(&run.method)
-        ),
-    )
+    shown + &html::details("Standard deviations of the other drives", &folded)
 }
 
 /// Mean residuals along the drive with the band that poses and noise explain.
@@ -287,11 +270,11 @@ pub fn residuals(figure: &ResidualFigure) -> String {
             .blocks
             .iter()
             .partition(|b| b.mean_m.abs() > 2.0 * b.expected_sigma_m);
-        let points = |list: &[&super::content::ResidualBlock]| -> Vec<[f64; 2]> {
+        let points = |list: &[&ResidualBlock]| -> Vec<[f64; 2]> {
             let shown = list.iter().map(|b| [b.time_s - start, 1e3 * b.mean_m]);
             shown.collect()
         };
-        let curve = points(&line.blocks.iter().collect::<Vec<_>>());
+        let curve = with_gaps(&points(&line.blocks.iter().collect::<Vec<_>>()));
         plot.line("s0 fine", &thin(&curve, VERTICES));
         if line.blocks.len() <= VERTICES {
             plot.dots("dot s0", 2.6, &points(&inside));
@@ -309,5 +292,19 @@ pub fn residuals(figure: &ResidualFigure) -> String {
         &(html::legend(&entries) + &charts),
         "Mean residual in blocks of time. Where the mounting is constant, about 95 % of the dots lie in the band; a pattern along the drive says that the mounting moves or that poses err more than they claim.",
     ));
+    out
+}
+
+/// Adds a gap wherever more time passes than twice the shortest step.
+fn with_gaps(curve: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let steps = curve.windows(2).map(|w| w[1][0] - w[0][0]);
+    let shortest = steps.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+    let mut out = Vec::with_capacity(curve.len());
+    for (i, p) in curve.iter().enumerate() {
+        if i > 0 && p[0] - curve[i - 1][0] > 2.1 * shortest {
+            out.push([0.5 * (p[0] + curve[i - 1][0]), f64::NAN]);
+        }
+        out.push(*p);
+    }
     out
 }

@@ -44,6 +44,17 @@ pub fn table(class: &str, head: &str, body: &str) -> String {
     )
 }
 
+/// A body folded under a summary (text); nothing where the body is empty.
+pub fn details(summary: &str, body: &str) -> String {
+    if body.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<details>\n<summary>{}</summary>\n{body}</details>\n",
+        escape(summary)
+    )
+}
+
 /// A row of column headings (markup).
 pub fn head(cells: &[&str]) -> String {
     let mut out = String::from("<tr>");

@@ -3,29 +3,40 @@
 use super::axis::Axis;
 use super::chart::Plot;
 use super::content::{DistanceMap, MapPanel};
-use super::figures::{HALF, coordinate_label, shift};
-use super::html::escape;
+use super::figures::{coordinate_label, shift};
+use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
 use super::tables::mounting_name;
 
 /// Most pixels of a map in either direction.
 const PIXELS: usize = 420;
+/// Width of one of three panels side by side.
+const THIRD: f64 = 310.0;
 /// Bins of a histogram.
 const BINS: usize = 50;
 
-/// All maps and what they show.
+/// All maps: those of the first drive, then those of the others folded, and what they show.
 pub fn maps(list: &[DistanceMap]) -> String {
-    let mut out: String = list.iter().map(map).collect();
-    if !out.is_empty() {
-        out.push_str(
-            "<p class=\"note\">Signed M3C2 distance of every core point from above, and its histogram. All panels of a figure share one colour scale; each histogram has its own axis. Figures 6 and 7 of the paper.</p>\n",
-        );
+    let mut drives: Vec<&str> = list.iter().map(|map| map.drive.as_str()).collect();
+    drives.dedup();
+    let mut out = String::new();
+    for (i, drive) in drives.iter().enumerate() {
+        let of_drive = list.iter().filter(|map| map.drive == *drive);
+        let figures: String = of_drive.map(map).collect();
+        if i == 0 {
+            out.push_str(&figures);
+            out.push_str(NOTE);
+        } else {
+            out.push_str(&html::details(&format!("Maps of {drive}"), &figures));
+        }
     }
     out
 }
 
-/// One map with its panels side by side, colour scale and histograms.
+const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point from above; the colours stand under the axis of the histogram. The first maps share one scale, which shows what the calibration changed; the last is magnified to show what is left. Figures 6 and 7 of the paper.</p>\n";
+
+/// One map with its panels side by side, each over its histogram.
 fn map(map: &DistanceMap) -> String {
     let positions = map
         .panels
@@ -36,33 +47,48 @@ fn map(map: &DistanceMap) -> String {
     let Some(bounds) = Bounds::around(positions) else {
         return String::new();
     };
-    let limit_m = map
-        .colour_limit_m
-        .filter(|l| *l > 0.0 && l.is_finite())
-        .unwrap_or_else(|| default_limit(map.panels.last()));
+    let given = map.colour_limit_m.filter(|l| *l > 0.0 && l.is_finite());
+    let common_m = given.unwrap_or_else(|| {
+        let limits = map.panels.iter().map(default_limit);
+        limits.fold(0.0, f64::max)
+    });
     let mut cells = String::new();
     for panel in &map.panels {
-        let values = sorted_distances(panel);
-        if values.is_empty() {
-            continue;
-        }
-        cells.push_str(&format!(
-            "<div><h4>{} <small>RMSE {}, mean {}</small></h4>\n{}{}</div>\n",
-            mounting_name(panel.mounting),
-            number::with_unit(number::millimetres(rms(&values)), "mm"),
-            number::with_unit(number::signed(number::millimetres(mean(&values))), "mm"),
-            top_view(panel, bounds, limit_m),
-            histogram(&values, limit_m)
-        ));
+        cells.push_str(&cell(panel, bounds, common_m, ""));
     }
-    let body = format!(
-        "{}<div class=\"pair\">{cells}</div>\n",
-        colour_scale(limit_m)
-    );
+    if let (None, [_, .., last]) = (given, map.panels.as_slice()) {
+        let own_m = default_limit(last);
+        if own_m <= 0.5 * common_m {
+            cells.push_str(&cell(last, bounds, own_m, ", magnified"));
+        }
+    }
     format!(
-        "<figure>\n<h3>{}, {}</h3>\n{body}</figure>\n",
+        "<figure>\n<h3>{}, {}</h3>\n<div class=\"panels\">{cells}</div>\n</figure>\n",
         escape(&map.pair),
         escape(&map.drive)
+    )
+}
+
+fn cell(panel: &MapPanel, bounds: Bounds, limit_m: f64, addition: &str) -> String {
+    let values = sorted_distances(panel);
+    if values.is_empty() {
+        return String::new();
+    }
+    let summary = if addition.is_empty() {
+        format!(
+            "RMSE {}, mean {}",
+            number::with_unit(number::millimetres(rms(&values)), "mm"),
+            number::with_unit(number::signed(number::millimetres(mean(&values))), "mm")
+        )
+    } else {
+        let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
+        format!("colours to ± {limit}")
+    };
+    format!(
+        "<div><h4>{}{addition} <small>{summary}</small></h4>\n{}{}</div>\n",
+        mounting_name(panel.mounting),
+        top_view(panel, bounds, limit_m),
+        histogram(&values, limit_m)
     )
 }
 
@@ -83,8 +109,8 @@ fn rms(values: &[f64]) -> f64 {
 }
 
 /// A round limit that holds 97 % of the distances, at least 1 mm.
-fn default_limit(panel: Option<&MapPanel>) -> f64 {
-    let mut sizes: Vec<f64> = panel.map(sorted_distances).unwrap_or_default();
+fn default_limit(panel: &MapPanel) -> f64 {
+    let mut sizes = sorted_distances(panel);
     for d in &mut sizes {
         *d = d.abs();
     }
@@ -98,8 +124,8 @@ fn top_view(panel: &MapPanel, bounds: Bounds, limit_m: f64) -> String {
     let local = |p: [f64; 2]| [p[0] - x0, p[1] - y0];
     let (low, high) = (local(bounds.min), local(bounds.max));
     let mut plot = Plot::map(
-        HALF,
-        430.0,
+        THIRD,
+        330.0,
         Axis::over(&coordinate_label("east", x0), [low[0], high[0]]),
         Axis::over(&coordinate_label("north", y0), [low[1], high[1]]),
     );
@@ -116,62 +142,40 @@ fn top_view(panel: &MapPanel, bounds: Bounds, limit_m: f64) -> String {
     ))
 }
 
-/// Histogram of ascending distances over the middle 99 % of them, bars in the colours of the map.
+/// Histogram of ascending distances between the ends of the colour scale, bars in the colours of
+/// the map, and all of these under the axis.
 fn histogram(values_m: &[f64], limit_m: f64) -> String {
     let n = values_m.len();
-    let tail = n / 200;
-    let (low, high) = (values_m[tail], values_m[n - 1 - tail]);
-    // Not narrower than 0.1 mm, so that equal distances still make a bar.
-    let spare = (0.05e-3 - 0.5 * (high - low)).max(0.0);
-    let x = Axis::rounded("distance (mm)", [1e3 * (low - spare), 1e3 * (high + spare)]);
+    let x = Axis::over("distance (mm)", [-1e3 * limit_m, 1e3 * limit_m]);
     let width = (x.max - x.min) / BINS as f64;
     let mut bins = [0usize; BINS];
-    let mut outside = 0usize;
+    let mut beyond = 0usize;
     for d in values_m {
-        let place = (1e3 * d - x.min) / width;
-        if place >= 0.0 && place <= BINS as f64 {
+        if d.abs() <= limit_m {
+            let place = (1e3 * d - x.min) / width;
             bins[(place as usize).min(BINS - 1)] += 1;
         } else {
-            outside += 1;
+            beyond += 1;
         }
     }
     let share = |count: usize| 100.0 * count as f64 / n as f64;
     let most = bins.iter().copied().max().unwrap_or(0);
     let y = Axis::rounded("share (%)", [0.0, share(most)]);
     let start = x.min;
-    let mut plot = Plot::new(HALF, 190.0, x, y);
+    let mut plot = Plot::new(THIRD, 170.0, x, y);
     for (i, count) in bins.iter().enumerate() {
         let x0 = start + width * i as f64;
         let middle_m = 1e-3 * (x0 + 0.5 * width);
         let fill = raster::diverging_css(middle_m / limit_m);
         plot.bar(&fill, x0, x0 + width, share(*count));
+        plot.under(&fill, x0, x0 + width);
     }
-    let beyond = values_m.iter().filter(|d| d.abs() > limit_m).count();
     let note = format!(
-        "<p class=\"aside\">{} % beyond the colour scale; {} of {} core points outside this axis.</p>\n",
+        "<p class=\"aside\">{} % of {} points beyond the scale</p>\n",
         number::fixed(share(beyond), 1),
-        number::count(outside),
         number::count(n)
     );
     plot.finish("Histogram of distances") + &note
-}
-
-/// The colour scale with its limits.
-fn colour_scale(limit_m: f64) -> String {
-    let stops: Vec<String> = (0..=12)
-        .map(|i| raster::diverging_css(f64::from(i) / 6.0 - 1.0))
-        .collect();
-    let text = |share: f64| number::signed(number::shortest(share * limit_m * 1e3));
-    format!(
-        "<div class=\"scale\"><span class=\"ramp\" style=\"background:linear-gradient(to right,{})\"></span>\
-         <span class=\"ends\"><span>≤ {}</span><span>{}</span><span>0</span><span>{}</span><span>≥ {}</span></span>\
-         <span class=\"unit\">distance (mm)</span></div>\n",
-        stops.join(","),
-        text(-1.0),
-        text(-0.5),
-        text(0.5),
-        text(1.0)
-    )
 }
 
 #[cfg(test)]
@@ -195,9 +199,8 @@ mod tests {
         let mut distances = vec![0.0015; 99];
         distances.push(0.4);
         distances.push(f64::NAN);
-        assert!((default_limit(Some(&panel(&distances))) - 2e-3).abs() < 1e-12);
-        assert_eq!(default_limit(Some(&panel(&[]))), 1e-3);
-        assert_eq!(default_limit(None), 1e-3);
+        assert!((default_limit(&panel(&distances)) - 2e-3).abs() < 1e-12);
+        assert_eq!(default_limit(&panel(&[])), 1e-3);
     }
 
     #[test]

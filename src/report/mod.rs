@@ -7,6 +7,7 @@
 mod axis;
 mod chart;
 pub mod content;
+mod convergence;
 mod figures;
 mod html;
 mod maps;

@@ -141,7 +141,7 @@ impl Block {
             }
             ParameterOrigin::Fixed => out.push_str("<span class=\"held\">fixed by user</span>"),
             ParameterOrigin::NotObservable => {
-                out.push_str("<span class=\"held open\">not observable: initial value</span>");
+                out.push_str("<span class=\"held open\">not observable</span>");
             }
         }
         if let Some(error) = cell.error.filter(|e| e.is_finite()) {
@@ -168,6 +168,10 @@ pub fn tables(list: &[MountingTable]) -> String {
     out.push_str("<p class=\"note\">± is one standard deviation.");
     if usable.iter().any(|t| t.truth.is_some()) {
         out.push_str(" Below it the error: value minus truth. ‡ marks errors beyond 1.96 σ, of which one in twenty is to be expected.");
+    }
+    let mut estimates = usable.iter().flat_map(|t| &t.estimates);
+    if estimates.any(|e| e.origin.contains(&ParameterOrigin::NotObservable)) {
+        out.push_str(" What is not observable keeps what the initial values say of it.");
     }
     out.push_str(" Table I of the paper.</p>\n");
     out

@@ -2,7 +2,7 @@
 
 use super::content::Content;
 use super::html::{self, escape};
-use super::{figures, maps, mounting, tables};
+use super::{convergence, figures, maps, mounting, tables};
 
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
@@ -70,7 +70,11 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
                 .map(|t| figures::top_view(t) + &figures::pose_sigmas(t))
                 .unwrap_or_default(),
         ),
-        ("convergence", "Convergence", convergence(content)),
+        (
+            "convergence",
+            "Convergence and methods",
+            convergence::section(&content.methods),
+        ),
         (
             "correlation",
             "Correlations of the parameters",
@@ -84,11 +88,6 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         ),
         ("warnings", "Warnings", tables::warnings(&content.warnings)),
     ]
-}
-
-fn convergence(content: &Content) -> String {
-    let charts: String = content.methods.iter().map(figures::convergence).collect();
-    tables::endings(&content.methods) + &charts + &tables::methods(&content.methods)
 }
 
 fn correlations(matrix: &super::content::CorrelationMatrix) -> String {

@@ -5,9 +5,8 @@ use base64::Engine as _;
 
 /// Colours of a diverging scale, from −1 to 1.
 const LEVELS: usize = 41;
-/// Index of the colour of background points, after the scale; the next is transparent.
-const BACKGROUND: u8 = LEVELS as u8;
-const EMPTY: u8 = BACKGROUND + 1;
+/// Index of a pixel without points: the transparent colour after the scale.
+const EMPTY: u8 = LEVELS as u8;
 
 /// The colour of `t` in [−1, 1]: blue below, grey at zero, red above; clamped beyond.
 pub fn diverging(t: f64) -> [u8; 3] {
@@ -158,21 +157,54 @@ pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: us
         let t = (total / f64::from(n) / limit).clamp(-1.0, 1.0);
         ((t + 1.0) * 0.5 * (LEVELS - 1) as f64).round() as u8
     });
-    raster(&grid, pixels.collect())
+    raster(&grid, pixels.collect(), &|share| {
+        let [r, g, b] = diverging(2.0 * share - 1.0);
+        [r, g, b, 255]
+    })
 }
 
-/// Points in a pale grey that suits light and dark.
-pub fn background(points: &[[f64; 2]], bounds: Bounds, most: usize) -> Raster {
+/// Points (east, north, up) shaded by their height from `low` to `high`, the highest of a pixel
+/// counting.
+pub fn heights(points: &[[f64; 3]], [low, high]: [f64; 2], bounds: Bounds, most: usize) -> Raster {
     let grid = Grid::new(bounds, most);
-    let mut pixels = vec![EMPTY; grid.width * grid.height];
-    for (column, row) in points.iter().filter_map(|p| grid.pixel(*p)) {
-        pixels[row * grid.width + column] = BACKGROUND;
+    let usable = points.iter().filter(|p| p[2].is_finite());
+    let reach = grid.reach(usable.clone().map(|p| [p[0], p[1]]));
+    let mut highest = vec![f64::NEG_INFINITY; grid.width * grid.height];
+    for p in usable {
+        let Some((column, row)) = grid.pixel([p[0], p[1]]) else {
+            continue;
+        };
+        for r in row.saturating_sub(reach)..=(row + reach).min(grid.height - 1) {
+            for c in column.saturating_sub(reach)..=(column + reach).min(grid.width - 1) {
+                let cell = &mut highest[r * grid.width + c];
+                *cell = cell.max(p[2]);
+            }
+        }
     }
-    raster(&grid, pixels)
+    let pixels = highest.iter().map(|&up| {
+        if up == f64::NEG_INFINITY {
+            return EMPTY;
+        }
+        let share = ((up - low) / (high - low).max(1e-6)).clamp(0.0, 1.0);
+        (share * (LEVELS - 1) as f64).round() as u8
+    });
+    raster(&grid, pixels.collect(), &shade)
 }
 
-fn raster(grid: &Grid, pixels: Vec<u8>) -> Raster {
-    let png = encode(grid.width as u32, grid.height as u32, &pixels);
+/// Red, green, blue and opacity of a height `share` in [0, 1]: one brown, more of it where higher,
+/// which suits light and dark pages.
+fn shade(share: f64) -> [u8; 4] {
+    [150, 104, 40, (26.0 + 204.0 * share).round() as u8]
+}
+
+/// As [`shade`], as a colour of a style sheet.
+pub fn shade_css(share: f64) -> String {
+    let [r, g, b, a] = shade(share);
+    format!("rgba({r},{g},{b},{:.2})", f64::from(a) / 255.0)
+}
+
+fn raster(grid: &Grid, pixels: Vec<u8>, colour: &dyn Fn(f64) -> [u8; 4]) -> Raster {
+    let png = encode(grid.width as u32, grid.height as u32, &pixels, colour);
     let text = base64::engine::general_purpose::STANDARD.encode(png);
     Raster {
         uri: format!("data:image/png;base64,{text}"),
@@ -180,16 +212,14 @@ fn raster(grid: &Grid, pixels: Vec<u8>) -> Raster {
     }
 }
 
-/// An indexed PNG over the palette of this module.
-fn encode(width: u32, height: u32, pixels: &[u8]) -> Vec<u8> {
-    let mut palette = Vec::with_capacity(3 * usize::from(EMPTY + 1));
-    for level in 0..LEVELS {
-        let t = 2.0 * level as f64 / (LEVELS - 1) as f64 - 1.0;
-        palette.extend_from_slice(&diverging(t));
-    }
-    palette.extend_from_slice(&[128, 136, 146, 0, 0, 0]);
-    let mut alpha = vec![255u8; LEVELS];
-    alpha.extend_from_slice(&[90, 0]);
+/// An indexed PNG whose colours are those of evenly spaced shares, then the transparent one.
+fn encode(width: u32, height: u32, pixels: &[u8], colour: &dyn Fn(f64) -> [u8; 4]) -> Vec<u8> {
+    let colours: Vec<[u8; 4]> = (0..LEVELS)
+        .map(|level| colour(level as f64 / (LEVELS - 1) as f64))
+        .chain([[0; 4]])
+        .collect();
+    let palette: Vec<u8> = colours.iter().flat_map(|c| [c[0], c[1], c[2]]).collect();
+    let alpha: Vec<u8> = colours.iter().map(|c| c[3]).collect();
 
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
@@ -253,6 +283,16 @@ mod tests {
         let (east, north) = painted(LEVELS as u8 - 1).unwrap();
         assert!(west < 10 && south > 40 && east > 90 && north < 10);
         assert_eq!(painted(LEVELS as u8 / 2), None);
+    }
+
+    #[test]
+    fn a_pixel_shows_its_highest_point() {
+        let points = [[0.0, 0.0, 0.0], [10.0, 5.0, 0.3], [10.0, 5.0, 1.0]];
+        let bounds = Bounds::around(points.iter().map(|p| [p[0], p[1]])).unwrap();
+        let (_, _, pixels) = decode(&heights(&points, [0.0, 1.0], bounds, 100).uri);
+        let painted = |level: usize| pixels.iter().any(|p| usize::from(*p) == level);
+        assert!(painted(0) && painted(LEVELS - 1));
+        assert!(!painted((0.3 * (LEVELS - 1) as f64) as usize));
     }
 
     #[test]

@@ -1,8 +1,6 @@
 //! The tables of the page.
 
-use super::content::{
-    Content, CorrelationMatrix, DistanceRow, Fact, MethodRun, MountingKind, StageTime,
-};
+use super::content::{Content, CorrelationMatrix, DistanceRow, Fact, MountingKind, StageTime};
 use super::html::{self, escape};
 use super::number::{self, DASH};
 use super::raster;
@@ -33,16 +31,82 @@ pub fn facts(list: &[Fact]) -> String {
     out
 }
 
-/// Table II, one table a pair of clouds.
-pub fn distances(rows: &[DistanceRow]) -> String {
+/// The pairs of clouds in the order of their first rows.
+fn pairs(rows: &[DistanceRow]) -> Vec<&str> {
     let mut pairs: Vec<&str> = Vec::new();
     for row in rows {
         if !pairs.contains(&row.pair.as_str()) {
             pairs.push(&row.pair);
         }
     }
+    pairs
+}
+
+/// Table II: the RMSE of every pair and drive, and all statistics folded below.
+pub fn distances(rows: &[DistanceRow]) -> String {
+    if rows.is_empty() {
+        return String::new();
+    }
+    rmse(rows)
+        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. The true mounting, where it is listed, is applied on the same estimated poses: what it leaves is the share of poses and noise. Table II of the paper.</p>\n"
+        + &html::details(
+            "Mean, standard deviation, median, number of core points",
+            &statistics(rows),
+        )
+}
+
+/// RMSE before and after.
+fn rmse(rows: &[DistanceRow]) -> String {
+    let known = rows.iter().any(|row| row.mounting == MountingKind::Truth);
+    let mut heads = vec!["clouds", "drive", "initial", "calibrated"];
+    if known {
+        heads.push("true mounting");
+    }
+    let mut head = String::from("<tr>");
+    for (i, text) in heads.iter().enumerate() {
+        let unit = if i < 2 { "" } else { "<br/><small>mm</small>" };
+        let class = if i < 2 { " class=\"text\"" } else { "" };
+        head.push_str(&format!("<th scope=\"col\"{class}>{text}{unit}</th>"));
+    }
+    head.push_str("<th scope=\"col\">times better</th></tr>\n");
+    let mut body = String::new();
+    for pair in pairs(rows) {
+        let of_pair: Vec<&DistanceRow> = rows.iter().filter(|r| r.pair == pair).collect();
+        let mut drives: Vec<&str> = of_pair.iter().map(|r| r.drive.as_str()).collect();
+        drives.dedup();
+        for (i, drive) in drives.iter().enumerate() {
+            let find = |kind: MountingKind| {
+                let mut all = of_pair.iter();
+                all.find(|r| r.drive == *drive && r.mounting == kind)
+                    .map_or(f64::NAN, |r| r.statistics.rmse_m)
+            };
+            let (first, last) = (find(MountingKind::Initial), find(MountingKind::Final));
+            let is_first = i == 0;
+            body.push_str(&format!(
+                "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td class=\"result\">{}</td>",
+                if is_first { "first" } else { "" },
+                if is_first { escape(pair) } else { String::new() },
+                escape(drive),
+                number::millimetres(first),
+                number::millimetres(last)
+            ));
+            if known {
+                let truth = number::millimetres(find(MountingKind::Truth));
+                body.push_str(&format!("<td>{truth}</td>"));
+            }
+            body.push_str(&format!(
+                "<td>{}</td></tr>\n",
+                number::significant(first / last, 2)
+            ));
+        }
+    }
+    html::table("numbers rmse", &head, &body)
+}
+
+/// One table a pair of clouds.
+fn statistics(rows: &[DistanceRow]) -> String {
     let mut out = String::new();
-    for pair in pairs {
+    for pair in pairs(rows) {
         let of_pair: Vec<&DistanceRow> = rows.iter().filter(|r| r.pair == pair).collect();
         let mut body = String::new();
         let mut previous: Option<&str> = None;
@@ -77,92 +141,7 @@ pub fn distances(rows: &[DistanceRow]) -> String {
         out.push_str(&format!("<h3>{}</h3>\n", escape(pair)));
         out.push_str(&html::table("numbers distances", head, &body));
     }
-    if !out.is_empty() {
-        out.push_str(
-            "<p class=\"note\">Signed M3C2 distances over the core points. The true mounting, where it is listed, is applied on the same estimated poses: what it leaves is the share of poses and noise. Table II of the paper.</p>\n",
-        );
-    }
     out
-}
-
-/// Scales of every method.
-pub fn methods(runs: &[MethodRun]) -> String {
-    let scales = || runs.iter().flat_map(|run| &run.scales);
-    if scales().next().is_none() {
-        return String::new();
-    }
-    let known =
-        scales().any(|s| s.max_translation_error_m.is_some() || s.max_rotation_error_rad.is_some());
-    let mut head = String::from(
-        "<tr><th scope=\"col\">method</th><th scope=\"col\">voxel</th><th scope=\"col\">points</th><th scope=\"col\">neighbour-<br/>hoods</th><th scope=\"col\">iterations</th><th scope=\"col\">final cost<br/><small>m⁴</small></th><th scope=\"col\">time<br/><small>s</small></th>",
-    );
-    if known {
-        head.push_str("<th scope=\"col\">largest error<br/><small>mm</small></th><th scope=\"col\">largest error<br/><small>°</small></th>");
-    }
-    head.push_str("</tr>\n");
-    let mut body = String::new();
-    for run in runs {
-        for (i, scale) in run.scales.iter().enumerate() {
-            let name = if i == 0 {
-                escape(&run.method)
-            } else {
-                String::new()
-            };
-            let cost = scale.cost_m4.last().copied().unwrap_or(f64::NAN);
-            body.push_str(&format!(
-                "<tr class=\"{}\"><th scope=\"row\">{name}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>",
-                if i == 0 { "first" } else { "" },
-                number::voxel(scale.voxel_m),
-                number::count(scale.points),
-                number::count(scale.neighbourhoods),
-                number::count(scale.iterations),
-                number::scientific(cost, 3),
-                number::fixed(scale.seconds, 2)
-            ));
-            if known {
-                let length = scale.max_translation_error_m.map(number::millimetres);
-                let angle = scale.max_rotation_error_rad.map(f64::to_degrees);
-                body.push_str(&format!(
-                    "<td>{}</td><td>{}</td>",
-                    length.unwrap_or_else(|| DASH.to_owned()),
-                    angle.map_or_else(|| DASH.to_owned(), |a| number::fixed(a, 3))
-                ));
-            }
-            body.push_str("</tr>\n");
-        }
-        let iterations = run.scales.iter().map(|s| s.iterations).sum();
-        let seconds: f64 = run.scales.iter().map(|s| s.seconds).sum();
-        let columns = if known { "<td></td><td></td>" } else { "" };
-        body.push_str(&format!(
-            "<tr class=\"total\"><th scope=\"row\"></th><td>all</td><td></td><td></td><td>{}</td><td></td><td>{}</td>{columns}</tr>\n",
-            number::count(iterations),
-            number::fixed(seconds, 2)
-        ));
-    }
-    html::table("numbers", &head, &body)
-}
-
-/// How each method ended, in words.
-pub fn endings(runs: &[MethodRun]) -> String {
-    let mut out = String::new();
-    for run in runs {
-        let state = if run.converged {
-            "converged"
-        } else {
-            "did not converge"
-        };
-        let class = if run.converged { "" } else { " class=\"out\"" };
-        let separator = if run.ending.is_empty() { "" } else { ": " };
-        out.push_str(&format!(
-            "<li><b>{}</b> <span{class}>{state}</span>{separator}{}</li>\n",
-            escape(&run.method),
-            escape(&run.ending)
-        ));
-    }
-    if out.is_empty() {
-        return out;
-    }
-    format!("<ul class=\"plain\">\n{out}</ul>\n")
 }
 
 /// Correlations as a table coloured by sign and size.

@@ -163,14 +163,14 @@ fn method(name: &str, first: usize, later: usize) -> MethodRun {
     let scales = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005];
     let run = |(i, voxel_m): (usize, &f64)| {
         let iterations = if i == 0 { first } else { later };
-        let floor = 2e-3 * f64::powi(*voxel_m, 4) * 5e4;
-        let start = if i == 0 { 40.0 } else { 1.3 };
+        let floor = 1e-3 + 0.05 * voxel_m;
+        let start = if i == 0 { 8.0 } else { 1.1 };
         ScaleRun {
             voxel_m: *voxel_m,
             points: (900.0 / (voxel_m * voxel_m)) as usize / 10,
             neighbourhoods: (700.0 / (voxel_m * voxel_m)) as usize / 10,
             iterations,
-            cost_m4: (0..=iterations)
+            cost: (0..=iterations)
                 .map(|j| floor * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp()))
                 .collect(),
             seconds: 0.4 / voxel_m.sqrt(),
@@ -186,6 +186,7 @@ fn method(name: &str, first: usize, later: usize) -> MethodRun {
         } else {
             "every scale ended below 0.01 mm and 0.001°".into()
         },
+        measure: CostMeasure::default(),
         scales: scales.iter().enumerate().map(run).collect(),
     }
 }
@@ -305,7 +306,10 @@ pub fn full(n: usize) -> Content {
                 drive("drive-3", 0.45),
             ],
             background_m: (0..20_000)
-                .map(|i| [4.0 + 4.2 * noise(3 * i), 3.0 + 3.4 * noise(3 * i + 1)])
+                .map(|i| {
+                    let [x, y] = [4.0 + 4.2 * noise(3 * i), 3.0 + 3.4 * noise(3 * i + 1)];
+                    [x, y, 0.3 * (x * 0.9).sin().max(0.0)]
+                })
                 .collect(),
             outlines: vec![
                 square(1.2, 1.2, "0°"),
