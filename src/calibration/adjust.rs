@@ -13,6 +13,14 @@ const SEARCH_AGAIN_SHARE: f64 = 0.1;
 /// below which flatness says nothing.
 const CONVERGED_SHARE: f64 = 0.01;
 
+/// A scale has also converged when a step lowers the mean ln(λ₃ + s²) by less than this: one part in
+/// 10⁵ of the variance, which s of a millimetre turns into hundredths of a millimetre in the
+/// parameters that are determined least.
+const CONVERGED_COST: f64 = 1e-5;
+
+/// And when neighbourhoods found anew have not lowered it by more than this: they alternate.
+const WORTH_SEARCHING: f64 = 1e-4;
+
 /// Damping at the start, relative to the diagonal of the normal matrix.
 const INITIAL_DAMPING: f64 = 1e-6;
 
@@ -39,7 +47,7 @@ pub struct ScaleResult {
     pub ending: Ending,
     /// Accepted and refused steps.
     pub iterations: usize,
-    /// Σσ² before the first step and after every iteration, m⁴.
+    /// The method's own cost before the first step and after every iteration.
     pub costs: Vec<f64>,
     /// Points placed with the mountings found.
     pub placed: Placed,
@@ -60,9 +68,8 @@ pub struct ScaleSettings {
     pub max_iterations: usize,
 }
 
-/// Minimises Σσ² over the directions `basis` (6 s × f) of the mountings.
-///
-/// `basis_of` gives the free directions at the current mountings.
+/// Minimises the [`cost`](super::cost) over the directions that `basis_of` gives at the current
+/// mountings (6 s × f).
 pub fn adjust_scale(
     cloud: &ScaleCloud,
     start: &[Mounting],
@@ -75,9 +82,11 @@ pub fn adjust_scale(
     let mut searched = placed.clone();
     let mut equations = normal_equations(cloud, &placed, &neighbourhoods);
     let mut costs = vec![equations.cost];
+    let mut best = (equations.cost, mountings.clone());
     let mut damping = INITIAL_DAMPING;
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
+    let count = neighbourhoods.len() as f64;
     while iterations < settings.max_iterations {
         iterations += 1;
         let basis = basis_of(&mountings);
@@ -89,28 +98,41 @@ pub fn adjust_scale(
         let candidate_placed = cloud.place(&candidate);
         let moved_m = farthest_move(&placed, &candidate_placed);
         let candidate_cost = cost(cloud, &candidate_placed, &neighbourhoods);
-        let small = moved_m < CONVERGED_SHARE * cloud.floor_m;
-        if candidate_cost <= equations.cost {
-            mountings = candidate;
-            placed = candidate_placed;
-            damping = (damping * 0.1).max(1e-12);
-        } else if small || damping > LARGEST_DAMPING {
+        let lowered = equations.cost - candidate_cost;
+        let small = moved_m < CONVERGED_SHARE * cloud.floor_m || lowered < CONVERGED_COST * count;
+        if lowered < 0.0 {
             costs.push(equations.cost);
-            ending = Ending::CostFloor;
-            break;
-        } else {
+            if moved_m < CONVERGED_SHARE * cloud.floor_m || damping > LARGEST_DAMPING {
+                ending = Ending::CostFloor;
+                break;
+            }
             damping = (damping * 10.0).max(1e-4);
+            continue;
+        }
+        mountings = candidate;
+        placed = candidate_placed;
+        damping = (damping * 0.1).max(1e-12);
+        if farthest_move(&searched, &placed) > SEARCH_AGAIN_SHARE * settings.voxel_m {
+            neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+            searched = placed.clone();
+            equations = normal_equations(cloud, &placed, &neighbourhoods);
             costs.push(equations.cost);
+            if equations.cost > best.0 - WORTH_SEARCHING * count {
+                ending = Ending::Converged;
+                if equations.cost > best.0 {
+                    mountings = best.1;
+                    placed = cloud.place(&mountings);
+                    neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+                }
+                break;
+            }
+            best = (equations.cost, mountings.clone());
             continue;
         }
         if small {
             costs.push(candidate_cost);
             ending = Ending::Converged;
             break;
-        }
-        if farthest_move(&searched, &placed) > SEARCH_AGAIN_SHARE * settings.voxel_m {
-            neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
-            searched = placed.clone();
         }
         equations = normal_equations(cloud, &placed, &neighbourhoods);
         costs.push(equations.cost);

@@ -94,7 +94,8 @@ pub struct Scale {
     pub reference_points: usize,
     /// Neighbourhoods in the cost.
     pub neighbourhoods: usize,
-    /// Σσ² before the first and after every iteration, m⁴.
+    /// The method's own cost before the first and after every iteration: Σ ln(λ₃ + s²), see
+    /// [`cost`], or the paper's Σσ² (m⁴).
     pub costs: Vec<f64>,
     /// How it ended.
     pub ending: Ending,

@@ -2,8 +2,8 @@
 //!
 //! The normal matrix is scaled to a unit diagonal; an eigenvalue near zero belongs to a direction
 //! in which the mountings can move without the omnivariance noticing. Such a direction is held at
-//! its initial value: the adjustment moves only in the complement that is orthogonal to it where
-//! a metre of shift counts as much as a radian over [`LEVER_M`].
+//! its initial value: of the parameters that it mostly moves, the sum weighted by the direction
+//! stays, where a metre of shift counts as much as a radian over [`LEVER_M`].
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -43,6 +43,12 @@ pub struct Observability {
 
 /// Judges the normal matrix over the directions `basis` of the mountings.
 pub fn judge(matrix: &DMatrix<f64>, basis: &DMatrix<f64>, mountings: &[Mounting]) -> Observability {
+    if basis.ncols() == 0 {
+        return Observability {
+            shares: Vec::new(),
+            free: Vec::new(),
+        };
+    }
     let reduced = basis.transpose() * matrix * basis;
     let scale: Vec<f64> = (0..reduced.nrows())
         .map(|i| reduced[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip())
@@ -86,20 +92,17 @@ impl Observability {
             return basis.clone();
         }
         // Constraint rows nᵀ P B z = 0; the null space of all of them, by QR of the transpose.
-        let metric = metric(basis.nrows());
         let constraints = DMatrix::from_fn(basis.ncols(), self.free.len(), |column, row| {
-            let weighted = self.free[row].direction.component_mul(&metric);
-            weighted.dot(&basis.column(column))
+            self.free[row].weighted().dot(&basis.column(column))
         });
         basis * null_space(&constraints)
     }
 
     /// The multiple of each free direction that brings `mountings` back to where `initial` held it.
     pub fn back_to(&self, change: &DVector<f64>) -> DVector<f64> {
-        let metric = metric(change.len());
         let mut correction = DVector::zeros(change.len());
         for free in &self.free {
-            let weighted = free.direction.component_mul(&metric);
+            let weighted = free.weighted();
             let amount = weighted.dot(&(change + &correction)) / weighted.dot(&free.direction);
             correction -= &free.direction * amount;
         }
@@ -107,12 +110,28 @@ impl Observability {
     }
 }
 
-/// Weights that make a shift of a metre count as a rotation of 1 rad over [`LEVER_M`].
-fn metric(size: usize) -> DVector<f64> {
-    DVector::from_fn(
-        size,
-        |row, _| if row % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M },
-    )
+impl FreeDirection {
+    /// P n: the direction over the parameters it mostly moves, rotations over [`LEVER_M`].
+    fn weighted(&self) -> DVector<f64> {
+        DVector::from_fn(self.direction.len(), |row, _| {
+            let (scanner, axis) = (row / 6, row % 6);
+            // The angles of the list are Euler angles; any of them brings in the whole rotation.
+            let concerned = self.parameters.iter().any(|&(s, parameter)| {
+                s == scanner
+                    && if axis < 3 {
+                        parameter == axis
+                    } else {
+                        parameter >= 3
+                    }
+            });
+            let metric = if axis < 3 { 1.0 } else { LEVER_M * LEVER_M };
+            if concerned {
+                self.direction[row] * metric
+            } else {
+                0.0
+            }
+        })
+    }
 }
 
 /// Orthonormal columns that span the complement of the columns of `constraints`.

@@ -18,7 +18,7 @@ const CONVERGED_M: f64 = 1e-5;
 
 /// New neighbourhoods in every iteration keep the parameters from coming to rest. A scale has also
 /// ended when this many iterations have not lowered the cost by [`WORTHWHILE`].
-const PATIENCE: usize = 30;
+const PATIENCE: usize = 20;
 
 /// Relative change of the cost that counts as progress.
 const WORTHWHILE: f64 = 1e-3;
