@@ -45,7 +45,7 @@ fn run(seed: u64, folder: &Path) -> Result<[Calibration; 3]> {
     let reference = stages::reference(&project, &Silent)?;
     let poses = stages::poses(&project, &Silent)?;
     let truth = format::read_trajectory(&files.drives[0].folder.join("truth/trajectory.csv"))?;
-    let exact = Poses::exact(Trajectory::new(truth)?);
+    let exact = Poses::from_file(Trajectory::new(truth)?);
     pose_errors(&poses, &exact);
     let calibrate = |poses: &Poses, reference: &[_]| {
         let samples = stages::samples(&project, &poses.trajectory, &Silent)?;

@@ -39,7 +39,7 @@ fn case() -> &'static Case {
         Case {
             reference: stages::reference(&project, &Silent).unwrap(),
             own: stages::poses(&project, &Silent).unwrap(),
-            exact: Poses::exact(exact),
+            exact: Poses::from_file(exact),
             truth: scenario.true_mountings(),
             project,
             _folder: folder,

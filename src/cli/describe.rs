@@ -74,17 +74,8 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
             "against each other; without a reference their common height cannot be found and is held"
         }
     };
-    let search = project
-        .calibration
-        .multi_start_rad
-        .map_or(String::new(), |half_width| {
-            format!(
-                "; before it, search rotations within ±{}°",
-                short(half_width.to_degrees())
-            )
-        });
     steps.push(format!(
-        "calibrate {} on {} scales {against}{search}",
+        "calibrate {} on {} scales {against}",
         names.join(", "),
         project.calibration.voxel_sizes_m.len()
     ));
@@ -261,12 +252,6 @@ fn calibration_of(lines: &mut Lines, settings: &CalibrationSettings) {
         "another pass after",
         format!("{} s", short(settings.pass_gap_s)),
     );
-    if let Some(half_width) = settings.multi_start_rad {
-        lines.value(
-            "search before",
-            format!("±{} of rotation", degrees(half_width)),
-        );
-    }
 }
 
 fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {

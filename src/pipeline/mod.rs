@@ -164,7 +164,7 @@ pub fn analyse(
             "calibrate with exact poses",
             progress,
             || {
-                let exact = Poses::exact(truth.trajectory.clone());
+                let exact = Poses::from_file(truth.trajectory.clone());
                 let samples = stages::samples(project, &exact.trajectory, progress)?;
                 calibrate(&exact, &samples, &reference, settings)
             },

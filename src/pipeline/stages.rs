@@ -12,7 +12,7 @@ use crate::sensor::{PoseRecord, PoseSigma};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
 
 /// What to know about sigmas from poses that have none.
-pub const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
+const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
      the mounting hold for exact poses, and real ones are larger";
 
 /// Where the body was, and how that is known.
@@ -43,8 +43,8 @@ impl Poses {
         }
     }
 
-    /// Poses taken as exact.
-    pub fn exact(trajectory: Trajectory) -> Self {
+    /// Poses that come without a joint covariance.
+    pub fn from_file(trajectory: Trajectory) -> Self {
         Self {
             trajectory,
             solution: None,
@@ -62,11 +62,10 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
         Motion::Poses(file) => {
             let nodes = read_poses(file, &project.origin_m)?;
-            Ok(Poses {
-                trajectory: Trajectory::new(nodes)?,
-                solution: None,
-                covariance: None,
-            })
+            if nodes.iter().all(|node| node.sigma.is_none()) {
+                progress.warn(POSES_WITHOUT_SIGMA);
+            }
+            Ok(Poses::from_file(Trajectory::new(nodes)?))
         }
     }
 }
@@ -329,9 +328,6 @@ pub fn calibration(
             ),
             "leave some parameters out of `fixed`, or use `boresight georeference`",
         ));
-    }
-    if matches!(poses.uncertainty(), PoseUncertainty::None) {
-        progress.warn(POSES_WITHOUT_SIGMA);
     }
     let input = Input {
         mountings: mountings(project),

@@ -52,7 +52,6 @@ fn written(project: &Project) -> Written {
             method: Some(calibration.method),
             max_iterations: Some(calibration.max_iterations),
             pass_gap_s: Some(calibration.pass_gap_s),
-            multi_start_deg: calibration.multi_start_rad.map(degrees),
         },
         comparison: written::Comparison {
             core_spacing_m: Some(comparison.core_spacing_m),

@@ -74,9 +74,6 @@ pub struct CalibrationSettings {
     pub max_iterations: usize,
     /// A point of the same scanner and voxel this much later belongs to another pass, seconds.
     pub pass_gap_s: f64,
-    /// Half-width of a search over rotations before the adjustment, radians; `None` starts at the
-    /// given mounting.
-    pub multi_start_rad: Option<f64>,
 }
 
 impl Default for CalibrationSettings {
@@ -87,7 +84,6 @@ impl Default for CalibrationSettings {
             method: Method::Reweighted,
             max_iterations: 50,
             pass_gap_s: 3.0,
-            multi_start_rad: None,
         }
     }
 }

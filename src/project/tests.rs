@@ -89,7 +89,6 @@ neighbours = 20
 method = "paper"
 max_iterations = 450
 pass_gap_s = 10
-multi_start_deg = 5.3
 
 [comparison]
 core_spacing_m = 0.1
@@ -182,8 +181,6 @@ fn unusual_keys_are_understood() {
         [true, false, true, false, false, false]
     );
     assert_eq!(project.calibration.method, Method::Paper);
-    let start = project.calibration.multi_start_rad.unwrap();
-    assert!((start.to_degrees() - 5.3).abs() < 1e-12);
 }
 
 #[test]

@@ -162,8 +162,6 @@ pub struct Calibration {
     pub max_iterations: Option<usize>,
     /// A point of the same scanner and voxel this much later belongs to another pass.
     pub pass_gap_s: Option<f64>,
-    /// Half-width of a search over rotations before the adjustment; none by default.
-    pub multi_start_deg: Option<f64>,
 }
 
 /// `[comparison]`

@@ -56,19 +56,6 @@ pub(super) fn calibration(
             "pass_gap_s",
             written.pass_gap_s.unwrap_or(default.pass_gap_s),
         )?,
-        multi_start_rad: written
-            .multi_start_deg
-            .map(|deg| {
-                let good = |deg| 0.0 < deg && deg <= 180.0;
-                table.number(
-                    "multi_start_deg",
-                    deg,
-                    good,
-                    "an angle above 0 and up to 180",
-                )
-            })
-            .transpose()?
-            .map(f64::to_radians),
     })
 }
 
