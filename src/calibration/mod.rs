@@ -72,8 +72,8 @@ pub struct Calibration {
     pub converged: bool,
     /// Coarse to fine.
     pub scales: Vec<Scale>,
-    /// Covariance of (δt, δψ) of all scanners, body axes, zero for what was held; `None` where it
-    /// was not asked for or the normal matrix is singular.
+    /// Covariance of (δt, δψ) of all scanners, body axes, zero for what was held; `None` where the
+    /// normal matrix is singular, and for the paper's method, which gives none.
     pub covariance: Option<DMatrix<f64>>,
     /// What the data determine.
     pub observability: Observability,
@@ -285,16 +285,21 @@ fn judge(
     let matrix = cost::normal_equations(cloud, &placed, &neighbourhoods).matrix;
     let basis = parameters::free_basis(&mountings);
     let observability = observability::judge(&matrix, &basis, &mountings);
-    let gradient_covariance = uncertainty::gradient_covariance(
-        cloud,
-        &placed,
-        &neighbourhoods,
-        &mountings,
-        input.trajectory,
-        input.poses,
-    );
-    let determined = observability.determined(&basis);
-    let covariance = uncertainty::mounting_covariance(&matrix, &determined, &gradient_covariance);
+    let covariance = match method {
+        Method::Paper => None,
+        Method::Reweighted => {
+            let gradient = uncertainty::gradient_covariance(
+                cloud,
+                &placed,
+                &neighbourhoods,
+                &mountings,
+                input.trajectory,
+                input.poses,
+            );
+            let determined = observability.determined(&basis);
+            uncertainty::mounting_covariance(&matrix, &determined, &gradient)
+        }
+    };
     let constancy = constancy::judge(cloud, &placed, &neighbourhoods, input.trajectory);
     let converged = scales
         .iter()
