@@ -34,6 +34,10 @@ pub enum Ending {
     Converged,
     /// No damping lowers the cost further: the cost is at its floor.
     CostFloor,
+    /// New neighbourhoods no longer lower the cost; the best mountings so far are kept.
+    Alternating,
+    /// The data determine no direction in which to step.
+    NotDetermined,
     /// The allowed number of iterations ran out.
     IterationsExhausted,
 }
@@ -91,7 +95,7 @@ pub fn adjust_scale(
         iterations += 1;
         let basis = basis_of(&mountings);
         let Some(step) = damped_step(&equations, &basis, damping) else {
-            ending = Ending::CostFloor;
+            ending = Ending::NotDetermined;
             break;
         };
         let candidate = parameters::moved(&mountings, &step);
@@ -116,9 +120,9 @@ pub fn adjust_scale(
             neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
             searched = placed.clone();
             equations = normal_equations(cloud, &placed, &neighbourhoods);
-            costs.push(equations.cost);
+            costs.push(equations.cost.min(best.0));
             if equations.cost > best.0 - WORTH_SEARCHING * count {
-                ending = Ending::Converged;
+                ending = Ending::Alternating;
                 if equations.cost > best.0 {
                     mountings = best.1;
                     placed = cloud.place(&mountings);
@@ -175,11 +179,20 @@ fn damped_step(
     }
 }
 
+impl Ending {
+    /// Whether more iterations would not have changed the result.
+    pub fn is_converged(self) -> bool {
+        matches!(self, Self::Converged | Self::CostFloor | Self::Alternating)
+    }
+}
+
 impl std::fmt::Display for Ending {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Converged => "converged",
             Self::CostFloor => "at the floor of the cost",
+            Self::Alternating => "converged as far as its neighbourhoods tell",
+            Self::NotDetermined => "not determined by the data",
             Self::IterationsExhausted => "stopped at the allowed number of iterations",
         })
     }

@@ -49,6 +49,9 @@ pub struct NormalEquations {
     pub gradient: DVector<f64>,
     /// Gauss-Newton matrix, 6 s × 6 s.
     pub matrix: DMatrix<f64>,
+    /// Its diagonal before the means are taken off, 2w/k Σ a_j²: what the points would say of each
+    /// parameter if the planes stood still.
+    pub uncentred: DVector<f64>,
 }
 
 /// The plane of a neighbourhood and its weight.
@@ -131,11 +134,13 @@ pub fn normal_equations(
         cost: 0.0,
         gradient: DVector::zeros(size),
         matrix: DMatrix::zeros(size, size),
+        uncentred: DVector::zeros(size),
     };
     partial.into_iter().fold(zero, |mut total, part| {
         total.cost += part.cost;
         total.gradient += part.gradient;
         total.matrix += part.matrix;
+        total.uncentred += part.uncentred;
         total
     })
 }
@@ -206,6 +211,8 @@ impl Sums {
 
     fn finish(mut self) -> NormalEquations {
         let scanners = self.gradient.len();
+        let diagonals = self.own.iter().flat_map(|own| own.diagonal().data.0[0]);
+        let uncentred = DVector::from_iterator(6 * scanners, diagonals);
         for (scanner, own) in self.own.iter_mut().enumerate() {
             own.fill_lower_triangle_with_upper_triangle();
             let mut block = self.matrix.fixed_view_mut::<6, 6>(6 * scanner, 6 * scanner);
@@ -225,6 +232,7 @@ impl Sums {
             cost: self.cost,
             gradient,
             matrix: self.matrix,
+            uncentred,
         }
     }
 }

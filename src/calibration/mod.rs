@@ -1,5 +1,5 @@
-//! The mounting of all scanners at once: coarse to fine, minimise the omnivariance of point
-//! neighbourhoods (Esser et al. 2024), with or without a reference.
+//! The mounting of all scanners at once: coarse to fine, make the neighbourhoods of points as thin
+//! as possible (after Esser et al. 2024), with or without a reference.
 //!
 //! Read [`calibrate`] first: it is the algorithm. Then [`cost`] (the mathematics), [`adjust`] (one
 //! scale), [`observability`] and [`uncertainty`] (what the result is worth), [`constancy`] (whether
@@ -30,7 +30,7 @@ pub use uncertainty::PoseUncertainty;
 
 use crate::cloud::voxel;
 use crate::error::{Error, Result};
-use crate::geometry::{Pose, Vec3, so3};
+use crate::geometry::{EulerConvention, Pose, Vec3, so3};
 use crate::progress::Progress;
 use crate::project::{CalibrationSettings, Method, PARAMETER_NAMES};
 use crate::trajectory::Trajectory;
@@ -105,7 +105,7 @@ pub struct Scale {
     pub mountings: Vec<Mounting>,
 }
 
-/// Minimises the omnivariance coarse to fine, then judges the result.
+/// Makes neighbourhoods thin coarse to fine, then judges the result.
 ///
 /// # Errors
 /// A scanner without points; fewer points than a neighbourhood needs.
@@ -193,22 +193,20 @@ fn scale_cloud(
     Ok(cloud)
 }
 
-/// s of the cost: the share of the voxel, and the root mean square standard deviation of the poses'
-/// coordinates. Passes cannot agree better than their poses.
+/// s of the cost: the share of the voxel, and the standard deviation of a coordinate of the poses,
+/// the median along the drive so that an outage does not count. Passes cannot agree better than
+/// their poses.
 fn floor_m(input: &Input<'_>, voxel_m: f64) -> f64 {
     let sigmas = input
         .trajectory
         .nodes()
         .iter()
         .filter_map(|node| node.sigma);
-    let (sum, count) = sigmas.fold((0.0, 0), |(sum, count), sigma| {
-        (sum + sigma.position_m.norm_squared() / 3.0, count + 1)
-    });
-    let variance = if count > 0 {
-        sum / f64::from(count)
-    } else {
-        0.0
-    };
+    let mut variances: Vec<f64> = sigmas
+        .map(|sigma| sigma.position_m.norm_squared() / 3.0)
+        .collect();
+    variances.sort_by(f64::total_cmp);
+    let variance = variances.get(variances.len() / 2).copied().unwrap_or(0.0);
     (variance + (FLOOR_SHARE * voxel_m).powi(2)).sqrt()
 }
 
@@ -228,8 +226,8 @@ fn adjust(
     };
     let placed = cloud.place(start);
     let found = neighbourhoods::find(cloud, &placed, scale.k, scale.stride);
-    let matrix = cost::normal_equations(cloud, &placed, &found).matrix;
-    let seen = observability::judge(&matrix, &parameters::free_basis(start), start);
+    let equations = cost::normal_equations(cloud, &placed, &found);
+    let seen = observability::judge(&equations, &parameters::free_basis(start), start);
     let basis_of = |now: &[Mounting]| seen.determined(&parameters::free_basis(now));
     let mut result = match settings.method {
         Method::Reweighted => adjust::adjust_scale(cloud, start, &basis_of, scale),
@@ -244,7 +242,7 @@ fn adjust(
 fn hold_free_directions(cloud: &ScaleCloud, input: &Input<'_>, result: &mut ScaleResult) {
     let equations = cost::normal_equations(cloud, &result.placed, &result.neighbourhoods);
     let basis = parameters::free_basis(&result.mountings);
-    let seen = observability::judge(&equations.matrix, &basis, &result.mountings);
+    let seen = observability::judge(&equations, &basis, &result.mountings);
     if seen.free.is_empty() {
         return;
     }
@@ -282,9 +280,9 @@ fn judge(
         neighbourhoods,
         ..
     } = result;
-    let matrix = cost::normal_equations(cloud, &placed, &neighbourhoods).matrix;
+    let equations = cost::normal_equations(cloud, &placed, &neighbourhoods);
     let basis = parameters::free_basis(&mountings);
-    let observability = observability::judge(&matrix, &basis, &mountings);
+    let observability = observability::judge(&equations, &basis, &mountings);
     let covariance = match method {
         Method::Paper => None,
         Method::Reweighted => {
@@ -297,13 +295,11 @@ fn judge(
                 input.poses,
             );
             let determined = observability.determined(&basis);
-            uncertainty::mounting_covariance(&matrix, &determined, &gradient)
+            uncertainty::mounting_covariance(&equations.matrix, &determined, &gradient)
         }
     };
     let constancy = constancy::judge(cloud, &placed, &neighbourhoods, input.trajectory);
-    let converged = scales
-        .iter()
-        .all(|scale| scale.ending != Ending::IterationsExhausted);
+    let converged = scales.iter().all(|scale| scale.ending.is_converged());
     Calibration {
         method,
         mountings,
@@ -324,22 +320,27 @@ impl Calibration {
             .collect()
     }
 
-    /// Whether the data determine this parameter.
+    /// Whether the data determine this parameter; angles are those of the mounting's own convention.
     pub fn is_observable(&self, scanner: usize, parameter: usize) -> bool {
-        !self
-            .observability
-            .free
+        self.is_observable_in(scanner, parameter, self.mountings[scanner].convention)
+    }
+
+    /// The same with the angles of `convention`.
+    fn is_observable_in(
+        &self,
+        scanner: usize,
+        parameter: usize,
+        convention: EulerConvention,
+    ) -> bool {
+        let free = &self.observability.free;
+        !free
             .iter()
-            .any(|free| free.parameters.contains(&(scanner, parameter)))
+            .any(|free| free.moves((scanner, parameter), convention, &self.mountings))
     }
 
     /// Standard deviations of tx, ty, tz (metres) and of the three Euler angles (radians) of
     /// `scanner` in `convention`; `None` for what was held.
-    pub fn sigmas(
-        &self,
-        scanner: usize,
-        convention: crate::geometry::EulerConvention,
-    ) -> [Option<f64>; 6] {
+    pub fn sigmas(&self, scanner: usize, convention: EulerConvention) -> [Option<f64>; 6] {
         let mounting = &self.mountings[scanner];
         let Some(covariance) = &self.covariance else {
             return [None; 6];
@@ -351,7 +352,7 @@ impl Calibration {
         std::array::from_fn(|parameter| {
             let held = convention == mounting.convention && mounting.fixed[parameter];
             let held = held || (parameter < 3 && mounting.fixed[parameter]);
-            if held || !self.is_observable(scanner, parameter) {
+            if held || !self.is_observable_in(scanner, parameter, convention) {
                 return None;
             }
             let variance: f64 = if parameter < 3 {

@@ -1,30 +1,34 @@
 //! What the data determine, and what they do not, in plain words.
 //!
-//! The normal matrix is scaled to a unit diagonal; an eigenvalue near zero belongs to a direction
-//! in which the mountings can move without the omnivariance noticing. Such a direction is held at
-//! its initial value: of the parameters that it mostly moves, the sum weighted by the direction
-//! stays, where a metre of shift counts as much as a radian over [`LEVER_M`].
+//! The normal matrix is scaled by what each point would say of each parameter if the planes of the
+//! neighbourhoods stood still ([`NormalEquations::uncentred`]). An eigenvalue is then the share of
+//! that information which is left once the planes move along: near zero for a direction in which
+//! the mountings move without any neighbourhood growing thicker. Such a direction is held at its
+//! initial value: of the parameters that it mostly moves, the sum weighted by the direction stays,
+//! where a metre of shift counts as much as a radian over [`LEVER_M`].
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::cost::NormalEquations;
 use super::parameters::{Mounting, euler_jacobian_body};
+use crate::geometry::EulerConvention;
 use crate::project::PARAMETER_NAMES;
 
 /// A rotation counts as the shift it causes at this distance, metres: the working range of a
 /// close-range scanner.
 pub const LEVER_M: f64 = 1.5;
 
-/// Eigenvalues of the scaled normal matrix below this share of the largest count as zero. On
-/// simulated drives the common height has 4e-6 without a reference and the next direction 3e-3; with
-/// one, nothing is below 6e-3. The threshold lies halfway between, in factors.
-pub const WEAK_SHARE: f64 = 1e-4;
+/// Shares of the information below this count as none. On simulated drives the heights have 2e-6 to
+/// 1e-5 without a reference, from what little roll and pitch tell, and the next direction 5e-3; with
+/// one, nothing is below 1e-2. The threshold lies halfway between, in factors.
+pub const WEAK_SHARE: f64 = 2e-4;
 
 /// A direction that the data leave free.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeDirection {
     /// Six numbers a scanner: shifts in metres, rotations in radians, in body axes.
     pub direction: DVector<f64>,
-    /// Eigenvalue as a share of the largest.
+    /// Share of the information that is left.
     pub share: f64,
     /// What cannot be found, in words.
     pub words: String,
@@ -35,32 +39,39 @@ pub struct FreeDirection {
 /// Eigenvalues of the scaled normal matrix and the directions that are free.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observability {
-    /// Shares of the largest eigenvalue, ascending.
+    /// Shares of the information that are left, ascending.
     pub shares: Vec<f64>,
     /// Free directions; empty where all is determined.
     pub free: Vec<FreeDirection>,
 }
 
-/// Judges the normal matrix over the directions `basis` of the mountings.
-pub fn judge(matrix: &DMatrix<f64>, basis: &DMatrix<f64>, mountings: &[Mounting]) -> Observability {
+/// Judges the normal equations over the directions `basis` of the mountings.
+pub fn judge(
+    equations: &NormalEquations,
+    basis: &DMatrix<f64>,
+    mountings: &[Mounting],
+) -> Observability {
     if basis.ncols() == 0 {
         return Observability {
             shares: Vec::new(),
             free: Vec::new(),
         };
     }
-    let reduced = basis.transpose() * matrix * basis;
-    let scale: Vec<f64> = (0..reduced.nrows())
-        .map(|i| reduced[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip())
+    let reduced = basis.transpose() * &equations.matrix * basis;
+    let scale: Vec<f64> = basis
+        .column_iter()
+        .map(|column| {
+            let said = column.component_mul(&column).dot(&equations.uncentred);
+            said.max(f64::MIN_POSITIVE).sqrt().recip()
+        })
         .collect();
     let scaled = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
         reduced[(i, j)] * scale[i] * scale[j]
     });
     let eigen = SymmetricEigen::new(scaled);
-    let largest = eigen.eigenvalues.max();
     let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let share = |i: usize| (eigen.eigenvalues[i] / largest).max(0.0);
+    let share = |i: usize| eigen.eigenvalues[i].max(0.0);
     let free = order
         .iter()
         .filter(|&&i| share(i) < WEAK_SHARE)
@@ -69,7 +80,7 @@ pub fn judge(matrix: &DMatrix<f64>, basis: &DMatrix<f64>, mountings: &[Mounting]
                 scale[row] * eigen.eigenvectors[(row, i)]
             });
             let direction = (basis * coordinates).normalize();
-            let parameters = concerned(&direction, mountings);
+            let parameters = concerned(&direction, mountings, None);
             let words = in_words(&direction, &parameters, mountings);
             FreeDirection {
                 direction,
@@ -100,17 +111,35 @@ impl Observability {
 
     /// The multiple of each free direction that brings `mountings` back to where `initial` held it.
     pub fn back_to(&self, change: &DVector<f64>) -> DVector<f64> {
+        let count = self.free.len();
+        let weighted: Vec<DVector<f64>> = self.free.iter().map(FreeDirection::weighted).collect();
+        let products = DMatrix::from_fn(count, count, |i, j| {
+            weighted[i].dot(&self.free[j].direction)
+        });
+        let sums = DVector::from_fn(count, |i, _| weighted[i].dot(change));
         let mut correction = DVector::zeros(change.len());
-        for free in &self.free {
-            let weighted = free.weighted();
-            let amount = weighted.dot(&(change + &correction)) / weighted.dot(&free.direction);
-            correction -= &free.direction * amount;
+        // Singular where two directions move the same parameters alike: neither is then brought back.
+        if let Some(amounts) = products.lu().solve(&sums) {
+            for (free, amount) in self.free.iter().zip(amounts.iter()) {
+                correction -= &free.direction * *amount;
+            }
         }
         correction
     }
 }
 
 impl FreeDirection {
+    /// Whether it moves this parameter by at least a third of what it moves the most, angles being
+    /// those of `convention`.
+    pub fn moves(
+        &self,
+        (scanner, parameter): (usize, usize),
+        convention: EulerConvention,
+        mountings: &[Mounting],
+    ) -> bool {
+        concerned(&self.direction, mountings, Some(convention)).contains(&(scanner, parameter))
+    }
+
     /// P n: the direction over the parameters it mostly moves, rotations over [`LEVER_M`].
     fn weighted(&self) -> DVector<f64> {
         DVector::from_fn(self.direction.len(), |row, _| {
@@ -148,9 +177,14 @@ fn null_space(constraints: &DMatrix<f64>) -> DMatrix<f64> {
     })
 }
 
-/// Parameters that a free direction moves by at least a third of what it moves the most.
-fn concerned(direction: &DVector<f64>, mountings: &[Mounting]) -> Vec<(usize, usize)> {
-    let amounts = amounts(direction, mountings);
+/// Parameters that a free direction moves by at least a third of what it moves the most; angles
+/// in each mounting's own convention unless another is asked for.
+fn concerned(
+    direction: &DVector<f64>,
+    mountings: &[Mounting],
+    convention: Option<EulerConvention>,
+) -> Vec<(usize, usize)> {
+    let amounts = amounts(direction, mountings, convention);
     let largest = amounts
         .iter()
         .map(|(_, amount)| amount.abs())
@@ -163,12 +197,18 @@ fn concerned(direction: &DVector<f64>, mountings: &[Mounting]) -> Vec<(usize, us
 }
 
 /// How far a direction moves each parameter, in metres (angles over [`LEVER_M`]).
-fn amounts(direction: &DVector<f64>, mountings: &[Mounting]) -> Vec<((usize, usize), f64)> {
+fn amounts(
+    direction: &DVector<f64>,
+    mountings: &[Mounting],
+    convention: Option<EulerConvention>,
+) -> Vec<((usize, usize), f64)> {
     let mut amounts = Vec::new();
     for (scanner, mounting) in mountings.iter().enumerate() {
         let part = direction.rows(6 * scanner, 6);
-        let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner)
-            * part.fixed_rows::<3>(3);
+        let angles = euler_jacobian_body(
+            convention.unwrap_or(mounting.convention),
+            &mounting.body_from_scanner,
+        ) * part.fixed_rows::<3>(3);
         for axis in 0..3 {
             amounts.push(((scanner, axis), part[axis]));
         }
@@ -219,7 +259,18 @@ fn in_words(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{EulerConvention, Pose};
+    use crate::geometry::Pose;
+
+    /// Normal equations with this matrix where each parameter alone would be known by one.
+    fn equations(matrix: DMatrix<f64>) -> NormalEquations {
+        let size = matrix.nrows();
+        NormalEquations {
+            cost: 0.0,
+            gradient: DVector::zeros(size),
+            uncentred: DVector::repeat(size, 1.0),
+            matrix,
+        }
+    }
 
     fn two() -> Vec<Mounting> {
         ["left", "right"]
@@ -240,7 +291,7 @@ mod tests {
         null[8] = 0.5f64.sqrt();
         let matrix = DMatrix::identity(12, 12) - &null * null.transpose();
         let basis = DMatrix::identity(12, 12);
-        let seen = judge(&matrix, &basis, &two());
+        let seen = judge(&equations(matrix), &basis, &two());
         assert_eq!(seen.free.len(), 1);
         assert_eq!(seen.free[0].words, "all scanners' common height");
         assert_eq!(seen.free[0].parameters, [(0, 2), (1, 2)]);
@@ -257,7 +308,7 @@ mod tests {
     #[test]
     fn a_full_matrix_frees_nothing() {
         let seen = judge(
-            &DMatrix::identity(12, 12),
+            &equations(DMatrix::identity(12, 12)),
             &DMatrix::identity(12, 12),
             &two(),
         );
@@ -266,5 +317,41 @@ mod tests {
             seen.determined(&DMatrix::identity(12, 12)),
             DMatrix::identity(12, 12)
         );
+    }
+
+    #[test]
+    fn a_parameter_that_is_weak_on_its_own_is_seen_too() {
+        // One scanner, only its height free, and next to nothing left once the planes move along.
+        let mut matrix = DMatrix::zeros(6, 6);
+        matrix[(2, 2)] = 1e-6;
+        let mut mounting = two().remove(0);
+        mounting.fixed = [true, true, false, true, true, true];
+        let basis = mounting.free_basis();
+        let seen = judge(&equations(matrix), &basis, &[mounting]);
+        assert_eq!(seen.free.len(), 1);
+        assert_eq!(seen.free[0].words, "the height of `left`");
+        assert_eq!(seen.determined(&basis).ncols(), 0);
+    }
+
+    #[test]
+    fn two_free_directions_are_both_brought_back() {
+        // Both heights free: any two directions that span them must bring both back.
+        let mut matrix = DMatrix::identity(12, 12);
+        matrix[(2, 2)] = 0.0;
+        matrix[(8, 8)] = 0.0;
+        let basis = DMatrix::identity(12, 12);
+        let mut seen = judge(&equations(matrix), &basis, &two());
+        assert_eq!(seen.free.len(), 2);
+        for (free, (left, right)) in seen.free.iter_mut().zip([(1.0, 0.9), (0.9, 1.0)]) {
+            free.direction = DVector::zeros(12);
+            free.direction[2] = left;
+            free.direction[8] = right;
+            free.parameters = vec![(0, 2), (1, 2)];
+        }
+        let mut change = DVector::zeros(12);
+        change[2] = 0.05;
+        change[8] = -0.02;
+        let back = seen.back_to(&change);
+        assert!((back[2] + 0.05).abs() < 1e-12 && (back[8] - 0.02).abs() < 1e-12);
     }
 }

@@ -23,6 +23,9 @@ const PATIENCE: usize = 20;
 /// Relative change of the cost that counts as progress.
 const WORTHWHILE: f64 = 1e-3;
 
+/// The farthest that a step may move a point, in voxels.
+const FARTHEST_VOXELS: f64 = 4.0;
+
 /// A step is halved up to this many times until it lowers the cost: dσ vanishes where surfaces
 /// meet, so that undamped steps overshoot by degrees.
 const HALVINGS: i32 = 12;
@@ -72,9 +75,14 @@ pub fn adjust_scale(
     while iterations < settings.max_iterations {
         iterations += 1;
         let basis = basis_of(&mountings);
+        if basis.ncols() == 0 {
+            ending = Ending::NotDetermined;
+            break;
+        }
         let jacobian = jacobian(&cloud, &neighbourhoods, &mountings, &basis);
         let gradient = jacobian.tr_mul(&residuals);
         let Some(factor) = Cholesky::new(jacobian.tr_mul(&jacobian)) else {
+            ending = Ending::NotDetermined;
             break;
         };
         let step = -(basis * factor.solve(&gradient));
@@ -82,7 +90,9 @@ pub fn adjust_scale(
         let lowered = (0..HALVINGS).find_map(|halvings| {
             let candidate = parameters::moved(&mountings, &(&step * 0.5f64.powi(halvings)));
             let moved = cloud.place(&candidate);
-            let lower = omnivariances(&moved, &neighbourhoods).norm_squared() < cost;
+            // Beyond a few voxels the neighbourhoods say nothing of what would be found there.
+            let near = farthest_move(&placed, &moved) < FARTHEST_VOXELS * settings.voxel_m;
+            let lower = near && omnivariances(&moved, &neighbourhoods).norm_squared() < cost;
             lower.then_some((candidate, moved))
         });
         let Some((candidate, moved)) = lowered else {

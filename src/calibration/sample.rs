@@ -5,7 +5,7 @@
 //! calibration looks for, and one point a voxel would hide it.
 
 use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_key};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::format::ProfileReader;
 use crate::geometry::{Pose, Vec3, transform};
 use crate::georeference::Georeferencer;
@@ -113,18 +113,12 @@ pub fn sample_profiles(
     let mut thinner = Thinner::new(voxel_m, pass_gap_s);
     let mut georeferencer = Georeferencer::new(trajectory, *body_from_scanner, offset_s);
     let mut chunk: Vec<ScanPoint> = Vec::new();
-    let (mut read, mut outside) = (0, 0);
-    let (mut first_s, mut last_s) = (f64::INFINITY, f64::NEG_INFINITY);
     for mut reader in readers {
         let mut bytes = 0;
         while reader.next_chunk(&mut chunk)? {
             for point in &chunk {
                 let (time_s, pose) = georeferencer.body_at(point);
-                read += 1;
-                first_s = first_s.min(time_s);
-                last_s = last_s.max(time_s);
                 let Some(world_from_body) = pose else {
-                    outside += 1;
                     continue;
                 };
                 let position_m = point.position_m;
@@ -142,30 +136,11 @@ pub fn sample_profiles(
             bytes = reader.bytes_read();
         }
     }
-    if read == 0 {
-        return Err(Error::data(
-            format!("scanner `{name}` has no points"),
-            "check that the profile file is the right one and not empty",
-        ));
-    }
-    if outside == read {
-        let span = trajectory.span_s();
-        crate::sensor::check_overlap(
-            (
-                &format!("the profiles of scanner `{name}`"),
-                (first_s, last_s),
-            ),
-            ("the trajectory", span),
-        )?;
-        return Err(Error::data(
-            format!("no profile of scanner `{name}` falls on a pose of the trajectory"),
-            "check the clocks; `time_offset_s` shifts a scanner",
-        ));
-    }
+    georeferencer.check(name)?;
     Ok(ScannerSample {
         points: thinner.finish(),
-        read,
-        outside,
+        read: georeferencer.read(),
+        outside: georeferencer.outside(),
     })
 }
 

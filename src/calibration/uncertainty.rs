@@ -9,7 +9,9 @@
 //! independent from point to point, and the poses, whose errors are correlated along the drive:
 //! dx = dp − R_mb (u)× dφ with u = t_bs + R_bs x_s. The smoother propagates the latter with its
 //! full posterior covariance, correlations in time included. Uncertainties that ignore the poses
-//! would be too small by an order of magnitude.
+//! would be too small by an order of magnitude. The
+//! reference counts as exact: its own noise averages out over thousands of points, and an error of
+//! its registration moves all scanners alike.
 
 use nalgebra::{DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;

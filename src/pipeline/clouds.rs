@@ -7,16 +7,18 @@ use crate::geometry::{Pose, Vec3};
 use crate::georeference::Georeferencer;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
-use crate::sensor::{ScanPoint, check_overlap};
+use crate::sensor::ScanPoint;
 use crate::trajectory::Trajectory;
 
 /// Most points of one scanner and drive that are kept for comparing. M3C2 averages over cylinders;
 /// what is left still gives tens of points to each.
 const MOST_KEPT: usize = 2_000_000;
 
-/// Keeps every n-th point of a stream of unknown length; n doubles whenever too many are kept.
+/// Keeps an even share of a stream of unknown length. A point is kept where a hash of its index is
+/// below a bound that halves whenever too many are kept: every n-th point would be the same few
+/// columns of every profile.
 struct Evenly {
-    stride: u64,
+    bound: u64,
     shown: u64,
     kept: Vec<(u64, ScanPoint)>,
 }
@@ -24,22 +26,23 @@ struct Evenly {
 impl Evenly {
     fn new() -> Self {
         Self {
-            stride: 1,
+            bound: u64::MAX,
             shown: 0,
             kept: Vec::new(),
         }
     }
 
     fn show(&mut self, point: &ScanPoint) {
-        if self.shown.is_multiple_of(self.stride) {
-            self.kept.push((self.shown, *point));
+        // Multiples of the golden ratio are spread evenly over [0, 2^64).
+        let hash = self.shown.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.shown += 1;
+        if hash <= self.bound {
+            self.kept.push((hash, *point));
             if self.kept.len() > MOST_KEPT {
-                self.stride *= 2;
-                self.kept
-                    .retain(|(index, _)| index.is_multiple_of(self.stride));
+                self.bound /= 2;
+                self.kept.retain(|(hash, _)| *hash <= self.bound);
             }
         }
-        self.shown += 1;
     }
 }
 
@@ -81,17 +84,12 @@ pub fn stream(
         };
         let mut kept = Evenly::new();
         let mut chunk = Vec::new();
-        let (mut read, mut outside) = (0, 0);
-        let mut span_s = (f64::INFINITY, f64::NEG_INFINITY);
         for mut reader in readers {
             let mut bytes = 0;
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
                     let time_s = point.time_s + scanner.time_offset_s;
-                    span_s = (time_s.min(span_s.0), time_s.max(span_s.1));
-                    read += 1;
                     let Some(world) = place.place(point) else {
-                        outside += 1;
                         continue;
                     };
                     kept.show(point);
@@ -107,13 +105,9 @@ pub fn stream(
         if let Some(writer) = writer {
             writer.finish()?;
         }
-        if outside == read && read > 0 {
-            let name = format!("the profiles of scanner `{}`", scanner.name);
-            let poses = ("the trajectory", trajectory.span_s());
-            check_overlap((&name, span_s), poses)?;
-        }
+        place.check(&scanner.name)?;
         let points = kept.kept.into_iter().map(|(_, point)| point).collect();
-        Ok((points, outside, read))
+        Ok((points, place.outside(), place.read()))
     });
     progress.end();
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;

@@ -173,22 +173,14 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
         "scanners": result::scanners(project, &found),
         "calibration": result::calibration(&found),
     });
-    let calibrated = stages::with_mountings(project, &found.poses());
-    for (name, text) in [
-        ("calibration.toml", calibrated.scanners_to_toml()?),
-        ("result.json", format!("{document:#}\n")),
-    ] {
-        let path = staging.path(name);
-        std::fs::write(&path, text).map_err(|error| Error::io(&path, error))?;
-    }
+    let calibrated = stages::with_mountings(project, &found.poses()).scanners_to_toml()?;
+    let path = staging.path("calibration.toml");
+    std::fs::write(&path, calibrated).map_err(|error| Error::io(&path, error))?;
     staging.commit()?;
     Ok(Outcome {
         result: document,
         summary: summary::mountings(&found),
-        files: vec![
-            options.out.join("calibration.toml"),
-            options.out.join("result.json"),
-        ],
+        files: vec![options.out.join("calibration.toml")],
     })
 }
 

@@ -241,6 +241,14 @@ pub fn analyse(
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
     }
+    warnings.extend(page::not_constant(&calibration));
+    if poses
+        .solution
+        .as_ref()
+        .is_some_and(|solution| !solution.converged)
+    {
+        warnings.push("the trajectory did not converge: its sigmas mean nothing".into());
+    }
     warnings.iter().for_each(|warning| progress.warn(warning));
     let findings = Findings {
         without_reference,

@@ -365,25 +365,14 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
 
 pub(super) fn residuals(project: &Project, calibration: &Calibration) -> Option<ResidualFigure> {
     let constancy = calibration.constancy.as_ref()?;
-    let size = verdicts::millimetres(constancy.rms_m);
-    let verdict = if constancy.constant {
-        Verdict::good(format!(
-            "The mounting seems constant: residuals along the drive ({size}) are {:.1} times what \
-             the poses' standard deviations explain.",
+    let verdict = match not_constant(calibration) {
+        Some(text) => Verdict::attention(text),
+        None => Verdict::good(format!(
+            "The mounting seems constant: residuals along the drive ({}) are {:.1} times what the \
+             poses' standard deviations explain.",
+            verdicts::millimetres(constancy.rms_m),
             constancy.ratio
-        ))
-    } else {
-        let with = constancy
-            .strongest
-            .filter(|(_, r)| r.abs() > 0.3)
-            .map_or(String::new(), |(name, r)| {
-                format!(" They go most with {name} (correlation {r:.2}).")
-            });
-        Verdict::attention(format!(
-            "The mounting seems not to be constant: residuals along the drive ({size}) are {:.1} \
-             times what the poses' standard deviations explain.{with}",
-            constancy.ratio
-        ))
+        )),
     };
     let series = project
         .scanners
@@ -402,4 +391,22 @@ pub(super) fn residuals(project: &Project, calibration: &Calibration) -> Option<
         })
         .collect();
     Some(ResidualFigure { verdict, series })
+}
+
+/// Says that the mounting seems not to be constant, where the residuals along the drive say so.
+pub(super) fn not_constant(calibration: &Calibration) -> Option<String> {
+    let constancy = calibration
+        .constancy
+        .as_ref()
+        .filter(|found| !found.constant)?;
+    let strong = constancy.strongest.filter(|(_, r)| r.abs() > 0.3);
+    let with = strong.map_or(String::new(), |(name, r)| {
+        format!(" They go most with {name} (correlation {r:.2}).")
+    });
+    Some(format!(
+        "The mounting seems not to be constant: residuals along the drive ({}) are {:.1} times \
+         what the poses' standard deviations explain.{with}",
+        verdicts::millimetres(constancy.rms_m),
+        constancy.ratio
+    ))
 }

@@ -109,8 +109,12 @@ fn sigmas(calibration: &Calibration) -> Option<Verdict> {
     })
 }
 
-/// Share of errors that may lie beyond 1.96 σ by chance alone, one of twelve among them.
-const OUTSIDE_SHARE: f64 = 0.2;
+/// How many of `all` errors may lie beyond 1.96 σ by chance: 1 in 20, and 1.96 binomial standard
+/// deviations more, for one drive is one draw.
+fn outside_by_chance(all: usize) -> f64 {
+    let n = all as f64;
+    0.05 * n + 1.96 * (n * 0.05 * 0.95).sqrt()
+}
 
 /// Errors against a known truth, and whether the standard deviations cover them.
 fn errors(calibration: &Calibration, truth: &[Pose]) -> Option<Verdict> {
@@ -140,7 +144,7 @@ fn errors(calibration: &Calibration, truth: &[Pose]) -> Option<Verdict> {
         worst[1].to_degrees(),
         all - outside
     );
-    let covered = outside as f64 <= (OUTSIDE_SHARE * all as f64).max(1.0);
+    let covered = outside as f64 <= outside_by_chance(all);
     (all > 0).then(|| match covered {
         true => Verdict::good(text),
         false => Verdict::attention(text),
