@@ -162,9 +162,9 @@ fn logs_of(lines: &mut Lines, logs: &Logs) {
         format!("{:.3e} m/s²/√s", noise.accel_bias_walk),
     );
     lines.section("prism");
-    lines.log(&logs.prism);
-    lines.value("sigma", millimetres(settings.prism.sigma_m));
-    let lever_arm = vector(&settings.prism.lever_arm_m);
+    lines.log(&logs.positions[0]);
+    lines.value("sigma", millimetres(settings.positions[0].sigma_m.x));
+    let lever_arm = vector(&settings.positions[0].lever_arm_m);
     lines.value("lever arm in the body", format!("{lever_arm} m"));
     if let Some(log) = &logs.heading {
         let heading = &settings.heading;

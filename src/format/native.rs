@@ -7,7 +7,7 @@ use std::path::Path;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::{HeadingFix, ImuSample, PrismFix};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 
 pub(crate) const IMU: Columns = Columns {
     needed: &[
@@ -48,13 +48,11 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// As [`read_imu`]; also a standard deviation that is not positive.
-pub fn read_prism(path: &Path) -> Result<Vec<PrismFix>> {
+pub fn read_prism(path: &Path) -> Result<Vec<PositionFix>> {
     read_rows::<5, _>(path, &PRISM, "prism position", |row, table| {
-        Ok(PrismFix {
-            time_s: row[0],
-            position_m: Vec3::new(row[1], row[2], row[3]),
-            sigma_m: sigma(row[4], "sigma_m", table)?,
-        })
+        let position_m = Vec3::new(row[1], row[2], row[3]);
+        let sigma_m = sigma(row[4], "sigma_m", table)?;
+        Ok(PositionFix::with_sigma(row[0], position_m, sigma_m))
     })
 }
 
@@ -64,11 +62,11 @@ pub fn read_prism(path: &Path) -> Result<Vec<PrismFix>> {
 /// As [`read_prism`].
 pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     read_rows::<3, _>(path, &HEADING, "heading", |row, table| {
-        Ok(HeadingFix {
-            time_s: row[0],
-            heading_rad: row[1].to_radians(),
-            sigma_rad: sigma(row[2], "sigma_deg", table)?.map(f64::to_radians),
-        })
+        Ok(HeadingFix::new(
+            row[0],
+            row[1].to_radians(),
+            sigma(row[2], "sigma_deg", table)?.map(f64::to_radians),
+        ))
     })
 }
 
@@ -175,14 +173,14 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_prism(path: &Path, fixes: &[PrismFix]) -> Result<()> {
-    let with_sigma = fixes.iter().any(|fix| fix.sigma_m.is_some());
+pub fn write_prism(path: &Path, fixes: &[PositionFix]) -> Result<()> {
+    let with_sigma = fixes.iter().any(|fix| fix.covariance_m2.is_some());
     let mut header = PRISM.needed.to_vec();
     header.extend(with_sigma.then_some("sigma_m"));
     let mut sheet = Sheet::create(path, &header)?;
     for fix in fixes {
         let p = &fix.position_m;
-        let sigma = with_sigma.then(|| fix.sigma_m.unwrap_or(f64::NAN));
+        let sigma = with_sigma.then(|| fix.covariance_m2.map_or(f64::NAN, |c| c[(0, 0)].sqrt()));
         sheet.row([fix.time_s, p.x, p.y, p.z].into_iter().chain(sigma))?;
     }
     sheet.finish()

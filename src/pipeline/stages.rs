@@ -9,7 +9,9 @@ use crate::geometry::{Pose, Vec3, transform};
 use crate::progress::Progress;
 use crate::project::{CalibrationSettings, LogFile, Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma};
-use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
+use crate::trajectory::{
+    Estimate, MotionLogs, PosteriorCovariance, Solution, Trajectory, estimate,
+};
 
 /// What to know about sigmas from poses that have none.
 const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
@@ -74,10 +76,14 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
     let mut imu = format::read_imu(&logs.imu.path)?;
     imu.iter_mut()
         .for_each(|sample| sample.time_s += logs.imu.time_offset_s);
-    let mut prism = format::read_prism(&logs.prism.path)?;
-    for fix in &mut prism {
-        fix.time_s += logs.prism.time_offset_s;
-        fix.position_m -= project.origin_m;
+    let mut positions = Vec::with_capacity(logs.positions.len());
+    for log in &logs.positions {
+        let mut fixes = format::read_prism(&log.path)?;
+        for fix in &mut fixes {
+            fix.time_s += log.time_offset_s;
+            fix.position_m -= project.origin_m;
+        }
+        positions.push(fixes);
     }
     let heading = match &logs.heading {
         Some(LogFile {
@@ -97,7 +103,15 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
         solution,
         covariance,
         ..
-    } = estimate(&imu, &prism, &heading, &logs.settings, progress)?;
+    } = estimate(
+        &MotionLogs {
+            imu: &imu,
+            positions: &positions,
+            heading: &heading,
+        },
+        &logs.settings,
+        progress,
+    )?;
     Ok(Poses {
         trajectory,
         solution: Some(solution),

@@ -48,8 +48,9 @@ pub enum Motion {
 pub struct Logs {
     /// Rates and specific forces.
     pub imu: LogFile,
-    /// Positions of the prism.
-    pub prism: LogFile,
+    /// Positions of prisms and GNSS antennas, in the order of
+    /// [`TrajectorySettings::positions`].
+    pub positions: Vec<LogFile>,
     /// Headings of the antenna baseline.
     pub heading: Option<LogFile>,
     /// Noise, lever arms, offsets; those of the heading are defaults where there is no log of it.

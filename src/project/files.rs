@@ -22,7 +22,9 @@ fn own_files(project: &Project) -> Result<()> {
     match &project.motion {
         Motion::Logs(logs) => {
             exists("imu", &logs.imu.path)?;
-            exists("prism", &logs.prism.path)?;
+            for log in &logs.positions {
+                exists("prism", &log.path)?;
+            }
             if let Some(heading) = &logs.heading {
                 exists("heading", &heading.path)?;
             }

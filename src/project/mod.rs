@@ -12,8 +12,8 @@ pub use checked::{
     Evaluation, LogFile, Logs, Motion, PARAMETER_NAMES, PosesFile, Project, Reference, Scanner,
 };
 pub use settings::{
-    CalibrationSettings, ComparisonSettings, HeadingSettings, ImuNoise, Method, PrismSettings,
-    TrajectorySettings,
+    CalibrationSettings, ComparisonSettings, Constant, HeadingSettings, ImuNoise, Loss, Method,
+    Nodes, PositionKind, PositionSettings, TrajectorySettings,
 };
 
 #[cfg(test)]

@@ -105,10 +105,10 @@ fn write_logs(logs: &Logs, written: &mut Written) {
         accel_bias_walk_m_s2_sqrt_s: accel.is_none().then_some(noise.accel_bias_walk),
     });
     written.prism = Some(written::Prism {
-        file: logs.prism.path.clone(),
-        time_offset_s: Some(logs.prism.time_offset_s),
-        sigma_m: Some(settings.prism.sigma_m),
-        lever_arm_m: settings.prism.lever_arm_m.into(),
+        file: logs.positions[0].path.clone(),
+        time_offset_s: Some(logs.positions[0].time_offset_s),
+        sigma_m: Some(settings.positions[0].sigma_m.x),
+        lever_arm_m: settings.positions[0].lever_arm_m.into(),
     });
     written.heading = logs.heading.as_ref().map(|heading| written::Heading {
         file: heading.path.clone(),

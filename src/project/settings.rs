@@ -15,13 +15,62 @@ pub struct ImuNoise {
     pub accel_bias_walk: f64,
 }
 
-/// The prism on the body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PrismSettings {
-    /// Standard deviation of each coordinate where the log gives none, metres.
-    pub sigma_m: f64,
-    /// The prism in the body frame, metres.
+/// What measures positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PositionKind {
+    /// A prism tracked by a total station.
+    Prism,
+    /// A GNSS antenna.
+    Gnss,
+}
+
+/// What a large residual counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Loss {
+    /// Its square.
+    None,
+    /// Beyond 1.345 σ its distance (Huber 1964).
+    Huber,
+    /// The logarithm of its square (Cauchy).
+    Cauchy,
+    /// Its square up to a limit and nothing beyond, reached by graduated non-convexity (Yang,
+    /// Antonante, Tzoumas, Carlone 2020): what lies beyond is rejected, and named.
+    #[default]
+    Truncated,
+}
+
+/// A prism or a GNSS antenna on the body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PositionSettings {
+    /// How the project and the log call it: `prism`, `gnss`, or a name of its own; unique.
+    pub name: String,
+    /// What it is.
+    pub kind: PositionKind,
+    /// Standard deviations of east, north, up where the log gives none, metres.
+    pub sigma_m: Vec3,
+    /// The prism or antenna in the body frame, metres.
     pub lever_arm_m: Vec3,
+    /// The total station in the world frame where it is known, metres: the incidence-dependent
+    /// bias of a 360° prism needs the line of sight.
+    pub station_m: Option<Vec3>,
+    /// What large residuals count.
+    pub loss: Loss,
+}
+
+impl PositionSettings {
+    /// A prism with the same standard deviation for each coordinate, metres, tracked from an
+    /// unknown place.
+    pub fn prism(sigma_m: f64, lever_arm_m: Vec3) -> Self {
+        Self {
+            name: "prism".into(),
+            kind: PositionKind::Prism,
+            sigma_m: Vec3::repeat(sigma_m),
+            lever_arm_m,
+            station_m: None,
+            loss: Loss::default(),
+        }
+    }
 }
 
 /// The heading antennas on the body.
@@ -29,14 +78,64 @@ pub struct PrismSettings {
 pub struct HeadingSettings {
     /// Standard deviation where the log gives none, radians.
     pub sigma_rad: f64,
+    /// Standard deviation of the pitch where the log gives none, radians.
+    pub pitch_sigma_rad: f64,
     /// Heading of the body's x axis = heading of the antenna baseline + this, radians, clockwise.
     pub mounting_offset_rad: f64,
     /// Grid convergence: grid heading = true heading − this, radians.
     pub grid_convergence_rad: f64,
+    /// What large residuals count.
+    pub loss: Loss,
+}
+
+impl HeadingSettings {
+    /// Antennas along the body's x axis with this standard deviation of heading and pitch, radians.
+    pub fn aligned(sigma_rad: f64) -> Self {
+        Self {
+            sigma_rad,
+            pitch_sigma_rad: sigma_rad,
+            mounting_offset_rad: 0.0,
+            grid_convergence_rad: 0.0,
+            loss: Loss::default(),
+        }
+    }
+}
+
+/// Where the adjustment has its nodes. Poses come out at the IMU's rate in either case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Nodes {
+    /// At position fixes, and at least one a second; poses in between follow from the IMU.
+    #[default]
+    Prism,
+    /// At every IMU sample, as the paper.
+    Imu,
+}
+
+/// A constant that the adjustment may estimate beside the trajectory. Position sensors count in
+/// the order of [`TrajectorySettings::positions`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Constant {
+    /// `prism.time_offset`: common time = sensor time + this, on top of the project's, seconds.
+    TimeOffset(usize),
+    /// `prism.lever_arm`, three values, metres in the body frame.
+    LeverArm(usize),
+    /// `prism.incidence_bias`, two amplitudes of the error of a 360° prism that turns with the
+    /// angle of incidence, six periods a turn: along and across the line of sight, metres.
+    IncidenceBias(usize),
+    /// `heading.mounting_offset`, radians.
+    HeadingOffset,
+    /// `heading.time_offset`, seconds.
+    HeadingTimeOffset,
+    /// `frame.gravity`, m/s².
+    Gravity,
+    /// `imu.noise_scale`, the factor of the datasheet's white noise, one for gyro and
+    /// accelerometer together.
+    ImuNoiseScale,
 }
 
 /// All that the trajectory stage needs beside the logs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TrajectorySettings {
     /// Axes of the body frame.
     pub axes: BodyAxes,
@@ -44,10 +143,37 @@ pub struct TrajectorySettings {
     pub gravity_m_s2: f64,
     /// IMU noise.
     pub imu: ImuNoise,
-    /// Prism.
-    pub prism: PrismSettings,
+    /// Prisms and GNSS antennas, one or more.
+    pub positions: Vec<PositionSettings>,
     /// Heading.
     pub heading: HeadingSettings,
+    /// Where the nodes are.
+    pub nodes: Nodes,
+    /// What is estimated beside the trajectory.
+    pub estimate: Vec<Constant>,
+    /// Whether velocity is held at zero where the logs show that the body rests.
+    pub zero_velocity: bool,
+}
+
+impl TrajectorySettings {
+    /// An IMU, one prism and headings, with nothing estimated beside the trajectory.
+    pub fn new(
+        axes: BodyAxes,
+        imu: ImuNoise,
+        position: PositionSettings,
+        heading: HeadingSettings,
+    ) -> Self {
+        Self {
+            axes,
+            gravity_m_s2: 9.81,
+            imu,
+            positions: vec![position],
+            heading,
+            nodes: Nodes::default(),
+            estimate: Vec::new(),
+            zero_velocity: true,
+        }
+    }
 }
 
 /// How the mounting is found.

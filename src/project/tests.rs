@@ -130,8 +130,11 @@ fn the_example_is_understood() {
     };
     assert_eq!(logs.imu.path, folder.path().join("imu.csv"));
     assert_eq!(logs.heading.as_ref().unwrap().time_offset_s, 0.0);
-    let settings = logs.settings;
-    assert_eq!(settings.prism.lever_arm_m, Vec3::new(0.10, 0.05, -0.55));
+    let settings = &logs.settings;
+    assert_eq!(
+        settings.positions[0].lever_arm_m,
+        Vec3::new(0.10, 0.05, -0.55)
+    );
     // By hand: 0.15°/√h = 0.15 · π/180 / 60 rad/√s; 57 µg = 57e-6 · 9.80665 m/s²; biases walk by
     // the instability in 100 s, so a tenth of it in each √s. Rounded to five digits.
     let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");

@@ -1,7 +1,7 @@
 //! What each sensor measured: plain records in time order, and the checks every stream must pass.
 
 use crate::error::{Error, Result};
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{Mat3, Pose, Vec3};
 
 /// One IMU sample: the mean over the interval from its time to the next sample's.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,18 +14,29 @@ pub struct ImuSample {
     pub accel_m_s2: Vec3,
 }
 
-/// One position of the prism, tracked by the total station.
+/// One position of a prism tracked by a total station, or of a GNSS antenna.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PrismFix {
+pub struct PositionFix {
     /// Seconds.
     pub time_s: f64,
     /// East, north, up in the world frame, metres.
     pub position_m: Vec3,
-    /// Standard deviation of each coordinate where the file gives one, metres.
-    pub sigma_m: Option<f64>,
+    /// Covariance of east, north, up where the file tells, m².
+    pub covariance_m2: Option<Mat3>,
 }
 
-/// One heading of the antenna baseline.
+impl PositionFix {
+    /// A fix whose coordinates each have this standard deviation, metres.
+    pub fn with_sigma(time_s: f64, position_m: Vec3, sigma_m: Option<f64>) -> Self {
+        Self {
+            time_s,
+            position_m,
+            covariance_m2: sigma_m.map(|sigma| Mat3::identity() * (sigma * sigma)),
+        }
+    }
+}
+
+/// One heading of the antenna baseline, and its pitch where two antennas tell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeadingFix {
     /// Seconds.
@@ -34,6 +45,23 @@ pub struct HeadingFix {
     pub heading_rad: f64,
     /// Standard deviation where the file gives one, radians.
     pub sigma_rad: Option<f64>,
+    /// Elevation of the baseline above the horizon, radians.
+    pub pitch_rad: Option<f64>,
+    /// Standard deviation of the pitch where the file gives one, radians.
+    pub pitch_sigma_rad: Option<f64>,
+}
+
+impl HeadingFix {
+    /// A heading without pitch.
+    pub fn new(time_s: f64, heading_rad: f64, sigma_rad: Option<f64>) -> Self {
+        Self {
+            time_s,
+            heading_rad,
+            sigma_rad,
+            pitch_rad: None,
+            pitch_sigma_rad: None,
+        }
+    }
 }
 
 /// One laser point in the frame of its scanner.
@@ -95,7 +123,7 @@ macro_rules! timed {
         }
     )*};
 }
-timed!(ImuSample, PrismFix, HeadingFix, ScanPoint, PoseRecord);
+timed!(ImuSample, PositionFix, HeadingFix, ScanPoint, PoseRecord);
 
 /// First and last time of a stream in time order, seconds; `None` where it is empty.
 pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {

@@ -4,13 +4,13 @@ use super::drive::Drive;
 use super::random::{Purpose, normal, normal3, stream};
 use super::scenario::Scenario;
 use crate::geometry::{Vec3, heading};
-use crate::sensor::{HeadingFix, PrismFix};
+use crate::sensor::{HeadingFix, PositionFix};
 
 /// Facets of a round prism: its error repeats as often when it turns.
 const FACETS: f64 = 6.0;
 
 /// Positions of the prism, at times of their own.
-pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<PrismFix> {
+pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<PositionFix> {
     let settings = &scenario.prism;
     let mut rng = stream(scenario.seed, Purpose::Prism, drive_index as u64, 0);
     let lever_arm = scenario.lever_arm_m();
@@ -27,11 +27,8 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
             let along = sight.normalize();
             let across = Vec3::z().cross(&along);
             let bias = (along * angle.cos() + across * angle.sin()) * settings.incidence_bias_m;
-            PrismFix {
-                time_s,
-                position_m: prism + bias + normal3(&mut rng) * settings.sigma_m,
-                sigma_m: None,
-            }
+            let position_m = prism + bias + normal3(&mut rng) * settings.sigma_m;
+            PositionFix::with_sigma(time_s, position_m, None)
         })
         .collect()
 }
@@ -44,11 +41,7 @@ pub fn simulate_heading(scenario: &Scenario, drive: &Drive, drive_index: usize) 
         .map(|time_s| {
             let truth = heading::heading_rad(&drive.at(time_s).world_from_body.rotation);
             let error = normal(&mut rng) * settings.sigma_deg - settings.mounting_offset_deg;
-            HeadingFix {
-                time_s,
-                heading_rad: heading::wrap(truth + error.to_radians()),
-                sigma_rad: None,
-            }
+            HeadingFix::new(time_s, heading::wrap(truth + error.to_radians()), None)
         })
         .collect()
 }

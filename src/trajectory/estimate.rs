@@ -15,7 +15,7 @@ use crate::geometry::so3::exp;
 use crate::geometry::{Mat3, Vec3, pose};
 use crate::progress::Progress;
 use crate::project::TrajectorySettings;
-use crate::sensor::{HeadingFix, ImuBias, ImuSample, PoseRecord, PoseSigma, PrismFix};
+use crate::sensor::{HeadingFix, ImuBias, ImuSample, PoseRecord, PoseSigma, PositionFix};
 use rayon::prelude::*;
 
 /// Standard deviations of the priors on node 0 (about the start values) and bias 0 (gyro about
@@ -46,6 +46,17 @@ const COST_ROUNDING: f64 = 1e-6;
 /// Steps per task where costs are summed; fixed, so that sums do not depend on the threads.
 const TASK: usize = 512;
 
+/// What the sensors of one drive recorded, each stream in time order.
+#[derive(Debug, Clone, Copy)]
+pub struct MotionLogs<'a> {
+    /// Rates and specific forces.
+    pub imu: &'a [ImuSample],
+    /// Positions, one stream for each of [`TrajectorySettings::positions`].
+    pub positions: &'a [Vec<PositionFix>],
+    /// Headings; may be empty.
+    pub heading: &'a [HeadingFix],
+}
+
 /// The estimated trajectory and all that is known about it.
 #[derive(Debug, Clone)]
 pub struct Estimate {
@@ -68,13 +79,12 @@ pub struct Estimate {
 /// Records that are not finite or not in strictly increasing time, streams that do not overlap,
 /// too few prism fixes, an IMU gap over a second, neither headings nor motion.
 pub fn estimate(
-    imu: &[ImuSample],
-    prism: &[PrismFix],
-    heading: &[HeadingFix],
+    logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Estimate> {
-    let timeline = Timeline::new(imu, prism, heading, settings)?;
+    let imu = logs.imu;
+    let timeline = Timeline::new(imu, &logs.positions[0], logs.heading, settings)?;
     report_flaws(&timeline, progress);
     let start = initial(imu, &timeline, settings)?;
     if let Some((from, to)) = start.rest_s {

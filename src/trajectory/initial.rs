@@ -95,7 +95,7 @@ pub(super) fn initial(
     let mut rotations = Vec::with_capacity(timeline.times_s.len());
     filter.forward(start, &gyro_bias, Some(&mut rotations));
 
-    let arm = settings.prism.lever_arm_m;
+    let arm = settings.positions[0].lever_arm_m;
     let mut cursor = 0;
     let nodes = rotations
         .iter()
@@ -232,7 +232,7 @@ fn hints(
         .iter()
         .map(|m| (m.position_m - start).norm())
         .fold(0.0, f64::max);
-    let needed = LEAST_MOVE_SIGMAS * settings.prism.sigma_m;
+    let needed = LEAST_MOVE_SIGMAS * settings.positions[0].sigma_m.x;
     let hints: Vec<Hint> = motion
         .iter()
         .filter(|m| m.velocity_m_s.xy().norm() > LEAST_SPEED_M_S)
@@ -279,7 +279,7 @@ fn rest(
         let scatter = (scatter / (3.0 * count)).sqrt();
         let noise = settings.imu.gyro_density / (REST_BLOCK_S / count).sqrt();
         let middle = fixes.iter().map(|f| f.1).sum::<Vec3>() / fixes.len() as f64;
-        let reach = REST_PRISM_SIGMAS * settings.prism.sigma_m;
+        let reach = REST_PRISM_SIGMAS * settings.positions[0].sigma_m.x;
         scatter < REST_NOISE_FACTOR * noise + REST_GYRO_RAD_S
             && fixes.iter().all(|f| (f.1 - middle).amax() < reach)
     };

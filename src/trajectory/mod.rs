@@ -12,6 +12,6 @@ mod solution;
 mod timeline;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
-pub use estimate::{Estimate, estimate};
+pub use estimate::{Estimate, MotionLogs, estimate};
 pub use interpolate::{PoseCursor, Trajectory};
 pub use solution::{SensorResiduals, Solution, StopReason};

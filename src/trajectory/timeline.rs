@@ -5,7 +5,7 @@ use super::factors::{Ahead, HeadingFactor, PrismFactor};
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
 use crate::project::TrajectorySettings;
-use crate::sensor::{HeadingFix, ImuSample, PrismFix, Timed, check_overlap, span_s};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, span_s};
 
 /// A longer gap between IMU samples is refused: one sample cannot stand for what happened in it.
 const LONGEST_IMU_GAP_S: f64 = 1.0;
@@ -50,7 +50,7 @@ impl Timeline {
     /// Checks the logs and lays them out.
     pub fn new(
         imu: &[ImuSample],
-        prism: &[PrismFix],
+        prism: &[PositionFix],
         heading: &[HeadingFix],
         settings: &TrajectorySettings,
     ) -> Result<Self> {
@@ -58,7 +58,7 @@ impl Timeline {
         let imu_finite = |s: &ImuSample| all_finite(&s.gyro_rad_s) && all_finite(&s.accel_m_s2);
         check_stream("IMU log", imu, imu_finite)?;
         check_stream("prism log", prism, |f| {
-            all_finite(&f.position_m) && is_sigma(f.sigma_m)
+            all_finite(&f.position_m) && f.covariance_m2.is_none_or(|c| is_sigma(Some(c[(0, 0)])))
         })?;
         check_stream("heading log", heading, |f| {
             f.heading_rad.is_finite() && is_sigma(f.sigma_rad)
@@ -101,8 +101,10 @@ impl Timeline {
             prism_factors.push(PrismFactor {
                 ahead,
                 position_m: fix.position_m,
-                sigma_m: fix.sigma_m.unwrap_or(settings.prism.sigma_m),
-                lever_arm_m: settings.prism.lever_arm_m,
+                sigma_m: fix
+                    .covariance_m2
+                    .map_or(settings.positions[0].sigma_m.x, |c| c[(0, 0)].sqrt()),
+                lever_arm_m: settings.positions[0].lever_arm_m,
             });
         }
         let mut heading_steps = Vec::with_capacity(heading_used.len());
@@ -158,7 +160,7 @@ fn check_settings(settings: &TrajectorySettings) -> Result<()> {
         ("accelerometer noise", imu.accel_density),
         ("gyro bias walk", imu.gyro_bias_walk),
         ("accelerometer bias walk", imu.accel_bias_walk),
-        ("prism sigma", settings.prism.sigma_m),
+        ("prism sigma", settings.positions[0].sigma_m.x),
         ("heading sigma", settings.heading.sigma_rad),
     ];
     match positive.iter().find(|(_, x)| !(x.is_finite() && *x > 0.0)) {

@@ -22,19 +22,23 @@ fn logs_return_bit_by_bit() {
 
     for with_sigma in [false, true] {
         let prism: Vec<_> = (0..50)
-            .map(|i| PrismFix {
-                time_s: i as f64 / 7.0,
-                position_m: vector(i, 0) * 1e6,
-                sigma_m: (with_sigma && i % 3 == 0).then_some(0.005),
+            .map(|i| {
+                PositionFix::with_sigma(
+                    i as f64 / 7.0,
+                    vector(i, 0) * 1e6,
+                    (with_sigma && i % 3 == 0).then_some(0.005),
+                )
             })
             .collect();
         write_prism(&path, &prism).unwrap();
         assert_eq!(read_prism(&path).unwrap(), prism);
         let heading: Vec<_> = (0..50)
-            .map(|i| HeadingFix {
-                time_s: i as f64 / 5.0,
-                heading_rad: noise(i, 0) * 3.0,
-                sigma_rad: (with_sigma && i % 3 == 0).then_some(0.0125),
+            .map(|i| {
+                HeadingFix::new(
+                    i as f64 / 5.0,
+                    noise(i, 0) * 3.0,
+                    (with_sigma && i % 3 == 0).then_some(0.0125),
+                )
             })
             .collect();
         write_heading(&path, &heading).unwrap();

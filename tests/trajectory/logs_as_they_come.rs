@@ -4,19 +4,9 @@
 use super::rover::rover_drive;
 use super::{Logs, rms};
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
-use boresight::progress::Silent;
-use boresight::trajectory::estimate;
 
 fn refusal(logs: &Logs) -> String {
-    estimate(
-        &logs.imu,
-        &logs.prism,
-        &logs.heading,
-        &logs.settings,
-        &Silent,
-    )
-    .expect_err("refused")
-    .to_string()
+    logs.try_estimate().expect_err("refused").to_string()
 }
 
 fn assert_names(logs: &Logs, words: &[&str]) {
@@ -69,7 +59,7 @@ fn flaws_are_named_with_place_and_size() {
     logs.imu.clear();
     assert_names(&logs, &["IMU log holds 0 samples"]);
     let mut logs = good();
-    logs.settings.prism.sigma_m = 0.0;
+    logs.settings.positions[0].sigma_m = Vec3::zeros();
     assert_names(&logs, &["prism sigma is 0"]);
 }
 
@@ -103,7 +93,7 @@ fn axes_down_and_right_give_the_same_trajectory() {
         sample.accel_m_s2 = swap(sample.accel_m_s2);
     }
     frd.settings.axes = BodyAxes::Frd;
-    frd.settings.prism.lever_arm_m = swap(frd.settings.prism.lever_arm_m);
+    frd.settings.positions[0].lever_arm_m = swap(frd.settings.positions[0].lever_arm_m);
     let flu_from_frd = Rotation::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI);
     let (a, b) = (flu.estimate(), frd.estimate());
     for (a, b) in a.trajectory.nodes().iter().zip(b.trajectory.nodes()) {

@@ -10,8 +10,8 @@ mod rover;
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
 use boresight::project::TrajectorySettings;
-use boresight::sensor::{HeadingFix, ImuSample, PrismFix};
-use boresight::trajectory::{Estimate, estimate};
+use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
+use boresight::trajectory::{Estimate, MotionLogs, estimate};
 use nalgebra::Quaternion;
 use std::path::Path;
 
@@ -51,21 +51,23 @@ fn json_number(text: &str, key: &str) -> f64 {
 /// What `estimate` takes.
 struct Logs {
     imu: Vec<ImuSample>,
-    prism: Vec<PrismFix>,
+    prism: Vec<PositionFix>,
     heading: Vec<HeadingFix>,
     settings: TrajectorySettings,
 }
 
 impl Logs {
     fn estimate(&self) -> Estimate {
-        estimate(
-            &self.imu,
-            &self.prism,
-            &self.heading,
-            &self.settings,
-            &Silent,
-        )
-        .expect("a trajectory")
+        self.try_estimate().expect("a trajectory")
+    }
+
+    fn try_estimate(&self) -> boresight::Result<Estimate> {
+        let logs = MotionLogs {
+            imu: &self.imu,
+            positions: std::slice::from_ref(&self.prism),
+            heading: &self.heading,
+        };
+        estimate(&logs, &self.settings, &Silent)
     }
 }
 

@@ -3,8 +3,8 @@
 use super::{Logs, common, json_number, numbers, quaternion, rms, vec3};
 use boresight::geometry::heading::wrap;
 use boresight::geometry::{BodyAxes, Vec3};
-use boresight::project::{HeadingSettings, ImuNoise, PrismSettings, TrajectorySettings};
-use boresight::sensor::{HeadingFix, ImuSample, PrismFix};
+use boresight::project::{HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings};
+use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
 use boresight::trajectory::{Estimate, PoseGradient};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
@@ -23,19 +23,11 @@ fn pose_case(folder: &Path) -> Logs {
         .collect();
     let prism = numbers(&folder.join("prism.csv"))
         .iter()
-        .map(|r| PrismFix {
-            time_s: r[0],
-            position_m: vec3(r, 1),
-            sigma_m: None,
-        })
+        .map(|r| PositionFix::with_sigma(r[0], vec3(r, 1), None))
         .collect();
     let heading = numbers(&folder.join("heading.csv"))
         .iter()
-        .map(|r| HeadingFix {
-            time_s: r[0],
-            heading_rad: wrap(FRAC_PI_2 - r[1]),
-            sigma_rad: None,
-        })
+        .map(|r| HeadingFix::new(r[0], wrap(FRAC_PI_2 - r[1]), None))
         .collect();
     let settings = TrajectorySettings {
         axes: BodyAxes::Flu,
@@ -46,15 +38,14 @@ fn pose_case(folder: &Path) -> Logs {
             gyro_bias_walk: parameter("gyro_bias_rw"),
             accel_bias_walk: parameter("accel_bias_rw"),
         },
-        prism: PrismSettings {
-            sigma_m: parameter("sigma_prism_m"),
-            lever_arm_m: Vec3::new(0.20, 0.05, 1.50),
-        },
-        heading: HeadingSettings {
-            sigma_rad: parameter("sigma_heading_rad"),
-            mounting_offset_rad: 0.0,
-            grid_convergence_rad: 0.0,
-        },
+        positions: vec![PositionSettings::prism(
+            parameter("sigma_prism_m"),
+            Vec3::new(0.20, 0.05, 1.50),
+        )],
+        heading: HeadingSettings::aligned(parameter("sigma_heading_rad")),
+        nodes: Nodes::default(),
+        estimate: Vec::new(),
+        zero_velocity: true,
     };
     Logs {
         imu,

@@ -3,8 +3,8 @@
 use super::{Logs, common, quantile, quaternion, rms, vec3};
 use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
-use boresight::project::{HeadingSettings, ImuNoise, PrismSettings, TrajectorySettings};
-use boresight::sensor::{HeadingFix, ImuSample, PrismFix};
+use boresight::project::{HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings};
+use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
 use std::path::Path;
 use std::time::Instant;
 
@@ -82,19 +82,11 @@ fn euroc(folder: &Path) -> Flight {
     };
     let prism = decimated(7.0)
         .into_iter()
-        .map(|(t, p, _)| PrismFix {
-            time_s: *t,
-            position_m: *p,
-            sigma_m: None,
-        })
+        .map(|(t, p, _)| PositionFix::with_sigma(*t, *p, None))
         .collect();
     let heading = decimated(5.0)
         .into_iter()
-        .map(|(t, _, q)| HeadingFix {
-            time_s: *t,
-            heading_rad: heading_rad(q),
-            sigma_rad: None,
-        })
+        .map(|(t, _, q)| HeadingFix::new(*t, heading_rad(q), None))
         .collect();
     let settings = TrajectorySettings {
         axes: BodyAxes::Flu,
@@ -106,19 +98,21 @@ fn euroc(folder: &Path) -> Flight {
             gyro_bias_walk: 1.9393e-5,
             accel_bias_walk: 3.0e-3,
         },
-        prism: PrismSettings {
+        positions: vec![PositionSettings::prism(
             // The README's agreement of 1.4 mm median and 3.5 mm at 95 % in space is that of
             // 0.9 mm and 1.25 mm in each coordinate.
-            sigma_m: 0.001,
-            lever_arm_m: flu(Vec3::new(0.0800, -0.0217, -0.1151)),
-        },
+            0.001,
+            flu(Vec3::new(0.0800, -0.0217, -0.1151)),
+        )],
         heading: HeadingSettings {
-            sigma_rad: 1.4f64.to_radians(),
             // The Vicon yaw lies −1.33° counter-clockwise of the body's, so its clockwise heading
             // is 1.33° more than the body's.
             mounting_offset_rad: HEADING_OFFSET_DEG.to_radians(),
-            grid_convergence_rad: 0.0,
+            ..HeadingSettings::aligned(1.4f64.to_radians())
         },
+        nodes: Nodes::default(),
+        estimate: Vec::new(),
+        zero_velocity: true,
     };
     Flight {
         logs: Logs {

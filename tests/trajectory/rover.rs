@@ -3,8 +3,8 @@
 use super::Logs;
 use boresight::geometry::heading::{heading_rad, wrap};
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
-use boresight::project::{HeadingSettings, ImuNoise, PrismSettings, TrajectorySettings};
-use boresight::sensor::{HeadingFix, ImuSample, PrismFix};
+use boresight::project::{HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings};
+use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -70,32 +70,32 @@ pub fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
             .take_while(move |t| *t < span)
     };
     let prism = times(7.0)
-        .map(|t| PrismFix {
-            time_s: t,
-            position_m: rover(t).0 + rover(t).1 * lever + noise3(prism_sigma),
-            sigma_m: None,
+        .map(|t| {
+            PositionFix::with_sigma(
+                t,
+                rover(t).0 + rover(t).1 * lever + noise3(prism_sigma),
+                None,
+            )
         })
         .collect();
     let heading = times(5.0)
-        .map(|t| HeadingFix {
-            time_s: t,
-            heading_rad: wrap(heading_rad(&rover(t).1) + noise3(heading_sigma).x),
-            sigma_rad: None,
+        .map(|t| {
+            HeadingFix::new(
+                t,
+                wrap(heading_rad(&rover(t).1) + noise3(heading_sigma).x),
+                None,
+            )
         })
         .collect();
     let settings = TrajectorySettings {
         axes: BodyAxes::Flu,
         gravity_m_s2: 9.81,
         imu: noise,
-        prism: PrismSettings {
-            sigma_m: prism_sigma,
-            lever_arm_m: lever,
-        },
-        heading: HeadingSettings {
-            sigma_rad: heading_sigma,
-            mounting_offset_rad: 0.0,
-            grid_convergence_rad: 0.0,
-        },
+        positions: vec![PositionSettings::prism(prism_sigma, lever)],
+        heading: HeadingSettings::aligned(heading_sigma),
+        nodes: Nodes::default(),
+        estimate: Vec::new(),
+        zero_velocity: true,
     };
     let logs = Logs {
         imu,

@@ -2,8 +2,11 @@
 
 use super::table::Table;
 use crate::error::Result;
+use crate::geometry::Vec3;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
-use crate::project::settings::{HeadingSettings, ImuNoise, PrismSettings, TrajectorySettings};
+use crate::project::settings::{
+    HeadingSettings, ImuNoise, Loss, Nodes, PositionKind, PositionSettings, TrajectorySettings,
+};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
 
@@ -80,7 +83,7 @@ fn logs(
         .transpose()?;
     Ok(Logs {
         imu: Table::new(source, "imu").log(&imu.file, imu.time_offset_s)?,
-        prism: prism_table.log(&prism.file, prism.time_offset_s)?,
+        positions: vec![prism_table.log(&prism.file, prism.time_offset_s)?],
         heading: heading_log,
         settings: TrajectorySettings {
             axes: all.frame.body.unwrap_or_default(),
@@ -91,10 +94,16 @@ fn logs(
                 "the magnitude of gravity on Earth, 9.7 to 9.9",
             )?,
             imu: imu_noise(source, imu)?,
-            prism: PrismSettings {
-                sigma_m: prism_table.positive("sigma_m", prism.sigma_m.unwrap_or(0.005))?,
+            positions: vec![PositionSettings {
+                name: "prism".into(),
+                kind: PositionKind::Prism,
+                sigma_m: Vec3::repeat(
+                    prism_table.positive("sigma_m", prism.sigma_m.unwrap_or(0.005))?,
+                ),
                 lever_arm_m: prism_table.vector("lever_arm_m", prism.lever_arm_m)?,
-            },
+                station_m: None,
+                loss: Loss::default(),
+            }],
             heading: HeadingSettings {
                 sigma_rad: heading_table
                     .positive("sigma_deg", heading.sigma_deg.unwrap_or(0.7))?
@@ -105,7 +114,12 @@ fn logs(
                 grid_convergence_rad: frame
                     .finite("grid_convergence_deg", convergence)?
                     .to_radians(),
+                pitch_sigma_rad: 0.7_f64.to_radians(),
+                loss: Loss::default(),
             },
+            nodes: Nodes::default(),
+            estimate: Vec::new(),
+            zero_velocity: true,
         },
     })
 }
