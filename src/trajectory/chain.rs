@@ -66,8 +66,9 @@ impl ChainLayout {
 }
 
 /// The normal equations H δ = g of one step, order node i, node i + 1, bias; only the upper
-/// triangle of H counts.
+/// triangle of H counts. Rows are whole lines of the cache.
 #[derive(Debug, Clone)]
+#[repr(align(64))]
 pub(super) struct StepSystem {
     pub h: [[f64; STEP]; STEP],
     pub g: [f64; STEP],

@@ -25,8 +25,8 @@ impl StepCovariance<'_> {
                 joint[NODE + b][a] = *x;
             }
         }
-        for a in 0..TAIL {
-            joint[NODE + a][NODE..].copy_from_slice(&self.next[a]);
+        for (row, next) in joint[NODE..].iter_mut().zip(self.next) {
+            row[NODE..].copy_from_slice(next);
         }
         joint
     }
@@ -42,7 +42,7 @@ impl ChainFactor {
         let (tail, border) = self.tail();
         let mut sigma = tail_covariance(&tail.rows);
         if n > 0 {
-            constants.separate::<TAIL, TAIL>(&tail.rows, border, None);
+            constants.enter::<TAIL, TAIL>(&tail.rows, border);
             constants.add_own(&mut sigma);
             constants.cross[NODE * n..].copy_from_slice(&constants.pivots[..TAIL * n]);
         }
@@ -85,9 +85,6 @@ impl ChainFactor {
     }
 }
 
-/// K and Σ_PS of a front.
-type Gain<'a, const P: usize> = (&'a [[f64; TAIL]; P], &'a mut [[f64; TAIL]; P]);
-
 /// The constants' part of the recursion.
 struct Constants {
     n: usize,
@@ -116,14 +113,8 @@ impl Constants {
         }
     }
 
-    /// With Kk = U_PP⁻¹ Y_P: Σ_Pk = −K Σ_Sk − Kk Σ_kk, and Σ_PS loses Kk Σ_kS. `separator` is
-    /// (K, Σ_PS), none for the tail.
-    fn separate<const P: usize, const N: usize>(
-        &mut self,
-        rows: &[[f64; N]; P],
-        border: &[f64],
-        separator: Option<Gain<'_, P>>,
-    ) {
+    /// Kk = U_PP⁻¹ Y_P, and −Kk Σ_kk: all of Σ_Pk where there is no other separator.
+    fn enter<const P: usize, const N: usize>(&mut self, rows: &[[f64; N]; P], border: &[f64]) {
         let n = self.n;
         for a in (0..P).rev() {
             let (row, done) = self.gain[a * n..P * n].split_at_mut(n);
@@ -136,37 +127,36 @@ impl Constants {
             let scale = 1.0 / rows[a][a];
             row.iter_mut().for_each(|x| *x *= scale);
         }
-        let subtract = |target: &mut [f64], factors: &[f64], of: &[f64]| {
-            for (factor, row) in factors.iter().zip(of.chunks_exact(n)) {
-                for (x, r) in target.iter_mut().zip(row) {
-                    *x -= factor * r;
-                }
-            }
-        };
         let pivots = self.pivots[..P * n].chunks_exact_mut(n);
         for (pivot, gain) in pivots.zip(self.gain.chunks_exact(n)) {
             pivot.fill(0.0);
-            subtract(pivot, gain, &self.own);
+            subtract(pivot, gain, self.own.chunks_exact(n));
         }
-        let Some((k, cross)) = separator else { return };
+    }
+
+    /// Σ_Pk loses K Σ_Sk, and Σ_PS loses Kk Σ_kS.
+    fn separate<const P: usize>(&mut self, k: &[[f64; TAIL]; P], cross: &mut [[f64; TAIL]; P]) {
+        let n = self.n;
         let of_separator = &self.cross[NODE * n..];
         for (b, row) in of_separator.chunks_exact(n).enumerate() {
             for (target, x) in self.of_separator.iter_mut().zip(row) {
                 target[b] = *x;
             }
         }
-        for a in 0..P {
-            subtract(&mut self.pivots[a * n..(a + 1) * n], &k[a], of_separator);
-            for (factor, row) in self.gain[a * n..(a + 1) * n].iter().zip(&self.of_separator) {
-                for (x, r) in cross[a].iter_mut().zip(row) {
-                    *x -= factor * r;
-                }
-            }
+        for (a, (k, cross)) in k.iter().zip(cross).enumerate() {
+            let range = a * n..(a + 1) * n;
+            subtract(
+                &mut self.pivots[range.clone()],
+                k,
+                of_separator.chunks_exact(n),
+            );
+            let of_separator = self.of_separator.iter().map(|row| &row[..]);
+            subtract(cross, &self.gain[range], of_separator);
         }
     }
 
     /// Σ_PP loses Σ_Pk Kkᵀ.
-    #[expect(clippy::needless_range_loop, reason = "both triangles are written")]
+    #[allow(clippy::needless_range_loop)] // own[a][b] and own[b][a]
     fn add_own<const P: usize>(&self, own: &mut [[f64; P]; P]) {
         let n = self.n;
         for a in 0..P {
@@ -176,6 +166,15 @@ impl Constants {
                 own[a][b] -= sum;
                 own[b][a] = own[a][b];
             }
+        }
+    }
+}
+
+/// Takes Σ factor · row from `target`.
+fn subtract<'a>(target: &mut [f64], factors: &[f64], rows: impl Iterator<Item = &'a [f64]>) {
+    for (factor, row) in factors.iter().zip(rows) {
+        for (x, r) in target.iter_mut().zip(row) {
+            *x -= factor * r;
         }
     }
 }
@@ -221,7 +220,8 @@ fn pivot_covariance<const P: usize, const N: usize>(
         cross[a] = row;
     }
     if constants.n > 0 {
-        constants.separate::<P, N>(rows, border, Some((&k, &mut cross)));
+        constants.enter::<P, N>(rows, border);
+        constants.separate::<P>(&k, &mut cross);
     }
     let mut own = [[0.0; P]; P];
     for a in 0..P {

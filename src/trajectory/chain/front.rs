@@ -3,8 +3,9 @@
 use super::{BIAS, CHANGE, NODE, PriorSystem, STEP, StepSystem, TAIL, WalkSystem};
 
 /// The rows of U of one front (P pivots, N − P separator columns) and their part of y = U⁻ᵀ g.
-/// Only the upper triangle of the pivots counts.
+/// Only the upper triangle of the pivots counts. Aligned to the cache's lines.
 #[derive(Debug, Clone, PartialEq)]
+#[repr(align(64))]
 pub struct Front<const P: usize, const N: usize> {
     pub rows: [[f64; N]; P],
     pub y: [f64; P],
@@ -73,8 +74,8 @@ impl Carry {
             }
             system.g[step_place(a)] += self.g[a];
         }
-        for (a, more) in damping[..NODE].iter().enumerate() {
-            system.h[a][a] += more;
+        for (a, damping) in damping[..NODE].iter().enumerate() {
+            system.h[a][a] += damping;
         }
         if !eliminate::<NODE, STEP>(&mut system.h, &mut system.g) {
             return false;
@@ -130,8 +131,8 @@ impl Carry {
     pub fn eliminate_tail(&self, damping: &[f64; TAIL], front: &mut TailFront) -> bool {
         front.rows = self.h;
         front.y = self.g;
-        for (a, more) in damping.iter().enumerate() {
-            front.rows[a][a] += more;
+        for (a, damping) in damping.iter().enumerate() {
+            front.rows[a][a] += damping;
         }
         eliminate::<TAIL, TAIL>(&mut front.rows, &mut front.y)
     }
@@ -146,8 +147,8 @@ fn eliminate<const P: usize, const N: usize>(h: &mut [[f64; N]; N], g: &mut [f64
             return false;
         }
         let inverse = 1.0 / pivot.sqrt();
-        let row = h[k].map(|x| x * inverse);
-        h[k] = row;
+        h[k].iter_mut().for_each(|x| *x *= inverse);
+        let row = h[k];
         g[k] *= inverse;
         let y = g[k];
         for i in k + 1..N {
