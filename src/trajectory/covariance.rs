@@ -141,18 +141,13 @@ impl PosteriorCovariance {
             return Vec::new();
         }
         let mut rows = vec![[0.0; STEP]; gradient.rows];
-        for pose in recover(&self.graph, &self.state, step) {
-            let Some(block) = gradient.block(pose.pose) else {
-                continue;
-            };
-            for (row, values) in rows.iter_mut().zip(block.chunks_exact(POSE)) {
-                for (value, by) in values.iter().zip(&pose.rows) {
-                    for (x, b) in row.iter_mut().zip(by) {
-                        *x += value * b;
-                    }
+        recover(&self.graph, &self.state, step, |pose| {
+            if let Some(block) = gradient.block(pose.pose) {
+                for (row, values) in rows.iter_mut().zip(block.chunks_exact(POSE)) {
+                    pose.pull_back(values, row);
                 }
             }
-        }
+        });
         rows
     }
 }

@@ -26,20 +26,25 @@ impl StepKnowledge<'_> {
         by_constants: impl Iterator<Item = (usize, f64)>,
     ) -> f64 {
         let n = self.constants.nrows();
-        let used: Vec<(usize, f64)> = row
-            .iter()
-            .copied()
-            .enumerate()
-            .filter(|(_, x)| *x != 0.0)
-            .collect();
+        let mut used = [0usize; STEP];
+        let mut count = 0;
+        for (a, x) in row.iter().enumerate() {
+            used[count] = a;
+            count += usize::from(*x != 0.0);
+        }
+        let used = &used[..count];
         let mut sum = 0.0;
-        for &(a, x) in &used {
-            let inner: f64 = used.iter().map(|&(b, y)| self.unknowns[a][b] * y).sum();
-            sum += x * inner;
+        for (i, &a) in used.iter().enumerate() {
+            let line = &self.unknowns[a];
+            let others: f64 = used[i + 1..].iter().map(|&b| line[b] * row[b]).sum();
+            sum += row[a] * (line[a] * row[a] + 2.0 * others);
+        }
+        if n == 0 {
+            return sum;
         }
         let border: Vec<(usize, f64)> = by_constants.collect();
         for &(c, z) in &border {
-            let inner: f64 = used.iter().map(|&(a, x)| self.cross[a * n + c] * x).sum();
+            let inner: f64 = used.iter().map(|&a| self.cross[a * n + c] * row[a]).sum();
             let own: f64 = border
                 .iter()
                 .map(|&(d, w)| self.constants[(c, d)] * w)
@@ -137,13 +142,17 @@ impl Findings {
     }
 }
 
-/// Finds the residuals of one step.
-pub(super) fn examine(graph: &Graph, state: &State, known: &StepKnowledge<'_>) -> Findings {
+/// Adds the residuals of one step.
+pub(super) fn examine(
+    graph: &Graph,
+    state: &State,
+    known: &StepKnowledge<'_>,
+    found: &mut Findings,
+) {
     let step = known.step;
     let places = Places {
         positions: graph.sensors.len(),
     };
-    let mut found = Findings::new(places.positions);
     let constants = state.constants.as_slice();
     let bias = graph.bias(state, step);
     let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
@@ -202,8 +211,7 @@ pub(super) fn examine(graph: &Graph, state: &State, known: &StepKnowledge<'_>) -
         sum.normalised += normalised.iter().map(|x| x * x).sum::<f64>();
         sum.redundancy += known.redundancies(&rows, &[]).iter().sum::<f64>();
     }
-    examine_imu(graph, state, known, (from, to), &mut found, places);
-    found
+    examine_imu(graph, state, known, (from, to), found, places);
 }
 
 fn examine_imu(

@@ -8,7 +8,7 @@ use super::diagnostics::{Findings, StepKnowledge, conclude, examine, imu_varianc
 use super::graph::{Ended, Graph, State};
 use super::initial::{Initial, initial};
 use super::interpolate::Trajectory;
-use super::recovery::{Recovered, recover};
+use super::recovery::recover;
 use super::rest::{Rest, rests};
 use super::robust;
 use super::solution::{EstimatedConstant, Rejection, Solution, StopReason};
@@ -18,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::project::{Constant, TrajectorySettings};
 use crate::sensor::PoseRecord;
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 /// A clock correction that moves by more than this is applied to the records, which may then lie
@@ -29,6 +30,8 @@ const MOST_LAYOUTS: usize = 12;
 const MOST_JUMPS: usize = 4;
 /// Steps whose covariances are held at a time while poses and residuals are found.
 const CHUNK: usize = 512;
+/// Steps harvested by one task.
+const TASK: usize = 32;
 /// An estimated constant is determined where the drive shrinks its prior standard deviation to less
 /// than this share.
 const DETERMINED_SHARE: f64 = 0.5;
@@ -268,23 +271,13 @@ impl Adjusted {
     /// The poses with standard deviations and the residuals with redundancies.
     fn harvest(&self) -> (Vec<PoseRecord>, Findings) {
         let constants = self.factor.constants_covariance();
-        let steps = self.graph.timeline.steps();
-        let mut parts: Vec<(Vec<Recovered>, Findings)> = Vec::with_capacity(steps);
+        // From the last steps to the first, as the recursion runs.
+        let mut parts: Vec<(Vec<PoseRecord>, Findings)> = Vec::new();
         let mut chunk: Vec<StepPart> = Vec::with_capacity(CHUNK);
         let mut work = |chunk: &mut Vec<StepPart>| {
             let done: Vec<_> = chunk
-                .par_iter()
-                .map(|(step, unknowns, cross)| {
-                    let knowledge = StepKnowledge {
-                        step: *step,
-                        unknowns,
-                        cross,
-                        constants: &constants,
-                    };
-                    let mut poses = recover(&self.graph, &self.state, *step);
-                    poses.iter_mut().for_each(|pose| pose.set_sigma(unknowns));
-                    (poses, examine(&self.graph, &self.state, &knowledge))
-                })
+                .par_chunks(TASK)
+                .map(|steps| self.harvest_steps(steps, &constants))
                 .collect();
             parts.extend(done);
             chunk.clear();
@@ -296,12 +289,34 @@ impl Adjusted {
             }
         });
         work(&mut chunk);
-        // The recursion runs from the last step to the first.
         let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
         let mut findings = Findings::new(self.graph.sensors.len());
         for (poses, found) in parts.into_iter().rev() {
-            records.extend(poses.into_iter().map(|pose| pose.record));
+            records.extend(poses);
             findings.append(found);
+        }
+        (records, findings)
+    }
+
+    /// Poses and residuals of steps that come from the last to the first, in order of time.
+    fn harvest_steps(
+        &self,
+        steps: &[StepPart],
+        constants: &DMatrix<f64>,
+    ) -> (Vec<PoseRecord>, Findings) {
+        let mut records = Vec::new();
+        let mut findings = Findings::new(self.graph.sensors.len());
+        for (step, unknowns, cross) in steps.iter().rev() {
+            recover(&self.graph, &self.state, *step, |pose| {
+                records.push(pose.with_sigma(unknowns));
+            });
+            let knowledge = StepKnowledge {
+                step: *step,
+                unknowns,
+                cross,
+                constants,
+            };
+            examine(&self.graph, &self.state, &knowledge, &mut findings);
         }
         (records, findings)
     }

@@ -6,9 +6,11 @@
 //! and Φ_jk carries an error at k to j. That is what a node at k would come out at, and its
 //! covariance is F Σ F ᵀ + Σ_k − G_k Σ_j G_kᵀ with F the derivative of x_k by x_i, x_j and b.
 
-use super::chain::STEP;
+use super::chain::{NODE, STEP};
+use super::factors::{ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY};
 use super::graph::{Graph, State};
 use super::preintegration::{Mat9, MotionSums, Preintegrated};
+use super::timeline::SAME_INSTANT_S;
 use crate::geometry::so3::{exp, hat, right_jacobian};
 use crate::geometry::{Mat3, Vec3, pose};
 use crate::sensor::{PoseRecord, PoseSigma};
@@ -19,38 +21,59 @@ pub(super) const POSE: usize = 6;
 pub(super) type PoseRows = [[f64; STEP]; POSE];
 type Mat3x9 = nalgebra::SMatrix<f64, 3, 9>;
 
-/// A pose inside a step or at its start, and how it hangs on the step's unknowns.
+/// A pose of a step, and how it hangs on the step's unknowns.
 pub(super) struct Recovered {
     /// Index among the poses of the trajectory.
     pub pose: usize,
     pub record: PoseRecord,
-    pub rows: PoseRows,
+    hangs: Hangs,
+}
+
+enum Hangs {
+    /// It is the pose of a node whose unknowns start here.
+    Node(usize),
+    /// It lies between nodes.
+    Between(Box<Between>),
+}
+
+struct Between {
+    rows: PoseRows,
     /// Variance that the nodes do not hold: rotation in the body frame, position in the world.
-    own: Option<(Mat3, Mat3)>,
+    own: (Mat3, Mat3),
 }
 
 impl Recovered {
-    /// Sets the standard deviations, given the covariance of the step's unknowns.
-    pub fn set_sigma(&mut self, unknowns: &[[f64; STEP]; STEP]) {
-        let block = |at: usize| -> Mat3 {
-            let rows = &self.rows[at..at + 3];
-            let mut product = [[0.0; STEP]; 3];
-            for (row, out) in rows.iter().zip(&mut product) {
-                for (x, line) in row.iter().zip(unknowns) {
-                    if *x != 0.0 {
-                        for (o, y) in out.iter_mut().zip(line) {
-                            *o += x * y;
-                        }
+    /// Adds a gradient by the pose (POSE values) to one by the step's unknowns.
+    pub fn pull_back(&self, by_pose: &[f64], by_step: &mut [f64; STEP]) {
+        match &self.hangs {
+            Hangs::Node(first) => {
+                for (x, value) in by_step[*first..].iter_mut().zip(by_pose) {
+                    *x += value;
+                }
+            }
+            Hangs::Between(between) => {
+                for (value, row) in by_pose.iter().zip(&between.rows) {
+                    for (x, b) in by_step.iter_mut().zip(row) {
+                        *x += value * b;
                     }
                 }
             }
-            Mat3::from_fn(|a, b| product[a].iter().zip(&rows[b]).map(|(x, y)| x * y).sum())
-        };
-        let (mut rotation, mut position) = (block(0), block(3));
-        if let Some((own_rotation, own_position)) = &self.own {
-            rotation += own_rotation;
-            position += own_position;
         }
+    }
+
+    /// The record with standard deviations, given the covariance of the step's unknowns.
+    pub fn with_sigma(mut self, unknowns: &[[f64; STEP]; STEP]) -> PoseRecord {
+        let (rotation, position) = match &self.hangs {
+            Hangs::Node(first) => {
+                let block =
+                    |at: usize| Mat3::from_fn(|a, b| unknowns[first + at + a][first + at + b]);
+                (block(0), block(3))
+            }
+            Hangs::Between(between) => (
+                propagated(&between.rows[..3], unknowns) + between.own.0,
+                propagated(&between.rows[3..], unknowns) + between.own.1,
+            ),
+        };
         let world = self.record.world_from_body.rotation.to_rotation_matrix();
         let rotation = world.matrix() * rotation * world.matrix().transpose();
         let root = |m: &Mat3| m.diagonal().map(|x| x.max(0.0).sqrt());
@@ -58,7 +81,23 @@ impl Recovered {
             position_m: root(&position),
             rotation_rad: root(&rotation),
         });
+        self.record
     }
+}
+
+/// F Σ Fᵀ of three rows.
+fn propagated(rows: &[[f64; STEP]], unknowns: &[[f64; STEP]; STEP]) -> Mat3 {
+    let mut product = [[0.0; STEP]; 3];
+    for (row, out) in rows.iter().zip(&mut product) {
+        for (x, line) in row.iter().zip(unknowns) {
+            if *x != 0.0 {
+                for (o, y) in out.iter_mut().zip(line) {
+                    *o += x * y;
+                }
+            }
+        }
+    }
+    Mat3::from_fn(|a, b| product[a].iter().zip(&rows[b]).map(|(x, y)| x * y).sum())
 }
 
 /// One sample's end inside a step.
@@ -69,40 +108,34 @@ struct Inside {
     to_next: Mat9,
 }
 
-/// The poses of a step: that of its node where a sample begins there, and those inside it. For
-/// the last step also that of the last node.
-pub(super) fn recover(graph: &Graph, state: &State, step: usize) -> Vec<Recovered> {
+/// Hands over the poses of a step in order: that of its node where a sample begins there, and
+/// those inside it. For the last step also that of the last node.
+pub(super) fn recover(graph: &Graph, state: &State, step: usize, mut take: impl FnMut(Recovered)) {
     let timeline = &graph.timeline;
     let std::ops::Range {
         start: mut next,
         end,
     } = timeline.poses_of(step);
     let last_step = step + 1 == timeline.steps();
-    let mut poses = Vec::with_capacity(end - next);
-    if next < end
-        && timeline.pose_s[next] <= timeline.node_s[step] + super::timeline::SAME_INSTANT_S
-    {
-        poses.push(at_node(graph, state, step, step, next));
+    if next < end && timeline.pose_s[next] <= timeline.node_s[step] + SAME_INSTANT_S {
+        take(at_node(graph, state, step, step, next));
         next += 1;
     }
     let inner = if last_step { end - 1 } else { end };
     if next < inner {
-        inside(graph, state, step, next..inner, &mut poses);
+        for pose in inside(graph, state, step, next..inner).into_iter().rev() {
+            take(pose);
+        }
     }
     if last_step {
-        poses.push(at_node(graph, state, step, step + 1, end - 1));
+        take(at_node(graph, state, step, step + 1, end - 1));
     }
-    poses
 }
 
 /// The pose of a node, seen from a step that it bounds.
 fn at_node(graph: &Graph, state: &State, step: usize, node: usize, pose_index: usize) -> Recovered {
     let at = &state.nodes[node];
-    let first = if node == step { 0 } else { super::chain::NODE };
-    let mut rows = [[0.0; STEP]; POSE];
-    for (i, row) in rows.iter_mut().enumerate() {
-        row[first + i] = 1.0;
-    }
+    let first = if node == step { 0 } else { NODE };
     Recovered {
         pose: pose_index,
         record: PoseRecord {
@@ -112,19 +145,17 @@ fn at_node(graph: &Graph, state: &State, step: usize, node: usize, pose_index: u
             bias: Some(*graph.bias(state, step)),
             sigma: None,
         },
-        rows,
-        own: None,
+        hangs: Hangs::Node(first),
     }
 }
 
-/// The poses `wanted`, which are the ends of samples inside the step.
+/// The poses `wanted`, which are the ends of samples inside the step, from the last to the first.
 fn inside(
     graph: &Graph,
     state: &State,
     step: usize,
     wanted: std::ops::Range<usize>,
-    poses: &mut Vec<Recovered>,
-) {
+) -> Vec<Recovered> {
     let constants = state.constants.as_slice();
     let bias = graph.bias(state, step);
     let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
@@ -166,14 +197,14 @@ fn inside(
             }
         };
         let turned = sums.rotation.to_rotation_matrix().into_inner();
-        put(0, 0, &turned.transpose());
+        put(0, ATTITUDE, &turned.transpose());
         let by_gyro = right_jacobian(&end.sums.turn(bias)) * end.sums.bias_block(0, 0);
-        put(0, 18, &by_gyro);
-        put(3, 0, &(-r * hat(&sums.position_m)));
-        put(3, 3, &Mat3::identity());
-        put(3, 6, &(Mat3::identity() * t));
-        put(3, 18, &(r * end.sums.bias_block(3, 0)));
-        put(3, 21, &(r * end.sums.bias_block(3, 3)));
+        put(0, GYRO, &by_gyro);
+        put(3, ATTITUDE, &(-r * hat(&sums.position_m)));
+        put(3, POSITION, &Mat3::identity());
+        put(3, VELOCITY, &(Mat3::identity() * t));
+        put(3, GYRO, &(r * end.sums.bias_block(3, 0)));
+        put(3, ACCEL, &(r * end.sums.bias_block(3, 3)));
         // And by what is shared out of the closing error.
         let share_rotation: Mat3x9 = shared.fixed_rows::<3>(0).into_owned();
         let share_position: Mat3x9 = r * shared.fixed_rows::<3>(3);
@@ -200,11 +231,13 @@ fn inside(
                 bias: Some(*bias),
                 sigma: None,
             },
-            rows,
-            own: Some((own_rotation, own_position)),
+            hangs: Hangs::Between(Box::new(Between {
+                rows,
+                own: (own_rotation, own_position),
+            })),
         });
     }
-    poses.extend(found.into_iter().rev());
+    found
 }
 
 /// The sums at the end of every sample inside the step.

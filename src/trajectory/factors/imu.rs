@@ -131,8 +131,9 @@ impl ImuFactor {
         let mut rows = [[0.0; STEP]; 9];
         for (a, row) in rows.iter_mut().enumerate() {
             for (w, source) in self.whitener[a][..=a].iter().zip(&raw) {
+                let w = w / scale;
                 for (x, j) in row.iter_mut().zip(source) {
-                    *x += w / scale * j;
+                    *x += w * j;
                 }
             }
         }

@@ -30,11 +30,11 @@ pub(super) struct NodeState {
 
 /// First columns of a step's unknowns: attitude, position and velocity of node i, then node
 /// i + 1 and the bias.
-const ATTITUDE: usize = 0;
-const POSITION: usize = 3;
-const VELOCITY: usize = 6;
-const GYRO: usize = 2 * NODE;
-const ACCEL: usize = 2 * NODE + 3;
+pub(super) const ATTITUDE: usize = 0;
+pub(super) const POSITION: usize = 3;
+pub(super) const VELOCITY: usize = 6;
+pub(super) const GYRO: usize = 2 * NODE;
+pub(super) const ACCEL: usize = 2 * NODE + 3;
 
 /// Rows of a Jacobian over a step's unknowns.
 pub(super) type Rows<const R: usize> = [[f64; STEP]; R];
