@@ -71,6 +71,7 @@ struct Clock {
     intervals: Vec<f64>,
     longest: Vec<Gap>,
     backwards: u64,
+    repeated: u64,
 }
 
 impl Clock {
@@ -83,6 +84,8 @@ impl Clock {
         };
         if time_s < last {
             self.backwards += 1;
+        } else if time_s == last {
+            self.repeated += 1;
         } else if time_s > last {
             self.epochs += 1;
             let duration_s = time_s - last;
@@ -208,7 +211,10 @@ fn inspect_table(
         .chain(columns.optional)
         .copied()
         .collect();
-    let time = wanted.iter().position(|name| *name == "time_s");
+    let find = |names: [&str; 2]| wanted.iter().position(|name| names.contains(name));
+    let time = find(["time_s", "sec_of_day"]);
+    let range = find(["slope_distance_m", "slope_dist_m"]);
+    let mut without_range = 0;
     let mut table = Table::open(path, columns)?;
     let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&wanted));
     let mut row = vec![0.0; wanted.len()];
@@ -217,15 +223,56 @@ fn inspect_table(
         if let Some(time_s) = time.map(|i| row[i]).filter(|t| !t.is_nan()) {
             clock.see(time_s);
         }
-        ranges.see(row.iter().copied());
+        if range.is_some_and(|i| row[i] <= 0.0) {
+            without_range += 1;
+        } else {
+            ranges.see(row.iter().copied());
+        }
     }
     if report.count == 0 {
         return Err(super::nothing_in(path, "row"));
     }
+    if without_range > 0 {
+        report.notes.push(format!(
+            "{without_range} rows have no range: they are rejected on reading, and not among the \
+             values above"
+        ));
+    }
+    match report.format {
+        Format::TpsCsv => report.notes.push(
+            "coordinates and polar observations: the project chooses with observations = \
+             \"cartesian\" or \"polar\"; vertical angles are from the horizon (vertical_angle = \
+             \"elevation\")"
+                .to_owned(),
+        ),
+        Format::PolarCsv => report.notes.push(
+            "polar observations: the project gives station_m and station_orientation_deg"
+                .to_owned(),
+        ),
+        _ => {}
+    }
     report.columns = table.names().to_vec();
     ranges.report(report);
-    report.bounds.retain(|bounds| bounds.column != "time_s");
+    if let Some(time) = time {
+        report.bounds.retain(|bounds| bounds.column != wanted[time]);
+    }
+    let repeated = clock.repeated;
     clock.report(report);
+    // Of profiles and clouds many points share a time, of logs no two records should.
+    let is_log = matches!(
+        report.format,
+        Format::ImuCsv
+            | Format::PrismCsv
+            | Format::PolarCsv
+            | Format::TpsCsv
+            | Format::HeadingCsv
+    );
+    if is_log && repeated > 0 {
+        report.notes.push(format!(
+            "{repeated} rows repeat the time of the row before: they are dropped and named when \
+             the trajectory is estimated"
+        ));
+    }
     Ok(())
 }
 
