@@ -4,8 +4,8 @@ use std::fmt;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, Vec3, transform};
-use crate::sensor::{ScanPoint, check_overlap};
 use crate::project::PoseLimits;
+use crate::sensor::{ScanPoint, check_overlap};
 use crate::trajectory::{PoseCursor, Trajectory};
 
 /// Points that no pose is good enough for: the project bounds the sigmas of poses.
@@ -35,7 +35,9 @@ impl fmt::Display for Refused {
             write!(f, " and in {more} more spans up to {last:.3} s")?;
         }
         let bounds = [
-            self.limits.position_m.map(|m| format!("{m} m (max_sigma_position_m)")),
+            self.limits
+                .position_m
+                .map(|m| format!("{m} m (max_sigma_position_m)")),
             self.limits
                 .rotation_rad
                 .map(|r| format!("{:.6}° (max_sigma_rotation_deg)", r.to_degrees())),
@@ -255,6 +257,9 @@ mod tests {
         let mut place = Georeferencer::new(&trajectory, Pose::identity(), 0.0);
         place.place(&at(2.5));
         let error = place.check("left").unwrap_err().to_string();
-        assert!(error.contains("scanner `left` can be placed: 1 points from 2.5"), "{error}");
+        assert!(
+            error.contains("scanner `left` can be placed: 1 points from 2.5"),
+            "{error}"
+        );
     }
 }

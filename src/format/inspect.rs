@@ -261,11 +261,7 @@ fn inspect_table(
     // Of profiles and clouds many points share a time, of logs no two records should.
     let is_log = matches!(
         report.format,
-        Format::ImuCsv
-            | Format::PrismCsv
-            | Format::PolarCsv
-            | Format::TpsCsv
-            | Format::HeadingCsv
+        Format::ImuCsv | Format::PrismCsv | Format::PolarCsv | Format::TpsCsv | Format::HeadingCsv
     );
     if is_log && repeated > 0 {
         report.notes.push(format!(

@@ -196,7 +196,13 @@ fn without_range(slope_distance_m: f64, status: f64) -> Option<String> {
 /// One row of time, slope distance, horizontal and vertical angle in degrees, and status.
 fn polar(
     instrument: &TotalStation,
-    [time_s, slope_distance_m, horizontal_deg, vertical_deg, status]: [f64; 5],
+    [
+        time_s,
+        slope_distance_m,
+        horizontal_deg,
+        vertical_deg,
+        status,
+    ]: [f64; 5],
     table: &Table,
 ) -> Result<std::result::Result<PositionFix, String>> {
     if let Some(reason) = without_range(slope_distance_m, status) {
@@ -215,7 +221,10 @@ fn polar(
         ),
     };
     if !known {
-        return Err(table.error(format!("a vertical angle of {vertical_deg} degrees"), expected));
+        return Err(table.error(
+            format!("a vertical angle of {vertical_deg} degrees"),
+            expected,
+        ));
     }
     let fix = instrument.fix(&PolarObservation {
         time_s,

@@ -24,7 +24,11 @@ fn own_files(project: &Project) -> Result<()> {
         Motion::Logs(logs) => {
             exists("imu", &logs.imu.path)?;
             let count = |kind| {
-                let of_kind = logs.settings.positions.iter().filter(move |p| p.kind == kind);
+                let of_kind = logs
+                    .settings
+                    .positions
+                    .iter()
+                    .filter(move |p| p.kind == kind);
                 of_kind.count()
             };
             let mut seen = [0; 2];

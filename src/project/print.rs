@@ -99,7 +99,10 @@ fn write_poses(poses: &PosesFile) -> written::Trajectory {
 }
 
 fn write_estimation(settings: &TrajectorySettings) -> written::Trajectory {
-    let names = settings.estimate.iter().map(|constant| constant.name(&settings.positions));
+    let names = settings
+        .estimate
+        .iter()
+        .map(|constant| constant.name(&settings.positions));
     written::Trajectory {
         nodes: Some(settings.nodes),
         estimate: Some(names.collect()),

@@ -81,7 +81,8 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Tables<T> {
             }
 
             fn visit_map<A: de::MapAccess<'de>>(self, map: A) -> Result<Tables<T>, A::Error> {
-                T::deserialize(de::value::MapAccessDeserializer::new(map)).map(|one| Tables(vec![one]))
+                T::deserialize(de::value::MapAccessDeserializer::new(map))
+                    .map(|one| Tables(vec![one]))
             }
 
             fn visit_seq<A: de::SeqAccess<'de>>(self, mut all: A) -> Result<Tables<T>, A::Error> {

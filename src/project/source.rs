@@ -74,7 +74,8 @@ impl Source {
             let next = match *step {
                 Step::Key(name) => {
                     // `[[prism]]` for one table is as good as `[prism]`.
-                    let one = |value: &DeValue<'_>| value.as_array().is_some_and(|all| all.len() == 1);
+                    let one =
+                        |value: &DeValue<'_>| value.as_array().is_some_and(|all| all.len() == 1);
                     let inside = match value {
                         Some(value) if one(value) => value.get(0).map(|element| element.get_ref()),
                         other => other,

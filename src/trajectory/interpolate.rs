@@ -265,7 +265,10 @@ mod tests {
         let bare = Trajectory::new(vec![record(0.0), record(1.0)]).unwrap();
         assert!(bare.clone().with_limits(PoseLimits::default()).is_ok());
         let error = bare.with_limits(limits).unwrap_err().to_string();
-        assert!(error.contains("0.000000 s comes without standard deviations"), "{error}");
+        assert!(
+            error.contains("0.000000 s comes without standard deviations"),
+            "{error}"
+        );
     }
 
     #[test]

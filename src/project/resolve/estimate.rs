@@ -27,11 +27,20 @@ pub(super) fn constants(
         };
         let constant = all[index];
         if found.contains(&constant) {
-            return Err(error(format!("`{name}` a second time"), "each constant once"));
+            return Err(error(
+                format!("`{name}` a second time"),
+                "each constant once",
+            ));
         }
-        let of_heading = matches!(constant, Constant::HeadingOffset | Constant::HeadingTimeOffset);
+        let of_heading = matches!(
+            constant,
+            Constant::HeadingOffset | Constant::HeadingTimeOffset
+        );
         if of_heading && !has_heading {
-            return Err(error(format!("`{name}` and no [heading]"), "a log of headings"));
+            return Err(error(
+                format!("`{name}` and no [heading]"),
+                "a log of headings",
+            ));
         }
         if let Constant::IncidenceBias(index) = constant
             && positions[index].station_m.is_none()

@@ -42,7 +42,11 @@ pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
             Ok(Motion::Logs(Box::new(logs)))
         }
         imu => {
-            let missing = if imu.is_none() { "[imu]" } else { "[prism] or [gnss]" };
+            let missing = if imu.is_none() {
+                "[imu]"
+            } else {
+                "[prism] or [gnss]"
+            };
             Err(source.error(
                 &[],
                 format!("no {missing}"),
@@ -117,7 +121,10 @@ fn logs(
     let of_poses = [
         ("time_offset_s", trajectory.time_offset_s.is_some()),
         ("sigma_position_m", trajectory.sigma_position_m.is_some()),
-        ("sigma_rotation_deg", trajectory.sigma_rotation_deg.is_some()),
+        (
+            "sigma_rotation_deg",
+            trajectory.sigma_rotation_deg.is_some(),
+        ),
     ];
     let table = Table::new(source, "trajectory");
     refuse(

@@ -32,11 +32,19 @@ pub(super) fn positions(
     let mut found = Vec::new();
     for (index, one) in prisms.iter().enumerate() {
         let table = table_of(source, "prism", index, prisms.len());
-        found.push(prism(&table, one, name(&table, one.name.as_deref(), prisms.len(), &found)?)?);
+        found.push(prism(
+            &table,
+            one,
+            name(&table, one.name.as_deref(), prisms.len(), &found)?,
+        )?);
     }
     for (index, one) in antennas.iter().enumerate() {
         let table = table_of(source, "gnss", index, antennas.len());
-        found.push(gnss(&table, one, name(&table, one.name.as_deref(), antennas.len(), &found)?)?);
+        found.push(gnss(
+            &table,
+            one,
+            name(&table, one.name.as_deref(), antennas.len(), &found)?,
+        )?);
     }
     Ok(found)
 }
@@ -222,9 +230,10 @@ fn observations(
         sigma_distance_m: table
             .positive("sigma_distance_m", prism.sigma_distance_m.unwrap_or(0.001))?,
         sigma_distance_ppm: noise_of(noise[1], 1.0)?,
-        sigma_angle_rad: arcsec_to_radians(
-            table.positive("sigma_angle_arcsec", prism.sigma_angle_arcsec.unwrap_or(1.0))?,
-        ),
+        sigma_angle_rad: arcsec_to_radians(table.positive(
+            "sigma_angle_arcsec",
+            prism.sigma_angle_arcsec.unwrap_or(1.0),
+        )?),
         sigma_prism_m: table.not_negative("sigma_m", sigma_prism_m)?,
     }))
 }
