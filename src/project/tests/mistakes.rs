@@ -14,7 +14,7 @@ fn mistakes_are_named_with_line_and_remedy() {
         (
             "sigma_m = 0.005",
             "sigm_m = 0.005",
-            "line 16: found the unknown key `sigm_m`, expected `sigma_m` (or one of: file, ",
+            "line 16: found the unknown key `sigm_m`, expected `sigma_m` (or one of: name, file, ",
         ),
         (
             "[[scanner]]",
@@ -184,108 +184,108 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
         (
             "name = \"rear\"",
             "name = \"FRONT\"",
-            "line 24: found the name \"FRONT\", which something else has",
+            "line 23: found the name \"FRONT\", which something else has",
         ),
         (
             "name = \"rear\"",
             "name = \"gnss\"",
-            "line 34: found the name \"gnss\", which something else",
+            "line 32: found the name \"gnss\", which something else",
         ),
         (
             "name = \"rear\"",
             "name = \"heading\"",
-            "line 24: found the name \"heading\", which",
+            "line 23: found the name \"heading\", which",
         ),
         (
             "name = \"rear\"",
             "name = \"a.b\"",
-            "line 24: found the name \"a.b\", expected 1 to 64 letters, digits, `-` or `_`",
+            "line 23: found the name \"a.b\", expected 1 to 64 letters, digits, `-` or `_`",
         ),
         (
             "[0.004, 0.004, 0.006]",
             "[0.004, 0.004, 0]",
-            "line 30: found sigma_m = 0, expected a number above 0",
+            "line 29: found sigma_m = 0, expected a number above 0",
         ),
         (
             "[0.004, 0.004, 0.006]",
             "[0.004, 0.004]",
-            "line 30: found 2, expected a list of 3 numbers",
+            "line 29: found 2, expected a list of 3 numbers",
         ),
         (
             "sigma_m = 0.003",
             "sigma_m = [0.003, 0.003, 0.004]",
-            "line 17: found three values of sigma_m, expected one",
+            "line 16: found three values of sigma_m, expected one",
         ),
         (
             instrument,
             "",
-            "line 14: found station_orientation_deg without station_m",
+            "line 12: found station_orientation_deg without station_m",
         ),
         (
             "station_orientation_deg = 337.205145\n",
             "",
-            "line 14: found vertical_angle without station_orientation_deg",
+            "line 13: found vertical_angle without station_orientation_deg",
         ),
         (
             "\"cartesian\"",
             "\"polar\"",
-            "line 29: found polar observations without station_orientation_deg",
+            "line 28: found polar observations without station_orientation_deg",
         ),
         (
             "\"elevation\"",
             "\"horizon\"",
-            "line 15: found the unknown value `horizon`, expected `elevation`",
+            "line 14: found the unknown value `horizon`, expected `elevation`",
         ),
         (
             "sigma_angle_arcsec = 0.5",
             "sigma_angle_mgon = 0.15",
-            "line 20: found the unknown key `sigma_angle_mgon`, expected `sigma_angle_arcsec`",
+            "line 19: found the unknown key `sigma_angle_mgon`, expected `sigma_angle_arcsec`",
         ),
         (
             "loss = \"huber\"",
             "loss = \"hubert\"",
-            "line 21: found the unknown value `hubert`, expected `huber`",
+            "line 20: found the unknown value `hubert`, expected `huber`",
         ),
         (
             "loss = \"huber\"",
             "observations = \"cartesian\"",
-            "line 14: found station_orientation_deg beside observations = \"cartesian\"",
+            "line 13: found station_orientation_deg beside observations = \"cartesian\"",
         ),
         (
             "\"gnss.lever_arm\"",
             "\"gnss.leverarm\"",
-            "line 48: found the unknown constant `gnss.leverarm`, expected `gnss.lever_arm` (constants: front.time_offset, front.lever_arm, front.incidence_bias, rear.time_offset, ",
+            "line 46: found the unknown constant `gnss.leverarm`, expected `gnss.lever_arm` (constants: front.time_offset, front.lever_arm, front.incidence_bias, rear.time_offset, ",
         ),
         (
             "\"gnss.lever_arm\"",
             "\"gnss.incidence_bias\"",
-            "line 48: found the unknown constant `gnss.incidence_bias`",
+            "line 46: found the unknown constant `gnss.incidence_bias`",
         ),
         (
             "\"gnss.lever_arm\"",
             "\"frame.gravity\"",
-            "line 48: found `frame.gravity` a second time",
+            "line 46: found `frame.gravity` a second time",
         ),
         ("station_m = [363000.0, 5600000.0, 61.0]\n", "", ""),
         (
             "max_sigma_position_m = 0.02",
             "max_sigma_position_m = 0",
-            "line 50: found max_sigma_position_m = 0, expected a number above 0",
+            "line 48: found max_sigma_position_m = 0, expected a number above 0",
         ),
         (
             "nodes = \"imu\"",
             "sigma_position_m = 1",
-            "line 46: found sigma_position_m without a file of poses, expected `file` beside it",
+            "line 44: found sigma_position_m without a file of poses, expected `file` beside it",
         ),
         (
             "[gnss]",
             "[gnsss]",
-            "line 34: found the unknown key `gnsss`, expected `gnss`",
+            "line 32: found the unknown key `gnsss`, expected `gnss`",
         ),
         (
             "[gnss]\n",
             "[gnss]\nstation_m = [1, 2, 3]\n",
-            "line 35: found the unknown key `station_m`",
+            "line 33: found the unknown key `station_m`",
         ),
     ];
     for (old, new, expected) in cases {
@@ -307,7 +307,7 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
     let message_of_bias = message(&bias);
     assert!(
         message_of_bias.contains(
-            "line 47: found `rear.incidence_bias` without a line of sight, expected station_m of `rear`"
+            "line 45: found `rear.incidence_bias` without a line of sight, expected station_m of `rear`"
         ),
         "{message_of_bias}"
     );
