@@ -248,6 +248,8 @@ fn points_whose_pose_is_not_known_well_enough_are_not_placed() {
         let run = on_project(folder, command, &[]);
         assert!(run.err.contains(expected), "{command}: {}", run.err);
     }
+    let result = fs::read_to_string(folder.join("out/result.json")).unwrap();
+    assert!(result.contains(expected), "{result}");
 
     with_poses(folder, true, "max_sigma_rotation_deg = 0.01");
     let run = on_project(folder, "georeference", &[]);

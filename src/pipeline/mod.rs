@@ -192,6 +192,12 @@ pub fn analyse(
             },
         )?),
     };
+    let refusals: Vec<String> = project
+        .scanners
+        .iter()
+        .zip(&samples)
+        .filter_map(|(scanner, s)| stages::refusal(&scanner.name, s.read, &s.refused))
+        .collect();
     drop(samples);
 
     let truth = extras.truth.as_ref().map(|truth| truth.mountings.clone());
@@ -240,6 +246,7 @@ pub fn analyse(
     let mut warnings: Vec<String> = drives
         .iter()
         .flat_map(|drive| drive.missing.iter().cloned())
+        .chain(refusals)
         .collect();
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());

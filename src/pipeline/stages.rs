@@ -178,19 +178,25 @@ pub fn warn_of_missing(
     refused: &Refused,
     progress: &dyn Progress,
 ) {
-    let percent = |points: u64| 100.0 * points as f64 / read as f64;
     if outside > 0 {
         progress.warn(&format!(
             "{:.1} % of the points of scanner `{scanner}` lie outside the trajectory and were left out",
-            percent(outside),
+            100.0 * outside as f64 / read as f64,
         ));
     }
-    if refused.points > 0 {
-        progress.warn(&format!(
+    if let Some(warning) = refusal(scanner, read, refused) {
+        progress.warn(&warning);
+    }
+}
+
+/// What to say of the points of `scanner`, of `read` in all, that were refused; `None` without any.
+pub fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
+    (refused.points > 0).then(|| {
+        format!(
             "{:.1} % of the points of scanner `{scanner}` were left out: {refused}",
-            percent(refused.points),
-        ));
-    }
+            100.0 * refused.points as f64 / read as f64,
+        )
+    })
 }
 
 /// Checks that the reference, where there is one, lies where the scanners looked.
