@@ -10,10 +10,19 @@
 //! | change of bias before step i | old bias (6) | node i (9), new bias (6) |
 //! | tail | last node and bias (15) | |
 //!
-//! H = Uᵀ U with one block of rows of U per front. Constants that touch every step (a lever arm, a
-//! latency) would widen each separator by a dense border at its right end; the order of
-//! elimination stays as it is.
+//! H = Uᵀ U with one block of rows of U per front. Constants that touch many steps (a lever arm, a
+//! latency) are eliminated last; they are a dense border at the right end of each separator.
 
+mod border;
+mod front;
+mod functional;
+
+pub(super) use border::{Border, ConstantsSystem};
+pub(super) use front::{Carry, ChangeFront, StepFront, TailFront, solve_rows};
+pub(super) use functional::ChainGradient;
+
+use border::{BorderCarry, ConstantsFactor};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 /// Unknowns of a node: δφ (body), δp (world), δv (world).
@@ -50,11 +59,6 @@ impl ChainLayout {
         self.bias_of_step.last().map_or(0, |&k| k as usize + 1)
     }
 
-    /// The bias in force at `node`: that of its step, for the last node that of the last step.
-    pub fn bias_of_node(&self, node: usize) -> usize {
-        self.bias_of_step[node.min(self.steps() - 1)] as usize
-    }
-
     /// Whether the bias changes before step `i`; the old one is `bias_of_step[i] − 1`.
     pub fn changes_before(&self, i: usize) -> bool {
         i > 0 && self.bias_of_step[i] != self.bias_of_step[i - 1]
@@ -62,8 +66,9 @@ impl ChainLayout {
 }
 
 /// The normal equations H δ = g of one step, order node i, node i + 1, bias; only the upper
-/// triangle of H counts.
+/// triangle of H counts. Rows are whole lines of the cache.
 #[derive(Debug, Clone)]
+#[repr(align(64))]
 pub(super) struct StepSystem {
     pub h: [[f64; STEP]; STEP],
     pub g: [f64; STEP],
@@ -92,231 +97,213 @@ pub(super) struct WalkSystem {
 
 /// The normal equations of a chain, linearised on demand.
 pub(super) struct ChainSystem<'a, S, W> {
-    /// Adds step i to a zeroed system.
+    /// Adds step i to a zeroed system and a zeroed border.
     pub step: &'a S,
     /// The walk from bias k to bias k + 1.
     pub walk: &'a W,
     pub prior: PriorSystem,
     /// Added to the diagonal of every node and bias.
     pub damping: [f64; TAIL],
+    pub constants: ConstantsSystem,
 }
 
-/// The factor U and y = U⁻ᵀ g.
+/// The factor U and y = U⁻ᵀ g, and Y = U⁻ᵀ E of the constants.
 #[derive(Debug, Clone)]
 pub(super) struct ChainFactor {
     pub layout: ChainLayout,
-    pub step_rows: Vec<[[f64; STEP]; NODE]>,
-    step_y: Vec<[f64; NODE]>,
-    pub change_rows: Vec<[[f64; CHANGE]; BIAS]>,
-    change_y: Vec<[f64; BIAS]>,
-    pub tail_rows: [[f64; TAIL]; TAIL],
-    tail_y: [f64; TAIL],
+    steps: Vec<StepFront>,
+    changes: Vec<ChangeFront>,
+    tail: TailFront,
+    /// Rows of Y: NODE × n per step, BIAS × n per change, TAIL × n.
+    step_border: Vec<f64>,
+    change_border: Vec<f64>,
+    tail_border: Vec<f64>,
+    constants: ConstantsFactor,
 }
 
-/// A pivot that is not positive: the data (and priors) leave something free at this node.
+/// A pivot that is not positive: what the data (and priors) leave free.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct NotPositive {
-    pub node: usize,
+pub(super) enum NotPositive {
+    /// Something at this node, or of the bias in force there.
+    Node(usize),
+    /// This constant, with those before it held.
+    Constant(usize),
 }
 
-/// Normal equations carried from the fronts before to (node, bias); upper triangle.
-struct Carry {
-    h: [[f64; TAIL]; TAIL],
-    g: [f64; TAIL],
+/// The linearised steps of a chunk.
+struct Chunk {
+    systems: Vec<StepSystem>,
+    borders: Vec<Border>,
 }
 
-/// Where (node, bias) stand in a step's front.
-fn step_place(a: usize) -> usize {
-    if a < NODE { a } else { a + NODE }
-}
-
-/// Eliminates the first P of N unknowns in place: rows 0..P become rows of U, the rest the Schur
-/// complement. Upper triangles. False where a pivot is not positive.
-fn eliminate<const P: usize, const N: usize>(h: &mut [[f64; N]; N], g: &mut [f64; N]) -> bool {
-    for k in 0..P {
-        let pivot = h[k][k];
-        if pivot.is_nan() || pivot <= 0.0 {
-            return false;
-        }
-        let inverse = 1.0 / pivot.sqrt();
-        let row = h[k].map(|x| x * inverse);
-        h[k] = row;
-        g[k] *= inverse;
-        let y = g[k];
-        for i in k + 1..N {
-            let factor = row[i];
-            // From the multiple of 4 below i: whole vectors, the entries left of i are not used.
-            let start = i & !3;
-            for (x, r) in h[i][start..].iter_mut().zip(&row[start..]) {
-                *x -= factor * r;
-            }
-            g[i] -= factor * y;
+impl Chunk {
+    fn new(constants: usize) -> Self {
+        Self {
+            systems: vec![StepSystem::ZERO; CHUNK],
+            borders: vec![Border::new(constants); CHUNK],
         }
     }
-    true
 }
 
 impl ChainFactor {
-    /// Room for the factor of a chain with at least one step.
-    pub fn new(layout: ChainLayout) -> Self {
+    /// Room for the factor of a chain with at least one step, bordered by n constants.
+    pub fn new(layout: ChainLayout, constants: usize) -> Self {
         let (steps, changes) = (layout.steps(), layout.biases() - 1);
         Self {
             layout,
-            step_rows: vec![[[0.0; STEP]; NODE]; steps],
-            step_y: vec![[0.0; NODE]; steps],
-            change_rows: vec![[[0.0; CHANGE]; BIAS]; changes],
-            change_y: vec![[0.0; BIAS]; changes],
-            tail_rows: [[0.0; TAIL]; TAIL],
-            tail_y: [0.0; TAIL],
+            steps: vec![StepFront::ZERO; steps],
+            changes: vec![ChangeFront::ZERO; changes],
+            tail: TailFront::ZERO,
+            step_border: vec![0.0; steps * NODE * constants],
+            change_border: vec![0.0; changes * BIAS * constants],
+            tail_border: vec![0.0; TAIL * constants],
+            constants: ConstantsFactor::new(constants),
         }
+    }
+
+    /// Number of constants n.
+    pub fn constants(&self) -> usize {
+        self.constants.y.len()
+    }
+
+    /// The front of step i and its rows of Y, NODE × n.
+    pub fn step(&self, i: usize) -> (&StepFront, &[f64]) {
+        let size = NODE * self.constants();
+        (&self.steps[i], &self.step_border[i * size..(i + 1) * size])
+    }
+
+    /// The front that eliminates bias `old` and its rows of Y, BIAS × n.
+    pub fn change(&self, old: usize) -> (&ChangeFront, &[f64]) {
+        let size = BIAS * self.constants();
+        let range = old * size..(old + 1) * size;
+        (&self.changes[old], &self.change_border[range])
+    }
+
+    /// The front of the last node and bias and its rows of Y, TAIL × n.
+    pub fn tail(&self) -> (&TailFront, &[f64]) {
+        (&self.tail, &self.tail_border)
     }
 
     /// Factorises the normal equations. One chunk of steps is linearised while the one before is
     /// eliminated; the result does not depend on the number of threads.
     pub fn factorise<S, W>(&mut self, system: &ChainSystem<'_, S, W>) -> Result<(), NotPositive>
     where
-        S: Fn(usize, &mut StepSystem) + Sync,
+        S: Fn(usize, &mut StepSystem, &mut Border) + Sync,
         W: Fn(usize) -> WalkSystem + Sync,
     {
-        let steps = self.layout.steps();
+        let (steps, n) = (self.layout.steps(), self.constants());
+        assert!(
+            [
+                &system.constants.weight,
+                &system.constants.g,
+                &system.constants.damping
+            ]
+            .iter()
+            .all(|values| values.len() == n),
+            "one weight, right-hand side and damping per constant"
+        );
         let chunks = steps.div_ceil(CHUNK);
-        let linearise = |chunk: usize, buffer: &mut [StepSystem]| {
+        let linearise = |chunk: usize, buffer: &mut Chunk| {
             let first = chunk * CHUNK;
             let count = CHUNK.min(steps.saturating_sub(first));
-            buffer[..count]
+            buffer.systems[..count]
                 .par_chunks_mut(TASK)
+                .zip(buffer.borders[..count].par_chunks_mut(TASK))
                 .enumerate()
-                .for_each(|(task, systems)| {
-                    for (offset, target) in systems.iter_mut().enumerate() {
+                .for_each(|(task, (systems, borders))| {
+                    for (offset, (target, border)) in systems.iter_mut().zip(borders).enumerate() {
                         *target = StepSystem::ZERO;
-                        (system.step)(first + task * TASK + offset, target);
+                        border.clear();
+                        (system.step)(first + task * TASK + offset, target, border);
                     }
                 });
         };
-        let mut current = vec![StepSystem::ZERO; CHUNK];
-        let mut following = vec![StepSystem::ZERO; CHUNK];
-        let mut carry = Carry {
-            h: [[0.0; TAIL]; TAIL],
-            g: system.prior.g,
-        };
-        for a in 0..TAIL {
-            carry.h[a][a] = system.prior.weight[a];
-        }
+        let mut current = Chunk::new(n);
+        let mut following = Chunk::new(n);
+        let mut carry = Carry::new(&system.prior);
+        let mut border_carry = BorderCarry::new(&system.constants);
         linearise(0, &mut current);
         for chunk in 0..chunks {
             let (done, ()) = rayon::join(
-                || self.eliminate_chunk(chunk, &mut current, &mut carry, system),
+                || self.eliminate_chunk(chunk, &mut current, &mut carry, &mut border_carry, system),
                 || linearise(chunk + 1, &mut following),
             );
             done?;
             std::mem::swap(&mut current, &mut following);
         }
-        for a in 0..TAIL {
-            carry.h[a][a] += system.damping[a];
+        if !carry.eliminate_tail(&system.damping, &mut self.tail) {
+            return Err(NotPositive::Node(steps));
         }
-        if !eliminate::<TAIL, TAIL>(&mut carry.h, &mut carry.g) {
-            return Err(NotPositive { node: steps });
+        if n > 0 {
+            border_carry.tail(&self.tail.rows, &self.tail.y, &mut self.tail_border);
+            self.constants = border_carry.factorise().map_err(NotPositive::Constant)?;
         }
-        self.tail_rows = carry.h;
-        self.tail_y = carry.g;
         Ok(())
     }
 
     fn eliminate_chunk<S, W>(
         &mut self,
         chunk: usize,
-        systems: &mut [StepSystem],
+        linearised: &mut Chunk,
         carry: &mut Carry,
+        border_carry: &mut BorderCarry,
         system: &ChainSystem<'_, S, W>,
     ) -> Result<(), NotPositive>
     where
         W: Fn(usize) -> WalkSystem,
     {
+        let n = self.constants();
         let first = chunk * CHUNK;
         let end = (first + CHUNK).min(self.layout.steps());
-        for (i, front) in (first..end).zip(systems) {
+        let steps = linearised.systems.iter_mut().zip(&linearised.borders);
+        for (i, (step, border)) in (first..end).zip(steps) {
             if self.layout.changes_before(i) {
                 let old = self.layout.bias_of_step[i - 1] as usize;
-                self.change_bias(old, carry, &(system.walk)(old), &system.damping)
-                    .then_some(())
-                    .ok_or(NotPositive { node: i })?;
-            }
-            for a in 0..TAIL {
-                let row = &mut front.h[step_place(a)];
-                for b in a..TAIL {
-                    row[step_place(b)] += carry.h[a][b];
+                let front = &mut self.changes[old];
+                if !carry.change_bias(&(system.walk)(old), &system.damping, front) {
+                    return Err(NotPositive::Node(i));
                 }
-                front.g[step_place(a)] += carry.g[a];
+                if n > 0 {
+                    let kept = &mut self.change_border[old * BIAS * n..(old + 1) * BIAS * n];
+                    border_carry.change(&front.rows, &front.y, kept);
+                }
             }
-            for a in 0..NODE {
-                front.h[a][a] += system.damping[a];
+            let front = &mut self.steps[i];
+            if !carry.eliminate_step(step, &system.damping, front) {
+                return Err(NotPositive::Node(i));
             }
-            if !eliminate::<NODE, STEP>(&mut front.h, &mut front.g) {
-                return Err(NotPositive { node: i });
-            }
-            self.step_rows[i].copy_from_slice(&front.h[..NODE]);
-            self.step_y[i].copy_from_slice(&front.g[..NODE]);
-            for a in 0..TAIL {
-                carry.h[a].copy_from_slice(&front.h[NODE + a][NODE..]);
-                carry.g[a] = front.g[NODE + a];
+            if n > 0 {
+                let kept = &mut self.step_border[i * NODE * n..(i + 1) * NODE * n];
+                border_carry.step(border, &front.rows, &front.y, kept);
             }
         }
         Ok(())
-    }
-
-    /// Eliminates bias `old` from `carry` over (node, old) and leaves (node, old + 1).
-    fn change_bias(
-        &mut self,
-        old: usize,
-        carry: &mut Carry,
-        walk: &WalkSystem,
-        damping: &[f64; TAIL],
-    ) -> bool {
-        // Order: old bias, node, new bias.
-        let mut h = [[0.0; CHANGE]; CHANGE];
-        let mut g = [0.0; CHANGE];
-        let place = |a: usize| if a < NODE { BIAS + a } else { a - NODE };
-        for a in 0..TAIL {
-            for b in a..TAIL {
-                let (i, j) = (place(a), place(b));
-                h[i.min(j)][i.max(j)] = carry.h[a][b];
-            }
-            g[place(a)] = carry.g[a];
-        }
-        for a in 0..BIAS {
-            let w = walk.weight[a];
-            h[a][a] += w + damping[NODE + a];
-            h[a][TAIL + a] = -w;
-            h[TAIL + a][TAIL + a] = w;
-            g[a] += w * walk.difference[a];
-            g[TAIL + a] = -w * walk.difference[a];
-        }
-        if !eliminate::<BIAS, CHANGE>(&mut h, &mut g) {
-            return false;
-        }
-        self.change_rows[old].copy_from_slice(&h[..BIAS]);
-        self.change_y[old].copy_from_slice(&g[..BIAS]);
-        for a in 0..TAIL {
-            carry.h[a].copy_from_slice(&h[BIAS + a][BIAS..]);
-            carry.g[a] = g[BIAS + a];
-        }
-        true
     }
 
     /// gᵀ H⁻¹ g: the squared length of the step in units of the posterior standard deviation.
     /// No linear functional of the unknowns moves by more than its root times its own sigma.
     pub fn decrement(&self) -> f64 {
         let square = |y: &[f64]| y.iter().map(|x| x * x).sum::<f64>();
-        self.step_y.iter().map(|y| square(y)).sum::<f64>()
-            + self.change_y.iter().map(|y| square(y)).sum::<f64>()
-            + square(&self.tail_y)
+        self.steps.iter().map(|f| square(&f.y)).sum::<f64>()
+            + self.changes.iter().map(|f| square(&f.y)).sum::<f64>()
+            + square(&self.tail.y)
+            + square(&self.constants.y)
     }
 
-    /// Solves U δ = y into `nodes` (steps + 1) and `biases`.
-    pub fn back_substitute(&self, nodes: &mut [[f64; NODE]], biases: &mut [[f64; BIAS]]) {
+    /// Solves H δ = g into `nodes` (steps + 1), `biases` and `constants`.
+    pub fn back_substitute(
+        &self,
+        nodes: &mut [[f64; NODE]],
+        biases: &mut [[f64; BIAS]],
+        constants: &mut [f64],
+    ) {
         let steps = self.layout.steps();
         let last_bias = self.layout.biases() - 1;
-        let tail = solve_rows::<TAIL, TAIL>(&self.tail_rows, &self.tail_y, [0.0; TAIL]);
+        constants.copy_from_slice(&self.constants.y);
+        self.constants.back_substitute(constants);
+        let (front, border) = self.tail();
+        let y = less_constants(&front.y, border, constants);
+        let tail = solve_rows::<TAIL, TAIL>(&front.rows, &y, [0.0; TAIL]);
         nodes[steps].copy_from_slice(&tail[..NODE]);
         biases[last_bias].copy_from_slice(&tail[NODE..]);
         for i in (0..steps).rev() {
@@ -324,31 +311,40 @@ impl ChainFactor {
             let mut x = [0.0; STEP];
             x[NODE..2 * NODE].copy_from_slice(&nodes[i + 1]);
             x[2 * NODE..].copy_from_slice(&biases[bias]);
-            let x = solve_rows::<NODE, STEP>(&self.step_rows[i], &self.step_y[i], x);
+            let (front, border) = self.step(i);
+            let y = less_constants(&front.y, border, constants);
+            let x = solve_rows::<NODE, STEP>(&front.rows, &y, x);
             nodes[i].copy_from_slice(&x[..NODE]);
             if self.layout.changes_before(i) {
                 let mut x = [0.0; CHANGE];
                 x[BIAS..TAIL].copy_from_slice(&nodes[i]);
                 x[TAIL..].copy_from_slice(&biases[bias]);
-                let old = bias - 1;
-                let x = solve_rows::<BIAS, CHANGE>(&self.change_rows[old], &self.change_y[old], x);
-                biases[old].copy_from_slice(&x[..BIAS]);
+                let (front, border) = self.change(bias - 1);
+                let y = less_constants(&front.y, border, constants);
+                let x = solve_rows::<BIAS, CHANGE>(&front.rows, &y, x);
+                biases[bias - 1].copy_from_slice(&x[..BIAS]);
             }
         }
     }
+
+    /// S⁻¹: the covariance of the constants, n × n.
+    pub fn constants_covariance(&self) -> DMatrix<f64> {
+        let n = self.constants();
+        DMatrix::from_vec(n, n, self.constants.covariance())
+    }
 }
 
-/// Completes `x`, whose last N − P entries are known, by U x = y.
-pub(super) fn solve_rows<const P: usize, const N: usize>(
-    rows: &[[f64; N]; P],
-    y: &[f64; P],
-    mut x: [f64; N],
-) -> [f64; N] {
-    for a in (0..P).rev() {
-        let sum: f64 = (a + 1..N).map(|b| rows[a][b] * x[b]).sum();
-        x[a] = (y[a] - sum) / rows[a][a];
+/// y − Y δk of one front.
+fn less_constants<const P: usize>(y: &[f64; P], border: &[f64], constants: &[f64]) -> [f64; P] {
+    let mut y = *y;
+    if !constants.is_empty() {
+        for (y, row) in y.iter_mut().zip(border.chunks_exact(constants.len())) {
+            for (factor, constant) in row.iter().zip(constants) {
+                *y -= factor * constant;
+            }
+        }
     }
-    x
+    y
 }
 
 #[cfg(test)]

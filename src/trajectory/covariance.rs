@@ -1,15 +1,16 @@
 //! The posterior covariance of the whole trajectory, kept as its Cholesky factor.
 
-use super::chain::{BIAS, ChainFactor, NODE, TAIL};
+use super::chain::{BIAS, ChainFactor, ChainGradient, NODE, STEP};
+use super::graph::{Graph, State};
+use super::recovery::{POSE, recover};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
-/// Unknowns of a pose: δφ (rotation vector in the body frame, R ← R Exp(δφ)), δp (world).
-const POSE: usize = 6;
 /// Mark of a node without gradient.
 const NONE: u32 = u32::MAX;
 
-/// Gradient of m linear functionals by the poses at the nodes, sparse over the nodes: m × 6 per
-/// node over (δφ rad in the body frame with R ← R Exp(δφ), δp m in the world).
+/// Gradient of m linear functionals by the poses of a trajectory, sparse over the poses: m × 6 per
+/// pose over (δφ rad in the body frame with R ← R Exp(δφ), δp m in the world).
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGradient {
     rows: usize,
@@ -65,108 +66,93 @@ impl PoseGradient {
     }
 }
 
-/// The joint covariance H⁻¹ of all poses, velocities and biases, as the factor of H = Uᵀ U at the
-/// solution. Propagates any linear functional of the poses with the full correlation in time.
+/// The joint covariance of all poses, as the factor of H = Uᵀ U at the solution and what ties poses
+/// to nodes. Propagates any linear functional of the poses with the full correlation in time.
 #[derive(Debug, Clone)]
 pub struct PosteriorCovariance {
     factor: ChainFactor,
+    graph: Graph,
+    state: State,
 }
 
 impl PosteriorCovariance {
-    pub(super) fn new(factor: ChainFactor) -> Self {
-        Self { factor }
+    pub(super) fn new(factor: ChainFactor, graph: Graph, state: State) -> Self {
+        Self {
+            factor,
+            graph,
+            state,
+        }
     }
 
-    /// Number of nodes of the trajectory.
+    /// Number of poses of the trajectory.
     pub fn nodes(&self) -> usize {
-        self.factor.layout.nodes()
+        self.graph.timeline.pose_s.len()
     }
 
-    /// The covariance G H⁻¹ Gᵀ (m × m) of the functionals with this gradient: (U⁻ᵀ Gᵀ)ᵀ (U⁻ᵀ Gᵀ)
-    /// by one forward substitution. Units are those of the functionals, squared.
+    /// The covariance G H⁻¹ Gᵀ (m × m) of the functionals with this gradient, by one forward
+    /// substitution. Units are those of the functionals, squared. What poses between nodes scatter
+    /// about their share of the nodes is left out: it is fresh for each step and below a
+    /// hundredth of what all share.
     ///
     /// # Panics
-    /// Where the gradient was made for another number of nodes.
+    /// Where the gradient was made for another number of poses.
     pub fn of_functional(&self, gradient: &PoseGradient) -> DMatrix<f64> {
-        let m = gradient.rows;
         assert_eq!(
             gradient.slot.len(),
             self.nodes(),
             "gradient of another trajectory"
         );
-        if m == 0 {
-            return DMatrix::zeros(0, 0);
-        }
-        let steps = self.factor.layout.steps();
-        let mut sum = vec![0.0; m * m];
-        // Right-hand sides of (node, bias), 15 rows of m; fronts below read and pass them on.
-        let mut carry = vec![0.0; TAIL * m];
-        let mut front = vec![0.0; (2 * NODE + BIAS) * m];
-        let first = gradient.slot.iter().position(|&slot| slot != NONE);
-        for i in first.unwrap_or(steps)..steps {
-            if self.factor.layout.changes_before(i) {
-                let old = self.factor.layout.bias_of_step[i - 1] as usize;
-                let (bias, node, new) = (0, BIAS * m, TAIL * m);
-                front[bias..node].copy_from_slice(&carry[NODE * m..]);
-                front[node..new].copy_from_slice(&carry[..NODE * m]);
-                front[new..new + BIAS * m].fill(0.0);
-                let end = new + BIAS * m;
-                forward(
-                    &self.factor.change_rows[old],
-                    &mut front[..end],
-                    m,
-                    &mut sum,
-                );
-                carry.copy_from_slice(&front[node..end]);
-            }
-            let (node, next, bias) = (0, NODE * m, 2 * NODE * m);
-            front[node..next].copy_from_slice(&carry[..NODE * m]);
-            front[next..bias].fill(0.0);
-            front[bias..].copy_from_slice(&carry[NODE * m..]);
-            add_gradient(gradient, i, &mut front);
-            forward(&self.factor.step_rows[i], &mut front, m, &mut sum);
-            carry.copy_from_slice(&front[next..]);
-        }
-        add_gradient(gradient, steps, &mut carry);
-        forward(&self.factor.tail_rows, &mut carry, m, &mut sum);
-        DMatrix::from_fn(m, m, |a, b| sum[a.min(b) * m + a.max(b)])
+        self.factor.of_functional(&self.by_unknowns(gradient))
     }
-}
 
-/// Adds the gradient of `node` to the rows of its attitude and position in a front.
-fn add_gradient(gradient: &PoseGradient, node: usize, front: &mut [f64]) {
-    let m = gradient.rows;
-    if let Some(block) = gradient.block(node) {
-        for (row, values) in block.chunks_exact(POSE).enumerate() {
-            for (unknown, value) in values.iter().enumerate() {
-                front[unknown * m + row] += value;
-            }
+    /// The gradient by the unknowns of the chain, through the poses' own.
+    fn by_unknowns(&self, gradient: &PoseGradient) -> ChainGradient {
+        let layout = &self.factor.layout;
+        let m = gradient.rows;
+        let steps: Vec<Vec<[f64; STEP]>> = (0..layout.steps())
+            .into_par_iter()
+            .map(|step| self.by_step(gradient, step))
+            .collect();
+        let mut by_unknowns = ChainGradient::new(m, layout, self.factor.constants());
+        for (step, rows) in steps
+            .iter()
+            .enumerate()
+            .filter(|(_, rows)| !rows.is_empty())
+        {
+            let add = |target: &mut [f64], from: usize, width: usize| {
+                for (row, values) in target.chunks_exact_mut(width).zip(rows) {
+                    for (x, value) in row.iter_mut().zip(&values[from..]) {
+                        *x += value;
+                    }
+                }
+            };
+            add(by_unknowns.node_mut(step), 0, NODE);
+            add(by_unknowns.node_mut(step + 1), NODE, NODE);
+            let bias = layout.bias_of_step[step] as usize;
+            add(by_unknowns.bias_mut(bias), 2 * NODE, BIAS);
         }
+        by_unknowns
     }
-}
 
-/// One front of U⁻ᵀ G: the first P of N rows of m become y, the others lose U_PSᵀ y, and
-/// `sum` (upper triangle) gains yᵀ y.
-fn forward<const P: usize, const N: usize>(
-    rows: &[[f64; N]; P],
-    front: &mut [f64],
-    m: usize,
-    sum: &mut [f64],
-) {
-    for (a, row) in rows.iter().enumerate() {
-        let (done, rest) = front.split_at_mut((a + 1) * m);
-        let y = &mut done[a * m..];
-        let scale = 1.0 / row[a];
-        y.iter_mut().for_each(|x| *x *= scale);
-        for (factor, target) in row[a + 1..].iter().zip(rest.chunks_exact_mut(m)) {
-            for (x, y) in target.iter_mut().zip(y.iter()) {
-                *x -= factor * y;
+    /// The gradient by the unknowns of one step, m rows; none where no pose of the step has one.
+    fn by_step(&self, gradient: &PoseGradient, step: usize) -> Vec<[f64; STEP]> {
+        let poses = self.graph.timeline.poses_of(step);
+        if poses.clone().all(|pose| gradient.block(pose).is_none()) {
+            return Vec::new();
+        }
+        let mut rows = vec![[0.0; STEP]; gradient.rows];
+        for pose in recover(&self.graph, &self.state, step) {
+            let Some(block) = gradient.block(pose.pose) else {
+                continue;
+            };
+            for (row, values) in rows.iter_mut().zip(block.chunks_exact(POSE)) {
+                for (value, by) in values.iter().zip(&pose.rows) {
+                    for (x, b) in row.iter_mut().zip(by) {
+                        *x += value * b;
+                    }
+                }
             }
         }
-        for (b, factor) in y.iter().enumerate() {
-            for (x, y) in sum[b * m + b..(b + 1) * m].iter_mut().zip(&y[b..]) {
-                *x += factor * y;
-            }
-        }
+        rows
     }
 }

@@ -1,112 +1,76 @@
 //! The trajectory stage: logs in, poses with standard deviations out.
 
-use super::chain::{
-    BIAS, ChainFactor, ChainSystem, NODE, NotPositive, PriorSystem, StepSystem, TAIL, WalkSystem,
-};
+use super::chain::{ChainFactor, NotPositive, STEP};
+use super::clock;
+use super::constants::Constants;
 use super::covariance::PosteriorCovariance;
-use super::factors::{ImuFactor, NodeState};
+use super::diagnostics::{Findings, StepKnowledge, conclude, examine, imu_variance_component};
+use super::graph::{Ended, Graph, State};
 use super::initial::{Initial, initial};
 use super::interpolate::Trajectory;
-use super::preintegration::Preintegrated;
-use super::solution::{SensorResiduals, Solution, StopReason, Tally};
+use super::recovery::{Recovered, recover};
+use super::rest::{Rest, rests};
+use super::robust;
+use super::solution::{EstimatedConstant, Rejection, Solution, StopReason};
+use super::streams::{ClockCorrection, MotionLogs, Names, Stream, Streams};
 use super::timeline::Timeline;
 use crate::error::{Error, Result};
-use crate::geometry::so3::exp;
-use crate::geometry::{Mat3, Vec3, pose};
 use crate::progress::Progress;
-use crate::project::TrajectorySettings;
-use crate::sensor::{HeadingFix, ImuBias, ImuSample, PoseRecord, PoseSigma, PositionFix};
+use crate::project::{Constant, TrajectorySettings};
+use crate::sensor::PoseRecord;
 use rayon::prelude::*;
 
-/// Standard deviations of the priors on node 0 (about the start values) and bias 0 (gyro about
-/// the rest or filter value, accelerometer about zero). Wide: they only keep a drive solvable
-/// that leaves something free, and its claimed standard deviation then says so. The accelerometer
-/// prior is the turn-on bias of an inexpensive MEMS; it decides the tilt of a drive that never
-/// turns.
-const PRIOR_SIGMA: [f64; 5] = [
-    1.0,   // attitude, rad
-    100.0, // position, m
-    100.0, // velocity, m/s
-    0.1,   // gyro bias, rad/s
-    0.2,   // accelerometer bias, m/s²
-];
-/// Scales of the damping, in the order of [`PRIOR_SIGMA`]: what the start values may miss by.
-const DAMPING_SIGMA: [f64; 5] = [0.1, 1.0, 1.0, 0.01, 0.1];
-/// Damping after the first refused step; Gauss-Newton steps have none.
-const FIRST_DAMPING: f64 = 1e-2;
-const DAMPING_FACTOR: f64 = 10.0;
-const LARGEST_DAMPING: f64 = 1e10;
-const MOST_ITERATIONS: usize = 50;
-/// Converged where a step is shorter than this, in posterior standard deviations: it moves no
-/// functional of the trajectory by more than 5 % of its own sigma. The step is still taken, and
-/// as convergence is quadratic, what is left is far less.
-const CONVERGED_SIGMAS: f64 = 0.05;
-/// Rise of the cost (half the sum of squared normalised residuals) that rounding may cause.
-const COST_ROUNDING: f64 = 1e-6;
-/// Steps per task where costs are summed; fixed, so that sums do not depend on the threads.
-const TASK: usize = 512;
-
-/// What the sensors of one drive recorded, each stream in time order.
-#[derive(Debug, Clone, Copy)]
-pub struct MotionLogs<'a> {
-    /// Rates and specific forces.
-    pub imu: &'a [ImuSample],
-    /// Positions, one stream for each of [`TrajectorySettings::positions`].
-    pub positions: &'a [Vec<PositionFix>],
-    /// Headings; may be empty.
-    pub heading: &'a [HeadingFix],
-}
+/// A clock correction that moves by more than this is applied to the records, which may then lie
+/// between other nodes, seconds.
+const SETTLED_CLOCK_S: f64 = 5e-4;
+/// Most times that records are laid out anew for their clocks.
+const MOST_LAYOUTS: usize = 12;
+/// Most jumps of clocks that are corrected.
+const MOST_JUMPS: usize = 4;
+/// Steps whose covariances are held at a time while poses and residuals are found.
+const CHUNK: usize = 512;
+/// An estimated constant is determined where the drive shrinks its prior standard deviation to less
+/// than this share.
+const DETERMINED_SHARE: f64 = 0.5;
+/// The noise scale has settled where its square moves by less than this share.
+const SETTLED_SCALE: f64 = 0.01;
+const MOST_SCALINGS: usize = 15;
+/// Residuals this many times too large are worth a warning.
+const NOTABLE_FACTOR: f64 = 1.5;
 
 /// The estimated trajectory and all that is known about it.
 #[derive(Debug, Clone)]
 pub struct Estimate {
-    /// A node at every IMU sample and one at the end of the last, with velocity, biases and
+    /// A pose at every IMU sample and one at the end of the last, with velocity, biases and
     /// standard deviations.
     pub trajectory: Trajectory,
     /// How the adjustment ended and what it left.
     pub solution: Solution,
-    /// The joint covariance of all nodes.
+    /// The joint covariance of all poses.
     pub covariance: PosteriorCovariance,
 }
 
-/// Estimates the trajectory from an IMU, prism fixes and headings: a factor graph on a chain with
-/// a node at every IMU sample and biases at the prism rate, solved by Levenberg-Marquardt.
+/// Estimates the trajectory from an IMU, positions of prisms or antennas, and headings: a factor
+/// graph on a chain, solved by Levenberg-Marquardt with the losses of the settings.
 ///
-/// Fixes outside the IMU's span are ignored and counted. Without headings the direction of travel
-/// gives the start, and the standard deviations say how well the yaw is found.
+/// Records that do not fit are left out and named in [`Solution::rejections`]. Without headings
+/// the direction of travel gives the start, and the standard deviations say how well the yaw is
+/// found.
 ///
 /// # Errors
-/// Records that are not finite or not in strictly increasing time, streams that do not overlap,
-/// too few prism fixes, an IMU gap over a second, neither headings nor motion.
+/// Values that are not finite, streams that do not overlap, too few positions, an IMU gap of
+/// minutes, neither headings nor motion.
 pub fn estimate(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Estimate> {
-    let imu = logs.imu;
-    let timeline = Timeline::new(imu, &logs.positions[0], logs.heading, settings)?;
-    report_flaws(&timeline, progress);
-    let start = initial(imu, &timeline, settings)?;
-    if let Some((from, to)) = start.rest_s {
-        progress.say(&format!(
-            "gyro bias from the rest between {from:.1} s and {to:.1} s"
-        ));
-    }
-    if start.heading_from_motion {
-        progress.warn("no headings: the yaw starts from the direction of travel");
-    }
-    let graph = Graph::new(imu, timeline, settings, &start)?;
-    let state = State {
-        biases: vec![start.bias; graph.timeline.layout.biases()],
-        nodes: start.nodes,
-    };
-    progress.begin("trajectory", MOST_ITERATIONS as u64);
+    progress.begin("trajectory", 0);
     // Enter the thread pool once: each entry from outside costs two thread switches.
-    let solved = rayon::scope(|_| graph.solve(state, progress));
+    let adjusted = rayon::scope(|_| adjust(logs, settings, progress));
     progress.end();
-    let (state, factor, mut solution) = solved?;
-    graph.summarise(&state, &mut solution);
-    let trajectory = Trajectory::new(graph.records(&state, &factor))?;
+    let estimate = adjusted?.conclude(settings, progress)?;
+    let solution = &estimate.solution;
     if solution.converged {
         progress.say(&solution.to_string());
     } else {
@@ -114,329 +78,386 @@ pub fn estimate(
             "{solution}: check lever arm, axes, heading offset and the clocks of the logs"
         ));
     }
-    Ok(Estimate {
-        trajectory,
-        solution,
-        covariance: PosteriorCovariance::new(factor),
+    Ok(estimate)
+}
+
+/// A step, the joint covariance of its unknowns, and theirs with the constants.
+type StepPart = (usize, [[f64; STEP]; STEP], Vec<f64>);
+
+/// The graph at its solution.
+struct Adjusted {
+    streams: Streams,
+    rests: Vec<Rest>,
+    start: Initial,
+    graph: Graph,
+    state: State,
+    factor: ChainFactor,
+    ended: Ended,
+}
+
+/// Adjusts, and again where the clocks turn out to be off or to have jumped.
+fn adjust(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    progress: &dyn Progress,
+) -> Result<Adjusted> {
+    let mut corrections = latencies(settings);
+    let mut carried = Vec::new();
+    let mut layouts = 0;
+    loop {
+        let mut adjusted = adjust_once(logs, settings, &corrections, &carried, progress)?;
+        layouts += 1;
+        if layouts == MOST_LAYOUTS {
+            return Ok(adjusted);
+        }
+        let moved = adjusted.settle_clocks(&mut corrections);
+        if moved > SETTLED_CLOCK_S {
+            carried = adjusted.state.constants;
+            continue;
+        }
+        let jumps = corrections.iter().filter(|c| c.record > 0).count();
+        if adjusted.outliers() && jumps < MOST_JUMPS {
+            let found = clock::find(
+                logs,
+                &adjusted.streams,
+                &adjusted.graph,
+                &adjusted.state,
+                settings,
+                &corrections,
+            );
+            if let Some(jump) = found {
+                progress.warn(&format!(
+                    "the clock of {} jumps by {:.3} s before record {} at {:.3} s: corrected",
+                    Names(settings).sensor(jump.stream),
+                    -jump.shift_s,
+                    jump.record + 1,
+                    jump.time_s
+                ));
+                corrections.push(jump);
+                carried = adjusted.state.constants;
+                continue;
+            }
+        }
+        if settings.estimate.contains(&Constant::ImuNoiseScale) {
+            adjusted.scale_noise(progress);
+        }
+        return Ok(adjusted);
+    }
+}
+
+/// A correction from the first record on for each latency that is to be estimated.
+fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
+    let streams = settings.estimate.iter().filter_map(|c| match c {
+        Constant::TimeOffset(sensor) => Some(Stream::Position(*sensor)),
+        Constant::HeadingTimeOffset => Some(Stream::Heading),
+        _ => None,
+    });
+    streams
+        .map(|stream| ClockCorrection {
+            stream,
+            record: 0,
+            time_s: 0.0,
+            shift_s: 0.0,
+        })
+        .collect()
+}
+
+fn adjust_once(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    corrections: &[ClockCorrection],
+    carried: &[f64],
+    progress: &dyn Progress,
+) -> Result<Adjusted> {
+    let streams = Streams::new(logs, settings, corrections)?;
+    let timeline = Timeline::new(&streams, settings.nodes);
+    let rests = rests(&streams, settings);
+    let start = initial(&streams, &timeline, &rests, settings)?;
+    let known = Constants::new(settings, corrections);
+    let mut constants = vec![0.0; known.count()];
+    for (i, (value, before)) in constants.iter_mut().zip(carried).enumerate() {
+        // What times had found has become a correction.
+        *value = if known.is_time(i) { 0.0 } else { *before };
+    }
+    let held: &[Rest] = if settings.zero_velocity { &rests } else { &[] };
+    let first = (start.nodes[0], start.bias);
+    let mut graph = Graph::new(timeline, &streams, settings, known, held, first)?;
+    let layout = graph.timeline.layout.clone();
+    let mut state = State {
+        biases: vec![start.bias; layout.biases()],
+        nodes: start.nodes.clone(),
+        constants,
+    };
+    let mut factor = ChainFactor::new(layout, graph.known.count());
+    let ended = robust::solve(&mut graph, &mut state, &mut factor, settings, progress);
+    if ended.stop != StopReason::Converged {
+        graph.factorise(&state, 0.0, &mut factor).map_err(|free| {
+            let what = match free {
+                NotPositive::Node(node) => {
+                    format!("the trajectory at {:.3} s", graph.timeline.node_s[node])
+                }
+                NotPositive::Constant(constant) => graph.known.unknowns[constant].name.clone(),
+            };
+            Error::data(
+                format!(
+                    "{what} is not determined ({} after {} iterations)",
+                    ended.stop, ended.iterations
+                ),
+                "check lever arm, axes, heading offset and the clocks of the logs",
+            )
+        })?;
+    }
+    Ok(Adjusted {
+        streams,
+        rests,
+        start,
+        graph,
+        state,
+        factor,
+        ended,
     })
 }
 
-fn report_flaws(timeline: &Timeline, progress: &dyn Progress) {
-    if let Some((from, length)) = timeline.imu_gap_s {
-        progress.warn(&format!(
-            "the IMU log is silent for {length:.3} s from {from:.3} s: the sample before stands \
-             for that time"
-        ));
+impl Adjusted {
+    /// Moves what the time constants found into `corrections`; the largest move, seconds.
+    fn settle_clocks(&self, corrections: &mut [ClockCorrection]) -> f64 {
+        let mut largest = 0.0_f64;
+        for (column, correction) in self.graph.known.clocks().zip(
+            corrections
+                .iter_mut()
+                .filter(|correction| correction.stream != Stream::Imu),
+        ) {
+            let late_s = self.state.constants[column];
+            largest = largest.max(late_s.abs());
+            if late_s.abs() > SETTLED_CLOCK_S {
+                correction.shift_s += late_s;
+            }
+        }
+        largest
     }
-    for (name, ignored) in [
-        ("prism fixes", timeline.prism_ignored),
-        ("headings", timeline.heading_ignored),
-    ] {
-        if ignored > 0 {
+
+    fn outliers(&self) -> bool {
+        let positions = self.graph.positions.iter().map(|fix| fix.weight);
+        let headings = self.graph.headings.iter().map(|fix| fix.weight);
+        positions.chain(headings).any(|weight| weight < 1.0)
+    }
+
+    /// Scales the IMU's standard deviations until its residuals are as large as they say: the
+    /// variance component Ω/r of gyro and accelerometer together becomes 1 (Förstner 1979).
+    fn scale_noise(&mut self, progress: &dyn Progress) {
+        for _ in 0..MOST_SCALINGS {
+            let component = imu_variance_component(&self.graph, &self.state, &self.factor);
+            let Some((square, _)) = component else { break };
+            self.graph.imu_scale *= square.sqrt();
+            let again = self.graph.solve(
+                &mut self.state,
+                &mut self.factor,
+                super::graph::MOST_ITERATIONS,
+                progress,
+            );
+            self.ended.iterations += again.iterations;
+            self.ended.stop = again.stop;
+            self.ended.cost = again.cost;
+            if (square - 1.0).abs() < SETTLED_SCALE {
+                return;
+            }
+        }
+        progress.warn("imu.noise_scale has not settled: the value is that of the last round");
+    }
+
+    /// The poses with standard deviations and the residuals with redundancies.
+    fn harvest(&self) -> (Vec<PoseRecord>, Findings) {
+        let constants = self.factor.constants_covariance();
+        let steps = self.graph.timeline.steps();
+        let mut parts: Vec<(Vec<Recovered>, Findings)> = Vec::with_capacity(steps);
+        let mut chunk: Vec<StepPart> = Vec::with_capacity(CHUNK);
+        let mut work = |chunk: &mut Vec<StepPart>| {
+            let done: Vec<_> = chunk
+                .par_iter()
+                .map(|(step, unknowns, cross)| {
+                    let knowledge = StepKnowledge {
+                        step: *step,
+                        unknowns,
+                        cross,
+                        constants: &constants,
+                    };
+                    let mut poses = recover(&self.graph, &self.state, *step);
+                    poses.iter_mut().for_each(|pose| pose.set_sigma(unknowns));
+                    (poses, examine(&self.graph, &self.state, &knowledge))
+                })
+                .collect();
+            parts.extend(done);
+            chunk.clear();
+        };
+        self.factor.marginals(|step, covariance| {
+            chunk.push((step, covariance.joint(), covariance.cross.to_vec()));
+            if chunk.len() == CHUNK {
+                work(&mut chunk);
+            }
+        });
+        work(&mut chunk);
+        // The recursion runs from the last step to the first.
+        let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
+        let mut findings = Findings::new(self.graph.sensors.len());
+        for (poses, found) in parts.into_iter().rev() {
+            records.extend(poses.into_iter().map(|pose| pose.record));
+            findings.append(found);
+        }
+        (records, findings)
+    }
+
+    fn conclude(self, settings: &TrajectorySettings, progress: &dyn Progress) -> Result<Estimate> {
+        let (records, findings) = self.harvest();
+        let dropped = &self.streams.dropped;
+        let (sensors, residuals, rejections) =
+            conclude(&self.graph, &self.state, settings, findings, dropped);
+        let solution = Solution {
+            iterations: self.ended.iterations,
+            converged: self.ended.stop == StopReason::Converged,
+            stop: self.ended.stop,
+            cost_initial: self.ended.cost_initial,
+            cost_final: self.ended.cost,
+            nodes: self.graph.timeline.node_s.len(),
+            constants: self.constants(settings, &sensors),
+            sensors,
+            rejections,
+            imu_gaps_s: self.streams.gaps_s.clone(),
+            rests_s: self.rests.iter().map(|r| (r.from_s, r.to_s)).collect(),
+            residuals,
+        };
+        self.report(&solution, progress);
+        Ok(Estimate {
+            trajectory: Trajectory::new(records)?,
+            solution,
+            covariance: PosteriorCovariance::new(self.factor, self.graph, self.state),
+        })
+    }
+
+    fn constants(
+        &self,
+        settings: &TrajectorySettings,
+        sensors: &[super::solution::SensorDiagnostics],
+    ) -> Vec<EstimatedConstant> {
+        let covariance = self.factor.constants_covariance();
+        let unknowns = &self.graph.known.unknowns;
+        let mut found: Vec<EstimatedConstant> = unknowns
+            .iter()
+            .enumerate()
+            .map(|(i, unknown)| {
+                let sigma = covariance[(i, i)].sqrt();
+                let determined = sigma < DETERMINED_SHARE * unknown.prior_sigma;
+                let start = if unknown.unit == "s" {
+                    0.0
+                } else {
+                    unknown.base
+                };
+                EstimatedConstant {
+                    name: unknown.name.clone(),
+                    unit: unknown.unit,
+                    start,
+                    value: if determined {
+                        unknown.base + self.state.constants[i]
+                    } else {
+                        start
+                    },
+                    sigma: determined.then_some(sigma),
+                }
+            })
+            .collect();
+        if settings.estimate.contains(&Constant::ImuNoiseScale) {
+            let redundancy: f64 = sensors
+                .iter()
+                .filter(|s| matches!(s.name.as_str(), "gyro" | "accelerometer"))
+                .map(|s| s.redundancy)
+                .sum();
+            // Ω/r scatters by √(2/r), its root by half of that.
+            let relative = (0.5 / redundancy).sqrt();
+            let determined = relative < DETERMINED_SHARE;
+            found.push(EstimatedConstant {
+                name: "imu.noise_scale".into(),
+                unit: "",
+                start: 1.0,
+                value: if determined {
+                    self.graph.imu_scale
+                } else {
+                    1.0
+                },
+                sigma: determined.then_some(relative * self.graph.imu_scale),
+            });
+        }
+        found
+    }
+
+    /// Says what was found in the logs beside the trajectory.
+    fn report(&self, solution: &Solution, progress: &dyn Progress) {
+        if let Some(rest) = &self.start.rest {
+            progress.say(&format!(
+                "gyro bias from the rest between {:.1} s and {:.1} s",
+                rest.from_s, rest.to_s
+            ));
+        }
+        if self.start.heading_from_motion {
+            progress.warn("no headings: the yaw starts from the direction of travel");
+        }
+        for (from, to) in &self.streams.gaps_s {
             progress.warn(&format!(
-                "{ignored} {name} outside the IMU's span are not used"
+                "the IMU log is silent from {from:.3} s to {to:.3} s: bridged, with the sigma of \
+                 unknown motion"
+            ));
+        }
+        report_rejections(&solution.rejections, progress);
+        for constant in &solution.constants {
+            match constant.sigma {
+                Some(sigma) => progress.say(&format!(
+                    "{} = {:.6} ± {sigma:.6} {} (project: {:.6})",
+                    constant.name, constant.value, constant.unit, constant.start
+                )),
+                None => progress.warn(&format!(
+                    "{} is not determined by this drive: held at {:.6} {}",
+                    constant.name, constant.start, constant.unit
+                )),
+            }
+        }
+        for sensor in &solution.sensors {
+            if matches!(sensor.unit, "m" | "rad")
+                && let Some(factor) = sensor.variance_component.map(f64::sqrt)
+                && sensor.chi_square > sensor.chi_square_bounds_95[1]
+                && factor > NOTABLE_FACTOR
+            {
+                progress.warn(&format!(
+                    "the residuals of {} are {factor:.1} times what its sigma says",
+                    sensor.name
+                ));
+            }
+        }
+    }
+}
+
+/// A line for each sensor and reason, and each record below it.
+fn report_rejections(rejections: &[Rejection], progress: &dyn Progress) {
+    let mut groups: Vec<(&str, super::solution::RejectionReason, Vec<&Rejection>)> = Vec::new();
+    for rejection in rejections {
+        let same = groups
+            .iter_mut()
+            .find(|(sensor, reason, _)| *sensor == rejection.sensor && *reason == rejection.reason);
+        match same {
+            Some((.., all)) => all.push(rejection),
+            None => groups.push((&rejection.sensor, rejection.reason, vec![rejection])),
+        }
+    }
+    for (sensor, reason, all) in groups {
+        progress.warn(&format!(
+            "{} of the records of {sensor} are left out: {reason}",
+            all.len()
+        ));
+        for rejection in all {
+            let size = rejection
+                .normalised
+                .map_or_else(String::new, |n| format!(", {n:.1} sigma"));
+            progress.say(&format!(
+                "  {sensor} record {} at {:.3} s: {reason}{size}",
+                rejection.record, rejection.time_s
             ));
         }
     }
-}
-
-/// All unknowns.
-#[derive(Debug, Clone)]
-struct State {
-    nodes: Vec<NodeState>,
-    biases: Vec<ImuBias>,
-}
-
-/// The factor graph.
-struct Graph<'a> {
-    timeline: Timeline,
-    imu: Vec<ImuFactor>,
-    settings: &'a TrajectorySettings,
-    /// Centre of the priors.
-    first: (NodeState, ImuBias),
-}
-
-fn per_unknown(values: [f64; 5]) -> [f64; TAIL] {
-    std::array::from_fn(|i| values[i / 3])
-}
-
-impl<'a> Graph<'a> {
-    fn new(
-        imu: &[ImuSample],
-        timeline: Timeline,
-        settings: &'a TrajectorySettings,
-        start: &Initial,
-    ) -> Result<Self> {
-        let factors: Option<Vec<ImuFactor>> = imu
-            .par_iter()
-            .enumerate()
-            .with_min_len(TASK)
-            .map(|(step, sample)| {
-                let mut sums = Preintegrated::new(start.bias);
-                let dt = timeline.dt_s(step);
-                sums.add(sample.gyro_rad_s, sample.accel_m_s2, dt, &settings.imu);
-                ImuFactor::new(&sums)
-            })
-            .collect();
-        let imu = factors.ok_or_else(|| {
-            Error::data(
-                "the IMU noise makes no positive definite covariance",
-                "check the IMU's noise densities",
-            )
-        })?;
-        Ok(Self {
-            timeline,
-            imu,
-            settings,
-            first: (start.nodes[0], start.bias),
-        })
-    }
-
-    fn bias<'s>(&self, state: &'s State, step: usize) -> &'s ImuBias {
-        &state.biases[self.timeline.layout.bias_of_step[step] as usize]
-    }
-
-    /// Half the squared normalised residuals of one step.
-    fn step_cost(&self, state: &State, step: usize) -> f64 {
-        let g = self.settings.gravity_m_s2;
-        let bias = self.bias(state, step);
-        let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
-        let factor = &self.imu[step];
-        let whitened = factor.whiten(&factor.residual(g, from, to, bias));
-        let mut sum: f64 = whitened.iter().map(|x| x * x).sum();
-        for fix in self.timeline.prism_of(step) {
-            sum += fix.residual(g, from, bias).norm_squared() / fix.sigma_m.powi(2);
-        }
-        for fix in self.timeline.heading_of(step) {
-            sum += (fix.residual(from, bias) / fix.sigma_rad).powi(2);
-        }
-        0.5 * sum
-    }
-
-    /// Half the sum of all squared normalised residuals.
-    fn cost(&self, state: &State) -> f64 {
-        let steps = self.timeline.steps();
-        let tasks: Vec<f64> = (0..steps.div_ceil(TASK))
-            .into_par_iter()
-            .map(|task| {
-                let end = ((task + 1) * TASK).min(steps);
-                (task * TASK..end)
-                    .map(|step| self.step_cost(state, step))
-                    .sum()
-            })
-            .collect();
-        let walks: f64 = (0..state.biases.len() - 1)
-            .map(|k| {
-                let walk = self.walk(state, k);
-                (0..BIAS)
-                    .map(|i| 0.5 * walk.weight[i] * walk.difference[i].powi(2))
-                    .sum::<f64>()
-            })
-            .sum();
-        let miss = self.prior_miss(state);
-        let weight = per_unknown(PRIOR_SIGMA).map(|s| 1.0 / (s * s));
-        let prior: f64 = (0..TAIL).map(|i| 0.5 * weight[i] * miss[i].powi(2)).sum();
-        tasks.iter().sum::<f64>() + walks + prior
-    }
-
-    fn prior_miss(&self, state: &State) -> [f64; TAIL] {
-        let (node, bias) = (&state.nodes[0], &state.biases[0]);
-        let parts = [
-            (self.first.0.rotation.inverse() * node.rotation).scaled_axis(),
-            node.position_m - self.first.0.position_m,
-            node.velocity_m_s - self.first.0.velocity_m_s,
-            bias.gyro_rad_s - self.first.1.gyro_rad_s,
-            bias.accel_m_s2 - self.first.1.accel_m_s2,
-        ];
-        std::array::from_fn(|i| parts[i / 3][i % 3])
-    }
-
-    fn walk(&self, state: &State, k: usize) -> WalkSystem {
-        let dt = self.timeline.bias_start_s[k + 1] - self.timeline.bias_start_s[k];
-        let (old, new) = (&state.biases[k], &state.biases[k + 1]);
-        let gyro = new.gyro_rad_s - old.gyro_rad_s;
-        let accel = new.accel_m_s2 - old.accel_m_s2;
-        let noise = &self.settings.imu;
-        let weight = [noise.gyro_bias_walk, noise.accel_bias_walk].map(|w| 1.0 / (w * w * dt));
-        WalkSystem {
-            weight: std::array::from_fn(|i| weight[i / 3]),
-            difference: [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z],
-        }
-    }
-
-    fn linearise(&self, state: &State, step: usize, system: &mut StepSystem) {
-        let g = self.settings.gravity_m_s2;
-        let bias = self.bias(state, step);
-        let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
-        self.imu[step].add_to(system, g, from, to, bias);
-        for fix in self.timeline.prism_of(step) {
-            fix.add_to(system, g, from, bias);
-        }
-        for fix in self.timeline.heading_of(step) {
-            fix.add_to(system, from, bias);
-        }
-    }
-
-    fn factorise(
-        &self,
-        state: &State,
-        damping: f64,
-        factor: &mut ChainFactor,
-    ) -> std::result::Result<(), NotPositive> {
-        let weight = per_unknown(PRIOR_SIGMA).map(|s| 1.0 / (s * s));
-        let miss = self.prior_miss(state);
-        // The derivative of the attitude's miss is the identity to first order of the miss, and
-        // the prior's weight is small: no more is needed.
-        let prior = PriorSystem {
-            weight,
-            g: std::array::from_fn(|i| -weight[i] * miss[i]),
-        };
-        factor.factorise(&ChainSystem {
-            step: &|step, system: &mut StepSystem| self.linearise(state, step, system),
-            walk: &|k| self.walk(state, k),
-            prior,
-            damping: per_unknown(DAMPING_SIGMA).map(|s| damping / (s * s)),
-        })
-    }
-
-    /// Levenberg-Marquardt from `state`; every step is accepted or refused on the true cost.
-    /// Returns the state, the undamped factor at it (or within 5 % of a standard deviation of
-    /// it) and how it ended.
-    fn solve(
-        &self,
-        mut state: State,
-        progress: &dyn Progress,
-    ) -> Result<(State, ChainFactor, Solution)> {
-        let mut factor = ChainFactor::new(self.timeline.layout.clone());
-        let mut node_steps = vec![[0.0; NODE]; state.nodes.len()];
-        let mut bias_steps = vec![[0.0; BIAS]; state.biases.len()];
-        let cost_initial = self.cost(&state);
-        let (mut cost, mut damping, mut iterations) = (cost_initial, 0.0, 0);
-        let stop = loop {
-            if iterations == MOST_ITERATIONS {
-                break StopReason::IterationLimit;
-            }
-            iterations += 1;
-            progress.advance(1);
-            let solvable = self.factorise(&state, damping, &mut factor).is_ok();
-            if solvable {
-                factor.back_substitute(&mut node_steps, &mut bias_steps);
-                let trial = moved(&state, &node_steps, &bias_steps);
-                let trial_cost = self.cost(&trial);
-                if trial_cost <= cost + COST_ROUNDING {
-                    (state, cost) = (trial, trial_cost);
-                    if damping == 0.0 && factor.decrement() < CONVERGED_SIGMAS.powi(2) {
-                        break StopReason::Converged;
-                    }
-                    damping /= DAMPING_FACTOR;
-                    if damping < FIRST_DAMPING {
-                        damping = 0.0;
-                    }
-                    continue;
-                }
-            }
-            damping = (damping * DAMPING_FACTOR).max(FIRST_DAMPING);
-            if damping > LARGEST_DAMPING {
-                break StopReason::NoBetterStep;
-            }
-        };
-        if stop != StopReason::Converged {
-            self.factorise(&state, 0.0, &mut factor).map_err(|NotPositive { node }| {
-                Error::data(
-                    format!(
-                        "the trajectory is not determined at {:.3} s ({stop} after {iterations} \
-                         iterations)",
-                        self.timeline.times_s[node]
-                    ),
-                    "check lever arm, axes, heading offset and the clocks of the logs",
-                )
-            })?;
-        }
-        let solution = Solution::new(iterations, stop, cost_initial, cost);
-        Ok((state, factor, solution))
-    }
-
-    /// Adds the residuals of every sensor to `solution`.
-    fn summarise(&self, state: &State, solution: &mut Solution) {
-        let g = self.settings.gravity_m_s2;
-        let [mut prism, mut heading, mut gyro, mut accel] = [Tally::default(); 4];
-        let noise = &self.settings.imu;
-        for step in 0..self.timeline.steps() {
-            let bias = self.bias(state, step);
-            let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
-            let factor = &self.imu[step];
-            let dt = factor.duration_s();
-            let [turn, _, velocity] = factor.residual(g, from, to, bias);
-            gyro.add_vector(&(turn / dt), noise.gyro_density / dt.sqrt());
-            accel.add_vector(&(velocity / dt), noise.accel_density / dt.sqrt());
-            for fix in self.timeline.prism_of(step) {
-                prism.add_vector(&fix.residual(g, from, bias), fix.sigma_m);
-            }
-            for fix in self.timeline.heading_of(step) {
-                heading.add(fix.residual(from, bias), fix.sigma_rad);
-            }
-        }
-        solution.prism = SensorResiduals::new(&prism, 3, self.timeline.prism_ignored);
-        solution.heading = SensorResiduals::new(&heading, 1, self.timeline.heading_ignored);
-        solution.gyro = SensorResiduals::new(&gyro, 3, 0);
-        solution.accel = SensorResiduals::new(&accel, 3, 0);
-    }
-
-    /// The nodes with their marginal standard deviations.
-    fn records(&self, state: &State, factor: &ChainFactor) -> Vec<PoseRecord> {
-        let layout = &self.timeline.layout;
-        let mut records: Vec<PoseRecord> = state
-            .nodes
-            .iter()
-            .enumerate()
-            .map(|(i, node)| PoseRecord {
-                time_s: self.timeline.times_s[i],
-                world_from_body: pose(node.rotation, node.position_m),
-                velocity_m_s: Some(node.velocity_m_s),
-                bias: Some(state.biases[layout.bias_of_node(i)]),
-                sigma: None,
-            })
-            .collect();
-        factor.marginals(|node, covariance| {
-            let block = |at: usize| Mat3::from_fn(|a, b| covariance[at + a][at + b]);
-            let world = state.nodes[node].rotation.to_rotation_matrix().into_inner();
-            let rotation = world * block(0) * world.transpose();
-            let root = |m: &Mat3| m.diagonal().map(|x| x.max(0.0).sqrt());
-            records[node].sigma = Some(PoseSigma {
-                position_m: root(&block(3)),
-                rotation_rad: root(&rotation),
-            });
-        });
-        records
-    }
-}
-
-/// R ← R Exp(δφ), all else by addition.
-fn moved(state: &State, nodes: &[[f64; NODE]], biases: &[[f64; BIAS]]) -> State {
-    let part = |d: &[f64], at: usize| Vec3::new(d[at], d[at + 1], d[at + 2]);
-    let nodes = state
-        .nodes
-        .par_iter()
-        .zip(nodes)
-        .with_min_len(TASK)
-        .map(|(node, d)| {
-            let mut rotation = node.rotation * exp(&part(d, 0));
-            rotation.renormalize_fast();
-            NodeState {
-                rotation,
-                position_m: node.position_m + part(d, 3),
-                velocity_m_s: node.velocity_m_s + part(d, 6),
-            }
-        })
-        .collect();
-    let biases = state
-        .biases
-        .iter()
-        .zip(biases)
-        .map(|(bias, d)| ImuBias {
-            gyro_rad_s: bias.gyro_rad_s + part(d, 0),
-            accel_m_s2: bias.accel_m_s2 + part(d, 3),
-        })
-        .collect();
-    State { nodes, biases }
 }

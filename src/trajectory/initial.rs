@@ -6,13 +6,15 @@
 //! forward for good.
 
 use super::factors::NodeState;
+use super::rest::{REST_BLOCK_S, Rest};
+use super::streams::Streams;
 use super::timeline::Timeline;
 use crate::error::{Error, Result};
 use crate::geometry::heading::{heading_rad, wrap};
 use crate::geometry::so3::exp;
 use crate::geometry::{Rotation, Vec3};
 use crate::project::TrajectorySettings;
-use crate::sensor::{ImuBias, ImuSample};
+use crate::sensor::ImuBias;
 
 /// Fixes either side of a local parabola's middle.
 const PARABOLA_REACH: usize = 2;
@@ -21,17 +23,11 @@ const PARABOLA_REACH_S: f64 = 1.0;
 /// Rate at which the attitude is pulled to the tilt and the headings, 1/s: slow enough to average
 /// the noise of smoothed accelerations, fast enough to hold an uncalibrated gyro within degrees.
 const PULL_PER_S: f64 = 0.5;
-/// Blocks looked at for rest, seconds.
-const REST_BLOCK_S: f64 = 1.0;
-/// Shortest rest that gives a gyro bias, blocks.
-const REST_BLOCKS: usize = 2;
-/// Within a resting block the gyro scatters by less than this many times its datasheet noise plus
-/// [`REST_GYRO_RAD_S`].
-const REST_NOISE_FACTOR: f64 = 3.0;
-/// Scatter of the gyro granted to an idling engine, rad/s.
-const REST_GYRO_RAD_S: f64 = 0.01;
-/// The prism of a resting body stays within this many standard deviations of its mean.
-const REST_PRISM_SIGMAS: f64 = 4.0;
+/// Neighbours on either side whose median a start value must be near.
+const MEDIAN_REACH: usize = 4;
+/// How near: this many times the median distance plus this many standard deviations.
+const ALIKE_MEDIANS: f64 = 6.0;
+const ALIKE_SIGMAS: f64 = 10.0;
 /// Slower motion gives no direction of travel, m/s.
 const LEAST_SPEED_M_S: f64 = 0.05;
 /// Without headings the prism must have moved this many standard deviations.
@@ -41,8 +37,8 @@ const LEAST_MOVE_SIGMAS: f64 = 50.0;
 pub(super) struct Initial {
     pub nodes: Vec<NodeState>,
     pub bias: ImuBias,
-    /// The rest that gave the gyro bias, seconds from and to.
-    pub rest_s: Option<(f64, f64)>,
+    /// The rest that gave the gyro bias.
+    pub rest: Option<Rest>,
     /// Whether the direction of travel stood in for headings.
     pub heading_from_motion: bool,
 }
@@ -68,18 +64,23 @@ struct Hint {
 /// # Errors
 /// Neither headings nor enough motion to tell where the body points.
 pub(super) fn initial(
-    imu: &[ImuSample],
+    streams: &Streams,
     timeline: &Timeline,
+    rests: &[Rest],
     settings: &TrajectorySettings,
 ) -> Result<Initial> {
-    let prism: Vec<(f64, Vec3)> = fixes(timeline);
+    let (prism, arm) = fixes(streams, settings);
     let motion: Vec<Motion> = (0..prism.len()).map(|i| parabola(&prism, i)).collect();
-    let (hints, heading_from_motion) = hints(timeline, &motion, settings)?;
-    let rest = rest(imu, timeline, &prism, settings);
-    let mut gyro_bias = rest.map_or_else(Vec3::zeros, |(_, _, bias)| bias);
+    let (hints, heading_from_motion) = hints(streams, &motion, settings)?;
+    let length = |rest: &Rest| rest.to_s - rest.from_s;
+    let rest = rests
+        .iter()
+        .copied()
+        .max_by(|a, b| length(a).total_cmp(&length(b)));
+    let mut gyro_bias = rest.map_or_else(Vec3::zeros, |rest| rest.gyro_rad_s);
 
-    let mut filter = Filter {
-        imu,
+    let filter = Filter {
+        streams,
         timeline,
         motion: &motion,
         hints: &hints,
@@ -88,23 +89,25 @@ pub(super) fn initial(
     let start = filter.level_start(settings);
     let first = filter.forward(start, &gyro_bias, None);
     if rest.is_none() {
-        let span = timeline.times_s[timeline.steps()] - timeline.times_s[0];
-        gyro_bias -= first.pulled / span;
+        let (from, to) = streams.span_s();
+        gyro_bias -= first.pulled / (to - from);
     }
     let start = filter.backward(first.end, &gyro_bias);
-    let mut rotations = Vec::with_capacity(timeline.times_s.len());
+    let mut rotations = Vec::with_capacity(timeline.pose_s.len());
     filter.forward(start, &gyro_bias, Some(&mut rotations));
 
-    let arm = settings.positions[0].lever_arm_m;
     let mut cursor = 0;
-    let nodes = rotations
+    let nodes = timeline
+        .node_s
         .iter()
-        .enumerate()
-        .map(|(node, rotation)| {
-            let at = interpolated(&motion, &mut cursor, timeline.times_s[node]);
-            let rate = imu[node.min(imu.len() - 1)].gyro_rad_s - gyro_bias;
+        .map(|&time_s| {
+            let at = interpolated(&motion, &mut cursor, time_s);
+            let sample = timeline.pose_at_or_before(time_s);
+            let rate = streams.imu[sample].gyro_rad_s - gyro_bias;
+            let rest_s = time_s - streams.imu[sample].time_s;
+            let rotation = rotations[sample] * exp(&(rate * rest_s));
             NodeState {
-                rotation: *rotation,
+                rotation,
                 position_m: at.position_m - rotation * arm,
                 velocity_m_s: at.velocity_m_s - rotation * rate.cross(&arm),
             }
@@ -116,19 +119,58 @@ pub(super) fn initial(
             gyro_rad_s: gyro_bias,
             accel_m_s2: Vec3::zeros(),
         },
-        rest_s: rest.map(|(from, to, _)| (from, to)),
+        rest,
         heading_from_motion,
     })
 }
 
-/// Times and positions of the prism fixes.
-fn fixes(timeline: &Timeline) -> Vec<(f64, Vec3)> {
-    (0..timeline.steps())
-        .flat_map(|step| {
-            timeline
-                .prism_of(step)
-                .iter()
-                .map(move |fix| (timeline.times_s[step] + fix.ahead.rest_s, fix.position_m))
+/// Times and positions of one point of the body, and where that is: all sensors that share the
+/// lever arm of the one with the most fixes, without fixes far off their neighbours.
+fn fixes(streams: &Streams, settings: &TrajectorySettings) -> (Vec<(f64, Vec3)>, Vec3) {
+    let most = (0..streams.positions.len())
+        .max_by_key(|&sensor| (streams.positions[sensor].len(), usize::MAX - sensor))
+        .unwrap_or(0);
+    let arm = settings.positions[most].lever_arm_m;
+    let mut all: Vec<(f64, Vec3)> = streams
+        .positions
+        .iter()
+        .zip(&settings.positions)
+        .filter(|(_, sensor)| sensor.lever_arm_m == arm)
+        .flat_map(|(fixes, _)| fixes.iter().map(|f| (f.value.time_s, f.value.position_m)))
+        .collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let positions: Vec<Vec3> = all.iter().map(|f| f.1).collect();
+    let keep = alike(&positions, settings.positions[most].sigma_m.max());
+    let kept = all.into_iter().zip(keep).filter(|(_, keep)| *keep);
+    (kept.map(|(fix, _)| fix).collect(), arm)
+}
+
+/// Which values lie near the median of their neighbours, as near as the values around them do or
+/// within ten standard deviations: enough to start from, with outliers of any size among them.
+fn alike(values: &[Vec3], sigma: f64) -> Vec<bool> {
+    let around =
+        |i: usize, reach: usize| i.saturating_sub(reach)..(i + reach + 1).min(values.len());
+    let median = |mut all: Vec<f64>| {
+        let middle = all.len() / 2;
+        *all.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    let off: Vec<f64> = (0..values.len())
+        .map(|i| {
+            let centre = Vec3::from_fn(|axis, _| {
+                median(
+                    values[around(i, MEDIAN_REACH)]
+                        .iter()
+                        .map(|v| v[axis])
+                        .collect(),
+                )
+            });
+            (values[i] - centre).norm()
+        })
+        .collect();
+    (0..values.len())
+        .map(|i| {
+            let usual = median(off[around(i, 4 * MEDIAN_REACH)].to_vec());
+            off[i] <= ALIKE_MEDIANS * usual + ALIKE_SIGMAS * sigma
         })
         .collect()
 }
@@ -212,27 +254,19 @@ fn interpolated(motion: &[Motion], cursor: &mut usize, time_s: f64) -> Motion {
 
 /// Headings of the body: measured, or where none are, the direction of travel.
 fn hints(
-    timeline: &Timeline,
+    streams: &Streams,
     motion: &[Motion],
     settings: &TrajectorySettings,
 ) -> Result<(Vec<Hint>, bool)> {
-    if !timeline.heading.is_empty() {
-        let hints = (0..timeline.steps())
-            .flat_map(|step| {
-                timeline.heading_of(step).iter().map(move |fix| Hint {
-                    time_s: timeline.times_s[step] + fix.ahead.rest_s,
-                    heading_rad: fix.heading_rad,
-                })
-            })
-            .collect();
-        return Ok((hints, false));
+    if !streams.heading.is_empty() {
+        return Ok((measured_hints(streams, settings), false));
     }
     let start = motion[0].position_m;
     let moved = motion
         .iter()
         .map(|m| (m.position_m - start).norm())
         .fold(0.0, f64::max);
-    let needed = LEAST_MOVE_SIGMAS * settings.positions[0].sigma_m.x;
+    let needed = LEAST_MOVE_SIGMAS * settings.positions[0].sigma_m.max();
     let hints: Vec<Hint> = motion
         .iter()
         .filter(|m| m.velocity_m_s.xy().norm() > LEAST_SPEED_M_S)
@@ -253,79 +287,45 @@ fn hints(
     Ok((hints, true))
 }
 
-/// The longest rest (from, to, mean gyro): blocks of a second in which the gyro scatters by its
-/// noise, the prism stays where it is and so do the headings.
-fn rest(
-    imu: &[ImuSample],
-    timeline: &Timeline,
-    prism: &[(f64, Vec3)],
-    settings: &TrajectorySettings,
-) -> Option<(f64, f64, Vec3)> {
-    let (start, end) = (timeline.times_s[0], timeline.times_s[timeline.steps()]);
-    let still = |from: f64, to: f64| {
-        let first = imu.partition_point(|s| s.time_s < from);
-        let samples = &imu[first..imu.partition_point(|s| s.time_s < to)];
-        let fixes = &prism[prism.partition_point(|f| f.0 < from)..];
-        let fixes = &fixes[..fixes.partition_point(|f| f.0 < to)];
-        if samples.len() < 2 || fixes.len() < 2 {
-            return false;
-        }
-        let count = samples.len() as f64;
-        let mean = samples.iter().map(|s| s.gyro_rad_s).sum::<Vec3>() / count;
-        let scatter = samples
-            .iter()
-            .map(|s| (s.gyro_rad_s - mean).norm_squared())
-            .sum::<f64>();
-        let scatter = (scatter / (3.0 * count)).sqrt();
-        let noise = settings.imu.gyro_density / (REST_BLOCK_S / count).sqrt();
-        let middle = fixes.iter().map(|f| f.1).sum::<Vec3>() / fixes.len() as f64;
-        let reach = REST_PRISM_SIGMAS * settings.positions[0].sigma_m.x;
-        scatter < REST_NOISE_FACTOR * noise + REST_GYRO_RAD_S
-            && fixes.iter().all(|f| (f.1 - middle).amax() < reach)
-    };
-    let blocks = ((end - start) / REST_BLOCK_S).floor() as usize;
-    let (mut best, mut run) = ((0, 0), 0);
-    for block in 0..blocks {
-        let from = start + block as f64 * REST_BLOCK_S;
-        run = if still(from, from + REST_BLOCK_S) {
-            run + 1
-        } else {
-            0
-        };
-        if run > best.1 {
-            best = (block + 1 - run, run);
-        }
-    }
-    if best.1 < REST_BLOCKS {
-        return None;
-    }
-    let from = start + best.0 as f64 * REST_BLOCK_S;
-    let to = from + best.1 as f64 * REST_BLOCK_S;
-    let first = imu.partition_point(|s| s.time_s < from);
-    let samples = &imu[first..imu.partition_point(|s| s.time_s < to)];
-    let mean = samples.iter().map(|s| s.gyro_rad_s).sum::<Vec3>() / samples.len() as f64;
-    let turned = turned_between(timeline, from, to);
-    let reach = REST_PRISM_SIGMAS * settings.heading.sigma_rad;
-    (turned < 2.0 * reach).then_some((from, to, mean))
-}
-
-/// Largest difference of a heading between two times from the first one.
-fn turned_between(timeline: &Timeline, from: f64, to: f64) -> f64 {
-    let first = timeline.times_s.partition_point(|&t| t < from);
-    let last = timeline
-        .times_s
-        .partition_point(|&t| t < to)
-        .min(timeline.steps());
-    let headings = || (first..last).flat_map(|step| timeline.heading_of(step));
-    let start = headings().next().map_or(0.0, |h| h.heading_rad);
-    headings()
-        .map(|h| wrap(h.heading_rad - start).abs())
-        .fold(0.0, f64::max)
+/// Headings of the body without those that the gyro contradicts, such as baselines seen the wrong
+/// way round.
+fn measured_hints(streams: &Streams, settings: &TrajectorySettings) -> Vec<Hint> {
+    let antennas = &settings.heading;
+    let up = settings.axes.up();
+    // The heading turns clockwise, rates about the body's upward axis count counter-clockwise.
+    let mut turned = 0.0;
+    let mut sample = 0;
+    let all: Vec<(Hint, Vec3)> = streams
+        .heading
+        .iter()
+        .map(|fix| {
+            let time_s = fix.value.time_s;
+            while sample + 1 < streams.imu.len() && streams.imu[sample + 1].time_s <= time_s {
+                let dt = streams.imu[sample + 1].time_s - streams.imu[sample].time_s;
+                turned -= streams.imu[sample].gyro_rad_s.dot(&up) * dt;
+                sample += 1;
+            }
+            let heading_rad = wrap(
+                fix.value.heading_rad + antennas.mounting_offset_rad
+                    - antennas.grid_convergence_rad,
+            );
+            let (sin, cos) = (heading_rad - turned).sin_cos();
+            let hint = Hint {
+                time_s,
+                heading_rad,
+            };
+            (hint, Vec3::new(cos, sin, 0.0))
+        })
+        .collect();
+    let directions: Vec<Vec3> = all.iter().map(|(_, direction)| *direction).collect();
+    let keep = alike(&directions, antennas.sigma_rad);
+    let kept = all.into_iter().zip(keep).filter(|(_, keep)| *keep);
+    kept.map(|((hint, _), _)| hint).collect()
 }
 
 /// The complementary filter.
 struct Filter<'a> {
-    imu: &'a [ImuSample],
+    streams: &'a Streams,
     timeline: &'a Timeline,
     motion: &'a [Motion],
     hints: &'a [Hint],
@@ -341,9 +341,16 @@ struct Passed {
 impl Filter<'_> {
     /// Level by the mean specific force of the first second, heading of the first hint.
     fn level_start(&self, settings: &TrajectorySettings) -> Rotation {
-        let until = self.timeline.times_s[0] + REST_BLOCK_S;
-        let count = self.imu.partition_point(|s| s.time_s < until).max(1);
-        let force = self.imu[..count].iter().map(|s| s.accel_m_s2).sum::<Vec3>();
+        let until = self.timeline.pose_s[0] + REST_BLOCK_S;
+        let count = self
+            .streams
+            .imu
+            .partition_point(|s| s.time_s < until)
+            .max(1);
+        let force = self.streams.imu[..count]
+            .iter()
+            .map(|s| s.accel_m_s2)
+            .sum::<Vec3>();
         let heading = self.hints[0].heading_rad;
         let level = settings.axes.level_world_from_body(heading);
         let tilt = Rotation::rotation_between(&(level * force), &Vec3::z())
@@ -354,9 +361,9 @@ impl Filter<'_> {
 
     /// The rotation, pulled to the specific force of step `i` for `dt_s`.
     fn tilted(&self, rotation: &Rotation, i: usize, cursor: &mut usize, dt_s: f64) -> Rotation {
-        let at = interpolated(self.motion, cursor, self.timeline.times_s[i]);
+        let at = interpolated(self.motion, cursor, self.timeline.pose_s[i]);
         let expected = at.acceleration_m_s2 + Vec3::new(0.0, 0.0, self.gravity_m_s2);
-        let seen = rotation * self.imu[i].accel_m_s2;
+        let seen = rotation * self.streams.imu[i].accel_m_s2;
         let scale = expected.norm() * seen.norm();
         if scale == 0.0 {
             return *rotation;
@@ -373,18 +380,18 @@ impl Filter<'_> {
         let mut rotation = start;
         let mut pulled = Vec3::zeros();
         let (mut cursor, mut hint) = (0, 0);
-        let mut hinted_s = self.timeline.times_s[0];
-        for i in 0..self.imu.len() {
+        let mut hinted_s = self.timeline.pose_s[0];
+        for i in 0..self.streams.imu.len() {
             if let Some(record) = record.as_deref_mut() {
                 record.push(rotation);
             }
-            let dt = self.timeline.dt_s(i);
+            let dt = self.timeline.pose_s[i + 1] - self.timeline.pose_s[i];
             let before = rotation;
             rotation = self.tilted(&rotation, i, &mut cursor, dt);
             while let Some(at) = self
                 .hints
                 .get(hint)
-                .filter(|h| h.time_s <= self.timeline.times_s[i])
+                .filter(|h| h.time_s <= self.timeline.pose_s[i])
             {
                 let gain = 1.0 - (-PULL_PER_S * (at.time_s - hinted_s)).exp();
                 rotation = turned_to_heading(&rotation, at.heading_rad, gain);
@@ -392,7 +399,7 @@ impl Filter<'_> {
                 hint += 1;
             }
             pulled += (before.inverse() * rotation).scaled_axis();
-            rotation *= exp(&((self.imu[i].gyro_rad_s - bias) * dt));
+            rotation *= exp(&((self.streams.imu[i].gyro_rad_s - bias) * dt));
             rotation.renormalize_fast();
         }
         if let Some(record) = record {
@@ -405,15 +412,15 @@ impl Filter<'_> {
     }
 
     /// From the last node back to the first.
-    fn backward(&mut self, end: Rotation, bias: &Vec3) -> Rotation {
+    fn backward(&self, end: Rotation, bias: &Vec3) -> Rotation {
         let mut rotation = end;
         let (mut cursor, mut hint) = (0, self.hints.len());
-        let mut hinted_s = self.timeline.times_s[self.timeline.steps()];
-        for i in (0..self.imu.len()).rev() {
-            let dt = self.timeline.dt_s(i);
-            rotation *= exp(&((self.imu[i].gyro_rad_s - bias) * -dt));
+        let mut hinted_s = self.timeline.pose_s[self.streams.imu.len()];
+        for i in (0..self.streams.imu.len()).rev() {
+            let dt = self.timeline.pose_s[i + 1] - self.timeline.pose_s[i];
+            rotation *= exp(&((self.streams.imu[i].gyro_rad_s - bias) * -dt));
             rotation = self.tilted(&rotation, i, &mut cursor, dt);
-            while hint > 0 && self.hints[hint - 1].time_s >= self.timeline.times_s[i] {
+            while hint > 0 && self.hints[hint - 1].time_s >= self.timeline.pose_s[i] {
                 hint -= 1;
                 let at = self.hints[hint];
                 let gain = 1.0 - (-PULL_PER_S * (hinted_s - at.time_s)).exp();

@@ -2,16 +2,64 @@
 
 use super::chain::{BIAS, CHANGE, ChainFactor, NODE, STEP, TAIL, solve_rows};
 
+/// The joint covariance of the unknowns of step i, in parts, that of the constants included.
+pub(super) struct StepCovariance<'a> {
+    /// Node i.
+    pub node: &'a [[f64; NODE]; NODE],
+    /// Node i (rows) with node i + 1 and the bias.
+    pub between: &'a [[f64; TAIL]; NODE],
+    /// Node i + 1 and the bias.
+    pub next: &'a [[f64; TAIL]; TAIL],
+    /// All of them (node i, node i + 1, bias) with the n constants, STEP × n row by row.
+    pub cross: &'a [f64],
+}
+
+impl StepCovariance<'_> {
+    /// The whole matrix, order node i, node i + 1, bias.
+    pub fn joint(&self) -> [[f64; STEP]; STEP] {
+        let mut joint = [[0.0; STEP]; STEP];
+        for (a, (node, between)) in self.node.iter().zip(self.between).enumerate() {
+            joint[a][..NODE].copy_from_slice(node);
+            joint[a][NODE..].copy_from_slice(between);
+            for (b, x) in between.iter().enumerate() {
+                joint[NODE + b][a] = *x;
+            }
+        }
+        for (row, next) in joint[NODE..].iter_mut().zip(self.next) {
+            row[NODE..].copy_from_slice(next);
+        }
+        joint
+    }
+}
+
 impl ChainFactor {
-    /// Visits every node from the last to the first with the covariance of (node, its bias).
-    /// From the covariance Σ of a separator: K = U_PP⁻¹ U_PS, Σ_PS = −K Σ,
-    /// Σ_PP = U_PP⁻¹ U_PP⁻ᵀ + K Σ Kᵀ.
-    pub fn marginals(&self, mut visit: impl FnMut(usize, &[[f64; TAIL]; TAIL])) {
-        let steps = self.layout.steps();
-        let mut sigma = tail_covariance(&self.tail_rows);
-        visit(steps, &sigma);
-        for i in (0..steps).rev() {
-            let (own, cross) = pivot_covariance::<NODE, STEP>(&self.step_rows[i], &sigma);
+    /// Visits every step from the last to the first with the joint covariance of its unknowns.
+    /// From the covariance Σ of a separator (the constants are part of every separator):
+    /// K = U_PP⁻¹ U_PS, Σ_PS = −K Σ, Σ_PP = U_PP⁻¹ U_PP⁻ᵀ + K Σ Kᵀ.
+    pub fn marginals(&self, mut visit: impl FnMut(usize, &StepCovariance<'_>)) {
+        let mut constants = Constants::new(self);
+        let n = constants.n;
+        let (tail, border) = self.tail();
+        let mut sigma = tail_covariance(&tail.rows);
+        if n > 0 {
+            constants.enter::<TAIL, TAIL>(&tail.rows, border);
+            constants.add_own(&mut sigma);
+            constants.cross[NODE * n..].copy_from_slice(&constants.pivots[..TAIL * n]);
+        }
+        for i in (0..self.layout.steps()).rev() {
+            let (front, border) = self.step(i);
+            let (own, cross) =
+                pivot_covariance::<NODE, STEP>(&front.rows, border, &sigma, &mut constants);
+            constants.cross[..NODE * n].copy_from_slice(&constants.pivots[..NODE * n]);
+            visit(
+                i,
+                &StepCovariance {
+                    node: &own,
+                    between: &cross,
+                    next: &sigma,
+                    cross: &constants.cross,
+                },
+            );
             for a in 0..NODE {
                 sigma[a][..NODE].copy_from_slice(&own[a]);
                 for b in NODE..TAIL {
@@ -19,10 +67,11 @@ impl ChainFactor {
                     sigma[b][a] = cross[a][b];
                 }
             }
-            visit(i, &sigma);
+            constants.cross.copy_within(..NODE * n, NODE * n);
             if self.layout.changes_before(i) {
-                let old = self.layout.bias_of_step[i] as usize - 1;
-                let (own, cross) = pivot_covariance::<BIAS, CHANGE>(&self.change_rows[old], &sigma);
+                let (front, border) = self.change(self.layout.bias_of_step[i] as usize - 1);
+                let (own, cross) =
+                    pivot_covariance::<BIAS, CHANGE>(&front.rows, border, &sigma, &mut constants);
                 for a in 0..BIAS {
                     sigma[NODE + a][NODE..].copy_from_slice(&own[a]);
                     for b in 0..NODE {
@@ -30,15 +79,113 @@ impl ChainFactor {
                         sigma[b][NODE + a] = cross[a][b];
                     }
                 }
+                constants.cross[2 * NODE * n..].copy_from_slice(&constants.pivots[..BIAS * n]);
             }
         }
     }
 }
 
-/// Σ_PP and Σ_PS of a front's pivots, given the covariance of its separator.
+/// The constants' part of the recursion.
+struct Constants {
+    n: usize,
+    /// Σ_kk, n × n.
+    own: Vec<f64>,
+    /// Covariance of the step's unknowns with the constants, STEP × n; rows from NODE on are those
+    /// of the separator.
+    cross: Vec<f64>,
+    /// Of the front at work: U_PP⁻¹ Y_P and Σ_Pk, both P × n.
+    gain: Vec<f64>,
+    pivots: Vec<f64>,
+    /// Σ_kS, a row per constant.
+    of_separator: Vec<[f64; TAIL]>,
+}
+
+impl Constants {
+    fn new(factor: &ChainFactor) -> Self {
+        let n = factor.constants();
+        Self {
+            n,
+            own: factor.constants_covariance().as_slice().to_vec(),
+            cross: vec![0.0; STEP * n],
+            gain: vec![0.0; TAIL * n],
+            pivots: vec![0.0; TAIL * n],
+            of_separator: vec![[0.0; TAIL]; n],
+        }
+    }
+
+    /// Kk = U_PP⁻¹ Y_P, and −Kk Σ_kk: all of Σ_Pk where there is no other separator.
+    fn enter<const P: usize, const N: usize>(&mut self, rows: &[[f64; N]; P], border: &[f64]) {
+        let n = self.n;
+        for a in (0..P).rev() {
+            let (row, done) = self.gain[a * n..P * n].split_at_mut(n);
+            row.copy_from_slice(&border[a * n..(a + 1) * n]);
+            for (factor, below) in rows[a][a + 1..P].iter().zip(done.chunks_exact(n)) {
+                for (x, g) in row.iter_mut().zip(below) {
+                    *x -= factor * g;
+                }
+            }
+            let scale = 1.0 / rows[a][a];
+            row.iter_mut().for_each(|x| *x *= scale);
+        }
+        let pivots = self.pivots[..P * n].chunks_exact_mut(n);
+        for (pivot, gain) in pivots.zip(self.gain.chunks_exact(n)) {
+            pivot.fill(0.0);
+            subtract(pivot, gain, self.own.chunks_exact(n));
+        }
+    }
+
+    /// Σ_Pk loses K Σ_Sk, and Σ_PS loses Kk Σ_kS.
+    fn separate<const P: usize>(&mut self, k: &[[f64; TAIL]; P], cross: &mut [[f64; TAIL]; P]) {
+        let n = self.n;
+        let of_separator = &self.cross[NODE * n..];
+        for (b, row) in of_separator.chunks_exact(n).enumerate() {
+            for (target, x) in self.of_separator.iter_mut().zip(row) {
+                target[b] = *x;
+            }
+        }
+        for (a, (k, cross)) in k.iter().zip(cross).enumerate() {
+            let range = a * n..(a + 1) * n;
+            subtract(
+                &mut self.pivots[range.clone()],
+                k,
+                of_separator.chunks_exact(n),
+            );
+            let of_separator = self.of_separator.iter().map(|row| &row[..]);
+            subtract(cross, &self.gain[range], of_separator);
+        }
+    }
+
+    /// Σ_PP loses Σ_Pk Kkᵀ.
+    #[allow(clippy::needless_range_loop)] // own[a][b] and own[b][a]
+    fn add_own<const P: usize>(&self, own: &mut [[f64; P]; P]) {
+        let n = self.n;
+        for a in 0..P {
+            for b in a..P {
+                let (of_a, of_b) = (&self.pivots[a * n..][..n], &self.gain[b * n..][..n]);
+                let sum: f64 = of_a.iter().zip(of_b).map(|(x, y)| x * y).sum();
+                own[a][b] -= sum;
+                own[b][a] = own[a][b];
+            }
+        }
+    }
+}
+
+/// Takes Σ factor · row from `target`.
+fn subtract<'a>(target: &mut [f64], factors: &[f64], rows: impl Iterator<Item = &'a [f64]>) {
+    for (factor, row) in factors.iter().zip(rows) {
+        for (x, r) in target.iter_mut().zip(row) {
+            *x -= factor * r;
+        }
+    }
+}
+
+/// Σ_PP and Σ_PS of a front's pivots, given the covariance of its separator; leaves Σ_Pk in
+/// `constants.pivots`.
 fn pivot_covariance<const P: usize, const N: usize>(
     rows: &[[f64; N]; P],
+    border: &[f64],
     separator: &[[f64; TAIL]; TAIL],
+    constants: &mut Constants,
 ) -> ([[f64; P]; P], [[f64; TAIL]; P]) {
     // K and the inverse of U_PP, row by row from the last.
     let mut k = [[0.0; TAIL]; P];
@@ -72,6 +219,10 @@ fn pivot_covariance<const P: usize, const N: usize>(
         }
         cross[a] = row;
     }
+    if constants.n > 0 {
+        constants.enter::<P, N>(rows, border);
+        constants.separate::<P>(&k, &mut cross);
+    }
     let mut own = [[0.0; P]; P];
     for a in 0..P {
         for b in a..P {
@@ -80,6 +231,9 @@ fn pivot_covariance<const P: usize, const N: usize>(
             own[a][b] = inner - outer;
             own[b][a] = own[a][b];
         }
+    }
+    if constants.n > 0 {
+        constants.add_own(&mut own);
     }
     (own, cross)
 }

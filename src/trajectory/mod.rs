@@ -1,17 +1,29 @@
 //! The trajectory: from logs to poses with standard deviations, and poses at any time between.
 
 mod chain;
+mod clock;
+mod constants;
 mod covariance;
+mod diagnostics;
 mod estimate;
 mod factors;
+mod graph;
 mod initial;
 mod interpolate;
 mod marginals;
 mod preintegration;
+mod recovery;
+mod rest;
+mod robust;
 mod solution;
+mod streams;
 mod timeline;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
-pub use estimate::{Estimate, MotionLogs, estimate};
+pub use estimate::{Estimate, estimate};
 pub use interpolate::{PoseCursor, Trajectory};
-pub use solution::{SensorResiduals, Solution, StopReason};
+pub use solution::{
+    EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics, Solution,
+    StopReason,
+};
+pub use streams::MotionLogs;

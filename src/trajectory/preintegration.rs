@@ -31,6 +31,62 @@ pub(super) struct MotionSums {
     pub by_bias: Mat9x6,
 }
 
+/// The sums corrected to a bias.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corrected {
+    pub rotation: Rotation,
+    pub position_m: Vec3,
+    pub velocity_m_s: Vec3,
+}
+
+impl Corrected {
+    /// No motion.
+    pub const NONE: Self = Self {
+        rotation: Rotation::new_unchecked(nalgebra::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
+        position_m: Vec3::new(0.0, 0.0, 0.0),
+        velocity_m_s: Vec3::new(0.0, 0.0, 0.0),
+    };
+}
+
+impl MotionSums {
+    /// No motion yet, about this bias.
+    pub fn new(bias: ImuBias) -> Self {
+        Self {
+            duration_s: 0.0,
+            rotation: Rotation::identity(),
+            position_m: Vec3::zeros(),
+            velocity_m_s: Vec3::zeros(),
+            bias,
+            by_bias: Mat9x6::zeros(),
+        }
+    }
+
+    /// The 3 × 3 block of [`MotionSums::by_bias`] at these rows and columns.
+    pub fn bias_block(&self, row: usize, column: usize) -> Mat3 {
+        self.by_bias.fixed_view::<3, 3>(row, column).into_owned()
+    }
+
+    /// J δb, the rotation vector that corrects the rotation to a bias.
+    pub fn turn(&self, bias: &ImuBias) -> Vec3 {
+        self.bias_block(0, 0) * (bias.gyro_rad_s - self.bias.gyro_rad_s)
+    }
+
+    /// The sums to first order of what the bias misses.
+    pub fn corrected(&self, bias: &ImuBias) -> Corrected {
+        let gyro = bias.gyro_rad_s - self.bias.gyro_rad_s;
+        let accel = bias.accel_m_s2 - self.bias.accel_m_s2;
+        Corrected {
+            rotation: self.rotation * exp(&self.turn(bias)),
+            position_m: self.position_m
+                + self.bias_block(3, 0) * gyro
+                + self.bias_block(3, 3) * accel,
+            velocity_m_s: self.velocity_m_s
+                + self.bias_block(6, 0) * gyro
+                + self.bias_block(6, 3) * accel,
+        }
+    }
+}
+
 /// Sums and their covariance.
 #[derive(Debug, Clone)]
 pub(super) struct Preintegrated {
@@ -41,14 +97,7 @@ pub(super) struct Preintegrated {
 impl Preintegrated {
     pub fn new(bias: ImuBias) -> Self {
         Self {
-            sums: MotionSums {
-                duration_s: 0.0,
-                rotation: Rotation::identity(),
-                position_m: Vec3::zeros(),
-                velocity_m_s: Vec3::zeros(),
-                bias,
-                by_bias: Mat9x6::zeros(),
-            },
+            sums: MotionSums::new(bias),
             covariance: Mat9::zeros(),
         }
     }
@@ -59,7 +108,9 @@ impl Preintegrated {
     /// Δp += Δv dt + ½ ΔR Exp(θ/3) a dt², Δv += ΔR Exp(θ/2) a dt, ΔR ← ΔR Exp(θ).
     /// The fractions of θ turn the mean force to where it acts while the body turns; what they
     /// leave is of second order in θ (Forster et al. leave the first).
-    pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64, noise: &ImuNoise) {
+    ///
+    /// Returns the derivative of the new sums by the old, in the order of the 9.
+    pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64, noise: &ImuNoise) -> Mat9 {
         let dt = dt_s;
         let theta = (gyro_rad_s - self.sums.bias.gyro_rad_s) * dt;
         let force = accel_m_s2 - self.sums.bias.accel_m_s2;
@@ -82,16 +133,15 @@ impl Preintegrated {
         put(6, 0, start * half * force_hat * turn * dt);
         put(6, 3, start * half * -dt);
 
+        let mut old = Mat9::identity();
+        let mut put = |row: usize, column: usize, block: Mat3| {
+            old.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+        };
+        put(0, 0, step.inverse().to_rotation_matrix().into_inner());
+        put(3, 0, start * hat(&(third * force)) * (-0.5 * dt * dt));
+        put(3, 6, Mat3::identity() * dt);
+        put(6, 0, start * hat(&(half * force)) * -dt);
         if self.sums.duration_s > 0.0 {
-            // Derivative of the new sums by the old.
-            let mut old = Mat9::identity();
-            let mut put = |row: usize, column: usize, block: Mat3| {
-                old.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
-            };
-            put(0, 0, step.inverse().to_rotation_matrix().into_inner());
-            put(3, 0, start * hat(&(third * force)) * (-0.5 * dt * dt));
-            put(3, 6, Mat3::identity() * dt);
-            put(6, 0, start * hat(&(half * force)) * -dt);
             self.sums.by_bias = old * self.sums.by_bias + own;
             self.covariance = old * self.covariance * old.transpose();
         } else {
@@ -118,6 +168,7 @@ impl Preintegrated {
         self.sums.velocity_m_s += start * (half * force) * dt;
         self.sums.rotation *= step;
         self.sums.duration_s += dt;
+        old
     }
 
     /// W, lower triangular, with Wᵀ W the inverse of the covariance; `None` where the noise is

@@ -1,6 +1,6 @@
-//! How an adjustment ended and what it left.
+//! How an adjustment ended and what it left: what a surveyor checks before believing it.
 
-use crate::geometry::Vec3;
+use super::diagnostics::chi_square_bounds_95;
 use std::fmt;
 
 /// Why the adjustment stopped.
@@ -25,53 +25,143 @@ impl fmt::Display for StopReason {
     }
 }
 
-/// What one sensor's residuals look like after the adjustment.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct SensorResiduals {
+/// Why a record takes no part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RejectionReason {
+    /// Its time does not increase over that of the records around it.
+    TimeOrder,
+    /// It lies before or after the IMU's log.
+    OutsideImu,
+    /// Its residual passes the limit of the test.
+    Outlier,
+}
+
+impl fmt::Display for RejectionReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::TimeOrder => "time out of order",
+            Self::OutsideImu => "outside the IMU's span",
+            Self::Outlier => "outlier",
+        })
+    }
+}
+
+/// A record that takes no part.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Rejection {
+    /// `imu`, `heading`, or the name of the position sensor.
+    pub sensor: String,
+    /// Number of the record in the log, from 1.
+    pub record: usize,
+    /// Seconds.
+    pub time_s: f64,
+    /// Why.
+    pub reason: RejectionReason,
+    /// Length of the residual in standard deviations, for outliers.
+    pub normalised: Option<f64>,
+}
+
+/// One record's residual.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Residual {
+    /// Number of the record in the log, from 1.
+    pub record: usize,
+    /// Seconds.
+    pub time_s: f64,
+    /// Predicted − measured: east, north, up in metres, or one angle in radians.
+    pub values: Vec<f64>,
+    /// The same in standard deviations of the measurement.
+    pub normalised: Vec<f64>,
+    /// In standard deviations of the residual, σ √r with the redundancy r of the component: the
+    /// test quantity of data snooping (Baarda 1968). 0 where nothing checks the component.
+    pub tests: Vec<f64>,
+    /// Weight that the loss left, 0 to 1; 0 is rejected.
+    pub weight: f64,
+}
+
+/// What one sensor's residuals say after the adjustment.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct SensorDiagnostics {
+    /// `imu`, `bias_walk`, `heading`, `pitch`, `rest`, or the name of the position sensor.
+    pub name: String,
+    /// Unit of the raw residuals; empty where they mix units.
+    pub unit: &'static str,
     /// Records used.
     pub count: usize,
-    /// Records outside the IMU's span.
+    /// Records rejected by the test.
+    pub rejected: usize,
+    /// Records outside the IMU's span or out of time order.
     pub ignored: usize,
-    /// Root mean square per component: prism m, heading rad, gyro rad/s, accelerometer m/s².
+    /// Root mean square per component of the records used.
     pub rms_raw: f64,
-    /// The same, each divided by its standard deviation. Near 1 for prism and heading where the
-    /// sigmas fit; far below 1 for the IMU, whose noise the nodes take up.
+    /// The same in standard deviations of the measurement.
     pub rms_normalised: f64,
+    /// r: how many of the observations check the others, Σ (1 − jᵀ Σ j / σ²).
+    pub redundancy: f64,
+    /// Ω = Σ (v/σ)².
+    pub chi_square: f64,
+    /// Where Ω lies in 95 of 100 drives if the standard deviations are right.
+    pub chi_square_bounds_95: [f64; 2],
+    /// Ω / r: 1 where the standard deviations are right; their factor is its root. `None` where
+    /// nothing checks the sensor.
+    pub variance_component: Option<f64>,
 }
 
-impl SensorResiduals {
-    pub(super) fn new(tally: &Tally, components: usize, ignored: usize) -> Self {
-        let n = tally.count.max(1) as f64;
+impl SensorDiagnostics {
+    /// From the sums over the records used.
+    pub(super) fn new(name: impl Into<String>, unit: &'static str, sums: &Tally) -> Self {
+        let n = sums.components.max(1) as f64;
+        let redundancy = sums.redundancy.max(0.0);
         Self {
-            count: tally.count / components,
-            ignored,
-            rms_raw: (tally.raw / n).sqrt(),
-            rms_normalised: (tally.normalised / n).sqrt(),
+            name: name.into(),
+            unit,
+            count: sums.records,
+            rejected: 0,
+            ignored: 0,
+            rms_raw: (sums.raw / n).sqrt(),
+            rms_normalised: (sums.normalised / n).sqrt(),
+            redundancy,
+            chi_square: sums.normalised,
+            chi_square_bounds_95: chi_square_bounds_95(redundancy),
+            variance_component: (redundancy > 1.0).then(|| sums.normalised / redundancy),
         }
     }
+
+    /// Whether Ω lies within its bounds.
+    pub fn passes(&self) -> bool {
+        let [low, high] = self.chi_square_bounds_95;
+        (low..=high).contains(&self.chi_square)
+    }
 }
 
-/// Sums of squares.
+/// Sums over the records of a sensor.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Tally {
-    count: usize,
-    raw: f64,
-    normalised: f64,
+    pub records: usize,
+    pub components: usize,
+    pub raw: f64,
+    pub normalised: f64,
+    pub redundancy: f64,
 }
 
-impl Tally {
-    pub fn add(&mut self, residual: f64, sigma: f64) {
-        self.count += 1;
-        self.raw += residual * residual;
-        self.normalised += (residual / sigma).powi(2);
-    }
-
-    pub fn add_vector(&mut self, residual: &Vec3, sigma: f64) {
-        residual.iter().for_each(|r| self.add(*r, sigma));
-    }
+/// A constant that was estimated beside the trajectory.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct EstimatedConstant {
+    /// As in the project, with the component: `prism.lever_arm.x`.
+    pub name: String,
+    /// Of the values.
+    pub unit: &'static str,
+    /// What the project says.
+    pub start: f64,
+    /// What the drive says.
+    pub value: f64,
+    /// Its standard deviation; `None` where the drive does not determine it: the value is then
+    /// that of the project.
+    pub sigma: Option<f64>,
 }
 
-/// How the adjustment ended and what it left.
+/// How an adjustment ended and what it left.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Solution {
     /// Steps tried, refused ones included.
@@ -84,34 +174,45 @@ pub struct Solution {
     pub cost_initial: f64,
     /// The same at the solution.
     pub cost_final: f64,
-    /// Prism, metres.
-    pub prism: SensorResiduals,
-    /// Heading, radians.
-    pub heading: SensorResiduals,
-    /// Gyro, rad/s.
-    pub gyro: SensorResiduals,
-    /// Accelerometer, m/s².
-    pub accel: SensorResiduals,
+    /// Nodes of the graph.
+    pub nodes: usize,
+    /// One entry a sensor: position sensors, heading, pitch, rest, IMU, bias walk.
+    pub sensors: Vec<SensorDiagnostics>,
+    /// Constants estimated beside the trajectory.
+    pub constants: Vec<EstimatedConstant>,
+    /// Records that take no part.
+    pub rejections: Vec<Rejection>,
+    /// Times without IMU, bridged with the sigma of unknown motion, seconds from and to.
+    pub imu_gaps_s: Vec<(f64, f64)>,
+    /// Times during which the body rested and its velocity was held at zero, seconds.
+    pub rests_s: Vec<(f64, f64)>,
+    /// Residuals of every record, per position sensor, heading and pitch, in the order of
+    /// `sensors`.
+    #[serde(skip)]
+    pub residuals: Vec<Vec<Residual>>,
 }
 
 impl Solution {
-    pub(super) fn new(
-        iterations: usize,
-        stop: StopReason,
-        cost_initial: f64,
-        cost_final: f64,
-    ) -> Self {
-        Self {
-            iterations,
-            converged: stop == StopReason::Converged,
-            stop,
-            cost_initial,
-            cost_final,
-            prism: SensorResiduals::default(),
-            heading: SensorResiduals::default(),
-            gyro: SensorResiduals::default(),
-            accel: SensorResiduals::default(),
-        }
+    /// The diagnostics of the sensor with this name.
+    pub fn sensor(&self, name: &str) -> Option<&SensorDiagnostics> {
+        self.sensors.iter().find(|sensor| sensor.name == name)
+    }
+
+    /// The records that fail the test of data snooping worst: sensor name and residual, by the
+    /// largest test quantity of a component.
+    pub fn worst(&self, count: usize) -> Vec<(&str, &Residual)> {
+        let size = |r: &Residual| r.tests.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let mut all: Vec<(&str, &Residual)> = self
+            .sensors
+            .iter()
+            .zip(&self.residuals)
+            .flat_map(|(sensor, residuals)| {
+                residuals.iter().map(move |r| (sensor.name.as_str(), r))
+            })
+            .collect();
+        all.sort_by(|a, b| size(b.1).total_cmp(&size(a.1)));
+        all.truncate(count);
+        all
     }
 }
 
@@ -119,18 +220,21 @@ impl fmt::Display for Solution {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} after {} iterations; residuals: prism {:.1} mm ({:.2} sigma)",
-            self.stop,
-            self.iterations,
-            self.prism.rms_raw * 1e3,
-            self.prism.rms_normalised
+            "{} after {} iterations over {} nodes; residuals:",
+            self.stop, self.iterations, self.nodes
         )?;
-        if self.heading.count > 0 {
-            let degrees = self.heading.rms_raw.to_degrees();
+        let measured = |s: &&SensorDiagnostics| s.count > 0 && matches!(s.unit, "m" | "rad");
+        for (i, sensor) in self.sensors.iter().filter(measured).enumerate() {
+            let comma = if i > 0 { "," } else { "" };
+            let rms = if sensor.unit == "m" {
+                format!("{:.1} mm", sensor.rms_raw * 1e3)
+            } else {
+                format!("{:.2}°", sensor.rms_raw.to_degrees())
+            };
             write!(
                 f,
-                ", heading {degrees:.2}° ({:.2} sigma)",
-                self.heading.rms_normalised
+                "{comma} {} {rms} ({:.2} sigma)",
+                sensor.name, sensor.rms_normalised
             )?;
         }
         Ok(())

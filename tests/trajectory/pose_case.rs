@@ -60,7 +60,35 @@ fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
     let Some(folder) = common::shared_data("pose_case") else {
         return;
     };
-    let logs = pose_case(&folder);
+    let found = [Nodes::Imu, Nodes::Prism].map(|nodes| {
+        let mut logs = pose_case(&folder);
+        logs.settings.nodes = nodes;
+        as_good_as_it_can_be(&logs, &folder)
+    });
+    // Sparse nodes leave out the IMU noise between a node and the fixes after it.
+    let [dense, sparse] = found.each_ref().map(|f| f.trajectory.nodes());
+    let (mut position_m, mut rotation_rad, mut sigma) = (0.0f64, 0.0f64, 0.0f64);
+    for (a, b) in dense.iter().zip(sparse) {
+        let (pa, pb) = (a.world_from_body, b.world_from_body);
+        position_m = position_m.max((pa.translation.vector - pb.translation.vector).norm());
+        rotation_rad = rotation_rad.max(pa.rotation.angle_to(&pb.rotation));
+        let (a, b) = (a.sigma.expect("sigma"), b.sigma.expect("sigma"));
+        let ratios = b.position_m.component_div(&a.position_m).push(1.0);
+        sigma = sigma.max(ratios.add_scalar(-1.0).amax());
+        let ratios = b.rotation_rad.component_div(&a.rotation_rad);
+        sigma = sigma.max(ratios.add_scalar(-1.0).amax());
+    }
+    println!(
+        "sparse against dense nodes: {:.3} µm, {:.1e} rad, sigmas {sigma:.1e}",
+        position_m * 1e6,
+        rotation_rad
+    );
+    assert!(position_m < 1e-6, "{position_m}");
+    assert!(rotation_rad < 1e-6, "{rotation_rad}");
+    assert!(sigma < 1e-3, "{sigma}");
+}
+
+fn as_good_as_it_can_be(logs: &Logs, folder: &Path) -> Estimate {
     let begun = Instant::now();
     let found = logs.estimate();
     println!(
@@ -102,6 +130,7 @@ fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
     let all = share.iter().sum::<f64>() / 6.0;
     assert!((position - 0.95).abs() <= 0.04, "{position}");
     assert!((all - 0.95).abs() <= 0.04, "{all}");
+    found
 }
 
 /// Forward substitution and back-recursion reach the same standard deviations by different

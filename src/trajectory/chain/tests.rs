@@ -1,156 +1,46 @@
+mod case;
+
 use super::*;
-use crate::trajectory::covariance::{PoseGradient, PosteriorCovariance};
+use case::Case;
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A small chain with every shape of front, and the same normal equations assembled densely.
-struct Case {
-    layout: ChainLayout,
-    steps: Vec<StepSystem>,
-    walks: Vec<WalkSystem>,
-    prior: PriorSystem,
-    damping: [f64; TAIL],
-    h: DMatrix<f64>,
-    g: DVector<f64>,
-}
-
-impl Case {
-    /// Steps of random full-rank normal equations; biases as listed.
-    fn new(bias_of_step: &[u32], damping: f64) -> Self {
-        let layout = ChainLayout {
-            bias_of_step: bias_of_step.to_vec(),
-        };
-        let mut random = ChaCha8Rng::seed_from_u64(5);
-        let mut draw = || random.random_range(-1.0..1.0);
-        let size = layout.nodes() * NODE + layout.biases() * BIAS;
-        let mut h = DMatrix::zeros(size, size);
-        let mut g = DVector::zeros(size);
-        let node_at = |i: usize| i * NODE;
-        let bias_at = |k: usize| layout.nodes() * NODE + k * BIAS;
-        let steps = (0..layout.steps())
-            .map(|i| {
-                let rows = DMatrix::from_fn(12, STEP, |_, _| draw());
-                let (step_h, step_g) = (
-                    rows.transpose() * &rows,
-                    DVector::from_fn(STEP, |_, _| draw()),
-                );
-                let place = |a: usize| match a {
-                    a if a < 2 * NODE => node_at(i) + a,
-                    a => bias_at(bias_of_step[i] as usize) + a - 2 * NODE,
-                };
-                let mut system = StepSystem::ZERO;
-                for a in 0..STEP {
-                    g[place(a)] += step_g[a];
-                    system.g[a] = step_g[a];
-                    for b in 0..STEP {
-                        h[(place(a), place(b))] += step_h[(a, b)];
-                        // Below the diagonal nothing may be read.
-                        system.h[a][b] = if a <= b { step_h[(a, b)] } else { 1e30 };
-                    }
-                }
-                system
-            })
-            .collect();
-        let walks: Vec<_> = (1..layout.biases())
-            .map(|new| {
-                let walk = WalkSystem {
-                    weight: std::array::from_fn(|_| 2.0 + draw()),
-                    difference: std::array::from_fn(|_| draw()),
-                };
-                for i in 0..BIAS {
-                    let (a, b, w) = (bias_at(new - 1) + i, bias_at(new) + i, walk.weight[i]);
-                    h[(a, a)] += w;
-                    h[(b, b)] += w;
-                    h[(a, b)] -= w;
-                    h[(b, a)] -= w;
-                    g[a] += w * walk.difference[i];
-                    g[b] -= w * walk.difference[i];
-                }
-                walk
-            })
-            .collect();
-        let prior = PriorSystem {
-            weight: std::array::from_fn(|_| 2.0 + draw()),
-            g: std::array::from_fn(|_| draw()),
-        };
-        for a in 0..TAIL {
-            let place = if a < NODE { a } else { bias_at(0) + a - NODE };
-            h[(place, place)] += prior.weight[a];
-            g[place] += prior.g[a];
-        }
-        let damping = std::array::from_fn(|i| damping * (1.0 + i as f64));
-        for i in 0..layout.nodes() {
-            (0..NODE).for_each(|a| h[(node_at(i) + a, node_at(i) + a)] += damping[a]);
-        }
-        for k in 0..layout.biases() {
-            (0..BIAS).for_each(|a| h[(bias_at(k) + a, bias_at(k) + a)] += damping[NODE + a]);
-        }
-        Self {
-            layout,
-            steps,
-            walks,
-            prior,
-            damping,
-            h,
-            g,
-        }
-    }
-
-    fn factor(&self) -> Result<ChainFactor, NotPositive> {
-        let mut factor = ChainFactor::new(self.layout.clone());
-        factor.factorise(&ChainSystem {
-            step: &|i: usize, system: &mut StepSystem| *system = self.steps[i].clone(),
-            walk: &|k: usize| self.walks[k],
-            prior: self.prior,
-            damping: self.damping,
-        })?;
-        Ok(factor)
-    }
-
-    fn bias_at(&self, k: usize) -> usize {
-        self.layout.nodes() * NODE + k * BIAS
-    }
-}
-
 fn cases() -> Vec<Case> {
-    vec![
-        Case::new(&[0], 0.0),
-        Case::new(&[0, 0, 1, 2, 2], 0.0),
-        Case::new(&[0, 1, 1, 1, 2], 0.5),
-    ]
+    [0, 1, 4]
+        .into_iter()
+        .flat_map(|n| {
+            [
+                Case::new(&[0], n, 0.0),
+                Case::new(&[0, 0, 1, 2, 2], n, 0.0),
+                Case::new(&[0, 1, 1, 1, 2], n, 0.5),
+            ]
+        })
+        .collect()
 }
 
 /// More steps than a chunk.
-fn long_case() -> Case {
-    Case::new(
-        &std::array::from_fn::<u32, { CHUNK + 9 }, _>(|i| i as u32 / 7),
-        0.0,
-    )
+fn long_case(n: usize) -> Case {
+    let biases: Vec<u32> = (0..CHUNK as u32 + 9).map(|i| i / 7).collect();
+    Case::new(&biases, n, 0.0)
 }
 
-/// Rounding in well-conditioned systems of up to 1,400 unknowns.
+/// Rounding in well-conditioned systems of up to 2,700 unknowns.
 const TOLERANCE: f64 = 1e-9;
 
 #[test]
 fn solution_agrees_with_dense_cholesky() {
-    for case in cases().into_iter().chain([long_case()]) {
+    for case in cases().into_iter().chain([long_case(0), long_case(3)]) {
         let factor = case.factor().expect("positive definite");
-        let dense = case
-            .h
-            .clone()
-            .cholesky()
-            .expect("positive definite")
-            .solve(&case.g);
+        let dense = case.h.clone().cholesky().expect("positive definite");
+        let dense = dense.solve(&case.g);
         let mut nodes = vec![[0.0; NODE]; case.layout.nodes()];
         let mut biases = vec![[0.0; BIAS]; case.layout.biases()];
-        factor.back_substitute(&mut nodes, &mut biases);
-        for (i, x) in nodes
-            .as_flattened()
-            .iter()
-            .chain(biases.as_flattened())
-            .enumerate()
-        {
+        let mut constants = vec![0.0; case.count()];
+        factor.back_substitute(&mut nodes, &mut biases, &mut constants);
+        let found = [nodes.as_flattened(), biases.as_flattened(), &constants].concat();
+        assert_eq!(found.len(), dense.len());
+        for (i, x) in found.iter().enumerate() {
             assert!((x - dense[i]).abs() < TOLERANCE * dense.amax(), "{i}");
         }
         let decrement = case.g.dot(&dense);
@@ -161,89 +51,186 @@ fn solution_agrees_with_dense_cholesky() {
 #[test]
 fn marginals_agree_with_dense_inverse() {
     for case in cases() {
-        let factor = case.factor().expect("positive definite");
-        let dense = case
-            .h
-            .clone()
-            .cholesky()
-            .expect("positive definite")
-            .inverse();
-        let mut visited = 0;
-        factor.marginals(|node, covariance| {
-            visited += 1;
-            let bias = case.bias_at(case.layout.bias_of_node(node));
-            let place = |a: usize| {
-                if a < NODE {
-                    node * NODE + a
-                } else {
-                    bias + a - NODE
+        let (factor, n) = (case.factor().expect("positive definite"), case.count());
+        let dense = case.inverse();
+        let tolerance = TOLERANCE * dense.amax();
+        let mut visited = Vec::new();
+        factor.marginals(|step, covariance| {
+            visited.push(step);
+            let joint = covariance.joint();
+            assert_eq!(covariance.cross.len(), STEP * n);
+            for (a, row) in joint.iter().enumerate() {
+                let place = case.place(step, a);
+                for (b, found) in row.iter().enumerate() {
+                    let expected = dense[(place, case.place(step, b))];
+                    assert!((found - expected).abs() < tolerance, "{step} {a} {b}");
                 }
-            };
-            for a in 0..TAIL {
-                for b in 0..TAIL {
-                    let expected = dense[(place(a), place(b))];
-                    assert!((covariance[a][b] - expected).abs() < TOLERANCE * dense.amax());
+                for c in 0..n {
+                    let expected = dense[(place, case.constant_at(c))];
+                    let found = covariance.cross[a * n + c];
+                    assert!(
+                        (found - expected).abs() < tolerance,
+                        "{step} {a} constant {c}"
+                    );
                 }
             }
         });
-        assert_eq!(visited, case.layout.nodes());
+        let expected: Vec<usize> = (0..case.layout.steps()).rev().collect();
+        assert_eq!(visited, expected);
     }
 }
 
 #[test]
-fn functionals_of_distant_poses_agree_with_dense_inverse() {
+fn covariance_of_constants_agrees_with_dense_inverse() {
     for case in cases() {
-        let dense = case
-            .h
-            .clone()
-            .cholesky()
-            .expect("positive definite")
-            .inverse();
-        let nodes = case.layout.nodes();
-        let mut random = ChaCha8Rng::seed_from_u64(9);
-        let rows = 4;
-        let mut gradient = PoseGradient::new(rows, nodes);
-        let mut full = DMatrix::zeros(rows, case.g.len());
-        for node in [nodes / 2, nodes - 1, nodes / 2] {
-            let block: Vec<f64> = (0..rows * 6)
-                .map(|_| random.random_range(-1.0..1.0))
-                .collect();
-            gradient.add(node, &block);
-            for row in 0..rows {
-                for a in 0..6 {
-                    full[(row, node * NODE + a)] += block[row * 6 + a];
-                }
-            }
+        let dense = case.inverse();
+        let (n, at) = (case.count(), case.constant_at(0));
+        let expected = dense.view((at, at), (n, n));
+        let found = case.factor().expect("positive definite");
+        let difference = found.constants_covariance() - expected;
+        assert_eq!(difference.shape(), (n, n));
+        for x in &difference {
+            assert!(x.abs() < TOLERANCE * expected.amax());
         }
-        let expected = &full * &dense * full.transpose();
-        let covariance = PosteriorCovariance::new(case.factor().expect("positive definite"));
-        assert_eq!(covariance.nodes(), nodes);
-        let found = covariance.of_functional(&gradient);
-        assert!((&found - &expected).amax() < TOLERANCE * expected.amax());
-        let nothing = covariance.of_functional(&PoseGradient::new(2, nodes));
-        assert_eq!(nothing, DMatrix::zeros(2, 2));
     }
+}
+
+/// m × width random values.
+fn random_block(random: &mut ChaCha8Rng, rows: usize, width: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, width, |_, _| random.random_range(-1.0..1.0))
+}
+
+/// Adds a block to a dense gradient and, row by row, to a sparse one.
+fn add_to_both(full: &mut DMatrix<f64>, at: usize, sparse: &mut [f64], block: &DMatrix<f64>) {
+    let (rows, width) = block.shape();
+    let mut target = full.view_mut((0, at), (rows, width));
+    target += block;
+    for (x, value) in sparse.iter_mut().zip(block.transpose().iter()) {
+        *x += value;
+    }
+}
+
+#[test]
+fn functionals_of_all_unknowns_agree_with_dense_inverse() {
+    let rows = 4;
+    for case in cases() {
+        let (factor, n) = (case.factor().expect("positive definite"), case.count());
+        let dense = case.inverse();
+        let (nodes, biases) = (case.layout.nodes(), case.layout.biases());
+        let mut random = ChaCha8Rng::seed_from_u64(9);
+        // Which nodes and biases matter; a bias before and after the first node, nothing at all.
+        let selections = [
+            (vec![nodes / 2, nodes - 1, nodes / 2], vec![]),
+            (vec![nodes - 1], vec![0, biases / 2]),
+            (vec![0], vec![biases - 1]),
+            (vec![], vec![biases - 1]),
+            (vec![], vec![]),
+        ];
+        for ((at_nodes, at_biases), with_constants) in
+            selections.iter().flat_map(|s| [(s, false), (s, true)])
+        {
+            let mut gradient = ChainGradient::new(rows, &case.layout, n);
+            let mut full = DMatrix::zeros(rows, case.g.len());
+            for &node in at_nodes {
+                let block = random_block(&mut random, rows, NODE);
+                add_to_both(&mut full, node * NODE, gradient.node_mut(node), &block);
+            }
+            for &bias in at_biases {
+                let block = random_block(&mut random, rows, BIAS);
+                let at = case.bias_at(bias);
+                add_to_both(&mut full, at, gradient.bias_mut(bias), &block);
+            }
+            if with_constants {
+                let block = random_block(&mut random, rows, n);
+                let at = case.constant_at(0);
+                add_to_both(&mut full, at, gradient.constants_mut(), &block);
+            }
+            let expected = &full * &dense * full.transpose();
+            let difference = factor.of_functional(&gradient) - &expected;
+            assert!(difference.amax() <= TOLERANCE * expected.amax());
+        }
+    }
+}
+
+/// The unknowns without constants do not move by a bit where constants exist that nothing couples.
+#[test]
+fn constants_that_touch_nothing_change_nothing() {
+    let alone = Case::new(&[0, 0, 1], 0, 0.1);
+    let mut beside = Case::new(&[0, 0, 1], 0, 0.1);
+    beside.borders.fill(Border::new(2));
+    beside.constants = ConstantsSystem {
+        weight: vec![4.0, 9.0],
+        g: vec![1.0, 2.0],
+        damping: vec![0.0; 2],
+    };
+    let solve = |case: &Case| {
+        let factor = case.factor().expect("positive definite");
+        let mut nodes = vec![[0.0; NODE]; case.layout.nodes()];
+        let mut biases = vec![[0.0; BIAS]; case.layout.biases()];
+        let mut constants = vec![0.0; case.count()];
+        factor.back_substitute(&mut nodes, &mut biases, &mut constants);
+        (nodes, biases, constants)
+    };
+    let (alone, beside) = (solve(&alone), solve(&beside));
+    assert_eq!((alone.0, alone.1), (beside.0, beside.1));
+    assert!((beside.2[0] - 0.25).abs() < TOLERANCE && (beside.2[1] - 2.0 / 9.0).abs() < TOLERANCE);
+}
+
+/// Step by step through [`Carry`], as an online smoother goes, gives the same fronts.
+#[test]
+fn fronts_one_by_one_are_those_of_the_batch() {
+    let case = Case::new(&[0, 0, 1, 2, 2], 0, 0.0);
+    let factor = case.factor().expect("positive definite");
+    let mut carry = Carry::new(&case.prior);
+    for i in 0..case.layout.steps() {
+        if case.layout.changes_before(i) {
+            let old = case.layout.bias_of_step[i] as usize - 1;
+            let mut front = ChangeFront::ZERO;
+            assert!(carry.change_bias(&case.walks[old], &case.damping, &mut front));
+            assert_eq!(&front, factor.change(old).0);
+        }
+        let mut front = StepFront::ZERO;
+        assert!(carry.eliminate_step(&mut case.steps[i].clone(), &case.damping, &mut front));
+        // What is below the diagonal is not read, and not compared.
+        for a in 0..NODE {
+            assert_eq!(front.rows[a][a..], factor.step(i).0.rows[a][a..]);
+        }
+        assert_eq!(front.y, factor.step(i).0.y);
+    }
+    let mut tail = TailFront::ZERO;
+    assert!(carry.eliminate_tail(&case.damping, &mut tail));
+    assert_eq!(tail.y, factor.tail().0.y);
 }
 
 #[test]
 fn one_thread_and_two_give_the_same_bits() {
-    let case = long_case();
-    let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .expect("a pool");
-        pool.install(|| case.factor().expect("positive definite").tail_rows)
-    };
-    assert_eq!(run(1), run(2));
+    for case in [long_case(0), long_case(4)] {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("a pool");
+            let factor = pool.install(|| case.factor().expect("positive definite"));
+            let tail = factor.tail().0.rows;
+            (tail, factor.decrement(), factor.constants_covariance())
+        };
+        assert_eq!(run(1), run(2));
+    }
 }
 
 #[test]
-fn a_free_unknown_is_named_by_its_node() {
-    let mut case = Case::new(&[0, 0, 0], 0.0);
+fn what_is_free_is_named() {
+    let mut case = Case::new(&[0, 0, 0], 0, 0.0);
     // Nothing but node 0 sees anything: step 1 starts from nothing and adds nothing.
-    case.steps[1] = StepSystem::ZERO;
-    case.steps[2] = StepSystem::ZERO;
-    case.steps[0] = StepSystem::ZERO;
-    assert_eq!(case.factor().err(), Some(NotPositive { node: 1 }));
+    case.steps.fill(StepSystem::ZERO);
+    assert_eq!(case.factor().err(), Some(NotPositive::Node(1)));
+    let mut case = Case::new(&[0, 0, 0], 2, 0.0);
+    // Constant 1 touches nothing and has no prior.
+    for border in &mut case.borders {
+        border.h[1].fill(0.0);
+        border.c[1] = 0.0;
+        border.c[3] = 0.0;
+    }
+    case.constants.weight[1] = 0.0;
+    assert_eq!(case.factor().err(), Some(NotPositive::Constant(1)));
 }

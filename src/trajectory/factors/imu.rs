@@ -1,10 +1,13 @@
 //! The IMU between neighbouring nodes.
 
-use super::{ACCEL, ATTITUDE, GYRO, NodeState, POSITION, Rows, VELOCITY, add_rows, matrix, put};
+use super::{
+    ACCEL, ATTITUDE, Constants, GYRO, NodeState, POSITION, Row, Rows, VELOCITY, add_rows, matrix,
+    put,
+};
+use crate::geometry::Vec3;
 use crate::geometry::so3::{exp, hat, log, right_jacobian, right_jacobian_inverse};
-use crate::geometry::{Mat3, Rotation, Vec3};
 use crate::sensor::ImuBias;
-use crate::trajectory::chain::{NODE, STEP, StepSystem};
+use crate::trajectory::chain::{Border, NODE, STEP, StepSystem};
 use crate::trajectory::preintegration::{MotionSums, Preintegrated};
 
 /// Preintegrated IMU between node i and node i + 1:
@@ -12,16 +15,9 @@ use crate::trajectory::preintegration::{MotionSums, Preintegrated};
 /// r_v = R_iᵀ (v_j − v_i − g Δt) − Δv, with the sums corrected to the bias.
 #[derive(Debug, Clone)]
 pub(in crate::trajectory) struct ImuFactor {
-    sums: MotionSums,
+    pub sums: MotionSums,
     /// Lower triangular W with Wᵀ W = covariance⁻¹.
-    whitener: [[f64; 9]; 9],
-}
-
-/// The sums corrected to a bias: what the residual compares with.
-struct Corrected {
-    rotation: Rotation,
-    position_m: Vec3,
-    velocity_m_s: Vec3,
+    pub whitener: [[f64; 9]; 9],
 }
 
 impl ImuFactor {
@@ -44,32 +40,6 @@ impl ImuFactor {
         self.sums.duration_s
     }
 
-    fn by_bias(&self, row: usize, column: usize) -> Mat3 {
-        self.sums
-            .by_bias
-            .fixed_view::<3, 3>(row, column)
-            .into_owned()
-    }
-
-    /// J_φ δb, the correction of the rotation to a bias.
-    fn turn(&self, bias: &ImuBias) -> Vec3 {
-        self.by_bias(0, 0) * (bias.gyro_rad_s - self.sums.bias.gyro_rad_s)
-    }
-
-    fn corrected(&self, bias: &ImuBias) -> Corrected {
-        let gyro = bias.gyro_rad_s - self.sums.bias.gyro_rad_s;
-        let accel = bias.accel_m_s2 - self.sums.bias.accel_m_s2;
-        Corrected {
-            rotation: self.sums.rotation * exp(&self.turn(bias)),
-            position_m: self.sums.position_m
-                + self.by_bias(3, 0) * gyro
-                + self.by_bias(3, 3) * accel,
-            velocity_m_s: self.sums.velocity_m_s
-                + self.by_bias(6, 0) * gyro
-                + self.by_bias(6, 3) * accel,
-        }
-    }
-
     /// The motion of node i to node j in the body frame at i, without gravity: what Δp and Δv
     /// measure.
     fn motion(&self, gravity_m_s2: f64, from: &NodeState, to: &NodeState) -> (Vec3, Vec3) {
@@ -90,7 +60,7 @@ impl ImuFactor {
         to: &NodeState,
         bias: &ImuBias,
     ) -> [Vec3; 3] {
-        let sums = self.corrected(bias);
+        let sums = self.sums.corrected(bias);
         let (dp, dv) = self.motion(gravity_m_s2, from, to);
         [
             log(&(sums.rotation.inverse() * (from.rotation.inverse() * to.rotation))),
@@ -124,9 +94,11 @@ impl ImuFactor {
         let back = matrix(&from.rotation.inverse());
         let turned = matrix(&(to.rotation.inverse() * from.rotation));
         let inverse = right_jacobian_inverse(&residual[0]);
-        let turn = self.turn(bias);
-        let gyro =
-            -inverse * matrix(&exp(&-residual[0])) * right_jacobian(&turn) * self.by_bias(0, 0);
+        let turn = self.sums.turn(bias);
+        let gyro = -inverse
+            * matrix(&exp(&-residual[0]))
+            * right_jacobian(&turn)
+            * self.sums.bias_block(0, 0);
         let mut rows = [[0.0; STEP]; 9];
         put(&mut rows, 0, ATTITUDE, &(-inverse * turned));
         put(&mut rows, 0, NODE + ATTITUDE, &inverse);
@@ -135,35 +107,64 @@ impl ImuFactor {
         put(&mut rows, 3, POSITION, &-back);
         put(&mut rows, 3, VELOCITY, &(-back * dt));
         put(&mut rows, 3, NODE + POSITION, &back);
-        put(&mut rows, 3, GYRO, &-self.by_bias(3, 0));
-        put(&mut rows, 3, ACCEL, &-self.by_bias(3, 3));
+        put(&mut rows, 3, GYRO, &-self.sums.bias_block(3, 0));
+        put(&mut rows, 3, ACCEL, &-self.sums.bias_block(3, 3));
         put(&mut rows, 6, ATTITUDE, &hat(&dv));
         put(&mut rows, 6, VELOCITY, &-back);
         put(&mut rows, 6, NODE + VELOCITY, &back);
-        put(&mut rows, 6, GYRO, &-self.by_bias(6, 0));
-        put(&mut rows, 6, ACCEL, &-self.by_bias(6, 3));
+        put(&mut rows, 6, GYRO, &-self.sums.bias_block(6, 0));
+        put(&mut rows, 6, ACCEL, &-self.sums.bias_block(6, 3));
         rows
     }
 
-    /// Adds the factor to its step.
-    pub fn add_to(
+    /// Whitened derivatives and residual, at `1 / scale` of the weight.
+    pub fn rows(
         &self,
-        system: &mut StepSystem,
-        gravity_m_s2: f64,
-        from: &NodeState,
-        to: &NodeState,
-        bias: &ImuBias,
-    ) {
+        known: &Constants,
+        (from, to): (&NodeState, &NodeState),
+        (bias, constants): (&ImuBias, &[f64]),
+        scale: f64,
+    ) -> (Rows<9>, Vec<Row<9>>, [f64; 9]) {
+        let gravity_m_s2 = known.gravity_m_s2(constants);
         let residual = self.residual(gravity_m_s2, from, to, bias);
         let raw = self.jacobian(gravity_m_s2, from, to, bias, &residual);
         let mut rows = [[0.0; STEP]; 9];
         for (a, row) in rows.iter_mut().enumerate() {
             for (w, source) in self.whitener[a][..=a].iter().zip(&raw) {
                 for (x, j) in row.iter_mut().zip(source) {
-                    *x += w * j;
+                    *x += w / scale * j;
                 }
             }
         }
-        add_rows(system, &rows, &self.whiten(&residual));
+        let by_constants = known.gravity.map(|column| {
+            let by = self.whiten(&self.gravity_jacobian(from));
+            (column, by.map(|x| x / scale))
+        });
+        (
+            rows,
+            by_constants.into_iter().collect(),
+            self.whiten(&residual).map(|x| x / scale),
+        )
+    }
+
+    /// ∂r by the magnitude of gravity, before whitening.
+    pub(super) fn gravity_jacobian(&self, from: &NodeState) -> [Vec3; 3] {
+        let dt = self.sums.duration_s;
+        let up = from.rotation.inverse() * Vec3::z();
+        [Vec3::zeros(), up * (0.5 * dt * dt), up * dt]
+    }
+
+    /// Adds the factor to its step.
+    pub fn add_to(
+        &self,
+        system: &mut StepSystem,
+        border: &mut Border,
+        known: &Constants,
+        nodes: (&NodeState, &NodeState),
+        values: (&ImuBias, &[f64]),
+        scale: f64,
+    ) {
+        let (rows, by_constants, residual) = self.rows(known, nodes, values, scale);
+        add_rows(system, border, &rows, &by_constants, &residual);
     }
 }

@@ -104,28 +104,131 @@ fn imu_jacobian_meets_finite_differences() {
     });
 }
 
-#[test]
-fn prism_and_heading_jacobians_meet_finite_differences() {
-    let ahead = Ahead {
-        rest_s: 0.07,
-        sample: sample(),
+/// Two constants that say how late records are, a lever arm, an incidence bias, a heading offset
+/// and gravity, with values that are not zero.
+fn known() -> (Constants, Vec<f64>, PositionSensor) {
+    let columns = PositionColumns {
+        lever_arm: Some(1),
+        incidence: Some(4),
     };
-    let prism = PrismFactor {
-        ahead,
-        position_m: Vec3::new(0.9, 2.1, 0.4),
-        sigma_m: 0.005,
+    let mut known = Constants::default();
+    known.base_gravity_m_s2 = GRAVITY;
+    known.gravity = Some(11);
+    known.heading_offset = Some(10);
+    known.positions = vec![columns];
+    let mut values = vec![0.0; 12];
+    values[0] = 0.013;
+    values[1..4].copy_from_slice(&[0.01, -0.02, 0.03]);
+    values[10] = 0.02;
+    values[11] = -0.05;
+    let sensor = PositionSensor {
         lever_arm_m: Vec3::new(0.3, -0.2, 1.5),
+        station_m: Some(Vec3::new(-10.0, 4.0, 1.0)),
+        up: Vec3::z(),
+        columns,
     };
-    check::<3>(&prism.jacobian(&state(0.0), &bias()), |from, _, bias| {
-        prism.residual(GRAVITY, from, bias).into()
-    });
-    let heading = HeadingFactor {
-        ahead,
-        heading_rad: 0.4,
-        sigma_rad: 0.01,
-    };
-    check::<1>(&heading.jacobian(&state(0.0), &bias()), |from, _, bias| {
-        [heading.residual(from, bias)]
+    (known, values, sensor)
+}
+
+/// Compares the derivatives by the constants with central differences.
+fn check_constants<const R: usize>(
+    analytic: &[Row<R>],
+    values: &[f64],
+    residual: impl Fn(&[f64]) -> [f64; R],
+) {
+    let h = 1e-5;
+    for column in 0..values.len() {
+        let value = |h: f64| {
+            let mut values = values.to_vec();
+            values[column] += h;
+            residual(&values)
+        };
+        let (plus, minus) = (value(h), value(-h));
+        let own = analytic.iter().find(|(c, _)| *c == column);
+        for row in 0..R {
+            let numeric = (plus[row] - minus[row]) / (2.0 * h);
+            let error = (numeric - own.map_or(0.0, |(_, by)| by[row])).abs();
+            assert!(error < 2e-9, "row {row}, constant {column}: {error}");
+        }
+    }
+}
+
+fn aheads() -> [Ahead; 2] {
+    let sums = preintegrated().sums;
+    [
+        Ahead {
+            sums: Some(Box::new(sums)),
+            sample: sample(),
+        },
+        Ahead {
+            sums: None,
+            sample: sample(),
+        },
+    ]
+}
+
+#[test]
+fn position_jacobians_meet_finite_differences() {
+    for ahead in aheads() {
+        let (known, values, sensor) = known();
+        let fix = PositionFactor {
+            ahead,
+            sensor: 0,
+            record: 0,
+            time_s: 0.0,
+            position_m: Vec3::new(0.9, 2.1, 0.4),
+            whitener: Mat3::identity(),
+            weight: 1.0,
+            late: vec![0],
+        };
+        let (rows, border) = fix.jacobian(&sensor, &known, &state(0.0), &bias(), &values);
+        check::<3>(&rows, |from, _, bias| {
+            let g = known.gravity_m_s2(&values);
+            fix.residual(&sensor, g, from, bias, &values).into()
+        });
+        check_constants(&border, &values, |values| {
+            let g = known.gravity_m_s2(values);
+            fix.residual(&sensor, g, &state(0.0), &bias(), values)
+                .into()
+        });
+    }
+}
+
+#[test]
+fn heading_and_pitch_jacobians_meet_finite_differences() {
+    let baseline = Vec3::new(0.8, 0.6, 0.0);
+    for ahead in aheads() {
+        for quantity in [Quantity::Heading, Quantity::Pitch(baseline)] {
+            let (known, values, _) = known();
+            let fix = HeadingFactor {
+                ahead: ahead.clone(),
+                record: 0,
+                time_s: 0.0,
+                quantity,
+                value_rad: 0.4,
+                sigma_rad: 0.01,
+                weight: 1.0,
+                late: vec![0],
+            };
+            let (rows, border) = fix.jacobian(&known, &state(0.0), &bias(), &values);
+            check::<1>(&rows, |from, _, bias| {
+                [fix.residual(&known, from, bias, &values)]
+            });
+            check_constants(&border, &values, |values| {
+                [fix.residual(&known, &state(0.0), &bias(), values)]
+            });
+        }
+    }
+}
+
+#[test]
+fn gravity_moves_the_imu_residual_as_said() {
+    let (factor, known, values) = (imu(), known().0, known().1);
+    let (from, to, bias) = (state(0.0), state(0.1), bias());
+    let flat = |r: [Vec3; 3]| std::array::from_fn::<f64, 9, _>(|i| r[i / 3][i % 3]);
+    let border = [(11, flat(factor.gravity_jacobian(&from)))];
+    check_constants(&border, &values, |values| {
+        flat(factor.residual(known.gravity_m_s2(values), &from, &to, &bias))
     });
 }
 
@@ -134,7 +237,11 @@ fn normal_equations_are_those_of_the_whitened_rows() {
     let factor = imu();
     let (from, to, bias) = (state(0.0), state(0.1), bias());
     let mut system = StepSystem::ZERO;
-    factor.add_to(&mut system, GRAVITY, &from, &to, &bias);
+    let mut border = Border::new(0);
+    let mut known = Constants::default();
+    known.base_gravity_m_s2 = GRAVITY;
+    let nodes = (&from, &to);
+    factor.add_to(&mut system, &mut border, &known, nodes, (&bias, &[]), 1.0);
     let residual = factor.residual(GRAVITY, &from, &to, &bias);
     let rows = factor.jacobian(GRAVITY, &from, &to, &bias, &residual);
     let information = preintegrated().covariance.try_inverse().expect("regular");

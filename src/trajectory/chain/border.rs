@@ -1,0 +1,231 @@
+//! Constants that touch many steps: the dense border of the chain.
+//!
+//! H = [[Hc, E], [Eᵀ, C]] with the chain Hc = Uᵀ U. The columns of E go through the forward
+//! elimination as further right-hand sides, Y = U⁻ᵀ E. What is left for the constants is
+//! S = C − Yᵀ Y and gk − Yᵀ y, with S = U_kᵀ U_k.
+
+use super::front::{change_place, forward, step_place};
+use super::{BIAS, CHANGE, NODE, STEP, TAIL};
+
+/// What one step adds to the normal equations of n constants.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Border {
+    /// Number of constants n.
+    pub count: usize,
+    /// Per constant its coupling with the step's unknowns: node i, node i + 1, bias.
+    pub h: Vec<[f64; STEP]>,
+    /// The constants among themselves, n × n row by row; only the upper triangle counts.
+    pub c: Vec<f64>,
+    /// Their right-hand side.
+    pub g: Vec<f64>,
+}
+
+impl Border {
+    /// All zero.
+    pub fn new(count: usize) -> Self {
+        Self {
+            count,
+            h: vec![[0.0; STEP]; count],
+            c: vec![0.0; count * count],
+            g: vec![0.0; count],
+        }
+    }
+
+    /// Back to zero.
+    pub fn clear(&mut self) {
+        self.h.fill([0.0; STEP]);
+        self.c.fill(0.0);
+        self.g.fill(0.0);
+    }
+}
+
+/// What the constants have of their own: n values each.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ConstantsSystem {
+    /// Diagonal weights of the prior, 1/σ².
+    pub weight: Vec<f64>,
+    /// The prior's right-hand side.
+    pub g: Vec<f64>,
+    /// Added to the diagonal.
+    pub damping: Vec<f64>,
+}
+
+/// The border while the chain is eliminated.
+pub struct BorderCarry {
+    /// Columns over (node, bias), TAIL × n.
+    columns: Vec<f64>,
+    /// Columns of the front at work, up to STEP × n.
+    front: Vec<f64>,
+    /// The upper triangle of C − Yᵀ Y so far, n × n.
+    s: Vec<f64>,
+    /// gk − Yᵀ y so far.
+    g: Vec<f64>,
+}
+
+impl BorderCarry {
+    pub fn new(system: &ConstantsSystem) -> Self {
+        let n = system.weight.len();
+        let mut s = vec![0.0; n * n];
+        for c in 0..n {
+            s[c * n + c] = system.weight[c] + system.damping[c];
+        }
+        Self {
+            columns: vec![0.0; TAIL * n],
+            front: vec![0.0; STEP * n],
+            s,
+            g: system.g.clone(),
+        }
+    }
+
+    /// Step i: adds its border, and leaves the rows of Y of node i in `kept`.
+    pub fn step(
+        &mut self,
+        border: &Border,
+        rows: &[[f64; STEP]; NODE],
+        y: &[f64; NODE],
+        kept: &mut [f64],
+    ) {
+        let n = border.count;
+        for (row, target) in self.front.chunks_exact_mut(n).enumerate() {
+            for (x, coupling) in target.iter_mut().zip(&border.h) {
+                *x = coupling[row];
+            }
+        }
+        for (a, carried) in self.columns.chunks_exact(n).enumerate() {
+            let place = step_place(a) * n;
+            for (x, column) in self.front[place..].iter_mut().zip(carried) {
+                *x += column;
+            }
+        }
+        self.s.iter_mut().zip(&border.c).for_each(|(s, c)| *s += c);
+        self.g.iter_mut().zip(&border.g).for_each(|(g, b)| *g += b);
+        forward(rows, &mut self.front, n);
+        self.columns.copy_from_slice(&self.front[NODE * n..]);
+        self.keep(NODE * n, y, kept);
+    }
+
+    /// A change of bias: leaves the rows of Y of the old bias in `kept`.
+    pub fn change(&mut self, rows: &[[f64; CHANGE]; BIAS], y: &[f64; BIAS], kept: &mut [f64]) {
+        let n = self.g.len();
+        let front = &mut self.front[..CHANGE * n];
+        front.fill(0.0);
+        for (a, carried) in self.columns.chunks_exact(n).enumerate() {
+            let place = change_place(a) * n;
+            front[place..place + n].copy_from_slice(carried);
+        }
+        forward(rows, front, n);
+        self.columns.copy_from_slice(&front[BIAS * n..]);
+        self.keep(BIAS * n, y, kept);
+    }
+
+    /// The tail: leaves its rows of Y in `kept`.
+    pub fn tail(&mut self, rows: &[[f64; TAIL]; TAIL], y: &[f64; TAIL], kept: &mut [f64]) {
+        let n = self.g.len();
+        self.front[..TAIL * n].copy_from_slice(&self.columns);
+        forward(rows, &mut self.front[..TAIL * n], n);
+        self.keep(TAIL * n, y, kept);
+    }
+
+    /// Hands out the finished rows of Y and takes Yᵀ Y and Yᵀ y from what is left.
+    fn keep(&mut self, size: usize, y: &[f64], kept: &mut [f64]) {
+        kept.copy_from_slice(&self.front[..size]);
+        let n = self.g.len();
+        for (row, y) in kept.chunks_exact(n).zip(y) {
+            for (b, factor) in row.iter().enumerate() {
+                for (s, r) in self.s[b * n + b..(b + 1) * n].iter_mut().zip(&row[b..]) {
+                    *s -= factor * r;
+                }
+                self.g[b] -= factor * y;
+            }
+        }
+    }
+
+    /// The factor of the constants, or the first constant that nothing determines.
+    pub fn factorise(self) -> Result<ConstantsFactor, usize> {
+        let n = self.g.len();
+        let (mut u, mut y) = (self.s, self.g);
+        for k in 0..n {
+            let pivot = u[k * n + k];
+            if pivot.is_nan() || pivot <= 0.0 {
+                return Err(k);
+            }
+            let inverse = 1.0 / pivot.sqrt();
+            let (done, rest) = u.split_at_mut((k + 1) * n);
+            let row = &mut done[k * n..];
+            row[k..].iter_mut().for_each(|x| *x *= inverse);
+            y[k] *= inverse;
+            for i in k + 1..n {
+                let target = &mut rest[(i - k - 1) * n..(i - k) * n];
+                for (x, r) in target[i..].iter_mut().zip(&row[i..]) {
+                    *x -= row[i] * r;
+                }
+                y[i] -= row[i] * y[k];
+            }
+        }
+        Ok(ConstantsFactor { u, y })
+    }
+}
+
+/// S = U_kᵀ U_k and y_k = U_k⁻ᵀ (gk − Yᵀ y).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ConstantsFactor {
+    /// n × n row by row; only the upper triangle counts.
+    u: Vec<f64>,
+    pub y: Vec<f64>,
+}
+
+impl ConstantsFactor {
+    /// All zero, for n constants.
+    pub fn new(n: usize) -> Self {
+        Self {
+            u: vec![0.0; n * n],
+            y: vec![0.0; n],
+        }
+    }
+
+    /// Replaces n rows of m, the right-hand sides F, by U_k⁻ᵀ F.
+    pub fn forward(&self, f: &mut [f64], m: usize) {
+        let n = self.y.len();
+        for k in 0..n {
+            let row = &self.u[k * n..(k + 1) * n];
+            let (done, rest) = f.split_at_mut((k + 1) * m);
+            let y = &mut done[k * m..];
+            y.iter_mut().for_each(|x| *x /= row[k]);
+            for (factor, target) in row[k + 1..].iter().zip(rest.chunks_exact_mut(m)) {
+                for (x, y) in target.iter_mut().zip(y.iter()) {
+                    *x -= factor * y;
+                }
+            }
+        }
+    }
+
+    /// Solves U_k x = y in place.
+    pub fn back_substitute(&self, x: &mut [f64]) {
+        let n = self.y.len();
+        for k in (0..n).rev() {
+            let row = &self.u[k * n..(k + 1) * n];
+            let sum: f64 = (k + 1..n).map(|b| row[b] * x[b]).sum();
+            x[k] = (x[k] - sum) / row[k];
+        }
+    }
+
+    /// S⁻¹, n × n: the covariance of the constants.
+    pub fn covariance(&self) -> Vec<f64> {
+        let n = self.y.len();
+        // The rows of U_k⁻¹, from (U_k⁻ᵀ)ᵀ: S⁻¹ = (U_k⁻ᵀ)ᵀ U_k⁻ᵀ.
+        let mut inverse = vec![0.0; n * n];
+        (0..n).for_each(|k| inverse[k * n + k] = 1.0);
+        self.forward(&mut inverse, n);
+        let mut covariance = vec![0.0; n * n];
+        for a in 0..n {
+            for b in a..n {
+                let sum: f64 = (b..n)
+                    .map(|k| inverse[k * n + a] * inverse[k * n + b])
+                    .sum();
+                covariance[a * n + b] = sum;
+                covariance[b * n + a] = sum;
+            }
+        }
+        covariance
+    }
+}

@@ -1,0 +1,390 @@
+//! Residuals with their redundancies: which observations check which, and how well they agree.
+
+use super::chain::{ChainFactor, STEP};
+use super::factors::{Quantity, Row, Rows};
+use super::graph::{Graph, State};
+use super::solution::{Rejection, RejectionReason, Residual, SensorDiagnostics, Tally};
+use crate::project::TrajectorySettings;
+use nalgebra::DMatrix;
+
+/// The joint covariance of what a step touches.
+pub(super) struct StepKnowledge<'a> {
+    pub step: usize,
+    /// Node i, node i + 1, bias.
+    pub unknowns: &'a [[f64; STEP]; STEP],
+    /// Of the step's unknowns with the constants, STEP × n row by row.
+    pub cross: &'a [f64],
+    /// Of the constants, n × n.
+    pub constants: &'a DMatrix<f64>,
+}
+
+impl StepKnowledge<'_> {
+    /// The variance of what one residual row predicts: jᵀ Σ j.
+    fn predicted(
+        &self,
+        row: &[f64; STEP],
+        by_constants: impl Iterator<Item = (usize, f64)>,
+    ) -> f64 {
+        let n = self.constants.nrows();
+        let used: Vec<(usize, f64)> = row
+            .iter()
+            .copied()
+            .enumerate()
+            .filter(|(_, x)| *x != 0.0)
+            .collect();
+        let mut sum = 0.0;
+        for &(a, x) in &used {
+            let inner: f64 = used.iter().map(|&(b, y)| self.unknowns[a][b] * y).sum();
+            sum += x * inner;
+        }
+        let border: Vec<(usize, f64)> = by_constants.collect();
+        for &(c, z) in &border {
+            let inner: f64 = used.iter().map(|&(a, x)| self.cross[a * n + c] * x).sum();
+            let own: f64 = border
+                .iter()
+                .map(|&(d, w)| self.constants[(c, d)] * w)
+                .sum();
+            sum += z * (2.0 * inner + own);
+        }
+        sum
+    }
+
+    /// The redundancy 1 − jᵀ Σ j of each whitened row.
+    fn redundancies<const R: usize>(&self, rows: &Rows<R>, by_constants: &[Row<R>]) -> [f64; R] {
+        std::array::from_fn(|i| {
+            let border = by_constants.iter().map(|(c, by)| (*c, by[i]));
+            1.0 - self.predicted(&rows[i], border)
+        })
+    }
+}
+
+/// Which entry of the diagnostics; position sensors come first.
+#[derive(Debug, Clone, Copy)]
+struct Places {
+    positions: usize,
+}
+
+impl Places {
+    const OTHERS: usize = 5;
+
+    fn heading(self) -> usize {
+        self.positions
+    }
+
+    fn pitch(self) -> usize {
+        self.positions + 1
+    }
+
+    fn rest(self) -> usize {
+        self.positions + 2
+    }
+
+    fn gyro(self) -> usize {
+        self.positions + 3
+    }
+
+    fn accelerometer(self) -> usize {
+        self.positions + 4
+    }
+
+    fn count(self) -> usize {
+        self.positions + Self::OTHERS
+    }
+}
+
+/// Sums and residuals of some steps.
+#[derive(Debug, Clone)]
+pub(super) struct Findings {
+    tallies: Vec<Tally>,
+    residuals: Vec<Vec<Residual>>,
+}
+
+impl Findings {
+    pub fn new(positions: usize) -> Self {
+        let places = Places { positions };
+        Self {
+            tallies: vec![Tally::default(); places.count()],
+            residuals: vec![Vec::new(); places.count()],
+        }
+    }
+
+    /// Adds those of later steps.
+    pub fn append(&mut self, later: Self) {
+        for (sum, more) in self.tallies.iter_mut().zip(&later.tallies) {
+            sum.records += more.records;
+            sum.components += more.components;
+            sum.raw += more.raw;
+            sum.normalised += more.normalised;
+            sum.redundancy += more.redundancy;
+        }
+        for (all, more) in self.residuals.iter_mut().zip(later.residuals) {
+            all.extend(more);
+        }
+    }
+
+    /// The residual of one record: raw values, normalised and whitened rows at their weight.
+    fn add(&mut self, place: usize, record: Residual, redundancies: &[f64]) {
+        if record.weight > 0.0 {
+            let sum = &mut self.tallies[place];
+            sum.records += 1;
+            sum.components += record.values.len();
+            sum.raw += record.values.iter().map(|x| x * x).sum::<f64>();
+            let squares: f64 = record.normalised.iter().map(|x| x * x).sum();
+            sum.normalised += record.weight * squares;
+            sum.redundancy += redundancies.iter().sum::<f64>();
+        }
+        self.residuals[place].push(record);
+    }
+}
+
+/// Finds the residuals of one step.
+pub(super) fn examine(graph: &Graph, state: &State, known: &StepKnowledge<'_>) -> Findings {
+    let step = known.step;
+    let places = Places {
+        positions: graph.sensors.len(),
+    };
+    let mut found = Findings::new(places.positions);
+    let constants = state.constants.as_slice();
+    let bias = graph.bias(state, step);
+    let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
+    for fix in graph.positions_of(step) {
+        let sensor = &graph.sensors[fix.sensor];
+        let mut whole = fix.clone();
+        let rejected = fix.weight == 0.0;
+        if rejected {
+            whole.weight = 1.0;
+        }
+        let (rows, border, _) = whole.rows(sensor, &graph.known, from, bias, constants);
+        let gravity = graph.known.gravity_m_s2(constants);
+        let values = fix.residual(sensor, gravity, from, bias, constants);
+        let normalised = fix.normalised(&values);
+        let redundancies = known.redundancies(&rows, &border);
+        let tests = (0..3).map(|i| test(normalised[i], redundancies[i], rejected));
+        let record = Residual {
+            record: fix.record + 1,
+            time_s: fix.time_s,
+            values: values.iter().copied().collect(),
+            normalised: normalised.iter().copied().collect(),
+            tests: tests.collect(),
+            weight: fix.weight,
+        };
+        found.add(fix.sensor, record, &redundancies);
+    }
+    for fix in &graph.headings[graph.heading_range(step)] {
+        let mut whole = fix.clone();
+        let rejected = fix.weight == 0.0;
+        if rejected {
+            whole.weight = 1.0;
+        }
+        let (rows, border, _) = whole.rows(&graph.known, from, bias, constants);
+        let value = fix.residual(&graph.known, from, bias, constants);
+        let redundancies = known.redundancies(&rows, &border);
+        let place = match fix.quantity {
+            Quantity::Heading => places.heading(),
+            Quantity::Pitch(_) => places.pitch(),
+        };
+        let record = Residual {
+            record: fix.record + 1,
+            time_s: fix.time_s,
+            values: vec![value],
+            normalised: vec![value / fix.sigma_rad],
+            tests: vec![test(value / fix.sigma_rad, redundancies[0], rejected)],
+            weight: fix.weight,
+        };
+        found.add(place, record, &redundancies);
+    }
+    if let Some(rest) = &graph.rests[step] {
+        let (rows, normalised) = rest.rows(from);
+        let sum = &mut found.tallies[places.rest()];
+        sum.records += 1;
+        sum.components += 3;
+        sum.raw += from.velocity_m_s.norm_squared();
+        sum.normalised += normalised.iter().map(|x| x * x).sum::<f64>();
+        sum.redundancy += known.redundancies(&rows, &[]).iter().sum::<f64>();
+    }
+    examine_imu(graph, state, known, (from, to), &mut found, places);
+    found
+}
+
+fn examine_imu(
+    graph: &Graph,
+    state: &State,
+    known: &StepKnowledge<'_>,
+    (from, to): (&super::factors::NodeState, &super::factors::NodeState),
+    found: &mut Findings,
+    places: Places,
+) {
+    let constants = state.constants.as_slice();
+    let bias = graph.bias(state, known.step);
+    let factor = &graph.imu[known.step];
+    let (rows, border, whitened) =
+        factor.rows(&graph.known, (from, to), (bias, constants), graph.imu_scale);
+    let redundancies = known.redundancies(&rows, &border);
+    let dt = factor.duration_s();
+    let gravity = graph.known.gravity_m_s2(constants);
+    let [turn, _, velocity] = factor.residual(gravity, from, to, bias);
+    for (place, raw, range) in [
+        (places.gyro(), turn / dt, 0..3),
+        (places.accelerometer(), velocity / dt, 3..9),
+    ] {
+        let sum = &mut found.tallies[place];
+        sum.records += 1;
+        sum.components += 3;
+        sum.raw += raw.norm_squared();
+        sum.normalised += whitened[range.clone()].iter().map(|x| x * x).sum::<f64>();
+        sum.redundancy += redundancies[range].iter().sum::<f64>();
+    }
+}
+
+/// Ω/r of gyro and accelerometer together, and r; `None` where nothing checks them.
+pub(super) fn imu_variance_component(
+    graph: &Graph,
+    state: &State,
+    factor: &ChainFactor,
+) -> Option<(f64, f64)> {
+    let places = Places {
+        positions: graph.sensors.len(),
+    };
+    let constants = factor.constants_covariance();
+    let mut found = Findings::new(places.positions);
+    factor.marginals(|step, covariance| {
+        let known = StepKnowledge {
+            step,
+            unknowns: &covariance.joint(),
+            cross: covariance.cross,
+            constants: &constants,
+        };
+        let nodes = (&state.nodes[step], &state.nodes[step + 1]);
+        examine_imu(graph, state, &known, nodes, &mut found, places);
+    });
+    let sums = [places.gyro(), places.accelerometer()].map(|place| found.tallies[place]);
+    let redundancy: f64 = sums.iter().map(|s| s.redundancy).sum();
+    let square: f64 = sums.iter().map(|s| s.normalised).sum();
+    (redundancy > 1.0).then(|| (square / redundancy, redundancy))
+}
+
+/// The residual in its own standard deviations. That of a rejected record scatters by the
+/// measurement and the prediction both; nothing checks a record whose redundancy is zero.
+fn test(normalised: f64, redundancy: f64, rejected: bool) -> f64 {
+    /// Redundancies below are rounding.
+    const LEAST: f64 = 1e-6;
+    let variance = if rejected {
+        2.0 - redundancy
+    } else {
+        redundancy
+    };
+    if variance > LEAST {
+        normalised / variance.sqrt()
+    } else {
+        0.0
+    }
+}
+
+/// Diagnostics of all sensors, with the residuals of each, and the outliers.
+pub(super) fn conclude(
+    graph: &Graph,
+    state: &State,
+    settings: &TrajectorySettings,
+    findings: Findings,
+    dropped: &[Rejection],
+) -> (Vec<SensorDiagnostics>, Vec<Vec<Residual>>, Vec<Rejection>) {
+    let places = Places {
+        positions: graph.sensors.len(),
+    };
+    let mut names: Vec<(String, &'static str)> = settings
+        .positions
+        .iter()
+        .map(|sensor| (sensor.name.clone(), "m"))
+        .collect();
+    let others = [
+        ("heading", "rad"),
+        ("pitch", "rad"),
+        ("rest", "m/s"),
+        ("gyro", "rad/s"),
+        ("accelerometer", "m/s²"),
+    ];
+    names.extend(others.map(|(name, unit)| (name.to_owned(), unit)));
+    let mut sensors: Vec<SensorDiagnostics> = names
+        .iter()
+        .zip(&findings.tallies)
+        .map(|((name, unit), sums)| SensorDiagnostics::new(name, unit, sums))
+        .collect();
+    sensors.push(SensorDiagnostics::new(
+        "bias_walk",
+        "",
+        &walk_tally(graph, state, &findings.tallies, places),
+    ));
+    let mut rejections = dropped.to_vec();
+    for (sensor, residuals) in sensors.iter_mut().zip(&findings.residuals) {
+        let of_this = |r: &&Rejection| r.sensor == sensor.name;
+        sensor.ignored = dropped.iter().filter(of_this).count();
+        for residual in residuals.iter().filter(|r| r.weight == 0.0) {
+            sensor.rejected += 1;
+            let square: f64 = residual.normalised.iter().map(|x| x * x).sum();
+            rejections.push(Rejection {
+                sensor: sensor.name.clone(),
+                record: residual.record,
+                time_s: residual.time_s,
+                reason: RejectionReason::Outlier,
+                normalised: Some(square.sqrt()),
+            });
+        }
+    }
+    let mut residuals = findings.residuals;
+    residuals.push(Vec::new());
+    (sensors, residuals, rejections)
+}
+
+/// The walk of the biases with the priors. All redundancies add up to the observations of
+/// positions, headings and rests, because the IMU, the walks and the priors together are as many
+/// as the unknowns: what the others leave is theirs.
+fn walk_tally(graph: &Graph, state: &State, tallies: &[Tally], places: Places) -> Tally {
+    let checked: f64 = tallies.iter().map(|t| t.redundancy).sum();
+    let aiding: usize = tallies[..places.gyro()].iter().map(|t| t.components).sum();
+    let count = state.biases.len() - 1;
+    let square = |k: usize| -> f64 {
+        let walk = graph.walk(state, k);
+        walk.weight
+            .iter()
+            .zip(&walk.difference)
+            .map(|(w, d)| w * d * d)
+            .sum()
+    };
+    Tally {
+        records: count,
+        components: 6 * count,
+        raw: 0.0,
+        normalised: (0..count).map(square).sum(),
+        redundancy: aiding as f64 - checked,
+    }
+}
+
+/// Bounds of χ² with `redundancy` degrees of freedom that hold 95 % (Wilson and Hilferty 1931).
+pub(super) fn chi_square_bounds_95(redundancy: f64) -> [f64; 2] {
+    const QUANTILE: f64 = 1.959_963_984_540_054;
+    [-QUANTILE, QUANTILE].map(|z| chi_square(redundancy, z))
+}
+
+/// The χ² that a standard normal `z` corresponds to (Wilson and Hilferty 1931).
+pub(super) fn chi_square(degrees: f64, z: f64) -> f64 {
+    if degrees <= 0.0 {
+        return 0.0;
+    }
+    let spread = 2.0 / (9.0 * degrees);
+    degrees * (1.0 - spread + z * spread.sqrt()).max(0.0).powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_those_of_the_tables() {
+        // χ²: 10 degrees 3.247 to 20.483; 100 degrees 74.222 to 129.561.
+        // The approximation is good to 0.03 from 10 degrees on.
+        let [low, high] = chi_square_bounds_95(10.0);
+        assert!((low - 3.247).abs() < 0.03 && (high - 20.483).abs() < 0.03);
+        let [low, high] = chi_square_bounds_95(100.0);
+        assert!((low - 74.222).abs() < 0.03 && (high - 129.561).abs() < 0.03);
+    }
+}

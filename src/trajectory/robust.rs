@@ -1,0 +1,266 @@
+//! Outliers: how much each record counts.
+//!
+//! A first adjustment takes all records at full weight. Where none of them passes the limit of its
+//! test, that is the result. Otherwise the weights follow the loss of each sensor; for the
+//! truncated loss by graduated non-convexity (Yang, Antonante, Tzoumas, Carlone 2020): the
+//! surrogate of the truncated quadratic starts convex and is sharpened by µ from round to round,
+//!   w = 1 where u ≤ µ/(µ+1) c², 0 where u ≥ (µ+1)/µ c², c √(µ(µ+1)/u) − µ between,
+//! with u the squared normalised residual and c² the limit.
+
+use super::chain::ChainFactor;
+use super::diagnostics::{chi_square, imu_variance_component};
+use super::graph::{Ended, Graph, MOST_ITERATIONS, State};
+use crate::progress::Progress;
+use crate::project::{Loss, TrajectorySettings};
+
+/// The limit of the test as a standard normal: 1 good record in 10,000 passes it.
+const LIMIT_NORMAL: f64 = 3.72;
+/// Growth of µ from round to round.
+const SHARPENING: f64 = 2.0;
+/// Iterations of the adjustment in each round: enough to follow the weights.
+const ROUND_ITERATIONS: usize = 2;
+/// Most rounds; µ grows from 1e-6 past 1e3 in 30.
+const MOST_ROUNDS: usize = 60;
+/// Most rounds in which the set of outliers settles.
+const MOST_SETTLINGS: usize = 10;
+/// Where the bends of Huber's and Cauchy's losses lie, standard deviations per component.
+const HUBER_SIGMAS: f64 = 1.345;
+const CAUCHY_SIGMAS: f64 = 2.385;
+
+/// What one sensor's records are tested against.
+struct Test {
+    loss: Loss,
+    components: f64,
+    /// Places among the squares below.
+    records: Vec<usize>,
+}
+
+/// Adjusts with the losses of the settings. The weights of the factors end as used.
+pub(super) fn solve(
+    graph: &mut Graph,
+    state: &mut State,
+    factor: &mut ChainFactor,
+    settings: &TrajectorySettings,
+    progress: &dyn Progress,
+) -> Ended {
+    let mut ended = graph.solve(state, factor, MOST_ITERATIONS, progress);
+    let tests = tests(graph, settings);
+    let squares = squares(graph, state);
+    let suspicious = tests.iter().any(|test| {
+        let limit = test.limit(&squares);
+        test.loss != Loss::None && test.records.iter().any(|&i| squares[i] > limit)
+    });
+    if !suspicious {
+        return ended;
+    }
+    let first = ended;
+    graph.imu_scale = imu_scale(graph, state, factor, 1.0);
+    if tests.iter().any(|test| test.loss == Loss::Truncated) {
+        graduate(graph, state, factor, &tests, progress);
+    }
+    let mut weights = Vec::new();
+    for _ in 0..MOST_SETTLINGS {
+        graph.imu_scale = imu_scale(graph, state, factor, graph.imu_scale);
+        let next = final_weights(&tests, &self::squares(graph, state), &weights_of(graph));
+        set_weights(graph, &next);
+        let round = graph.solve(state, factor, MOST_ITERATIONS, progress);
+        ended.iterations += round.iterations;
+        ended.stop = round.stop;
+        ended.cost = round.cost;
+        let settled = next
+            .iter()
+            .zip(&weights)
+            .all(|(a, b): (&f64, &f64)| (a - b).abs() < 1e-3)
+            && next.len() == weights.len();
+        weights = next;
+        if settled {
+            break;
+        }
+    }
+    // The records are chosen; the adjustment takes the IMU as the project does.
+    graph.imu_scale = 1.0;
+    let last = graph.solve(state, factor, MOST_ITERATIONS, progress);
+    ended.iterations += last.iterations;
+    ended.stop = last.stop;
+    ended.cost = last.cost;
+    ended.cost_initial = first.cost_initial;
+    ended
+}
+
+/// The factor on the IMU's standard deviations with which records are tested: an IMU that shakes
+/// more than its datasheet says would else make outliers of good records. Never below 1.
+fn imu_scale(graph: &Graph, state: &State, factor: &ChainFactor, at: f64) -> f64 {
+    let component = imu_variance_component(graph, state, factor);
+    component.map_or(at, |(square, _)| (at * square.sqrt()).max(1.0))
+}
+
+impl Test {
+    /// c²: the limit for records whose standard deviations are right, scaled up where the median
+    /// shows that the sensor's are too small.
+    fn limit(&self, squares: &[f64]) -> f64 {
+        let mut own: Vec<f64> = self.records.iter().map(|&i| squares[i]).collect();
+        if own.is_empty() {
+            return f64::INFINITY;
+        }
+        let middle = own.len() / 2;
+        let median = *own.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let scale = (median / chi_square(self.components, 0.0)).max(1.0);
+        scale * chi_square(self.components, LIMIT_NORMAL)
+    }
+}
+
+fn tests(graph: &Graph, settings: &TrajectorySettings) -> Vec<Test> {
+    let positions = graph.positions.len();
+    let mut tests: Vec<Test> = settings
+        .positions
+        .iter()
+        .enumerate()
+        .map(|(sensor, own)| Test {
+            loss: own.loss,
+            components: 3.0,
+            records: (0..positions)
+                .filter(|&i| graph.positions[i].sensor == sensor)
+                .collect(),
+        })
+        .collect();
+    tests.push(Test {
+        loss: settings.heading.loss,
+        components: 1.0,
+        records: (positions..positions + graph.headings.len()).collect(),
+    });
+    tests
+}
+
+/// Squared normalised residuals of all positions, then of all headings.
+pub(super) fn squares(graph: &Graph, state: &State) -> Vec<f64> {
+    let constants = state.constants.as_slice();
+    let gravity = graph.known.gravity_m_s2(constants);
+    let steps = || 0..graph.timeline.steps();
+    let positions = steps().flat_map(|step| {
+        graph.positions_of(step).iter().map(move |fix| {
+            let (node, bias) = (&state.nodes[step], graph.bias(state, step));
+            let sensor = &graph.sensors[fix.sensor];
+            let residual = fix.residual(sensor, gravity, node, bias, constants);
+            fix.normalised(&residual).norm_squared()
+        })
+    });
+    let headings = steps().flat_map(|step| {
+        graph.headings[graph.heading_range(step)]
+            .iter()
+            .map(move |fix| {
+                let (node, bias) = (&state.nodes[step], graph.bias(state, step));
+                (fix.residual(&graph.known, node, bias, constants) / fix.sigma_rad).powi(2)
+            })
+    });
+    positions.chain(headings).collect()
+}
+
+fn weights_of(graph: &Graph) -> Vec<f64> {
+    let positions = graph.positions.iter().map(|fix| fix.weight);
+    positions
+        .chain(graph.headings.iter().map(|fix| fix.weight))
+        .collect()
+}
+
+pub(super) fn set_weights(graph: &mut Graph, weights: &[f64]) {
+    let (positions, headings) = weights.split_at(graph.positions.len());
+    for (fix, weight) in graph.positions.iter_mut().zip(positions) {
+        fix.weight = *weight;
+    }
+    for (fix, weight) in graph.headings.iter_mut().zip(headings) {
+        fix.weight = *weight;
+    }
+}
+
+/// Rounds of graduated non-convexity over the sensors with truncated loss.
+fn graduate(
+    graph: &mut Graph,
+    state: &mut State,
+    factor: &mut ChainFactor,
+    tests: &[Test],
+    progress: &dyn Progress,
+) {
+    let mut sharpness: Option<f64> = None;
+    for _ in 0..MOST_ROUNDS {
+        let squares = squares(graph, state);
+        let mut weights = weights_of(graph);
+        let truncated = || tests.iter().filter(|test| test.loss == Loss::Truncated);
+        let worst = truncated()
+            .flat_map(|test| {
+                let limit = test.limit(&squares);
+                test.records.iter().map(move |&i| (i, limit))
+            })
+            .map(|(i, limit)| squares[i] / limit)
+            .fold(0.0, f64::max);
+        let mu = match sharpness {
+            None => 1.0 / (2.0 * worst - 1.0).max(1e-3),
+            Some(mu) => mu * SHARPENING,
+        };
+        sharpness = Some(mu);
+        let mut undecided = false;
+        for test in truncated() {
+            let limit = test.limit(&squares);
+            for &i in &test.records {
+                let ratio = squares[i] / limit;
+                weights[i] = if ratio <= mu / (mu + 1.0) {
+                    1.0
+                } else if ratio >= (mu + 1.0) / mu {
+                    0.0
+                } else {
+                    undecided = true;
+                    (mu * (mu + 1.0) / ratio).sqrt() - mu
+                };
+            }
+        }
+        for test in tests.iter().filter(|test| smooth(test.loss)) {
+            for &i in &test.records {
+                weights[i] = smooth_weight(test, squares[i]);
+            }
+        }
+        set_weights(graph, &weights);
+        graph.solve(state, factor, ROUND_ITERATIONS, progress);
+        if !undecided && mu > 1.0 {
+            return;
+        }
+    }
+}
+
+fn smooth(loss: Loss) -> bool {
+    matches!(loss, Loss::Huber | Loss::Cauchy)
+}
+
+/// ψ(u)/u of Huber's and Cauchy's losses of the length √u.
+fn smooth_weight(test: &Test, square: f64) -> f64 {
+    match test.loss {
+        Loss::Huber => (HUBER_SIGMAS * (test.components / square).sqrt()).min(1.0),
+        Loss::Cauchy => 1.0 / (1.0 + square / (CAUCHY_SIGMAS.powi(2) * test.components)),
+        Loss::None | Loss::Truncated => 1.0,
+    }
+}
+
+fn final_weights(tests: &[Test], squares: &[f64], before: &[f64]) -> Vec<f64> {
+    let mut weights = before.to_vec();
+    for test in tests {
+        // The scale of a sensor is that of the records it keeps.
+        let limit = test.limit(squares);
+        for &i in &test.records {
+            weights[i] = match test.loss {
+                Loss::Truncated => f64::from(squares[i] <= limit),
+                _ => smooth_weight(test, squares[i]),
+            };
+        }
+    }
+    weights
+}
+
+/// Huber's weights for every record, whatever its loss: for tests that must see what is rejected.
+pub(super) fn cautious_weights(squares: &[f64], positions: usize) -> Vec<f64> {
+    squares
+        .iter()
+        .enumerate()
+        .map(|(i, square)| {
+            let components: f64 = if i < positions { 3.0 } else { 1.0 };
+            (HUBER_SIGMAS * (components / square).sqrt()).min(1.0)
+        })
+        .collect()
+}

@@ -1,0 +1,486 @@
+//! The logs as they come, made fit for the adjustment: values checked, records out of time order
+//! dropped and named, gaps of the IMU bridged.
+
+use super::solution::{Rejection, RejectionReason};
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+use crate::project::{ImuNoise, TrajectorySettings};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
+
+/// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
+const LONGEST_IMU_GAP_S: f64 = 120.0;
+/// An IMU interval longer than this many times the median has lost samples.
+const GAP_INTERVALS: f64 = 2.5;
+/// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
+const MOTION_CORRELATION_S: f64 = 0.5;
+/// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
+const FEWEST_FIXES: usize = 5;
+
+/// What the sensors of one drive recorded.
+#[derive(Debug, Clone, Copy)]
+pub struct MotionLogs<'a> {
+    /// Rates and specific forces.
+    pub imu: &'a [ImuSample],
+    /// Positions, one stream for each of [`TrajectorySettings::positions`].
+    pub positions: &'a [Vec<PositionFix>],
+    /// Headings; may be empty.
+    pub heading: &'a [HeadingFix],
+}
+
+/// One of the streams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stream {
+    Imu,
+    Position(usize),
+    Heading,
+}
+
+/// From `record` (from 0) on, the times of a stream are corrected by `shift_s`: its latency where
+/// the record is the first, else a clock that was set while the log ran.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ClockCorrection {
+    pub stream: Stream,
+    pub record: usize,
+    /// The record's time as logged.
+    pub time_s: f64,
+    pub shift_s: f64,
+}
+
+/// A record and its number in the log (from 0).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Numbered<T> {
+    pub record: usize,
+    pub value: T,
+}
+
+/// The logs in time order.
+#[derive(Debug, Clone)]
+pub(super) struct Streams {
+    /// Samples, those that bridge gaps included.
+    pub imu: Vec<ImuSample>,
+    /// Which samples bridge a gap.
+    pub bridged: Vec<bool>,
+    /// Noise of the samples that bridge gaps: the motion that nobody recorded.
+    pub bridge_noise: ImuNoise,
+    /// Gaps of the IMU, seconds from and to.
+    pub gaps_s: Vec<(f64, f64)>,
+    /// Median interval of the IMU, seconds.
+    pub interval_s: f64,
+    /// Within the IMU's span.
+    pub positions: Vec<Vec<Numbered<PositionFix>>>,
+    /// Within the IMU's span.
+    pub heading: Vec<Numbered<HeadingFix>>,
+    /// Records that take no part, in the order of the streams and of time.
+    pub dropped: Vec<Rejection>,
+}
+
+impl Streams {
+    /// Checks and orders the logs, their clocks corrected.
+    ///
+    /// # Errors
+    /// Values that are not finite, streams that do not overlap, too few positions, IMU gaps of
+    /// minutes.
+    pub fn new(
+        logs: &MotionLogs<'_>,
+        settings: &TrajectorySettings,
+        corrections: &[ClockCorrection],
+    ) -> Result<Self> {
+        check_settings(logs, settings)?;
+        let names = Names(settings);
+        check_values("IMU log", logs.imu, |s| {
+            all_finite(&s.gyro_rad_s) && all_finite(&s.accel_m_s2)
+        })?;
+        for (sensor, fixes) in logs.positions.iter().enumerate() {
+            let name = names.log(Stream::Position(sensor));
+            check_values(&name, fixes, |f| {
+                all_finite(&f.position_m)
+                    && f.covariance_m2
+                        .is_none_or(|c| c.cholesky().is_some() && c.iter().all(|x| x.is_finite()))
+            })?;
+        }
+        check_values("heading log", logs.heading, |f| {
+            f.heading_rad.is_finite()
+                && f.pitch_rad.is_none_or(f64::is_finite)
+                && is_sigma(f.sigma_rad)
+                && is_sigma(f.pitch_sigma_rad)
+        })?;
+
+        let mut dropped = Vec::new();
+        let imu = ordered(logs.imu, Stream::Imu, &names, corrections, &mut dropped);
+        let imu: Vec<ImuSample> = imu.into_iter().map(|s| s.value).collect();
+        if imu.len() < 2 {
+            return Err(Error::data(
+                format!("the IMU log holds {} samples", imu.len()),
+                "a trajectory needs at least two",
+            ));
+        }
+        let interval_s = median_interval_s(&imu);
+        let (imu, bridged, gaps_s) = bridge(&imu, interval_s)?;
+        let span = (imu[0].time_s, imu[imu.len() - 1].time_s + interval_s);
+        let mut positions = Vec::with_capacity(logs.positions.len());
+        for (sensor, fixes) in logs.positions.iter().enumerate() {
+            let stream = Stream::Position(sensor);
+            let fixes = ordered(fixes, stream, &names, corrections, &mut dropped);
+            positions.push(within(fixes, span, stream, &names, &mut dropped)?);
+        }
+        let count: usize = positions.iter().map(Vec::len).sum();
+        if count < FEWEST_FIXES {
+            return Err(Error::data(
+                format!(
+                    "only {count} {} fixes lie within the IMU's span ({:.3} s to {:.3} s)",
+                    settings.positions[0].name, span.0, span.1
+                ),
+                format!("a trajectory needs at least {FEWEST_FIXES}; check the log"),
+            ));
+        }
+        let heading = ordered(
+            logs.heading,
+            Stream::Heading,
+            &names,
+            corrections,
+            &mut dropped,
+        );
+        let heading = within(heading, span, Stream::Heading, &names, &mut dropped)?;
+        Ok(Self {
+            bridge_noise: bridge_noise(&imu, &settings.imu),
+            imu,
+            bridged,
+            gaps_s,
+            interval_s,
+            positions,
+            heading,
+            dropped,
+        })
+    }
+
+    /// First and last time, seconds; the last sample lasts the median interval.
+    pub fn span_s(&self) -> (f64, f64) {
+        let last = self.imu[self.imu.len() - 1].time_s;
+        (self.imu[0].time_s, last + self.interval_s)
+    }
+}
+
+/// How streams are called.
+pub(super) struct Names<'a>(pub &'a TrajectorySettings);
+
+impl Names<'_> {
+    pub fn sensor(&self, stream: Stream) -> String {
+        match stream {
+            Stream::Imu => "imu".into(),
+            Stream::Position(sensor) => self.0.positions[sensor].name.clone(),
+            Stream::Heading => "heading".into(),
+        }
+    }
+
+    fn log(&self, stream: Stream) -> String {
+        match stream {
+            Stream::Imu => "IMU log".into(),
+            other => format!("{} log", self.sensor(other)),
+        }
+    }
+}
+
+fn all_finite(v: &Vec3) -> bool {
+    v.iter().all(|x| x.is_finite())
+}
+
+fn is_sigma(sigma: Option<f64>) -> bool {
+    sigma.is_none_or(|s| s.is_finite() && s > 0.0)
+}
+
+fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<()> {
+    if logs.positions.is_empty() || logs.positions.len() != settings.positions.len() {
+        return Err(Error::data(
+            format!(
+                "{} position logs and settings for {}",
+                logs.positions.len(),
+                settings.positions.len()
+            ),
+            "give one log for each prism or antenna, and at least one",
+        ));
+    }
+    let imu = &settings.imu;
+    let mut positive = vec![
+        ("gravity".to_owned(), settings.gravity_m_s2),
+        ("gyro noise".into(), imu.gyro_density),
+        ("accelerometer noise".into(), imu.accel_density),
+        ("gyro bias walk".into(), imu.gyro_bias_walk),
+        ("accelerometer bias walk".into(), imu.accel_bias_walk),
+        ("heading sigma".into(), settings.heading.sigma_rad),
+        ("pitch sigma".into(), settings.heading.pitch_sigma_rad),
+    ];
+    for sensor in &settings.positions {
+        let sigma = format!("{} sigma", sensor.name);
+        positive.extend(sensor.sigma_m.iter().map(|s| (sigma.clone(), *s)));
+    }
+    match positive.iter().find(|(_, x)| !(x.is_finite() && *x > 0.0)) {
+        Some((name, x)) => Err(Error::data(
+            format!("{name} is {x}"),
+            "give a positive number",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Finite times and valid values.
+fn check_values<T: Timed>(name: &str, stream: &[T], valid: impl Fn(&T) -> bool) -> Result<()> {
+    if let Some(row) = stream.iter().position(|r| !r.time_s().is_finite()) {
+        return Err(Error::data(
+            format!("{name}: the time of record {} is not finite", row + 1),
+            "remove the record",
+        ));
+    }
+    match stream.iter().position(|r| !valid(r)) {
+        Some(row) => Err(Error::data(
+            format!(
+                "{name}: record {} at {:.6} s holds a value that is not finite, or a standard \
+                 deviation that is not positive",
+                row + 1,
+                stream[row].time_s()
+            ),
+            "remove the record or mend the value",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// A record whose time can be set.
+trait Shift: Timed + Copy {
+    fn shifted(self, by_s: f64) -> Self;
+}
+
+macro_rules! shift {
+    ($($record:ty),*) => {$(
+        impl Shift for $record {
+            fn shifted(mut self, by_s: f64) -> Self {
+                self.time_s += by_s;
+                self
+            }
+        }
+    )*};
+}
+shift!(ImuSample, PositionFix, HeadingFix);
+
+/// The largest set of records whose times increase strictly, after the clock's corrections; the
+/// others are dropped and named. One wild stamp costs one record, wherever it points.
+fn ordered<T: Shift>(
+    records: &[T],
+    stream: Stream,
+    names: &Names<'_>,
+    corrections: &[ClockCorrection],
+    dropped: &mut Vec<Rejection>,
+) -> Vec<Numbered<T>> {
+    let corrected: Vec<T> = records
+        .iter()
+        .enumerate()
+        .map(|(record, value)| {
+            let shift: f64 = corrections
+                .iter()
+                .filter(|c| c.stream == stream && c.record <= record)
+                .map(|c| c.shift_s)
+                .sum();
+            value.shifted(shift)
+        })
+        .collect();
+    let times: Vec<f64> = corrected.iter().map(Timed::time_s).collect();
+    let kept = longest_increasing(&times);
+    let mut next = kept.iter().copied().peekable();
+    for (record, time_s) in times.iter().enumerate() {
+        if next.next_if_eq(&record).is_none() {
+            dropped.push(Rejection {
+                sensor: names.sensor(stream),
+                record: record + 1,
+                time_s: *time_s,
+                reason: RejectionReason::TimeOrder,
+                normalised: None,
+            });
+        }
+    }
+    kept.iter()
+        .map(|&record| Numbered {
+            record,
+            value: corrected[record],
+        })
+        .collect()
+}
+
+/// Indices of a longest strictly increasing subsequence (Fredman 1975), n log n.
+fn longest_increasing(values: &[f64]) -> Vec<usize> {
+    if values.windows(2).all(|pair| pair[1] > pair[0]) {
+        return (0..values.len()).collect();
+    }
+    // ends[l]: the index with the smallest value that ends an increasing run of length l + 1.
+    let mut ends: Vec<usize> = Vec::new();
+    let mut before = vec![usize::MAX; values.len()];
+    for (i, value) in values.iter().enumerate() {
+        let length = ends.partition_point(|&end| values[end] < *value);
+        if length > 0 {
+            before[i] = ends[length - 1];
+        }
+        if length == ends.len() {
+            ends.push(i);
+        } else {
+            ends[length] = i;
+        }
+    }
+    let mut kept = Vec::with_capacity(ends.len());
+    let mut at = ends.last().copied().unwrap_or(usize::MAX);
+    while at != usize::MAX {
+        kept.push(at);
+        at = before[at];
+    }
+    kept.reverse();
+    kept
+}
+
+fn median_interval_s(imu: &[ImuSample]) -> f64 {
+    let mut intervals: Vec<f64> = imu.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
+    let middle = intervals.len() / 2;
+    *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
+#[expect(clippy::type_complexity, reason = "read once, by the caller above")]
+fn bridge(
+    imu: &[ImuSample],
+    interval_s: f64,
+) -> Result<(Vec<ImuSample>, Vec<bool>, Vec<(f64, f64)>)> {
+    let mut samples = Vec::with_capacity(imu.len());
+    let mut bridged = Vec::with_capacity(imu.len());
+    let mut gaps = Vec::new();
+    for pair in imu.windows(2) {
+        samples.push(pair[0]);
+        bridged.push(false);
+        let (from, to) = (pair[0].time_s, pair[1].time_s);
+        if to - from <= GAP_INTERVALS * interval_s {
+            continue;
+        }
+        if to - from > LONGEST_IMU_GAP_S {
+            return Err(Error::data(
+                format!(
+                    "the IMU log has a gap of {:.3} s from {from:.3} s to {to:.3} s",
+                    to - from
+                ),
+                format!(
+                    "cut the drive there; gaps longer than {LONGEST_IMU_GAP_S} s cannot be bridged"
+                ),
+            ));
+        }
+        gaps.push((from + interval_s, to));
+        let pieces = ((to - from) / interval_s).round() as usize;
+        for piece in 1..pieces {
+            let u = piece as f64 / pieces as f64;
+            samples.push(ImuSample {
+                time_s: from + (to - from) * u,
+                gyro_rad_s: pair[0].gyro_rad_s.lerp(&pair[1].gyro_rad_s, u),
+                accel_m_s2: pair[0].accel_m_s2.lerp(&pair[1].accel_m_s2, u),
+            });
+            bridged.push(true);
+        }
+    }
+    samples.extend(imu.last());
+    bridged.push(false);
+    Ok((samples, bridged, gaps))
+}
+
+/// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
+/// the density of white noise with the same effect over its correlation time.
+fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
+    let count = imu.len() as f64;
+    let density = |part: fn(&ImuSample) -> Vec3| {
+        let mean = imu.iter().map(part).sum::<Vec3>() / count;
+        let square: f64 = imu.iter().map(|s| (part(s) - mean).norm_squared()).sum();
+        (square / (3.0 * count) * 2.0 * MOTION_CORRELATION_S).sqrt()
+    };
+    ImuNoise {
+        gyro_density: density(|s| s.gyro_rad_s).max(noise.gyro_density),
+        accel_density: density(|s| s.accel_m_s2).max(noise.accel_density),
+        ..*noise
+    }
+}
+
+/// The records inside the IMU's span; the others are dropped and named.
+fn within<T: Shift>(
+    records: Vec<Numbered<T>>,
+    span: (f64, f64),
+    stream: Stream,
+    names: &Names<'_>,
+    dropped: &mut Vec<Rejection>,
+) -> Result<Vec<Numbered<T>>> {
+    let time_s = |r: &Numbered<T>| r.value.time_s();
+    if let (Some(first), Some(last)) = (records.first(), records.last()) {
+        let own = (time_s(first), time_s(last));
+        check_overlap(("IMU log", span), (&names.log(stream), own))?;
+    }
+    let (inside, outside): (Vec<_>, Vec<_>) = records
+        .into_iter()
+        .partition(|r| (span.0..=span.1).contains(&time_s(r)));
+    dropped.extend(outside.iter().map(|r| Rejection {
+        sensor: names.sensor(stream),
+        record: r.record + 1,
+        time_s: time_s(r),
+        reason: RejectionReason::OutsideImu,
+        normalised: None,
+    }));
+    Ok(inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_increasing_set_is_kept() {
+        // Against all subsets of short sequences.
+        let mut state = 1u32;
+        for _ in 0..200 {
+            let values: Vec<f64> = (0..9)
+                .map(|_| {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    f64::from((state >> 24) % 8)
+                })
+                .collect();
+            let increasing = |set: u32| {
+                let chosen: Vec<f64> = (0..9)
+                    .filter(|i| set >> i & 1 == 1)
+                    .map(|i| values[i as usize])
+                    .collect();
+                chosen.windows(2).all(|w| w[1] > w[0])
+            };
+            let best = (0u32..512)
+                .filter(|set| increasing(*set))
+                .map(u32::count_ones)
+                .max();
+            let kept = longest_increasing(&values);
+            assert!(
+                kept.windows(2)
+                    .all(|w| values[w[1]] > values[w[0]] && w[1] > w[0])
+            );
+            assert_eq!(Some(kept.len() as u32), best, "{values:?}");
+        }
+        // One wild stamp costs one record.
+        assert_eq!(
+            longest_increasing(&[0.0, 1.0, 99.0, 2.0, 3.0]),
+            [0, 1, 3, 4]
+        );
+    }
+
+    #[test]
+    fn a_gap_is_filled_at_the_interval_of_the_log() {
+        let sample = |time_s: f64| ImuSample {
+            time_s,
+            gyro_rad_s: Vec3::repeat(time_s),
+            accel_m_s2: Vec3::zeros(),
+        };
+        let imu: Vec<ImuSample> = [0.0, 0.1, 0.2, 0.3, 0.8, 0.9].map(sample).into();
+        let (samples, bridged, gaps) = bridge(&imu, 0.1).expect("a short gap");
+        assert_eq!(samples.len(), 10);
+        assert_eq!(bridged.iter().filter(|b| **b).count(), 4);
+        for (k, s) in samples.iter().enumerate() {
+            assert!((s.time_s - 0.1 * k as f64).abs() < 1e-12);
+            assert!((s.gyro_rad_s.x - s.time_s).abs() < 1e-12);
+        }
+        assert_eq!(gaps.len(), 1);
+        assert!((gaps[0].0 - 0.4).abs() < 1e-12 && gaps[0].1 == 0.8);
+    }
+}
