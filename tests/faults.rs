@@ -168,20 +168,35 @@ fn a_value_that_is_no_number_is_named_with_file_and_line() {
 }
 
 #[test]
-fn times_that_run_backwards_are_named_with_file_and_line() {
-    for name in ["imu.csv", "prism.csv"] {
-        let folder = project_of_logs();
-        change_rows(folder.path(), name, |number, row| {
-            let (_, rest) = row.split_once(',').unwrap();
-            if number == 90 {
-                format!("0.5,{rest}")
-            } else {
-                row.to_owned()
-            }
-        });
-        let run = on_project(folder.path(), "trajectory");
-        assert_one_error(folder.path(), &run, &[name, "line 90"]);
-    }
+fn poses_that_run_backwards_are_named_with_file_and_line() {
+    let folder = project_of_logs();
+    let run = on_project(folder.path(), "trajectory");
+    assert_eq!(run.code, 0, "{}", run.err);
+    fs::rename(
+        folder.path().join("out/trajectory.csv"),
+        folder.path().join("poses.csv"),
+    )
+    .unwrap();
+    change_rows(folder.path(), "poses.csv", |number, row| {
+        let (_, rest) = row.split_once(',').unwrap();
+        if number == 90 {
+            format!("0.5,{rest}")
+        } else {
+            row.to_owned()
+        }
+    });
+    replace_logs(folder.path(), "[trajectory]\nfile = \"poses.csv\"\n");
+    let run = on_project(folder.path(), "georeference");
+    assert_eq!(run.code, 1);
+    assert!(run.err.contains("poses.csv, line 90"), "{}", run.err);
+}
+
+/// Puts `tables` in place of the project's logs.
+fn replace_logs(folder: &Path, tables: &str) {
+    let path = folder.join("project.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let scanners = &text[text.find("[[scanner]]").unwrap()..];
+    fs::write(&path, format!("{tables}\n{scanners}")).unwrap();
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_
 use crate::error::Result;
 use crate::format::ProfileReader;
 use crate::geometry::{Pose, Vec3, transform};
-use crate::georeference::Georeferencer;
+use crate::georeference::{Georeferencer, Refused};
 use crate::progress::Progress;
 use crate::sensor::ScanPoint;
 use crate::trajectory::Trajectory;
@@ -33,6 +33,8 @@ pub struct ScannerSample {
     pub read: u64,
     /// Laser points outside the trajectory's span, left out.
     pub outside: u64,
+    /// Laser points without a pose that is known well enough, left out.
+    pub refused: Refused,
 }
 
 /// Keeps, of the points it is shown in time order, the one nearest each voxel's centre a pass.
@@ -141,6 +143,7 @@ pub fn sample_profiles(
         points: thinner.finish(),
         read: georeferencer.read(),
         outside: georeferencer.outside(),
+        refused: georeferencer.refused().clone(),
     })
 }
 

@@ -1,12 +1,13 @@
 //! A project in words: every value with its unit, and what will be done.
 
+mod motion;
+
 use std::path::{Path, PathBuf};
 
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyAxes, EulerConvention, Vec3};
 use crate::project::{
-    CalibrationSettings, ComparisonSettings, LogFile, Logs, Method, Motion, PARAMETER_NAMES,
-    PosesFile, Project, Scanner,
+    CalibrationSettings, ComparisonSettings, Method, Motion, PARAMETER_NAMES, Project, Scanner,
 };
 
 /// Everything about `project` as text.
@@ -23,9 +24,10 @@ pub(super) fn project(project: &Project) -> String {
     lines.value("body axes", axes);
     lines.value("origin", format!("{} m", vector(&project.origin_m)));
     match &project.motion {
-        Motion::Logs(logs) => logs_of(&mut lines, logs),
-        Motion::Poses(poses) => poses_of(&mut lines, poses),
+        Motion::Logs(logs) => motion::logs_of(&mut lines, logs),
+        Motion::Poses(poses) => motion::poses_of(&mut lines, poses),
     }
+    motion::limits_of(&mut lines, &project.limits);
     for scanner in &project.scanners {
         scanner_of(&mut lines, scanner);
     }
@@ -51,12 +53,12 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
     let mut steps = Vec::new();
     match &project.motion {
         Motion::Logs(logs) => {
-            let heading = if logs.heading.is_some() {
-                "IMU, prism and heading"
-            } else {
-                "IMU and prism"
-            };
-            steps.push(format!("estimate the trajectory from {heading}"));
+            let mut sensors = vec!["IMU"];
+            sensors.extend(logs.settings.positions.iter().map(|p| p.name.as_str()));
+            sensors.extend(logs.heading.as_ref().map(|_| "heading"));
+            let last = sensors.pop().unwrap_or_default();
+            let sensors = sensors.join(", ");
+            steps.push(format!("estimate the trajectory from {sensors} and {last}"));
         }
         Motion::Poses(_) => steps.push("read the trajectory".to_owned()),
     }
@@ -122,9 +124,9 @@ impl Lines {
         self.value(name, path);
     }
 
-    fn log(&mut self, log: &LogFile) {
-        self.file("file", &log.path);
-        self.offset(log.time_offset_s);
+    fn log(&mut self, path: &Path, time_offset_s: f64) {
+        self.file("file", path);
+        self.offset(time_offset_s);
     }
 
     fn offset(&mut self, seconds: f64) {
@@ -132,67 +134,6 @@ impl Lines {
             self.value("time offset", format!("{} s (added)", short(seconds)));
         }
     }
-}
-
-fn logs_of(lines: &mut Lines, logs: &Logs) {
-    let settings = &logs.settings;
-    let noise = &settings.imu;
-    lines.value("gravity", format!("{} m/s²", short(settings.gravity_m_s2)));
-    lines.section("imu");
-    lines.log(&logs.imu);
-    let per_root_hour = noise.gyro_density.to_degrees() * 60.0;
-    lines.value(
-        "gyro noise",
-        format!(
-            "{} °/√h = {:.3e} rad/s/√Hz",
-            short(per_root_hour),
-            noise.gyro_density
-        ),
-    );
-    lines.value(
-        "accelerometer noise",
-        format!("{:.3e} m/s²/√Hz", noise.accel_density),
-    );
-    lines.value(
-        "gyro bias walk",
-        format!("{:.3e} rad/s/√s", noise.gyro_bias_walk),
-    );
-    lines.value(
-        "accelerometer bias walk",
-        format!("{:.3e} m/s²/√s", noise.accel_bias_walk),
-    );
-    lines.section("prism");
-    lines.log(&logs.positions[0]);
-    lines.value("sigma", millimetres(settings.positions[0].sigma_m.x));
-    let lever_arm = vector(&settings.positions[0].lever_arm_m);
-    lines.value("lever arm in the body", format!("{lever_arm} m"));
-    if let Some(log) = &logs.heading {
-        let heading = &settings.heading;
-        lines.section("heading");
-        lines.log(log);
-        lines.value("sigma", degrees(heading.sigma_rad));
-        lines.value("mounting offset", degrees(heading.mounting_offset_rad));
-        lines.value("grid convergence", degrees(heading.grid_convergence_rad));
-    }
-}
-
-fn poses_of(lines: &mut Lines, poses: &PosesFile) {
-    lines.section("trajectory");
-    lines.file("file", &poses.path);
-    lines.offset(poses.time_offset_s);
-    let else_unknown = |sigma: Option<String>| {
-        sigma.map_or("as the file says".to_owned(), |sigma| {
-            format!("{sigma} where the file has none")
-        })
-    };
-    lines.value(
-        "sigma of positions",
-        else_unknown(poses.sigma_position_m.map(millimetres)),
-    );
-    lines.value(
-        "sigma of rotations",
-        else_unknown(poses.sigma_rotation_rad.map(degrees)),
-    );
 }
 
 fn scanner_of(lines: &mut Lines, scanner: &Scanner) {

@@ -5,7 +5,7 @@ use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 use super::table::{Columns, Lines, Separator, numbers};
-use super::{bonn, cloud, extension, first_bytes, native, profile, sbet, trajectory};
+use super::{bonn, cloud, extension, first_bytes, native, positions, profile, sbet, trajectory};
 use crate::error::{Error, Result};
 
 /// A file format that is read here.
@@ -14,8 +14,12 @@ use crate::error::{Error, Result};
 pub enum Format {
     /// IMU log as a native table.
     ImuCsv,
-    /// Prism log as a native table.
+    /// Log of positions of a prism or GNSS antenna as a native table.
     PrismCsv,
+    /// Polar observations of a total station as a native table.
+    PolarCsv,
+    /// Coordinates and polar observations of a Leica total station.
+    TpsCsv,
     /// Heading log as a native table.
     HeadingCsv,
     /// Profiles as a native table.
@@ -60,7 +64,9 @@ impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::ImuCsv => "IMU log (table)",
-            Self::PrismCsv => "prism log (table)",
+            Self::PrismCsv => "position log (table)",
+            Self::PolarCsv => "total station log (table, polar)",
+            Self::TpsCsv => "total station log (Leica, coordinates and polar)",
             Self::HeadingCsv => "heading log (table)",
             Self::ProfileCsv => "profiles (table)",
             Self::TrajectoryCsv => "trajectory (table)",
@@ -85,10 +91,12 @@ impl fmt::Display for Format {
 }
 
 /// The native tables, those with more needed columns first.
-pub(crate) const TABLES: [(Format, Columns); 6] = [
+pub(crate) const TABLES: [(Format, Columns); 8] = [
     (Format::TrajectoryCsv, trajectory::TRAJECTORY),
     (Format::ImuCsv, native::IMU),
-    (Format::PrismCsv, native::PRISM),
+    (Format::TpsCsv, positions::TPS),
+    (Format::PolarCsv, positions::POLAR),
+    (Format::PrismCsv, positions::POSITIONS),
     (Format::CloudCsv, cloud::CLOUD),
     (Format::ProfileCsv, profile::PROFILES),
     (Format::HeadingCsv, native::HEADING),

@@ -1,5 +1,7 @@
 //! What a file holds, in numbers with units, without keeping it in memory.
 
+mod gather;
+
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +11,7 @@ use super::table::Table;
 use super::{CHUNK_POINTS, Format, detect, open_profiles, read_cloud, read_trajectory, sbet};
 use crate::error::{Error, Result};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
+use gather::{Clock, Ranges};
 
 /// An interval of time that is much longer than the others.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -55,105 +58,6 @@ pub struct Inspection {
     pub columns: Vec<String>,
     /// What else the user should know.
     pub notes: Vec<String>,
-}
-
-/// Gaps remembered.
-const MOST_GAPS: usize = 10;
-/// Intervals that the median is taken from.
-const MOST_INTERVALS: usize = 1_000_000;
-
-/// Gathers the times of a stream.
-#[derive(Default)]
-struct Clock {
-    span: Option<[f64; 2]>,
-    last: Option<f64>,
-    epochs: u64,
-    intervals: Vec<f64>,
-    longest: Vec<Gap>,
-    backwards: u64,
-}
-
-impl Clock {
-    fn see(&mut self, time_s: f64) {
-        let span = self.span.get_or_insert([time_s; 2]);
-        *span = [span[0].min(time_s), span[1].max(time_s)];
-        let Some(last) = self.last.replace(time_s) else {
-            self.epochs = 1;
-            return;
-        };
-        if time_s < last {
-            self.backwards += 1;
-        } else if time_s > last {
-            self.epochs += 1;
-            let duration_s = time_s - last;
-            if self.intervals.len() < MOST_INTERVALS {
-                self.intervals.push(duration_s);
-            }
-            let place = self.longest.partition_point(|g| g.duration_s >= duration_s);
-            if place < MOST_GAPS {
-                let gap = Gap {
-                    start_s: last,
-                    duration_s,
-                };
-                self.longest.insert(place, gap);
-                self.longest.truncate(MOST_GAPS);
-            }
-        }
-    }
-
-    fn report(mut self, into: &mut Inspection) {
-        into.span_s = self.span;
-        if self.backwards > 0 {
-            into.notes.push(format!(
-                "the time goes backwards {} times: the rows are not in time order",
-                self.backwards
-            ));
-            return;
-        }
-        into.epochs = self.span.map(|_| self.epochs);
-        if self.intervals.is_empty() {
-            return;
-        }
-        let middle = self.intervals.len() / 2;
-        let median = *self
-            .intervals
-            .select_nth_unstable_by(middle, f64::total_cmp)
-            .1;
-        into.rate_hz = Some(1.0 / median);
-        into.gaps = self.longest;
-        into.gaps.retain(|gap| gap.duration_s > 5.0 * median);
-    }
-}
-
-/// Gathers the ranges of named columns.
-struct Ranges(Vec<Bounds>);
-
-impl Ranges {
-    fn of(names: &[&str]) -> Self {
-        let bounds = |name: &&str| Bounds {
-            column: (*name).to_owned(),
-            min: f64::INFINITY,
-            max: f64::NEG_INFINITY,
-        };
-        Self(names.iter().map(bounds).collect())
-    }
-
-    fn see(&mut self, values: impl IntoIterator<Item = f64>) {
-        for (bounds, value) in self.0.iter_mut().zip(values) {
-            // Both are false for NaN, which stands for an empty cell.
-            if value < bounds.min {
-                bounds.min = value;
-            }
-            if value > bounds.max {
-                bounds.max = value;
-            }
-        }
-    }
-
-    fn report(self, into: &mut Inspection) {
-        into.bounds = self.0;
-        into.bounds.retain(|b| b.min <= b.max);
-    }
 }
 
 /// Reads a file through and says what it holds.
@@ -208,7 +112,10 @@ fn inspect_table(
         .chain(columns.optional)
         .copied()
         .collect();
-    let time = wanted.iter().position(|name| *name == "time_s");
+    let find = |names: [&str; 2]| wanted.iter().position(|name| names.contains(name));
+    let time = find(["time_s", "sec_of_day"]);
+    let range = find(["slope_distance_m", "slope_dist_m"]);
+    let mut without_range = 0;
     let mut table = Table::open(path, columns)?;
     let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&wanted));
     let mut row = vec![0.0; wanted.len()];
@@ -217,15 +124,52 @@ fn inspect_table(
         if let Some(time_s) = time.map(|i| row[i]).filter(|t| !t.is_nan()) {
             clock.see(time_s);
         }
-        ranges.see(row.iter().copied());
+        if range.is_some_and(|i| row[i] <= 0.0) {
+            without_range += 1;
+        } else {
+            ranges.see(row.iter().copied());
+        }
     }
     if report.count == 0 {
         return Err(super::nothing_in(path, "row"));
     }
+    if without_range > 0 {
+        report.notes.push(format!(
+            "{without_range} rows have no range: they are rejected on reading, and not among the \
+             values above"
+        ));
+    }
+    match report.format {
+        Format::TpsCsv => report.notes.push(
+            "coordinates and polar observations: the project chooses with observations = \
+             \"cartesian\" or \"polar\"; vertical angles are from the horizon (vertical_angle = \
+             \"elevation\")"
+                .to_owned(),
+        ),
+        Format::PolarCsv => report.notes.push(
+            "polar observations: the project gives station_m and station_orientation_deg"
+                .to_owned(),
+        ),
+        _ => {}
+    }
     report.columns = table.names().to_vec();
     ranges.report(report);
-    report.bounds.retain(|bounds| bounds.column != "time_s");
+    if let Some(time) = time {
+        report.bounds.retain(|bounds| bounds.column != wanted[time]);
+    }
+    let repeated = clock.repeated;
     clock.report(report);
+    // Of profiles and clouds many points share a time, of logs no two records should.
+    let is_log = matches!(
+        report.format,
+        Format::ImuCsv | Format::PrismCsv | Format::PolarCsv | Format::TpsCsv | Format::HeadingCsv
+    );
+    if is_log && repeated > 0 {
+        report.notes.push(format!(
+            "{repeated} rows repeat the time of the row before: they are dropped and named when \
+             the trajectory is estimated"
+        ));
+    }
     Ok(())
 }
 

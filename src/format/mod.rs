@@ -19,6 +19,7 @@ mod native;
 mod npy;
 mod pcd;
 mod ply;
+mod positions;
 mod profile;
 mod pts;
 mod sbet;
@@ -37,7 +38,8 @@ pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
 pub use detect::{Format, detect};
 pub use inspect::{Bounds, Gap, Inspection, inspect};
 pub use mounting::{read_mounting, write_mounting};
-pub use native::{read_heading, read_imu, read_prism, write_heading, write_imu, write_prism};
+pub use native::{read_heading, read_imu, write_heading, write_imu};
+pub use positions::{Positions, read_positions, write_positions};
 pub use profile::{ProfileReader, open_profiles, write_profiles};
 pub use trajectory::{read_trajectory, write_trajectory};
 

@@ -1,4 +1,4 @@
-//! The native tables of IMU, prism and heading.
+//! The native tables of IMU and heading.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -7,7 +7,7 @@ use std::path::Path;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::{HeadingFix, ImuSample, PositionFix};
+use crate::sensor::{HeadingFix, ImuSample};
 
 pub(crate) const IMU: Columns = Columns {
     needed: &[
@@ -21,19 +21,16 @@ pub(crate) const IMU: Columns = Columns {
     ],
     optional: &[],
 };
-pub(crate) const PRISM: Columns = Columns {
-    needed: &["time_s", "east_m", "north_m", "up_m"],
-    optional: &["sigma_m"],
-};
 pub(crate) const HEADING: Columns = Columns {
     needed: &["time_s", "heading_deg"],
-    optional: &["sigma_deg"],
+    optional: &["sigma_deg", "pitch_deg", "sigma_pitch_deg"],
 };
 
-/// Reads an IMU log, `time_s, gyro_x_rad_s, …, accel_x_m_s2, …`.
+/// Reads an IMU log, `time_s, gyro_x_rad_s, …, accel_x_m_s2, …`. Rows are returned as they stand,
+/// in whatever order of time.
 ///
 /// # Errors
-/// Missing columns, cells that are no finite numbers, times that do not increase, no rows.
+/// Missing columns, cells that are no finite numbers, no rows.
 pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     read_rows::<7, _>(path, &IMU, "IMU sample", |row, _| {
         Ok(ImuSample {
@@ -44,34 +41,34 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     })
 }
 
-/// Reads a prism log, `time_s, east_m, north_m, up_m` and perhaps `sigma_m`.
+/// Reads a heading log, `time_s, heading_deg` and perhaps `sigma_deg`, `pitch_deg` (of the
+/// baseline above the horizon) and `sigma_pitch_deg`; degrees become radians. Rows are returned as
+/// they stand, in whatever order of time.
 ///
 /// # Errors
-/// As [`read_imu`]; also a standard deviation that is not positive.
-pub fn read_prism(path: &Path) -> Result<Vec<PositionFix>> {
-    read_rows::<5, _>(path, &PRISM, "prism position", |row, table| {
-        let position_m = Vec3::new(row[1], row[2], row[3]);
-        let sigma_m = sigma(row[4], "sigma_m", table)?;
-        Ok(PositionFix::with_sigma(row[0], position_m, sigma_m))
-    })
-}
-
-/// Reads a heading log, `time_s, heading_deg` and perhaps `sigma_deg`; degrees become radians.
-///
-/// # Errors
-/// As [`read_prism`].
+/// As [`read_imu`]; also a standard deviation that is not positive, or one of a pitch that is not
+/// there.
 pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
-    read_rows::<3, _>(path, &HEADING, "heading", |row, table| {
-        Ok(HeadingFix::new(
-            row[0],
-            row[1].to_radians(),
-            sigma(row[2], "sigma_deg", table)?.map(f64::to_radians),
-        ))
+    read_rows::<5, _>(path, &HEADING, "heading", |row, table| {
+        let radians = |value: f64| (!value.is_nan()).then(|| value.to_radians());
+        let pitch_rad = radians(row[3]);
+        if pitch_rad.is_none() && !row[4].is_nan() {
+            return Err(table.error("sigma_pitch_deg without pitch_deg", "both or neither"));
+        }
+        if pitch_rad.is_some_and(|pitch| pitch.abs() > std::f64::consts::FRAC_PI_2) {
+            return Err(table.error(format!("pitch_deg = {}", row[3]), "-90 to 90"));
+        }
+        Ok(HeadingFix {
+            time_s: row[0],
+            heading_rad: row[1].to_radians(),
+            sigma_rad: sigma(row[2], "sigma_deg", table)?.map(f64::to_radians),
+            pitch_rad,
+            pitch_sigma_rad: sigma(row[4], "sigma_pitch_deg", table)?.map(f64::to_radians),
+        })
     })
 }
 
-/// Reads every row of a table in strictly increasing time order; `N` counts all wanted columns,
-/// the first of which is the time.
+/// Reads every row of a table in the order of the file; `N` counts all wanted columns.
 pub(crate) fn read_rows<const N: usize, T>(
     path: &Path,
     columns: &Columns,
@@ -81,15 +78,7 @@ pub(crate) fn read_rows<const N: usize, T>(
     let mut table = Table::open(path, columns)?;
     let mut records = Vec::new();
     let mut row = [0.0; N];
-    let mut last = f64::NEG_INFINITY;
     while table.next_row(&mut row)? {
-        if row[0] <= last {
-            return Err(table.error(
-                format!("time {} s after {last} s", row[0]),
-                "times that increase",
-            ));
-        }
-        last = row[0];
         records.push(record(&row, &table)?);
     }
     if records.is_empty() {
@@ -168,38 +157,29 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
     sheet.finish()
 }
 
-/// Writes a prism log that [`read_prism`] reads back bit by bit; with `sigma_m` where any fix has
-/// one.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write_prism(path: &Path, fixes: &[PositionFix]) -> Result<()> {
-    let with_sigma = fixes.iter().any(|fix| fix.covariance_m2.is_some());
-    let mut header = PRISM.needed.to_vec();
-    header.extend(with_sigma.then_some("sigma_m"));
-    let mut sheet = Sheet::create(path, &header)?;
-    for fix in fixes {
-        let p = &fix.position_m;
-        let sigma = with_sigma.then(|| fix.covariance_m2.map_or(f64::NAN, |c| c[(0, 0)].sqrt()));
-        sheet.row([fix.time_s, p.x, p.y, p.z].into_iter().chain(sigma))?;
-    }
-    sheet.finish()
-}
-
 /// Writes a heading log in degrees, read back by [`read_heading`] to 1e-15 of its value; with
-/// `sigma_deg` where any fix has one.
+/// columns for standard deviations and pitch where any fix has them.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_heading(path: &Path, fixes: &[HeadingFix]) -> Result<()> {
-    let with_sigma = fixes.iter().any(|fix| fix.sigma_rad.is_some());
+    type Value = fn(&HeadingFix) -> Option<f64>;
+    let columns: [(&str, Value); 3] = [
+        ("sigma_deg", |fix| fix.sigma_rad),
+        ("pitch_deg", |fix| fix.pitch_rad),
+        ("sigma_pitch_deg", |fix| fix.pitch_sigma_rad),
+    ];
+    let present = |(_, value): &&(&str, Value)| fixes.iter().any(|fix| value(fix).is_some());
+    let columns: Vec<_> = columns.iter().filter(present).collect();
     let mut header = HEADING.needed.to_vec();
-    header.extend(with_sigma.then_some("sigma_deg"));
+    header.extend(columns.iter().map(|(name, _)| name));
     let mut sheet = Sheet::create(path, &header)?;
     for fix in fixes {
-        let sigma = with_sigma.then(|| fix.sigma_rad.map_or(f64::NAN, f64::to_degrees));
+        let more = columns
+            .iter()
+            .map(|(_, value)| value(fix).map_or(f64::NAN, f64::to_degrees));
         let row = [fix.time_s, fix.heading_rad.to_degrees()];
-        sheet.row(row.into_iter().chain(sigma))?;
+        sheet.row(row.into_iter().chain(more))?;
     }
     sheet.finish()
 }

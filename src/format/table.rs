@@ -67,6 +67,11 @@ impl Lines {
             .trim_ascii()
     }
 
+    /// The line last read, counted from 1.
+    pub(crate) fn number(&self) -> u64 {
+        self.number
+    }
+
     pub(crate) fn bytes_read(&self) -> u64 {
         self.bytes
     }
@@ -146,6 +151,26 @@ pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
             Ok::<(), ()>(())
         })
         .is_ok()
+}
+
+/// The names in the header of a table: the first line that is neither empty nor a comment, or the
+/// last comment before numbers.
+pub(crate) fn header_names(path: &Path) -> Result<Vec<String>> {
+    let mut lines = Lines::open(path)?;
+    let mut comment = Vec::new();
+    while lines.advance()? {
+        let text = lines.text();
+        if let Some(text) = text.strip_prefix('#') {
+            comment = Separator::of(text).names(text);
+        } else if !text.is_empty() {
+            let is_numeric = numbers(text, &mut Vec::new());
+            return Ok(match is_numeric {
+                true => comment,
+                false => Separator::of(text).names(text),
+            });
+        }
+    }
+    Ok(comment)
 }
 
 /// The columns that a reader wants: those it needs, then those it can use.

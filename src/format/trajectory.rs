@@ -94,7 +94,15 @@ fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64
 const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
 
 fn read_native(path: &Path) -> Result<Vec<PoseRecord>> {
+    let mut last = f64::NEG_INFINITY;
     read_rows::<23, _>(path, &TRAJECTORY, "pose", |row, table: &Table| {
+        if row[0] <= last {
+            return Err(table.error(
+                format!("time {} s after {last} s", row[0]),
+                "times that increase",
+            ));
+        }
+        last = row[0];
         let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
         let present = |i: usize, n: usize| row[i..i + n].iter().all(|v| !v.is_nan());
         let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {

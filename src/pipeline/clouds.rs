@@ -1,6 +1,6 @@
 //! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
 
-use super::stages::{in_parallel, open_profiles, warn_of_outside};
+use super::stages::{in_parallel, open_profiles, warn_of_missing};
 use crate::error::Result;
 use crate::format::CloudWriter;
 use crate::geometry::{Pose, Vec3};
@@ -107,14 +107,19 @@ pub fn stream(
         }
         place.check(&scanner.name)?;
         let points = kept.kept.into_iter().map(|(_, point)| point).collect();
-        Ok((points, place.outside(), place.read()))
+        Ok((points, place))
     });
     progress.end();
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
     let named = project.scanners.iter().zip(found);
     Ok(named
-        .map(|(scanner, (points, outside, read))| {
-            warn_of_outside(&scanner.name, outside, read, progress);
+        .map(|(scanner, (points, place))| {
+            warn_of_missing(
+                &scanner.name,
+                (place.outside(), place.read()),
+                place.refused(),
+                progress,
+            );
             points
         })
         .collect())

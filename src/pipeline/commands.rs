@@ -149,6 +149,7 @@ pub fn trajectory(
     Ok(Outcome {
         result: json!({
             "trajectory": poses.solution,
+            "rejected_rows": poses.rejected_rows,
             "poses": nodes.len(),
             "span_s": [first_s, last_s],
         }),

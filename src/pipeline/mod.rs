@@ -6,6 +6,7 @@
 pub mod clouds;
 pub mod commands;
 pub mod evaluate;
+pub mod logs;
 pub mod page;
 pub mod result;
 pub mod stages;
@@ -23,7 +24,7 @@ use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::{CalibrationSettings, Method, Project};
 use crate::report::{self, content::MountingKind};
-use crate::sensor::PoseRecord;
+use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::Trajectory;
 pub use commands::{
     Options, Outcome, calibrate, compare, demo, georeference, run, simulate, trajectory,
@@ -77,6 +78,8 @@ pub struct Findings {
     pub truth_mountings: Option<Vec<Pose>>,
     /// How the trajectory's adjustment went.
     pub trajectory_solution: Option<serde_json::Value>,
+    /// Rows of the logs that hold no measurement.
+    pub rejected_rows: Vec<RejectedRow>,
     /// Poses of every drive, by name.
     pub tracks: Vec<(String, Vec<PoseRecord>)>,
     /// The calibration drive, then the evaluation drives.
@@ -189,6 +192,12 @@ pub fn analyse(
             },
         )?),
     };
+    let refusals: Vec<String> = project
+        .scanners
+        .iter()
+        .zip(&samples)
+        .filter_map(|(scanner, s)| stages::refusal(&scanner.name, s.read, &s.refused))
+        .collect();
     drop(samples);
 
     let truth = extras.truth.as_ref().map(|truth| truth.mountings.clone());
@@ -237,6 +246,7 @@ pub fn analyse(
     let mut warnings: Vec<String> = drives
         .iter()
         .flat_map(|drive| drive.missing.iter().cloned())
+        .chain(refusals)
         .collect();
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
@@ -259,6 +269,7 @@ pub fn analyse(
             .solution
             .as_ref()
             .map(|solution| serde_json::json!(solution)),
+        rejected_rows: poses.rejected_rows,
         tracks,
         drives,
         background: thinned_for_drawing(&reference),
@@ -329,6 +340,7 @@ fn aligned(project: &Project, mut other: Project) -> Result<Project> {
     other.scanners = scanners;
     other.comparison = project.comparison.clone();
     other.origin_m = project.origin_m;
+    other.limits = other.limits.or(project.limits);
     Ok(other)
 }
 

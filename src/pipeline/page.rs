@@ -78,7 +78,9 @@ fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
     match &project.motion {
         Motion::Logs(logs) => {
             fact("IMU", logs.imu.path.display().to_string());
-            fact("prism", logs.positions[0].path.display().to_string());
+            for (log, settings) in logs.positions.iter().zip(&logs.settings.positions) {
+                fact(&settings.name, log.path.display().to_string());
+            }
             if let Some(heading) = &logs.heading {
                 fact("heading", heading.path.display().to_string());
             }

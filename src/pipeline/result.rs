@@ -24,6 +24,7 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
     });
     if let Some(solution) = &findings.trajectory_solution {
         document["trajectory"] = solution.clone();
+        document["rejected_rows"] = json!(findings.rejected_rows);
     }
     if let Some(without) = &findings.without_reference {
         document["without_reference"] = json!({

@@ -1,17 +1,17 @@
 //! Each stage as a function of the project and what came before.
 
+use super::logs::DriveLogs;
 use crate::calibration::{
     Calibration, Input, Mounting, PoseUncertainty, ScannerSample, calibrate, sample_profiles,
 };
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::{Pose, Vec3, transform};
+use crate::georeference::Refused;
 use crate::progress::Progress;
-use crate::project::{CalibrationSettings, LogFile, Logs, Motion, PosesFile, Project, Scanner};
-use crate::sensor::{PoseRecord, PoseSigma};
-use crate::trajectory::{
-    Estimate, MotionLogs, PosteriorCovariance, Solution, Trajectory, estimate,
-};
+use crate::project::{CalibrationSettings, Logs, Motion, PosesFile, Project, Scanner};
+use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
+use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
 
 /// What to know about sigmas from poses that have none.
 const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
@@ -26,6 +26,8 @@ pub struct Poses {
     pub solution: Option<Solution>,
     /// Their joint covariance; `None` where the poses came from a file.
     pub covariance: Option<PosteriorCovariance>,
+    /// Rows of the logs that hold no measurement.
+    pub rejected_rows: Vec<RejectedRow>,
 }
 
 impl Poses {
@@ -51,6 +53,7 @@ impl Poses {
             trajectory,
             solution: None,
             covariance: None,
+            rejected_rows: Vec::new(),
         }
     }
 }
@@ -67,55 +70,25 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
             if nodes.iter().all(|node| node.sigma.is_none()) {
                 progress.warn(POSES_WITHOUT_SIGMA);
             }
-            Ok(Poses::from_file(Trajectory::new(nodes)?))
+            let trajectory = Trajectory::new(nodes)?.with_limits(project.limits)?;
+            Ok(Poses::from_file(trajectory))
         }
     }
 }
 
 fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
-    let mut imu = format::read_imu(&logs.imu.path)?;
-    imu.iter_mut()
-        .for_each(|sample| sample.time_s += logs.imu.time_offset_s);
-    let mut positions = Vec::with_capacity(logs.positions.len());
-    for log in &logs.positions {
-        let mut fixes = format::read_prism(&log.path)?;
-        for fix in &mut fixes {
-            fix.time_s += log.time_offset_s;
-            fix.position_m -= project.origin_m;
-        }
-        positions.push(fixes);
-    }
-    let heading = match &logs.heading {
-        Some(LogFile {
-            path,
-            time_offset_s,
-        }) => {
-            let mut heading = format::read_heading(path)?;
-            heading
-                .iter_mut()
-                .for_each(|fix| fix.time_s += time_offset_s);
-            heading
-        }
-        None => Vec::new(),
-    };
+    let logs = DriveLogs::read(project, logs, progress)?;
     let Estimate {
         trajectory,
         solution,
         covariance,
         ..
-    } = estimate(
-        &MotionLogs {
-            imu: &imu,
-            positions: &positions,
-            heading: &heading,
-        },
-        &logs.settings,
-        progress,
-    )?;
+    } = estimate(&logs.motion(), &logs.settings, progress)?;
     Ok(Poses {
-        trajectory,
+        trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),
         covariance: Some(covariance),
+        rejected_rows: logs.rejected,
     })
 }
 
@@ -188,19 +161,42 @@ pub fn samples(
             sample.points.len(),
             sample.outside
         ));
-        warn_of_outside(&scanner.name, sample.outside, sample.read, progress);
+        warn_of_missing(
+            &scanner.name,
+            (sample.outside, sample.read),
+            &sample.refused,
+            progress,
+        );
     }
     Ok(found)
 }
 
-/// Warns of points that have no pose.
-pub fn warn_of_outside(scanner: &str, outside: u64, read: u64, progress: &dyn Progress) {
+/// Warns of points that have no pose, or none that is known well enough.
+pub fn warn_of_missing(
+    scanner: &str,
+    (outside, read): (u64, u64),
+    refused: &Refused,
+    progress: &dyn Progress,
+) {
     if outside > 0 {
         progress.warn(&format!(
             "{:.1} % of the points of scanner `{scanner}` lie outside the trajectory and were left out",
             100.0 * outside as f64 / read as f64,
         ));
     }
+    if let Some(warning) = refusal(scanner, read, refused) {
+        progress.warn(&warning);
+    }
+}
+
+/// What to say of the points of `scanner`, of `read` in all, that were refused; `None` without any.
+pub fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
+    (refused.points > 0).then(|| {
+        format!(
+            "{:.1} % of the points of scanner `{scanner}` were left out: {refused}",
+            100.0 * refused.points as f64 / read as f64,
+        )
+    })
 }
 
 /// Checks that the reference, where there is one, lies where the scanners looked.

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::settings::{CalibrationSettings, ComparisonSettings, TrajectorySettings};
+use super::settings::{CalibrationSettings, ComparisonSettings, PoseLimits, TrajectorySettings};
 use super::source::Source;
 use super::{files, print, resolve};
 use crate::error::Result;
 use crate::geometry::{BodyAxes, EulerConvention, Pose, Vec3};
+use crate::sensor::Observations;
 
 /// Names of the six parameters of a mounting, in the order of [`Scanner::fixed`].
 pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
@@ -22,6 +23,8 @@ pub struct Project {
     pub origin_m: Vec3,
     /// Where the poses come from.
     pub motion: Motion,
+    /// How well a pose must be known for points to be placed with it.
+    pub limits: PoseLimits,
     /// The scanners in the order of the file; names are unique.
     pub scanners: Vec<Scanner>,
     /// The reference cloud.
@@ -37,7 +40,7 @@ pub struct Project {
 /// Where the poses come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
-    /// Logs of IMU, prism and heading, from which the trajectory is estimated.
+    /// Logs of IMU, prism or GNSS, and heading, from which the trajectory is estimated.
     Logs(Box<Logs>),
     /// A trajectory estimated elsewhere.
     Poses(PosesFile),
@@ -50,7 +53,7 @@ pub struct Logs {
     pub imu: LogFile,
     /// Positions of prisms and GNSS antennas, in the order of
     /// [`TrajectorySettings::positions`].
-    pub positions: Vec<LogFile>,
+    pub positions: Vec<PositionLog>,
     /// Headings of the antenna baseline.
     pub heading: Option<LogFile>,
     /// Noise, lever arms, offsets; those of the heading are defaults where there is no log of it.
@@ -64,6 +67,18 @@ pub struct LogFile {
     pub path: PathBuf,
     /// Common time = sensor time + this, seconds.
     pub time_offset_s: f64,
+}
+
+/// A file of positions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PositionLog {
+    /// Absolute.
+    pub path: PathBuf,
+    /// Common time = sensor time + this, seconds.
+    pub time_offset_s: f64,
+    /// What its numbers are; the station of polar ones in world coordinates, the project's origin
+    /// not subtracted.
+    pub observations: Observations,
 }
 
 /// A file of poses.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::checked::{Evaluation, Motion, Project};
+use super::settings::PositionKind;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
 
@@ -22,8 +23,26 @@ fn own_files(project: &Project) -> Result<()> {
     match &project.motion {
         Motion::Logs(logs) => {
             exists("imu", &logs.imu.path)?;
-            for log in &logs.positions {
-                exists("prism", &log.path)?;
+            let count = |kind| {
+                let of_kind = logs
+                    .settings
+                    .positions
+                    .iter()
+                    .filter(move |p| p.kind == kind);
+                of_kind.count()
+            };
+            let mut seen = [0; 2];
+            for (log, settings) in logs.positions.iter().zip(&logs.settings.positions) {
+                let (table, which) = match settings.kind {
+                    PositionKind::Prism => ("prism", 0),
+                    PositionKind::Gnss => ("gnss", 1),
+                };
+                let index = (count(settings.kind) > 1).then_some(Step::Index(seen[which]));
+                seen[which] += 1;
+                let mut steps = vec![Step::Key(table)];
+                steps.extend(index);
+                steps.push(Step::Key("file"));
+                present(project, &steps, &log.path)?;
             }
             if let Some(heading) = &logs.heading {
                 exists("heading", &heading.path)?;

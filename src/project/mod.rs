@@ -5,15 +5,17 @@ mod files;
 mod print;
 mod resolve;
 pub mod settings;
+mod shapes;
 mod source;
 mod written;
 
 pub use checked::{
-    Evaluation, LogFile, Logs, Motion, PARAMETER_NAMES, PosesFile, Project, Reference, Scanner,
+    Evaluation, LogFile, Logs, Motion, PARAMETER_NAMES, PosesFile, PositionLog, Project, Reference,
+    Scanner,
 };
 pub use settings::{
     CalibrationSettings, ComparisonSettings, Constant, HeadingSettings, ImuNoise, Loss, Method,
-    Nodes, PositionKind, PositionSettings, TrajectorySettings,
+    Nodes, PoseLimits, PositionKind, PositionSettings, TrajectorySettings,
 };
 
 #[cfg(test)]

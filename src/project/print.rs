@@ -1,10 +1,15 @@
 //! From the checked project back to a file that reads the same.
 
-use super::checked::{Logs, Motion, PARAMETER_NAMES, PosesFile, Project, Scanner};
-use super::resolve::{accel_bias_walk, accel_density, gyro_bias_walk, gyro_density};
-use super::written::{self, Files, Written};
+use super::checked::{Logs, Motion, PARAMETER_NAMES, PosesFile, PositionLog, Project, Scanner};
+use super::resolve::{
+    accel_bias_walk, accel_density, arcsec_to_radians, gyro_bias_walk, gyro_density,
+};
+use super::settings::{PositionKind, PositionSettings, TrajectorySettings};
+use super::shapes::{Files, Numbers};
+use super::written::{self, ObservationKind, Written};
 use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
+use crate::sensor::Observations;
 
 /// See [`Project::to_toml`].
 pub(super) fn project(project: &Project) -> Result<String> {
@@ -70,19 +75,79 @@ fn written(project: &Project) -> Written {
             project: evaluation.project.clone(),
         })
         .collect();
-    match &project.motion {
-        Motion::Logs(logs) => write_logs(logs, &mut written),
-        Motion::Poses(poses) => written.trajectory = Some(write_poses(poses)),
-    }
+    let mut trajectory = match &project.motion {
+        Motion::Logs(logs) => {
+            write_logs(logs, &mut written);
+            write_estimation(&logs.settings)
+        }
+        Motion::Poses(poses) => write_poses(poses),
+    };
+    trajectory.max_sigma_position_m = project.limits.position_m;
+    trajectory.max_sigma_rotation_deg = project.limits.rotation_rad.map(degrees);
+    written.trajectory = Some(trajectory);
     written
 }
 
-fn write_poses(poses: &PosesFile) -> written::Poses {
-    written::Poses {
-        file: poses.path.clone(),
+fn write_poses(poses: &PosesFile) -> written::Trajectory {
+    written::Trajectory {
+        file: Some(poses.path.clone()),
         time_offset_s: Some(poses.time_offset_s),
         sigma_position_m: poses.sigma_position_m,
         sigma_rotation_deg: poses.sigma_rotation_rad.map(degrees),
+        ..Default::default()
+    }
+}
+
+fn write_estimation(settings: &TrajectorySettings) -> written::Trajectory {
+    let names = settings
+        .estimate
+        .iter()
+        .map(|constant| constant.name(&settings.positions));
+    written::Trajectory {
+        nodes: Some(settings.nodes),
+        estimate: Some(names.collect()),
+        zero_velocity: Some(settings.zero_velocity),
+        ..Default::default()
+    }
+}
+
+fn write_prism(log: &PositionLog, settings: &PositionSettings) -> written::Prism {
+    let mut prism = written::Prism {
+        name: Some(settings.name.clone()),
+        file: log.path.clone(),
+        time_offset_s: Some(log.time_offset_s),
+        sigma_m: Some(Numbers(settings.sigma_m.into())),
+        lever_arm_m: settings.lever_arm_m.into(),
+        loss: Some(settings.loss),
+        station_m: settings.station_m.map(Into::into),
+        ..Default::default()
+    };
+    match &log.observations {
+        Observations::AsFound => {}
+        Observations::Cartesian => prism.observations = Some(ObservationKind::Cartesian),
+        Observations::Polar(station) => {
+            prism.observations = Some(ObservationKind::Polar);
+            prism.station_orientation_deg = Some(degrees(station.orientation_rad));
+            prism.vertical_angle = Some(station.vertical);
+            prism.reflector_constant_m = Some(station.reflector_constant_m);
+            prism.sigma_distance_m = Some(station.sigma_distance_m);
+            prism.sigma_distance_ppm = Some(station.sigma_distance_ppm);
+            let arcsec = preimage(station.sigma_angle_rad, arcsec_to_radians);
+            prism.sigma_angle_arcsec = Some(arcsec);
+            prism.sigma_m = Some(Numbers([station.sigma_prism_m; 3]));
+        }
+    }
+    prism
+}
+
+fn write_gnss(log: &PositionLog, settings: &PositionSettings) -> written::Gnss {
+    written::Gnss {
+        name: Some(settings.name.clone()),
+        file: log.path.clone(),
+        time_offset_s: Some(log.time_offset_s),
+        sigma_m: Some(Numbers(settings.sigma_m.into())),
+        lever_arm_m: settings.lever_arm_m.into(),
+        loss: Some(settings.loss),
     }
 }
 
@@ -104,17 +169,19 @@ fn write_logs(logs: &Logs, written: &mut Written) {
         gyro_bias_walk_rad_s_sqrt_s: gyro.is_none().then_some(noise.gyro_bias_walk),
         accel_bias_walk_m_s2_sqrt_s: accel.is_none().then_some(noise.accel_bias_walk),
     });
-    written.prism = Some(written::Prism {
-        file: logs.positions[0].path.clone(),
-        time_offset_s: Some(logs.positions[0].time_offset_s),
-        sigma_m: Some(settings.positions[0].sigma_m.x),
-        lever_arm_m: settings.positions[0].lever_arm_m.into(),
-    });
+    for (log, position) in logs.positions.iter().zip(&settings.positions) {
+        match position.kind {
+            PositionKind::Prism => written.prism.0.push(write_prism(log, position)),
+            PositionKind::Gnss => written.gnss.0.push(write_gnss(log, position)),
+        }
+    }
     written.heading = logs.heading.as_ref().map(|heading| written::Heading {
         file: heading.path.clone(),
         time_offset_s: Some(heading.time_offset_s),
         sigma_deg: Some(degrees(settings.heading.sigma_rad)),
+        sigma_pitch_deg: Some(degrees(settings.heading.pitch_sigma_rad)),
         mounting_offset_deg: Some(degrees(settings.heading.mounting_offset_rad)),
+        loss: Some(settings.heading.loss),
     });
 }
 

@@ -52,7 +52,8 @@ pub struct PositionSettings {
     /// The prism or antenna in the body frame, metres.
     pub lever_arm_m: Vec3,
     /// The total station in the world frame where it is known, metres: the incidence-dependent
-    /// bias of a 360° prism needs the line of sight.
+    /// bias of a 360° prism needs the line of sight. In a [`Project`](super::Project) the origin is
+    /// not subtracted; where the logs are read it is, as from the positions.
     pub station_m: Option<Vec3>,
     /// What large residuals count.
     pub loss: Loss,
@@ -134,6 +135,25 @@ pub enum Constant {
     ImuNoiseScale,
 }
 
+impl Constant {
+    /// Its name in the project, where the position sensors are called `positions`.
+    pub fn name(self, positions: &[PositionSettings]) -> String {
+        let of = |index: usize, what: &str| {
+            let name = positions.get(index).map_or("?", |p| p.name.as_str());
+            format!("{name}.{what}")
+        };
+        match self {
+            Self::TimeOffset(index) => of(index, "time_offset"),
+            Self::LeverArm(index) => of(index, "lever_arm"),
+            Self::IncidenceBias(index) => of(index, "incidence_bias"),
+            Self::HeadingOffset => "heading.mounting_offset".into(),
+            Self::HeadingTimeOffset => "heading.time_offset".into(),
+            Self::Gravity => "frame.gravity".into(),
+            Self::ImuNoiseScale => "imu.noise_scale".into(),
+        }
+    }
+}
+
 /// All that the trajectory stage needs beside the logs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectorySettings {
@@ -172,6 +192,31 @@ impl TrajectorySettings {
             nodes: Nodes::default(),
             estimate: Vec::new(),
             zero_velocity: true,
+        }
+    }
+}
+
+/// How well a pose must be known for points to be placed with it. The standard deviation of a pose
+/// is that of its worst axis; each bound is above 0.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PoseLimits {
+    /// Largest standard deviation of a coordinate, metres.
+    pub position_m: Option<f64>,
+    /// Largest standard deviation about an axis, radians.
+    pub rotation_rad: Option<f64>,
+}
+
+impl PoseLimits {
+    /// Whether there is no bound at all.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// These bounds, and those of `other` where there are none.
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            position_m: self.position_m.or(other.position_m),
+            rotation_rad: self.rotation_rad.or(other.rotation_rad),
         }
     }
 }

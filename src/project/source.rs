@@ -73,7 +73,14 @@ impl Source {
         for step in steps {
             let next = match *step {
                 Step::Key(name) => {
-                    let here = table.or_else(|| value.and_then(DeValue::as_table));
+                    // `[[prism]]` for one table is as good as `[prism]`.
+                    let one =
+                        |value: &DeValue<'_>| value.as_array().is_some_and(|all| all.len() == 1);
+                    let inside = match value {
+                        Some(value) if one(value) => value.get(0).map(|element| element.get_ref()),
+                        other => other,
+                    };
+                    let here = table.or_else(|| inside.and_then(DeValue::as_table));
                     let entry =
                         here.and_then(|table| table.iter().find(|(key, _)| key.get_ref() == name));
                     entry.map(|(key, value)| (key.span().start, value.get_ref()))

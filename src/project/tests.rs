@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyAxes, EulerConvention, Vec3};
+use crate::sensor::{Observations, VerticalAngle};
 
 /// The example of the documentation.
 const EXAMPLE: &str = r#"[frame]
@@ -105,6 +106,58 @@ sigma_position_m = 0.0016
 sigma_rotation_deg = 0.03
 "#;
 
+/// Several total stations and antennas, and all that is estimated.
+const SEVERAL: &str = r#"
+[frame]
+origin_m = [363000.0, 5.6e6, 60.0]
+
+[imu]
+file = "imu.csv"
+
+[[prism]]
+name = "front"
+file = "front.csv"
+lever_arm_m = [0.5, 0, 1]
+station_m = [363010.5, 5600020.25, 61.5]
+station_orientation_deg = 337.205145
+vertical_angle = "elevation"
+reflector_constant_m = 0.0231
+sigma_m = 0.003
+sigma_distance_m = 0.0006
+sigma_distance_ppm = 1
+sigma_angle_arcsec = 0.5
+loss = "huber"
+
+[[prism]]
+name = "rear"
+file = "rear.csv"
+time_offset_s = 0.05
+lever_arm_m = [-0.5, 0, 1]
+station_m = [363000.0, 5600000.0, 61.0]
+observations = "cartesian"
+sigma_m = [0.004, 0.004, 0.006]
+loss = "none"
+
+[gnss]
+file = "gnss.csv"
+lever_arm_m = [0, 0.3, 1]
+loss = "cauchy"
+
+[heading]
+file = "heading.csv"
+sigma_deg = 0.2
+sigma_pitch_deg = 0.4
+loss = "none"
+
+[trajectory]
+nodes = "imu"
+zero_velocity = false
+estimate = ["front.incidence_bias", "rear.time_offset", "gnss.lever_arm", "heading.mounting_offset",
+    "heading.time_offset", "frame.gravity", "imu.noise_scale"]
+max_sigma_position_m = 0.02
+max_sigma_rotation_deg = 0.3
+"#;
+
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
@@ -169,6 +222,70 @@ fn absent_noise_is_that_of_the_example() {
 }
 
 #[test]
+fn several_position_sensors_are_understood() {
+    let project = read(SEVERAL).unwrap();
+    let Motion::Logs(logs) = &project.motion else {
+        panic!("logs");
+    };
+    let settings = &logs.settings;
+    let names: Vec<&str> = settings.positions.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["front", "rear", "gnss"]);
+    let losses: Vec<Loss> = settings.positions.iter().map(|p| p.loss).collect();
+    assert_eq!(losses, [Loss::Huber, Loss::None, Loss::Cauchy]);
+    let Observations::Polar(station) = logs.positions[0].observations else {
+        panic!("polar");
+    };
+    assert_eq!(station.vertical, VerticalAngle::Elevation);
+    // 0.5″ = 0.5 · π / 648000 rad.
+    assert!((station.sigma_angle_rad / 2.424_068_4e-6 - 1.0).abs() < 1e-7);
+    assert_eq!(station.sigma_prism_m, 0.003);
+    assert_eq!(logs.positions[1].observations, Observations::Cartesian);
+    assert_eq!(logs.positions[1].time_offset_s, 0.05);
+    assert_eq!(
+        settings.positions[1].sigma_m,
+        Vec3::new(0.004, 0.004, 0.006)
+    );
+    assert_eq!(settings.positions[2].kind, PositionKind::Gnss);
+    assert_eq!(settings.positions[2].sigma_m, Vec3::new(0.02, 0.02, 0.04));
+    assert_eq!(settings.nodes, Nodes::Imu);
+    assert!(!settings.zero_velocity);
+    assert_eq!(
+        settings.estimate,
+        [
+            Constant::IncidenceBias(0),
+            Constant::TimeOffset(1),
+            Constant::LeverArm(2),
+            Constant::HeadingOffset,
+            Constant::HeadingTimeOffset,
+            Constant::Gravity,
+            Constant::ImuNoiseScale
+        ]
+    );
+    assert_eq!(settings.heading.pitch_sigma_rad, 0.4_f64.to_radians());
+    assert_eq!(project.limits.position_m, Some(0.02));
+    assert_eq!(project.limits.rotation_rad, Some(0.3_f64.to_radians()));
+}
+
+#[test]
+fn the_noise_of_a_total_station_is_what_is_stated_of_it() {
+    let tracking = |keys: &str| {
+        let instrument = format!("station_m = [1, 2, 3]\nstation_orientation_deg = 12\n{keys}\n");
+        let text = UNUSUAL.replacen("[[scanner]]", &format!("{instrument}[[scanner]]"), 1);
+        let project = read(&text).unwrap();
+        let Motion::Logs(logs) = &project.motion else {
+            panic!("logs");
+        };
+        let Observations::Polar(station) = logs.positions[0].observations else {
+            panic!("polar");
+        };
+        station.sigma_prism_m
+    };
+    assert_eq!(tracking(""), 0.005);
+    assert_eq!(tracking("sigma_angle_arcsec = 1"), 0.0);
+    assert_eq!(tracking("sigma_angle_arcsec = 1\nsigma_m = 0.002"), 0.002);
+}
+
+#[test]
 fn unusual_keys_are_understood() {
     let project = read(UNUSUAL).unwrap();
     let Motion::Logs(logs) = &project.motion else {
@@ -188,7 +305,10 @@ fn unusual_keys_are_understood() {
 
 #[test]
 fn what_is_printed_reads_back_to_the_same_project() {
-    for text in [EXAMPLE, UNUSUAL, POSES] {
+    let instrument = "station_m = [1, 2, 3]\nstation_orientation_deg = 12\n[[scanner]]";
+    let polar = UNUSUAL.replacen("[[scanner]]", instrument, 1);
+    let bounded = format!("{POSES}max_sigma_rotation_deg = 0.07\n");
+    for text in [EXAMPLE, UNUSUAL, POSES, SEVERAL, &polar, &bounded] {
         let folder = folder();
         let path = write(folder.path(), text);
         let project = Project::read(&path).unwrap();
@@ -265,7 +385,7 @@ fn the_project_of_the_readme_is_understood() {
 
 #[test]
 fn the_readme_names_every_key_with_its_default() {
-    for text in [EXAMPLE, UNUSUAL, POSES] {
+    for text in [EXAMPLE, UNUSUAL, POSES, SEVERAL] {
         let printed = read(text).unwrap().to_toml().unwrap();
         for line in printed.lines() {
             if let Some((key, _)) = line.split_once(" = ") {

@@ -4,10 +4,12 @@
 
 use std::path::PathBuf;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Deserialize, Serialize};
 
-use super::settings::Method;
+use super::settings::{Loss, Method, Nodes};
+use super::shapes::{Files, Numbers, Tables};
 use crate::geometry::{BodyAxes, EulerConvention};
+use crate::sensor::VerticalAngle;
 
 /// The whole file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -16,14 +18,18 @@ pub struct Written {
     /// Axes, origin, gravity.
     #[serde(default)]
     pub frame: Frame,
-    /// With `prism` and `heading`: logs to estimate the trajectory from.
+    /// With `prism` or `gnss`, and perhaps `heading`: logs to estimate the trajectory from.
     pub imu: Option<Imu>,
-    /// Positions of the prism.
-    pub prism: Option<Prism>,
+    /// Prisms tracked by total stations.
+    #[serde(default, skip_serializing_if = "Tables::is_empty")]
+    pub prism: Tables<Prism>,
+    /// GNSS antennas.
+    #[serde(default, skip_serializing_if = "Tables::is_empty")]
+    pub gnss: Tables<Gnss>,
     /// Headings of the antenna baseline.
     pub heading: Option<Heading>,
-    /// Instead of the three above.
-    pub trajectory: Option<Poses>,
+    /// How the trajectory is estimated, or a file of poses instead of the four above.
+    pub trajectory: Option<Trajectory>,
     /// The scanners.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scanner: Vec<Scanner>,
@@ -76,18 +82,68 @@ pub struct Imu {
     pub accel_bias_walk_m_s2_sqrt_s: Option<f64>,
 }
 
-/// `[prism]`
+/// `[prism]`, or several `[[prism]]`
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prism {
+    /// Default `prism`; needed where there are several.
+    pub name: Option<String>,
     /// Relative to the project file.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Of each coordinate, where the log gives none. Default 0.005.
-    pub sigma_m: Option<f64>,
+    /// Of each coordinate, or of east, north, up, where the log gives none. Default 0.005. Of polar
+    /// observations: what tracking adds to the instrument's noise.
+    pub sigma_m: Option<Numbers>,
     /// Prism in the body frame.
     pub lever_arm_m: [f64; 3],
+    /// What large residuals count. Default `truncated`.
+    pub loss: Option<Loss>,
+    /// `cartesian` or `polar`, where the file holds both.
+    pub observations: Option<ObservationKind>,
+    /// The total station in the world.
+    pub station_m: Option<[f64; 3]>,
+    /// Azimuth of its horizontal zero, clockwise from grid north: makes the log a polar one.
+    pub station_orientation_deg: Option<f64>,
+    /// `zenith` (default) or `elevation`.
+    pub vertical_angle: Option<VerticalAngle>,
+    /// Added to slope distances. Default 0.
+    pub reflector_constant_m: Option<f64>,
+    /// Of a slope distance. Default 0.001.
+    pub sigma_distance_m: Option<f64>,
+    /// Of a slope distance, more with its length. Default 1.
+    pub sigma_distance_ppm: Option<f64>,
+    /// Of either angle, seconds of arc. Default 1.
+    pub sigma_angle_arcsec: Option<f64>,
+}
+
+/// What is read of a position log that holds coordinates and polar observations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ObservationKind {
+    /// Coordinates.
+    Cartesian,
+    /// Distances and angles.
+    Polar,
+}
+
+/// `[gnss]`, or several `[[gnss]]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gnss {
+    /// Default `gnss`; needed where there are several.
+    pub name: Option<String>,
+    /// Relative to the project file.
+    pub file: PathBuf,
+    /// Common time = sensor time + this.
+    pub time_offset_s: Option<f64>,
+    /// Of each coordinate, or of east, north, up, where the log gives none. Default 0.02, 0.02,
+    /// 0.04.
+    pub sigma_m: Option<Numbers>,
+    /// Antenna in the body frame.
+    pub lever_arm_m: [f64; 3],
+    /// What large residuals count. Default `truncated`.
+    pub loss: Option<Loss>,
 }
 
 /// `[heading]`
@@ -100,22 +156,36 @@ pub struct Heading {
     pub time_offset_s: Option<f64>,
     /// Where the log gives none. Default 0.7.
     pub sigma_deg: Option<f64>,
+    /// Of the pitch, where the log has one and gives no sigma. Default: `sigma_deg`.
+    pub sigma_pitch_deg: Option<f64>,
     /// From the antenna baseline to the body's x axis, clockwise. Default 0.
     pub mounting_offset_deg: Option<f64>,
+    /// What large residuals count. Default `truncated`.
+    pub loss: Option<Loss>,
 }
 
 /// `[trajectory]`
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Poses {
-    /// Relative to the project file.
-    pub file: PathBuf,
-    /// Common time = time in the file + this.
+pub struct Trajectory {
+    /// Poses instead of logs, relative to the project file.
+    pub file: Option<PathBuf>,
+    /// With `file`: common time = time in the file + this.
     pub time_offset_s: Option<f64>,
-    /// Of each coordinate, where the file gives none.
+    /// With `file`: of each coordinate, where the file gives none.
     pub sigma_position_m: Option<f64>,
-    /// About each axis, where the file gives none.
+    /// With `file`: about each axis, where the file gives none.
     pub sigma_rotation_deg: Option<f64>,
+    /// Without `file`: `prism` (default) or `imu`.
+    pub nodes: Option<Nodes>,
+    /// Without `file`: constants to estimate beside the trajectory. Default none.
+    pub estimate: Option<Vec<String>>,
+    /// Without `file`: hold the velocity at zero where the logs show rest. Default true.
+    pub zero_velocity: Option<bool>,
+    /// No point is placed where the sigma of a coordinate is larger. Default none.
+    pub max_sigma_position_m: Option<f64>,
+    /// No point is placed where the sigma about an axis is larger. Default none.
+    pub max_sigma_rotation_deg: Option<f64>,
 }
 
 /// `[[scanner]]`
@@ -188,43 +258,4 @@ pub struct Evaluation {
     pub name: String,
     /// Its project file, relative to this one.
     pub project: PathBuf,
-}
-
-/// One file name, or a list of them.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Files(pub Vec<PathBuf>);
-
-impl Serialize for Files {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0.as_slice() {
-            [one] => one.serialize(serializer),
-            all => all.serialize(serializer),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Files {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Visitor;
-        impl<'de> de::Visitor<'de> for Visitor {
-            type Value = Files;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("a file name or a list of file names")
-            }
-
-            fn visit_str<E: de::Error>(self, name: &str) -> Result<Files, E> {
-                Ok(Files(vec![name.into()]))
-            }
-
-            fn visit_seq<A: de::SeqAccess<'de>>(self, mut names: A) -> Result<Files, A::Error> {
-                let mut files = Vec::new();
-                while let Some(name) = names.next_element()? {
-                    files.push(name);
-                }
-                Ok(Files(files))
-            }
-        }
-        deserializer.deserialize_any(Visitor)
-    }
 }

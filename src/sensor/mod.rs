@@ -1,7 +1,10 @@
-//! What each sensor measured: plain records in time order, and the checks every stream must pass.
+//! What each sensor measured: plain records, and the checks that streams must pass.
+
+mod total_station;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, Pose, Vec3};
+pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
 /// One IMU sample: the mean over the interval from its time to the next sample's.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +64,31 @@ impl HeadingFix {
             pitch_rad: None,
             pitch_sigma_rad: None,
         }
+    }
+}
+
+/// A row of a log that holds no measurement, and why.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct RejectedRow {
+    /// The file.
+    pub source: String,
+    /// Its line, counted from 1.
+    pub line: u64,
+    /// The time that stands there, seconds on the sensor's own clock.
+    pub time_s: f64,
+    /// In words.
+    pub reason: String,
+}
+
+impl std::fmt::Display for RejectedRow {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            source,
+            line,
+            time_s,
+            reason,
+        } = self;
+        write!(f, "{source}, line {line}, {time_s} s: {reason}")
     }
 }
 

@@ -111,7 +111,7 @@ fn write_logs(
     let imu = simulate_imu(scenario, drive, index);
     format::write_imu(&at("imu.csv"), &imu.samples)?;
     format::write_trajectory(&at("truth/trajectory.csv"), &imu.truth)?;
-    format::write_prism(&at("prism.csv"), &simulate_prism(scenario, drive, index))?;
+    format::write_positions(&at("prism.csv"), &simulate_prism(scenario, drive, index))?;
     format::write_heading(
         &at("heading.csv"),
         &simulate_heading(scenario, drive, index),

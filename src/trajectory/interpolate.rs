@@ -2,16 +2,19 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, Rotation, Vec3};
+use crate::project::PoseLimits;
 use crate::sensor::PoseRecord;
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///
 /// Positions follow the cubic Hermite curve through positions and velocities where velocities are
 /// known (its error is (Δt)⁴/384 times the fourth derivative: below a micrometre at IMU rate) and
-/// the straight line elsewhere; attitudes turn at constant rate. Outside the span there is no pose.
+/// the straight line elsewhere; attitudes turn at constant rate. Outside the span there is no
+/// pose, nor between two nodes of which one is known less well than the limits demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     nodes: Vec<PoseRecord>,
+    limits: PoseLimits,
 }
 
 impl Trajectory {
@@ -38,7 +41,49 @@ impl Trajectory {
                 "times must increase strictly; remove duplicated or backward rows",
             ));
         }
-        Ok(Self { nodes })
+        Ok(Self {
+            nodes,
+            limits: PoseLimits::default(),
+        })
+    }
+
+    /// The same nodes; poses that are known less well than `limits` are no longer given out.
+    ///
+    /// # Errors
+    /// A limit, and a pose without standard deviations.
+    pub fn with_limits(self, limits: PoseLimits) -> Result<Self> {
+        let without = self.nodes.iter().find(|node| node.sigma.is_none());
+        if let (false, Some(node)) = (limits.is_none(), without) {
+            return Err(Error::data(
+                format!(
+                    "the sigmas of poses are bounded, and the pose at {:.6} s comes without \
+                     standard deviations",
+                    node.time_s
+                ),
+                "give sigma_position_m and sigma_rotation_deg in [trajectory], or leave out \
+                 max_sigma_position_m and max_sigma_rotation_deg",
+            ));
+        }
+        Ok(Self { limits, ..self })
+    }
+
+    /// How well a pose must be known to be given out.
+    pub fn limits(&self) -> PoseLimits {
+        self.limits
+    }
+
+    /// Whether both nodes of an interval are known as well as the limits demand.
+    fn is_known(&self, index: usize) -> bool {
+        if self.limits.is_none() {
+            return true;
+        }
+        let within = |limit: Option<f64>, sigma: Vec3| limit.is_none_or(|most| sigma.max() <= most);
+        self.nodes[index..index + 2].iter().all(|node| {
+            node.sigma.is_some_and(|sigma| {
+                within(self.limits.position_m, sigma.position_m)
+                    && within(self.limits.rotation_rad, sigma.rotation_rad)
+            })
+        })
     }
 
     /// The nodes in time order.
@@ -66,10 +111,10 @@ impl Trajectory {
         Some((index, self.fraction(index, time_s)))
     }
 
-    /// The pose world_from_body at `time_s`; `None` outside the span.
+    /// The pose world_from_body at `time_s`; `None` outside the span and beyond the limits.
     pub fn pose_at(&self, time_s: f64) -> Option<Pose> {
         self.locate(time_s)
-            .map(|(index, fraction)| self.between(index, fraction))
+            .and_then(|(index, fraction)| self.between(index, fraction))
     }
 
     /// A cursor for times that mostly increase, as profiles do.
@@ -85,7 +130,11 @@ impl Trajectory {
         (time_s - a) / (b - a)
     }
 
-    fn between(&self, index: usize, u: f64) -> Pose {
+    /// `None` beyond the limits.
+    fn between(&self, index: usize, u: f64) -> Option<Pose> {
+        if !self.is_known(index) {
+            return None;
+        }
         let (a, b) = (&self.nodes[index], &self.nodes[index + 1]);
         let (pa, pb) = (
             a.world_from_body.translation.vector,
@@ -96,7 +145,7 @@ impl Trajectory {
             _ => pa + (pb - pa) * u,
         };
         let rotation = turn(&a.world_from_body.rotation, &b.world_from_body.rotation, u);
-        Pose::from_parts(translation.into(), rotation)
+        Some(Pose::from_parts(translation.into(), rotation))
     }
 }
 
@@ -121,7 +170,7 @@ pub struct PoseCursor<'a> {
 }
 
 impl PoseCursor<'_> {
-    /// The pose world_from_body at `time_s`; `None` outside the span.
+    /// The pose world_from_body at `time_s`; `None` outside the span and beyond the limits.
     pub fn pose_at(&mut self, time_s: f64) -> Option<Pose> {
         let nodes = &self.trajectory.nodes;
         let mut steps = 0;
@@ -131,11 +180,11 @@ impl PoseCursor<'_> {
         }
         if nodes[self.index].time_s <= time_s && time_s < nodes[self.index + 1].time_s {
             let fraction = self.trajectory.fraction(self.index, time_s);
-            return Some(self.trajectory.between(self.index, fraction));
+            return self.trajectory.between(self.index, fraction);
         }
         let (index, fraction) = self.trajectory.locate(time_s)?;
         self.index = index;
-        Some(self.trajectory.between(index, fraction))
+        self.trajectory.between(index, fraction)
     }
 }
 
@@ -172,6 +221,54 @@ mod tests {
         }
         assert_eq!(trajectory.pose_at(-1e-9), None);
         assert_eq!(cursor.pose_at(2.0 + 1e-9), None);
+    }
+
+    #[test]
+    fn poses_beyond_the_limits_are_not_given_out() {
+        // Sigmas grow to 4 cm and 4° at node 4 and shrink again; nodes 0 to 8, a second apart.
+        let node = |i: i32| {
+            let grown = f64::from(4 - (i - 4).abs());
+            PoseRecord {
+                sigma: Some(crate::sensor::PoseSigma {
+                    position_m: Vec3::new(0.001, 0.01 * grown, 0.002),
+                    rotation_rad: Vec3::new(0.0, 0.0, grown.to_radians()),
+                }),
+                ..record(f64::from(i))
+            }
+        };
+        let trajectory = Trajectory::new((0..=8).map(node).collect()).unwrap();
+        let given = |limits: PoseLimits| {
+            let trajectory = trajectory.clone().with_limits(limits).unwrap();
+            let mut cursor = trajectory.cursor();
+            let times = (0..8).map(|i| f64::from(i) + 0.5);
+            let given = |time_s| {
+                let pose = trajectory.pose_at(time_s);
+                assert_eq!(cursor.pose_at(time_s), pose);
+                pose.is_some()
+            };
+            times.map(given).collect::<Vec<bool>>()
+        };
+        let limits = PoseLimits {
+            position_m: Some(0.021),
+            rotation_rad: None,
+        };
+        let expected = [true, true, false, false, false, false, true, true];
+        assert_eq!(given(limits), expected);
+        let limits = PoseLimits {
+            rotation_rad: Some(1.1_f64.to_radians()),
+            ..limits
+        };
+        let expected = [true, false, false, false, false, false, false, true];
+        assert_eq!(given(limits), expected);
+        assert_eq!(given(PoseLimits::default()), [true; 8]);
+
+        let bare = Trajectory::new(vec![record(0.0), record(1.0)]).unwrap();
+        assert!(bare.clone().with_limits(PoseLimits::default()).is_ok());
+        let error = bare.with_limits(limits).unwrap_err().to_string();
+        assert!(
+            error.contains("0.000000 s comes without standard deviations"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -15,6 +15,8 @@ fn try_everything(path: &Path) {
     let _ = all_points_unchecked(path);
     let _ = read_mounting(path);
     let _ = read_imu(path);
+    let _ = read_heading(path);
+    let _ = read_positions(path, &boresight::sensor::Observations::AsFound);
 }
 
 fn all_points_unchecked(path: &Path) -> boresight::Result<()> {

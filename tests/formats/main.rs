@@ -7,5 +7,6 @@
 mod common;
 mod damage;
 mod foreign;
+mod positions;
 mod round_trips;
 mod samples;

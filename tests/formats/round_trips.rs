@@ -30,8 +30,9 @@ fn logs_return_bit_by_bit() {
                 )
             })
             .collect();
-        write_prism(&path, &prism).unwrap();
-        assert_eq!(read_prism(&path).unwrap(), prism);
+        write_positions(&path, &prism).unwrap();
+        let read = read_positions(&path, &Observations::AsFound).unwrap();
+        assert_eq!(read.fixes, prism);
         let heading: Vec<_> = (0..50)
             .map(|i| {
                 HeadingFix::new(
@@ -126,32 +127,30 @@ fn logs_with_holes_in_them_are_errors_that_name_the_line() {
     let path = dir.path().join("prism.csv");
     let header = "time_s,east_m,north_m,up_m,sigma_m\n";
     for (rows, expected) in [
-        (
-            "1,2,3,4,0.005\n1,2,3,4,0.005\n",
-            "line 3: found time 1 s after 1 s",
-        ),
         ("1,2,3,NaN,0.005\n", "line 2: found `NaN` in column up_m"),
         ("nan,2,3,4,0.005\n", "line 2: found `nan` in column time_s"),
         ("1,2,3,4,-1\n", "line 2: found sigma_m = -1"),
-        ("", "found no prism position"),
+        ("", "found no position"),
     ] {
         std::fs::write(&path, format!("{header}{rows}")).unwrap();
-        let error = read_prism(&path).unwrap_err().to_string();
+        let error = read_positions(&path, &Observations::AsFound)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(expected), "{error}");
     }
-    let missing = read_prism(&dir.path().join("none.csv"))
+    let missing = read_positions(&dir.path().join("none.csv"), &Observations::AsFound)
         .unwrap_err()
         .to_string();
     assert!(missing.contains("none.csv"), "{missing}");
     std::fs::write(&path, "").unwrap();
     assert!(
-        read_prism(&path)
+        read_positions(&path, &Observations::AsFound)
             .unwrap_err()
             .to_string()
             .contains("an empty file")
     );
     assert!(
-        read_prism(dir.path())
+        read_positions(dir.path(), &Observations::AsFound)
             .unwrap_err()
             .to_string()
             .contains("a folder")

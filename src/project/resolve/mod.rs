@@ -1,11 +1,14 @@
 //! From the project as typed to the project as checked.
 
+mod estimate;
 mod motion;
+mod positions;
 mod scanners;
 mod settings;
 mod table;
 
 pub(super) use motion::{accel_bias_walk, accel_density, gyro_bias_walk, gyro_density};
+pub(super) use positions::arcsec_to_radians;
 
 use super::checked::{Project, Reference};
 use super::source::Source;
@@ -21,6 +24,7 @@ pub(super) fn resolve(source: &Source, written: &Written) -> Result<Project> {
         axes: written.frame.body.unwrap_or_default(),
         origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
         motion: motion::motion(source, written)?,
+        limits: motion::limits(source, written)?,
         scanners: scanners::scanners(source, &written.scanner)?,
         reference: written.reference.as_ref().map(|reference| Reference {
             path: source.absolute(&reference.file),

@@ -1,12 +1,12 @@
 //! The logs or the poses, and the noise of the IMU.
 
+use std::path::Path;
+
 use super::table::Table;
+use super::{estimate, positions};
 use crate::error::Result;
-use crate::geometry::Vec3;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
-use crate::project::settings::{
-    HeadingSettings, ImuNoise, Loss, Nodes, PositionKind, PositionSettings, TrajectorySettings,
-};
+use crate::project::settings::{HeadingSettings, ImuNoise, PoseLimits, TrajectorySettings};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
 
@@ -19,42 +19,83 @@ const BIAS_CORRELATION_S: f64 = 100.0;
 pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
     let given = [
         ("imu", written.imu.is_some()),
-        ("prism", written.prism.is_some()),
+        ("prism", !written.prism.is_empty()),
+        ("gnss", !written.gnss.is_empty()),
         ("heading", written.heading.is_some()),
     ];
-    if let Some(poses) = &written.trajectory {
+    let empty = written::Trajectory::default();
+    let trajectory = written.trajectory.as_ref().unwrap_or(&empty);
+    if let Some(file) = &trajectory.file {
         if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
             return Err(source.error(
                 &[Step::Key(name)],
-                format!("[{name}] beside [trajectory]"),
+                format!("[{name}] beside [trajectory] with a file"),
                 "either a trajectory or the logs to estimate it from, not both",
             ));
         }
-        return poses_file(source, poses).map(Motion::Poses);
+        return poses_file(source, file, trajectory).map(Motion::Poses);
     }
-    match (&written.imu, &written.prism) {
-        (Some(imu), Some(prism)) => {
-            let logs = logs(source, written, imu, prism)?;
+    let has_positions = !written.prism.is_empty() || !written.gnss.is_empty();
+    match &written.imu {
+        Some(imu) if has_positions => {
+            let logs = logs(source, written, imu, trajectory)?;
             Ok(Motion::Logs(Box::new(logs)))
         }
-        (imu, _) => {
-            let missing = if imu.is_none() { "imu" } else { "prism" };
+        imu => {
+            let missing = if imu.is_none() {
+                "[imu]"
+            } else {
+                "[prism] or [gnss]"
+            };
             Err(source.error(
                 &[],
-                format!("no [{missing}]"),
-                "[imu] and [prism], or [trajectory]",
+                format!("no {missing}"),
+                "[imu] and [prism] or [gnss], or [trajectory] with a file",
             ))
         }
     }
 }
 
-fn poses_file(source: &Source, poses: &written::Poses) -> Result<PosesFile> {
+/// Bounds above 0.
+pub(super) fn limits(source: &Source, written: &Written) -> Result<PoseLimits> {
     let table = Table::new(source, "trajectory");
+    let bound = |key, value: Option<f64>| value.map(|x| table.positive(key, x)).transpose();
+    let Some(trajectory) = &written.trajectory else {
+        return Ok(PoseLimits::default());
+    };
+    Ok(PoseLimits {
+        position_m: bound("max_sigma_position_m", trajectory.max_sigma_position_m)?,
+        rotation_rad: bound("max_sigma_rotation_deg", trajectory.max_sigma_rotation_deg)?
+            .map(f64::to_radians),
+    })
+}
+
+/// Refuses keys that mean nothing here.
+fn refuse(table: &Table<'_>, keys: &[(&str, bool)], why: &str, expected: &str) -> Result<()> {
+    match keys.iter().find(|(_, given)| *given) {
+        Some((key, _)) => Err(table.error(key, format!("{key} {why}"), expected)),
+        None => Ok(()),
+    }
+}
+
+fn poses_file(source: &Source, file: &Path, poses: &written::Trajectory) -> Result<PosesFile> {
+    let table = Table::new(source, "trajectory");
+    let estimation = [
+        ("nodes", poses.nodes.is_some()),
+        ("estimate", poses.estimate.is_some()),
+        ("zero_velocity", poses.zero_velocity.is_some()),
+    ];
+    refuse(
+        &table,
+        &estimation,
+        "beside a file of poses",
+        "it only where the trajectory is estimated from logs",
+    )?;
     let sigma = |key, value: Option<f64>| value.map(|x| table.positive(key, x)).transpose();
     let LogFile {
         path,
         time_offset_s,
-    } = table.log(&poses.file, poses.time_offset_s)?;
+    } = table.log(file, poses.time_offset_s)?;
     Ok(PosesFile {
         path,
         time_offset_s,
@@ -68,22 +109,41 @@ fn logs(
     source: &Source,
     all: &Written,
     imu: &written::Imu,
-    prism: &written::Prism,
+    trajectory: &written::Trajectory,
 ) -> Result<Logs> {
     let frame = Table::new(source, "frame");
-    let convergence = all.frame.grid_convergence_deg;
     let gravity_m_s2 = all.frame.gravity_m_s2.unwrap_or(9.81);
-    let prism_table = Table::new(source, "prism");
-    let heading_table = Table::new(source, "heading");
-    let heading = all.heading.clone().unwrap_or_default();
     let heading_log = all
         .heading
         .as_ref()
-        .map(|heading| heading_table.log(&heading.file, heading.time_offset_s))
+        .map(|heading| Table::new(source, "heading").log(&heading.file, heading.time_offset_s))
         .transpose()?;
+    let of_poses = [
+        ("time_offset_s", trajectory.time_offset_s.is_some()),
+        ("sigma_position_m", trajectory.sigma_position_m.is_some()),
+        (
+            "sigma_rotation_deg",
+            trajectory.sigma_rotation_deg.is_some(),
+        ),
+    ];
+    let table = Table::new(source, "trajectory");
+    refuse(
+        &table,
+        &of_poses,
+        "without a file of poses",
+        "`file` beside it; offsets and sigmas of logs are in their own tables",
+    )?;
+    let found = positions::positions(source, all)?;
+    let (positions, position_settings): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let estimate = estimate::constants(
+        &table,
+        trajectory.estimate.as_deref().unwrap_or_default(),
+        &position_settings,
+        heading_log.is_some(),
+    )?;
     Ok(Logs {
         imu: Table::new(source, "imu").log(&imu.file, imu.time_offset_s)?,
-        positions: vec![prism_table.log(&prism.file, prism.time_offset_s)?],
+        positions,
         heading: heading_log,
         settings: TrajectorySettings {
             axes: all.frame.body.unwrap_or_default(),
@@ -94,33 +154,31 @@ fn logs(
                 "the magnitude of gravity on Earth, 9.7 to 9.9",
             )?,
             imu: imu_noise(source, imu)?,
-            positions: vec![PositionSettings {
-                name: "prism".into(),
-                kind: PositionKind::Prism,
-                sigma_m: Vec3::repeat(
-                    prism_table.positive("sigma_m", prism.sigma_m.unwrap_or(0.005))?,
-                ),
-                lever_arm_m: prism_table.vector("lever_arm_m", prism.lever_arm_m)?,
-                station_m: None,
-                loss: Loss::default(),
-            }],
-            heading: HeadingSettings {
-                sigma_rad: heading_table
-                    .positive("sigma_deg", heading.sigma_deg.unwrap_or(0.7))?
-                    .to_radians(),
-                mounting_offset_rad: heading_table
-                    .finite("mounting_offset_deg", heading.mounting_offset_deg)?
-                    .to_radians(),
-                grid_convergence_rad: frame
-                    .finite("grid_convergence_deg", convergence)?
-                    .to_radians(),
-                pitch_sigma_rad: 0.7_f64.to_radians(),
-                loss: Loss::default(),
-            },
-            nodes: Nodes::default(),
-            estimate: Vec::new(),
-            zero_velocity: true,
+            positions: position_settings,
+            heading: heading(source, all)?,
+            nodes: trajectory.nodes.unwrap_or_default(),
+            estimate,
+            zero_velocity: trajectory.zero_velocity.unwrap_or(true),
         },
+    })
+}
+
+fn heading(source: &Source, all: &Written) -> Result<HeadingSettings> {
+    let table = Table::new(source, "heading");
+    let heading = all.heading.clone().unwrap_or_default();
+    let sigma_deg = table.positive("sigma_deg", heading.sigma_deg.unwrap_or(0.7))?;
+    let pitch_deg = heading.sigma_pitch_deg.unwrap_or(sigma_deg);
+    let convergence_deg = all.frame.grid_convergence_deg;
+    Ok(HeadingSettings {
+        sigma_rad: sigma_deg.to_radians(),
+        pitch_sigma_rad: table.positive("sigma_pitch_deg", pitch_deg)?.to_radians(),
+        mounting_offset_rad: table
+            .finite("mounting_offset_deg", heading.mounting_offset_deg)?
+            .to_radians(),
+        grid_convergence_rad: Table::new(source, "frame")
+            .finite("grid_convergence_deg", convergence_deg)?
+            .to_radians(),
+        loss: heading.loss.unwrap_or_default(),
     })
 }
 

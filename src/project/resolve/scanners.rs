@@ -86,14 +86,7 @@ fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
             index: Some(index),
             ..Table::new(source, array)
         };
-        let fit = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
-        if name.is_empty() || name.chars().count() > 64 || !name.chars().all(fit) {
-            return Err(table.error(
-                "name",
-                format!("the name {name:?}"),
-                "1 to 64 letters, digits, `-` or `_`, as it becomes part of file names",
-            ));
-        }
+        check_letters(&table, name, ", as it becomes part of file names")?;
         if lower[..index].contains(&lower[index]) {
             return Err(table.error(
                 "name",
@@ -110,6 +103,19 @@ fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Names are short and hold nothing that has a meaning elsewhere.
+pub(super) fn check_letters(table: &Table<'_>, name: &str, why: &str) -> Result<()> {
+    let fit = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+    if !name.is_empty() && name.chars().count() <= 64 && name.chars().all(fit) {
+        return Ok(());
+    }
+    Err(table.error(
+        "name",
+        format!("the name {name:?}"),
+        &format!("1 to 64 letters, digits, `-` or `_`{why}"),
+    ))
 }
 
 /// Largest deviation from length 1 that rounding to four digits explains.

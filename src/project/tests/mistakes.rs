@@ -1,4 +1,4 @@
-use super::{EXAMPLE, POSES, Project, folder, read, write};
+use super::{EXAMPLE, Motion, POSES, Project, SEVERAL, folder, read, write};
 
 /// The message for `text` without the folder, so that it starts `project.toml`.
 fn message(text: &str) -> String {
@@ -14,7 +14,7 @@ fn mistakes_are_named_with_line_and_remedy() {
         (
             "sigma_m = 0.005",
             "sigm_m = 0.005",
-            "line 16: found the unknown key `sigm_m`, expected `sigma_m` (or one of: file, ",
+            "line 16: found the unknown key `sigm_m`, expected `sigma_m` (or one of: name, file, ",
         ),
         (
             "[[scanner]]",
@@ -154,12 +154,12 @@ fn mistakes_are_named_with_line_and_remedy() {
         (
             "# [trajectory]                          # instead of the three above\n#",
             "[trajectory]\n",
-            "line 7: found [imu] beside [trajectory], expected either a trajectory or the logs",
+            "line 7: found [imu] beside [trajectory] with a file, expected either a trajectory or the logs",
         ),
         (
             "[prism]\nfile = \"prism.csv\"\nsigma_m = 0.005\nlever_arm_m = [0.10, 0.05, -0.55]",
             "",
-            ": found no [prism], expected [imu] and [prism], or [trajectory]",
+            ": found no [prism] or [gnss], expected [imu] and [prism] or [gnss], or [trajectory] with a file",
         ),
     ];
     for (old, new, expected) in cases {
@@ -170,6 +170,175 @@ fn mistakes_are_named_with_line_and_remedy() {
             "{new}: {message}\n  should hold: {expected}"
         );
     }
+}
+
+#[test]
+fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
+    let instrument = "station_m = [363010.5, 5600020.25, 61.5]\n";
+    let cases = [
+        (
+            "name = \"rear\"",
+            "",
+            "line 24: found one of 2 [[prism]] without a name, expected `name`",
+        ),
+        (
+            "name = \"rear\"",
+            "name = \"FRONT\"",
+            "line 23: found the name \"FRONT\", which something else has",
+        ),
+        (
+            "name = \"rear\"",
+            "name = \"gnss\"",
+            "line 32: found the name \"gnss\", which something else",
+        ),
+        (
+            "name = \"rear\"",
+            "name = \"heading\"",
+            "line 23: found the name \"heading\", which",
+        ),
+        (
+            "name = \"rear\"",
+            "name = \"a.b\"",
+            "line 23: found the name \"a.b\", expected 1 to 64 letters, digits, `-` or `_`",
+        ),
+        (
+            "[0.004, 0.004, 0.006]",
+            "[0.004, 0.004, 0]",
+            "line 29: found sigma_m = 0, expected a number above 0",
+        ),
+        (
+            "[0.004, 0.004, 0.006]",
+            "[0.004, 0.004]",
+            "line 29: found 2, expected a list of 3 numbers",
+        ),
+        (
+            "sigma_m = 0.003",
+            "sigma_m = [0.003, 0.003, 0.004]",
+            "line 16: found three values of sigma_m, expected one",
+        ),
+        (
+            instrument,
+            "",
+            "line 12: found station_orientation_deg without station_m",
+        ),
+        (
+            "station_orientation_deg = 337.205145\n",
+            "",
+            "line 13: found vertical_angle without station_orientation_deg",
+        ),
+        (
+            "\"cartesian\"",
+            "\"polar\"",
+            "line 28: found polar observations without station_orientation_deg",
+        ),
+        (
+            "\"elevation\"",
+            "\"horizon\"",
+            "line 14: found the unknown value `horizon`, expected `elevation`",
+        ),
+        (
+            "sigma_angle_arcsec = 0.5",
+            "sigma_angle_mgon = 0.15",
+            "line 19: found the unknown key `sigma_angle_mgon`, expected `sigma_angle_arcsec`",
+        ),
+        (
+            "loss = \"huber\"",
+            "loss = \"hubert\"",
+            "line 20: found the unknown value `hubert`, expected `huber`",
+        ),
+        (
+            "loss = \"huber\"",
+            "observations = \"cartesian\"",
+            "line 13: found station_orientation_deg beside observations = \"cartesian\"",
+        ),
+        (
+            "\"gnss.lever_arm\"",
+            "\"gnss.leverarm\"",
+            "line 46: found the unknown constant `gnss.leverarm`, expected `gnss.lever_arm` (constants: front.time_offset, front.lever_arm, front.incidence_bias, rear.time_offset, ",
+        ),
+        (
+            "\"gnss.lever_arm\"",
+            "\"gnss.incidence_bias\"",
+            "line 46: found the unknown constant `gnss.incidence_bias`",
+        ),
+        (
+            "\"gnss.lever_arm\"",
+            "\"frame.gravity\"",
+            "line 46: found `frame.gravity` a second time",
+        ),
+        ("station_m = [363000.0, 5600000.0, 61.0]\n", "", ""),
+        (
+            "max_sigma_position_m = 0.02",
+            "max_sigma_position_m = 0",
+            "line 48: found max_sigma_position_m = 0, expected a number above 0",
+        ),
+        (
+            "nodes = \"imu\"",
+            "sigma_position_m = 1",
+            "line 44: found sigma_position_m without a file of poses, expected `file` beside it",
+        ),
+        (
+            "[gnss]",
+            "[gnsss]",
+            "line 32: found the unknown key `gnsss`, expected `gnss`",
+        ),
+        (
+            "[gnss]\n",
+            "[gnss]\nstation_m = [1, 2, 3]\n",
+            "line 33: found the unknown key `station_m`",
+        ),
+    ];
+    for (old, new, expected) in cases {
+        assert_eq!(SEVERAL.matches(old).count(), 1, "{old}");
+        let text = SEVERAL.replacen(old, new, 1);
+        if expected.is_empty() {
+            read(&text).unwrap();
+            continue;
+        }
+        let message = message(&text);
+        assert!(
+            message.contains(expected),
+            "{new}: {message}\n  should hold: {expected}"
+        );
+    }
+    let bias = SEVERAL
+        .replace("front.incidence_bias", "rear.incidence_bias")
+        .replace("station_m = [363000.0, 5600000.0, 61.0]\n", "");
+    let message_of_bias = message(&bias);
+    assert!(
+        message_of_bias.contains(
+            "line 45: found `rear.incidence_bias` without a line of sight, expected station_m of `rear`"
+        ),
+        "{message_of_bias}"
+    );
+    let offset = "[trajectory]\nestimate = [\"heading.time_offset\"]\n";
+    let no_heading = super::UNUSUAL.replacen("[[scanner]]", &format!("{offset}[[scanner]]"), 1);
+    let no_heading = message(&no_heading);
+    assert!(
+        no_heading.contains("found `heading.time_offset` and no [heading]"),
+        "{no_heading}"
+    );
+    let nodes = message(&format!("{POSES}nodes = \"prism\"\n"));
+    assert!(
+        nodes.contains("line 6: found nodes beside a file of poses"),
+        "{nodes}"
+    );
+}
+
+/// `[[prism]]` for one is as good as `[prism]`, to the line of a mistake.
+#[test]
+fn an_array_of_one_is_one() {
+    let array = EXAMPLE.replace("[prism]\n", "[[prism]]\n");
+    let settings = |text: &str| match read(text).unwrap().motion {
+        Motion::Logs(logs) => logs.settings,
+        Motion::Poses(_) => panic!("logs"),
+    };
+    assert_eq!(settings(&array), settings(EXAMPLE));
+    let bad = message(&array.replace("sigma_m = 0.005", "sigma_m = 0"));
+    assert!(
+        bad.contains("line 16: found sigma_m = 0, expected"),
+        "{bad}"
+    );
 }
 
 #[test]

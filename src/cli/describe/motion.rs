@@ -1,0 +1,176 @@
+//! Logs, poses and the bounds on their sigmas, in words.
+
+use super::{Lines, degrees, millimetres, short, vector};
+use crate::project::{
+    Logs, Loss, Nodes, PoseLimits, PosesFile, PositionKind, PositionLog, PositionSettings,
+};
+use crate::sensor::{Observations, TotalStation, VerticalAngle};
+
+pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
+    let settings = &logs.settings;
+    let noise = &settings.imu;
+    lines.value("gravity", format!("{} m/s²", short(settings.gravity_m_s2)));
+    lines.section("imu");
+    lines.log(&logs.imu.path, logs.imu.time_offset_s);
+    let per_root_hour = noise.gyro_density.to_degrees() * 60.0;
+    lines.value(
+        "gyro noise",
+        format!(
+            "{} °/√h = {:.3e} rad/s/√Hz",
+            short(per_root_hour),
+            noise.gyro_density
+        ),
+    );
+    lines.value(
+        "accelerometer noise",
+        format!("{:.3e} m/s²/√Hz", noise.accel_density),
+    );
+    lines.value(
+        "gyro bias walk",
+        format!("{:.3e} rad/s/√s", noise.gyro_bias_walk),
+    );
+    lines.value(
+        "accelerometer bias walk",
+        format!("{:.3e} m/s²/√s", noise.accel_bias_walk),
+    );
+    for (log, position) in logs.positions.iter().zip(&settings.positions) {
+        position_of(lines, log, position);
+    }
+    if let Some(log) = &logs.heading {
+        let heading = &settings.heading;
+        lines.section("heading");
+        lines.log(&log.path, log.time_offset_s);
+        lines.value("sigma", degrees(heading.sigma_rad));
+        lines.value("sigma of the pitch", degrees(heading.pitch_sigma_rad));
+        lines.value("mounting offset", degrees(heading.mounting_offset_rad));
+        lines.value("grid convergence", degrees(heading.grid_convergence_rad));
+        lines.value("large residuals count", loss(heading.loss));
+    }
+    lines.section("trajectory");
+    let nodes = match settings.nodes {
+        Nodes::Prism => "at positions, and at least one a second",
+        Nodes::Imu => "at every IMU sample",
+    };
+    lines.value("nodes", nodes);
+    let constants: Vec<String> = settings
+        .estimate
+        .iter()
+        .map(|constant| constant.name(&settings.positions))
+        .collect();
+    let constants = match constants.is_empty() {
+        true => "nothing".to_owned(),
+        false => constants.join(", "),
+    };
+    lines.value("estimated beside it", constants);
+    let rest = match settings.zero_velocity {
+        true => "velocity held at zero",
+        false => "not used",
+    };
+    lines.value("rest", rest);
+}
+
+fn position_of(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings) {
+    let kind = match settings.kind {
+        PositionKind::Prism => "prism",
+        PositionKind::Gnss => "gnss",
+    };
+    lines.section(&match settings.name == kind {
+        true => kind.to_owned(),
+        false => format!("{kind} {}", settings.name),
+    });
+    lines.log(&log.path, log.time_offset_s);
+    if let Observations::Polar(station) = &log.observations {
+        polar_of(lines, station);
+    } else {
+        let s = &settings.sigma_m;
+        let sigma = match s.x == s.y && s.y == s.z {
+            true => millimetres(s.x),
+            false => format!("{} mm (east, north, up)", vector(&(s * 1e3))),
+        };
+        lines.value("sigma", format!("{sigma} where the log has none"));
+        if log.observations == Observations::Cartesian && settings.kind == PositionKind::Prism {
+            lines.value("observations", "coordinates");
+        }
+        if let Some(station) = &settings.station_m {
+            lines.value("station", format!("{} m", vector(station)));
+        }
+    }
+    let lever_arm = vector(&settings.lever_arm_m);
+    lines.value("lever arm in the body", format!("{lever_arm} m"));
+    lines.value("large residuals count", loss(settings.loss));
+}
+
+fn polar_of(lines: &mut Lines, station: &TotalStation) {
+    lines.value(
+        "observations",
+        "slope distance, horizontal and vertical angle",
+    );
+    lines.value("station", format!("{} m", vector(&station.station_m)));
+    lines.value(
+        "horizontal zero",
+        format!(
+            "{} clockwise from grid north",
+            degrees(station.orientation_rad)
+        ),
+    );
+    let vertical = match station.vertical {
+        VerticalAngle::Zenith => "from the zenith",
+        VerticalAngle::Elevation => "from the horizon, upwards",
+    };
+    lines.value("vertical angles", vertical);
+    lines.value(
+        "reflector constant",
+        millimetres(station.reflector_constant_m),
+    );
+    lines.value(
+        "sigma of distances",
+        format!(
+            "{} + {} ppm",
+            millimetres(station.sigma_distance_m),
+            short(station.sigma_distance_ppm)
+        ),
+    );
+    let arcsec = station.sigma_angle_rad.to_degrees() * 3600.0;
+    lines.value("sigma of angles", format!("{}″", short(arcsec)));
+    lines.value("sigma of tracking", millimetres(station.sigma_prism_m));
+}
+
+fn loss(loss: Loss) -> &'static str {
+    match loss {
+        Loss::None => "their square (least squares)",
+        Loss::Huber => "their distance (Huber)",
+        Loss::Cauchy => "the logarithm of their square (Cauchy)",
+        Loss::Truncated => "nothing beyond a limit (truncated)",
+    }
+}
+
+pub(super) fn limits_of(lines: &mut Lines, limits: &PoseLimits) {
+    let bounds = [
+        ("largest position sigma", limits.position_m.map(millimetres)),
+        ("largest rotation sigma", limits.rotation_rad.map(degrees)),
+    ];
+    for (name, bound) in bounds {
+        if let Some(bound) = bound {
+            lines.value(name, format!("{bound}: else points are not placed"));
+        }
+    }
+}
+
+pub(super) fn poses_of(lines: &mut Lines, poses: &PosesFile) {
+    lines.section("trajectory");
+    lines.file("file", &poses.path);
+    lines.offset(poses.time_offset_s);
+    let else_unknown = |sigma: Option<String>| {
+        sigma.map_or("as the file says".to_owned(), |sigma| {
+            format!("{sigma} where the file has none")
+        })
+    };
+    lines.value(
+        "sigma of positions",
+        else_unknown(poses.sigma_position_m.map(millimetres)),
+    );
+    lines.value(
+        "sigma of rotations",
+        else_unknown(poses.sigma_rotation_rad.map(degrees)),
+    );
+}

@@ -1,0 +1,106 @@
+//! Times and ranges of a stream, gathered as it is read.
+
+use super::{Bounds, Gap, Inspection};
+
+/// Gaps remembered.
+const MOST_GAPS: usize = 10;
+/// Intervals that the median is taken from.
+const MOST_INTERVALS: usize = 1_000_000;
+
+/// Gathers the times of a stream.
+#[derive(Default)]
+pub(super) struct Clock {
+    span: Option<[f64; 2]>,
+    last: Option<f64>,
+    epochs: u64,
+    intervals: Vec<f64>,
+    longest: Vec<Gap>,
+    backwards: u64,
+    /// Rows with the time of the row before.
+    pub(super) repeated: u64,
+}
+
+impl Clock {
+    pub(super) fn see(&mut self, time_s: f64) {
+        let span = self.span.get_or_insert([time_s; 2]);
+        *span = [span[0].min(time_s), span[1].max(time_s)];
+        let Some(last) = self.last.replace(time_s) else {
+            self.epochs = 1;
+            return;
+        };
+        if time_s < last {
+            self.backwards += 1;
+        } else if time_s == last {
+            self.repeated += 1;
+        } else if time_s > last {
+            self.epochs += 1;
+            let duration_s = time_s - last;
+            if self.intervals.len() < MOST_INTERVALS {
+                self.intervals.push(duration_s);
+            }
+            let place = self.longest.partition_point(|g| g.duration_s >= duration_s);
+            if place < MOST_GAPS {
+                let gap = Gap {
+                    start_s: last,
+                    duration_s,
+                };
+                self.longest.insert(place, gap);
+                self.longest.truncate(MOST_GAPS);
+            }
+        }
+    }
+
+    pub(super) fn report(mut self, into: &mut Inspection) {
+        into.span_s = self.span;
+        if self.backwards > 0 {
+            into.notes.push(format!(
+                "the time goes backwards {} times: the rows are not in time order",
+                self.backwards
+            ));
+            return;
+        }
+        into.epochs = self.span.map(|_| self.epochs);
+        if self.intervals.is_empty() {
+            return;
+        }
+        let middle = self.intervals.len() / 2;
+        let median = *self
+            .intervals
+            .select_nth_unstable_by(middle, f64::total_cmp)
+            .1;
+        into.rate_hz = Some(1.0 / median);
+        into.gaps = self.longest;
+        into.gaps.retain(|gap| gap.duration_s > 5.0 * median);
+    }
+}
+
+/// Gathers the ranges of named columns.
+pub(super) struct Ranges(Vec<Bounds>);
+
+impl Ranges {
+    pub(super) fn of(names: &[&str]) -> Self {
+        let bounds = |name: &&str| Bounds {
+            column: (*name).to_owned(),
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+        };
+        Self(names.iter().map(bounds).collect())
+    }
+
+    pub(super) fn see(&mut self, values: impl IntoIterator<Item = f64>) {
+        for (bounds, value) in self.0.iter_mut().zip(values) {
+            // Both are false for NaN, which stands for an empty cell.
+            if value < bounds.min {
+                bounds.min = value;
+            }
+            if value > bounds.max {
+                bounds.max = value;
+            }
+        }
+    }
+
+    pub(super) fn report(self, into: &mut Inspection) {
+        into.bounds = self.0;
+        into.bounds.retain(|b| b.min <= b.max);
+    }
+}

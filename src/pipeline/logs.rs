@@ -1,0 +1,193 @@
+//! The logs of a drive as the trajectory stage takes them.
+
+use crate::error::Result;
+use crate::format;
+use crate::progress::Progress;
+use crate::project::{LogFile, Logs, PositionLog, Project, TrajectorySettings};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, RejectedRow};
+use crate::trajectory::MotionLogs;
+
+/// Rejected rows of one log that are told one by one; all of them are in the results.
+const ROWS_TOLD: usize = 20;
+
+/// What the logs of a project hold: common time, the project's origin subtracted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DriveLogs {
+    /// Rates and specific forces, in the order of the file.
+    pub imu: Vec<ImuSample>,
+    /// Positions, one stream for each of the settings' positions.
+    pub positions: Vec<Vec<PositionFix>>,
+    /// Headings; empty where there is no log of them.
+    pub heading: Vec<HeadingFix>,
+    /// Those of the project, with stations moved by the origin as the positions are.
+    pub settings: TrajectorySettings,
+    /// Rows that hold no measurement.
+    pub rejected: Vec<RejectedRow>,
+}
+
+impl DriveLogs {
+    /// Reads the logs of `project`, and tells of rows that hold no measurement.
+    ///
+    /// # Errors
+    /// What the readers find.
+    pub fn read(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Self> {
+        let mut imu = format::read_imu(&logs.imu.path)?;
+        imu.iter_mut()
+            .for_each(|sample| sample.time_s += logs.imu.time_offset_s);
+        let mut settings = logs.settings.clone();
+        let mut positions = Vec::with_capacity(logs.positions.len());
+        let mut rejected = Vec::new();
+        for (log, settings) in logs.positions.iter().zip(&mut settings.positions) {
+            let PositionLog {
+                path,
+                time_offset_s,
+                observations,
+            } = log;
+            let format::Positions {
+                mut fixes,
+                rejected: rows,
+            } = format::read_positions(path, observations)?;
+            for fix in &mut fixes {
+                fix.time_s += time_offset_s;
+                fix.position_m -= project.origin_m;
+            }
+            if let Some(station) = &mut settings.station_m {
+                *station -= project.origin_m;
+            }
+            tell_rejected(&settings.name, &rows, fixes.len() + rows.len(), progress);
+            rejected.extend(rows);
+            positions.push(fixes);
+        }
+        let mut heading = Vec::new();
+        if let Some(LogFile {
+            path,
+            time_offset_s,
+        }) = &logs.heading
+        {
+            heading = format::read_heading(path)?;
+            heading
+                .iter_mut()
+                .for_each(|fix| fix.time_s += time_offset_s);
+        }
+        Ok(Self {
+            imu,
+            positions,
+            heading,
+            settings,
+            rejected,
+        })
+    }
+
+    /// All streams.
+    pub fn motion(&self) -> MotionLogs<'_> {
+        MotionLogs {
+            imu: &self.imu,
+            positions: &self.positions,
+            heading: &self.heading,
+        }
+    }
+}
+
+fn tell_rejected(name: &str, rows: &[RejectedRow], all: usize, progress: &dyn Progress) {
+    for row in rows.iter().take(ROWS_TOLD) {
+        progress.say(&format!("{name}: rejected {row}"));
+    }
+    if rows.len() > ROWS_TOLD {
+        let more = rows.len() - ROWS_TOLD;
+        progress.say(&format!("{name}: rejected {more} more rows"));
+    }
+    if !rows.is_empty() {
+        progress.warn(&format!(
+            "{} of {all} rows of `{name}` hold no measurement and were rejected",
+            rows.len()
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vec3;
+    use crate::project::Motion;
+    use std::sync::Mutex;
+
+    #[derive(Default)]
+    struct Heard(Mutex<Vec<String>>);
+
+    impl Progress for Heard {
+        fn begin(&self, _stage: &str, _total: u64) {}
+        fn advance(&self, _units: u64) {}
+        fn end(&self) {}
+        fn say(&self, message: &str) {
+            self.0.lock().unwrap().push(message.to_owned());
+        }
+        fn warn(&self, message: &str) {
+            self.say(&format!("warning: {message}"));
+        }
+    }
+
+    #[test]
+    fn all_streams_come_on_the_common_clock_and_about_the_origin() {
+        let folder = tempfile::tempdir().unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write(
+            "project.toml",
+            "[frame]\norigin_m = [363000.0, 5600000.0, 60.0]\n\
+             [imu]\nfile = \"imu.csv\"\ntime_offset_s = 1\n\
+             [prism]\nfile = \"polar.csv\"\nlever_arm_m = [0, 0, 0]\ntime_offset_s = 2\n\
+             station_m = [363010.0, 5600020.0, 61.0]\nstation_orientation_deg = 90\n\
+             [gnss]\nfile = \"gnss.csv\"\nlever_arm_m = [0, 0, 0]\ntime_offset_s = 3\n\
+             [heading]\nfile = \"heading.csv\"\ntime_offset_s = 4\n",
+        );
+        let columns =
+            "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2";
+        write(
+            "imu.csv",
+            &format!("time_s,{columns}\n10,0,0,0,0,0,-9.81\n"),
+        );
+        let lost = "9,0,0,0\n".repeat(25);
+        let polar = "time_s,slope_distance_m,horizontal_deg,vertical_deg\n10,5,0,90\n";
+        write("polar.csv", &format!("{polar}{lost}"));
+        write(
+            "gnss.csv",
+            "time_s,east_m,north_m,up_m\n10,363001,5600002,63\n",
+        );
+        write("heading.csv", "time_s,heading_deg,pitch_deg\n10,90,1\n");
+        let project = Project::read(&folder.path().join("project.toml")).unwrap();
+        let Motion::Logs(logs) = &project.motion else {
+            panic!("logs");
+        };
+        let heard = Heard::default();
+        let read = DriveLogs::read(&project, logs, &heard).unwrap();
+        let motion = read.motion();
+        assert_eq!(motion.imu[0].time_s, 11.0);
+        assert_eq!(motion.heading[0].time_s, 14.0);
+        assert!(motion.heading[0].pitch_rad.is_some());
+        // 5 m to the east of the station; the coordinates are exact to a nanometre at 5600 km.
+        let prism = &motion.positions[0][0];
+        assert_eq!(prism.time_s, 12.0);
+        assert!((prism.position_m - Vec3::new(15.0, 20.0, 1.0)).norm() < 2e-9);
+        let station_m = read.settings.positions[0].station_m.unwrap();
+        assert_eq!(station_m, Vec3::new(10.0, 20.0, 1.0));
+        let antenna = &motion.positions[1][0];
+        assert_eq!((antenna.time_s, antenna.covariance_m2), (13.0, None));
+        assert_eq!(antenna.position_m, Vec3::new(1.0, 2.0, 3.0));
+        // All rows are kept, the first of them told.
+        assert_eq!(read.rejected.len(), 25);
+        assert_eq!((read.rejected[0].line, read.rejected[0].time_s), (3, 9.0));
+        let heard = heard.0.into_inner().unwrap();
+        assert_eq!(heard.len(), 22);
+        assert!(
+            heard[19].ends_with("polar.csv, line 22, 9 s: zero range"),
+            "{}",
+            heard[19]
+        );
+        assert_eq!(heard[20], "prism: rejected 5 more rows");
+        assert!(
+            heard[21].starts_with("warning: 25 of 26 rows of `prism` hold"),
+            "{}",
+            heard[21]
+        );
+    }
+}

@@ -1,0 +1,77 @@
+//! What is estimated beside the trajectory.
+
+use super::table::Table;
+use crate::error::Result;
+use crate::project::settings::{Constant, PositionKind, PositionSettings};
+use crate::project::source::nearest;
+
+/// The constants that `estimate` names, in its order, each once.
+pub(super) fn constants(
+    table: &Table<'_>,
+    names: &[String],
+    positions: &[PositionSettings],
+    has_heading: bool,
+) -> Result<Vec<Constant>> {
+    let all = every(positions);
+    let known: Vec<String> = all.iter().map(|c| c.name(positions)).collect();
+    let mut found = Vec::new();
+    for name in names {
+        let error = |found: String, expected: &str| table.error("estimate", found, expected);
+        let Some(index) = known.iter().position(|known| known == name) else {
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            let near = nearest(name, &known).unwrap_or_default();
+            return Err(error(
+                format!("the unknown constant `{name}`"),
+                &format!("`{near}` (constants: {})", known.join(", ")),
+            ));
+        };
+        let constant = all[index];
+        if found.contains(&constant) {
+            return Err(error(
+                format!("`{name}` a second time"),
+                "each constant once",
+            ));
+        }
+        let of_heading = matches!(
+            constant,
+            Constant::HeadingOffset | Constant::HeadingTimeOffset
+        );
+        if of_heading && !has_heading {
+            return Err(error(
+                format!("`{name}` and no [heading]"),
+                "a log of headings",
+            ));
+        }
+        if let Constant::IncidenceBias(index) = constant
+            && positions[index].station_m.is_none()
+        {
+            return Err(error(
+                format!("`{name}` without a line of sight"),
+                &format!(
+                    "station_m of `{}`: where its total station stands",
+                    positions[index].name
+                ),
+            ));
+        }
+        found.push(constant);
+    }
+    Ok(found)
+}
+
+/// Every constant of a project with these position sensors.
+fn every(positions: &[PositionSettings]) -> Vec<Constant> {
+    let mut all = Vec::new();
+    for (index, settings) in positions.iter().enumerate() {
+        all.extend([Constant::TimeOffset(index), Constant::LeverArm(index)]);
+        if settings.kind == PositionKind::Prism {
+            all.push(Constant::IncidenceBias(index));
+        }
+    }
+    all.extend([
+        Constant::HeadingOffset,
+        Constant::HeadingTimeOffset,
+        Constant::Gravity,
+        Constant::ImuNoiseScale,
+    ]);
+    all
+}

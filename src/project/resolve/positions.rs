@@ -1,0 +1,239 @@
+//! Prisms and GNSS antennas.
+
+use super::scanners::check_letters;
+use super::table::Table;
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::project::checked::{LogFile, PositionLog};
+use crate::project::settings::{PositionKind, PositionSettings};
+use crate::project::shapes::Numbers;
+use crate::project::source::Source;
+use crate::project::written::{self, ObservationKind, Written};
+use crate::sensor::{Observations, TotalStation};
+
+/// What the constants of other sensors are called: `heading.time_offset`.
+const TAKEN: [&str; 4] = ["frame", "heading", "imu", "trajectory"];
+/// A prism that moves, metres.
+const PRISM_SIGMA_M: f64 = 0.005;
+/// RTK: east, north, up, metres.
+const GNSS_SIGMA_M: [f64; 3] = [0.02, 0.02, 0.04];
+
+/// Radians of an angle in seconds of arc.
+pub(in crate::project) fn arcsec_to_radians(arcsec: f64) -> f64 {
+    (arcsec / 3600.0).to_radians()
+}
+
+/// All prisms, then all antennas, in the order of the file, with names of their own.
+pub(super) fn positions(
+    source: &Source,
+    written: &Written,
+) -> Result<Vec<(PositionLog, PositionSettings)>> {
+    let (prisms, antennas) = (&written.prism.0, &written.gnss.0);
+    let mut found = Vec::new();
+    for (index, one) in prisms.iter().enumerate() {
+        let table = table_of(source, "prism", index, prisms.len());
+        found.push(prism(
+            &table,
+            one,
+            name(&table, one.name.as_deref(), prisms.len(), &found)?,
+        )?);
+    }
+    for (index, one) in antennas.iter().enumerate() {
+        let table = table_of(source, "gnss", index, antennas.len());
+        found.push(gnss(
+            &table,
+            one,
+            name(&table, one.name.as_deref(), antennas.len(), &found)?,
+        )?);
+    }
+    Ok(found)
+}
+
+fn table_of<'a>(source: &'a Source, name: &'a str, index: usize, count: usize) -> Table<'a> {
+    Table {
+        index: (count > 1).then_some(index),
+        ..Table::new(source, name)
+    }
+}
+
+/// The name as given, or that of the table where it is the only one.
+fn name(
+    table: &Table<'_>,
+    given: Option<&str>,
+    count: usize,
+    others: &[(PositionLog, PositionSettings)],
+) -> Result<String> {
+    let name = match given {
+        Some(name) => name,
+        None if count == 1 => table.name,
+        None => {
+            return Err(table.error(
+                "file",
+                format!("one of {count} [[{}]] without a name", table.name),
+                "`name`, to tell them apart",
+            ));
+        }
+    };
+    check_letters(table, name, "")?;
+    let is_other = |other: &str| other.eq_ignore_ascii_case(name);
+    if others.iter().any(|(_, other)| is_other(&other.name)) || TAKEN.iter().any(|t| is_other(t)) {
+        return Err(table.error(
+            "name",
+            format!("the name {name:?}, which something else has"),
+            "a name of its own for each",
+        ));
+    }
+    Ok(name.to_owned())
+}
+
+/// Standard deviations above 0.
+fn sigmas(table: &Table<'_>, given: Option<Numbers>, default: [f64; 3]) -> Result<Vec3> {
+    let Numbers(values) = given.unwrap_or(Numbers(default));
+    for value in values {
+        table.positive("sigma_m", value)?;
+    }
+    Ok(values.into())
+}
+
+fn gnss(
+    table: &Table<'_>,
+    gnss: &written::Gnss,
+    name: String,
+) -> Result<(PositionLog, PositionSettings)> {
+    let LogFile {
+        path,
+        time_offset_s,
+    } = table.log(&gnss.file, gnss.time_offset_s)?;
+    let log = PositionLog {
+        path,
+        time_offset_s,
+        observations: Observations::Cartesian,
+    };
+    let settings = PositionSettings {
+        name,
+        kind: PositionKind::Gnss,
+        sigma_m: sigmas(table, gnss.sigma_m, GNSS_SIGMA_M)?,
+        lever_arm_m: table.vector("lever_arm_m", gnss.lever_arm_m)?,
+        station_m: None,
+        loss: gnss.loss.unwrap_or_default(),
+    };
+    Ok((log, settings))
+}
+
+fn prism(
+    table: &Table<'_>,
+    prism: &written::Prism,
+    name: String,
+) -> Result<(PositionLog, PositionSettings)> {
+    let LogFile {
+        path,
+        time_offset_s,
+    } = table.log(&prism.file, prism.time_offset_s)?;
+    let station_m = prism
+        .station_m
+        .map(|station| table.vector("station_m", station))
+        .transpose()?;
+    let observations = observations(table, prism, station_m)?;
+    let sigma_m = match &observations {
+        // Every fix comes with its covariance; this is about what it is nearby.
+        Observations::Polar(station) => {
+            Vec3::repeat(station.sigma_prism_m.hypot(station.sigma_distance_m))
+        }
+        _ => sigmas(table, prism.sigma_m, [PRISM_SIGMA_M; 3])?,
+    };
+    let log = PositionLog {
+        path,
+        time_offset_s,
+        observations,
+    };
+    let settings = PositionSettings {
+        name,
+        kind: PositionKind::Prism,
+        sigma_m,
+        lever_arm_m: table.vector("lever_arm_m", prism.lever_arm_m)?,
+        station_m,
+        loss: prism.loss.unwrap_or_default(),
+    };
+    Ok((log, settings))
+}
+
+/// Polar where the orientation of the instrument is given.
+fn observations(
+    table: &Table<'_>,
+    prism: &written::Prism,
+    station_m: Option<Vec3>,
+) -> Result<Observations> {
+    let noise = [
+        ("sigma_distance_m", prism.sigma_distance_m),
+        ("sigma_distance_ppm", prism.sigma_distance_ppm),
+        ("sigma_angle_arcsec", prism.sigma_angle_arcsec),
+    ];
+    let Some(orientation_deg) = prism.station_orientation_deg else {
+        if prism.observations == Some(ObservationKind::Polar) {
+            return Err(table.error(
+                "observations",
+                "polar observations without station_orientation_deg",
+                "station_m and station_orientation_deg",
+            ));
+        }
+        let vertical = ("vertical_angle", prism.vertical_angle.is_some());
+        let constant = ("reflector_constant_m", prism.reflector_constant_m.is_some());
+        let noise = noise.map(|(key, value)| (key, value.is_some()));
+        let polar = [vertical, constant].into_iter().chain(noise);
+        if let Some((key, _)) = polar.into_iter().find(|(_, given)| *given) {
+            return Err(table.error(
+                key,
+                format!("{key} without station_orientation_deg"),
+                "station_m and station_orientation_deg where the log is polar",
+            ));
+        }
+        return Ok(match prism.observations {
+            Some(_) => Observations::Cartesian,
+            None => Observations::AsFound,
+        });
+    };
+    if prism.observations == Some(ObservationKind::Cartesian) {
+        return Err(table.error(
+            "station_orientation_deg",
+            "station_orientation_deg beside observations = \"cartesian\"",
+            "one of the two: coordinates are taken as they are",
+        ));
+    }
+    let Some(station_m) = station_m else {
+        return Err(table.error(
+            "station_orientation_deg",
+            "station_orientation_deg without station_m",
+            "both: where the instrument stands and where its zero points",
+        ));
+    };
+    // Who states the instrument's noise and nothing else wants just that.
+    let stated = noise.iter().any(|(_, value)| value.is_some());
+    let default = if stated { 0.0 } else { PRISM_SIGMA_M };
+    let Numbers([sigma_prism_m, y, z]) = prism.sigma_m.unwrap_or(Numbers([default; 3]));
+    if sigma_prism_m != y || y != z {
+        return Err(table.error(
+            "sigma_m",
+            "three values of sigma_m",
+            "one, as polar observations give the rest of the covariance",
+        ));
+    }
+    let noise_of = |(key, value): (&str, Option<f64>), default| {
+        table.not_negative(key, value.unwrap_or(default))
+    };
+    Ok(Observations::Polar(TotalStation {
+        station_m,
+        orientation_rad: table
+            .finite("station_orientation_deg", Some(orientation_deg))?
+            .to_radians(),
+        vertical: prism.vertical_angle.unwrap_or_default(),
+        reflector_constant_m: table.finite("reflector_constant_m", prism.reflector_constant_m)?,
+        sigma_distance_m: table
+            .positive("sigma_distance_m", prism.sigma_distance_m.unwrap_or(0.001))?,
+        sigma_distance_ppm: noise_of(noise[1], 1.0)?,
+        sigma_angle_rad: arcsec_to_radians(table.positive(
+            "sigma_angle_arcsec",
+            prism.sigma_angle_arcsec.unwrap_or(1.0),
+        )?),
+        sigma_prism_m: table.not_negative("sigma_m", sigma_prism_m)?,
+    }))
+}
