@@ -1,5 +1,7 @@
 //! What each sensor measured: plain records in time order, and the checks every stream must pass.
 
+pub mod allan;
+
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, Vec3};
 
