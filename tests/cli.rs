@@ -234,3 +234,114 @@ fn inspect_names_a_file_that_nothing_reads() {
         assert!(run.err.contains(path.to_str().unwrap()), "{}", run.err);
     }
 }
+
+/// An IMU log at rest: 100 Hz, white noise of 4.4e-5 rad/s/√Hz and 5.6e-4 m/s²/√Hz on every axis.
+fn static_log(path: &Path, seconds: usize) {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::{Distribution, Normal};
+    use std::fmt::Write;
+
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let gyro = Normal::new(1e-3, 4.4e-4).unwrap();
+    let accel = Normal::new(0.0, 5.6e-3).unwrap();
+    let mut log =
+        "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n"
+            .to_owned();
+    for k in 0..seconds * 100 {
+        let w: [f64; 3] = std::array::from_fn(|_| gyro.sample(&mut random));
+        let a: [f64; 3] = std::array::from_fn(|_| accel.sample(&mut random));
+        let time = k as f64 / 100.0;
+        let up = a[2] + 9.81;
+        let _ = writeln!(
+            log,
+            "{time:.2},{},{},{},{},{},{up}",
+            w[0], w[1], w[2], a[0], a[1]
+        );
+    }
+    fs::write(path, log).unwrap();
+}
+
+#[test]
+fn noise_figures_of_a_static_log_can_be_pasted_into_a_project() {
+    let folder = project_of_logs();
+    let log = folder.path().join("static.csv");
+    static_log(&log, 200);
+    let run = boresight(&["inspect", "--allan", log.to_str().unwrap(), "--json"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let found: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    let found = &found["files"][0];
+    let pasted = found["imu_toml"].as_str().unwrap();
+    // 20,000 samples give a density to 1 %, the noisiest of three axes lies above by as much.
+    let expected = [
+        ("gyro_noise_deg_sqrt_h", 4.4e-5f64.to_degrees() * 60.0),
+        ("accel_noise_ug_sqrt_hz", 5.6e-4 / 9.80665e-6),
+    ];
+    for (key, truth) in expected {
+        let value = found["figures"][key]["recommended"].as_f64().unwrap();
+        assert!(
+            (value / truth - 1.0).abs() < 0.04,
+            "{key}: {value}, {truth}"
+        );
+    }
+    // Minutes cannot show a bias instability: it stays a comment with a bound.
+    let bound = "# gyro_bias_instability_deg_h: not determined by this log, at most ";
+    assert!(pasted.contains(bound), "{pasted}");
+
+    let path = folder.path().join("project.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let pasted_with_file = pasted.replace("[imu]\n", "[imu]\nfile = \"imu.csv\"\n");
+    let text = text.replace("[imu]\nfile = \"imu.csv\"\n", &pasted_with_file);
+    fs::write(&path, text).unwrap();
+    let run = boresight(&["inspect", path.to_str().unwrap(), "--json"]);
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    let project: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    for (key, _) in expected {
+        let resolved = project["files"][0]["project"]["imu"][key].as_f64().unwrap();
+        let value = found["figures"][key]["recommended"].as_f64().unwrap();
+        // Four digits are pasted.
+        assert!(
+            (resolved / value - 1.0).abs() < 5e-4,
+            "{key}: {resolved}, {value}"
+        );
+    }
+
+    let run = boresight(&["inspect", "--allan", log.to_str().unwrap()]);
+    for part in [
+        "gyro_noise_deg_sqrt_h",
+        "at most",
+        "Allan deviation",
+        "\n[imu]\n",
+    ] {
+        assert!(run.out.contains(part), "{part}: {}", run.out);
+    }
+}
+
+#[test]
+fn noise_figures_need_an_imu_log_at_rest() {
+    let folder = project_of_logs();
+    let prism = folder.path().join("prism.csv");
+    let run = boresight(&["inspect", "--allan", prism.to_str().unwrap()]);
+    assert_eq!(run.code, 1);
+    assert!(run.err.contains("an IMU log at rest"), "{}", run.err);
+    let log = folder.path().join("static.csv");
+    static_log(&log, 20);
+    let text = fs::read_to_string(&log).unwrap();
+    let late = text.lines().enumerate().map(|(row, line)| {
+        // From 15 s on the IMU turns by 0.1 rad/s about z.
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if row > 1500 {
+            cells[3] = (cells[3].parse::<f64>().unwrap() + 0.1).to_string();
+        }
+        cells.join(",") + "\n"
+    });
+    fs::write(&log, late.collect::<String>()).unwrap();
+    let run = boresight(&["inspect", "--allan", log.to_str().unwrap()]);
+    assert_eq!(run.code, 1);
+    assert!(
+        run.err
+            .contains("not at rest: at 15.000 s it turns by 5.7 °/s"),
+        "{}",
+        run.err
+    );
+}

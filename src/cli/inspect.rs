@@ -16,6 +16,9 @@ pub(super) struct Inspect {
     /// Project files or data files
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Noise figures of IMU logs at rest, from their Allan deviation, in the keys of a project
+    #[arg(long)]
+    allan: bool,
 }
 
 impl Inspect {
@@ -26,7 +29,12 @@ impl Inspect {
         let mut texts = Vec::new();
         let mut all_read = true;
         for file in &self.files {
-            let (document, text) = match inspect(file) {
+            let inspected = if self.allan {
+                super::allan::inspect(file)
+            } else {
+                inspect(file)
+            };
+            let (document, text) = match inspected {
                 Ok(found) => found,
                 Err(error) if self.files.len() == 1 => return Err(error),
                 Err(error) => {
@@ -67,7 +75,7 @@ fn inspect(file: &Path) -> Result<(Value, String)> {
     Ok((document, describe::project(&project)))
 }
 
-fn unprintable(error: impl std::fmt::Display) -> Error {
+pub(super) fn unprintable(error: impl std::fmt::Display) -> Error {
     Error::data(
         format!("what was found cannot be printed as JSON: {error}"),
         "inspect without --json",

@@ -1,5 +1,6 @@
 //! The command line: one file a command; here they are parsed, run, and mapped to exit codes.
 
+mod allan;
 mod calibrate;
 mod compare;
 mod demo;

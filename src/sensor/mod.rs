@@ -2,6 +2,8 @@
 
 mod total_station;
 
+pub mod allan;
+
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, Pose, Vec3};
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};

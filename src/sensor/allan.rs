@@ -1,0 +1,369 @@
+//! Noise figures of an inertial sensor at rest, from the Allan deviation of a static log.
+//!
+//! With θ the integral of the rate, N + 1 values at the interval τ₀, and τ = m τ₀, the overlapping
+//! Allan variance is
+//!
+//! σ²(τ) = Σₖ (θₖ₊₂ₘ − 2 θₖ₊ₘ + θₖ)² / (2 τ² (N − 2m + 1)), k = 0 … N − 2m.
+//!
+//! White noise of density n shows as n²/τ, a bias that walks with density w as w² τ / 3, flicker of
+//! instability b as the floor b² · 2 ln 2 / π = (0.664 b)².
+
+mod rest;
+#[cfg(test)]
+mod tests;
+
+use super::ImuSample;
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+
+/// Deviation of flicker noise in units of its instability, √(2 ln 2 / π).
+const FLICKER_FLOOR: f64 = 0.664_282;
+/// Fewest degrees of freedom of a point that decides a figure: its deviation is then known to
+/// 1/√18 = 24 %.
+const DECIDING_FREEDOM: f64 = 9.0;
+/// Fewest degrees of freedom of a point that is listed: 41 %.
+const LISTED_FREEDOM: f64 = 3.0;
+/// A segment of the variance has a slope when its exponent is met to this, beside what chance
+/// explains: what one noise may contribute where the other rules.
+const SLOPE_SLACK: f64 = 0.2;
+/// Chance is given this many standard deviations.
+const CHANCE_SIGMAS: f64 = 2.0;
+/// Points (an octave apart) that white noise must rule.
+const FEWEST_WHITE_POINTS: usize = 4;
+/// Points that must follow a walk of the bias, and how many standard deviations each may lie off.
+const FEWEST_WALK_POINTS: usize = 3;
+const OUTLYING_SIGMAS: f64 = 3.0;
+/// Fewest samples worth looking at: below, no [`FEWEST_WHITE_POINTS`] can decide.
+const FEWEST_SAMPLES: usize = 128;
+
+/// One point of an Allan curve.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct AllanPoint {
+    /// Averaging time τ, seconds.
+    pub tau_s: f64,
+    /// Allan deviation in the unit of the values.
+    pub deviation: f64,
+    /// Equivalent degrees of freedom of the variance: its relative standard deviation is √(2 / this).
+    pub freedom: f64,
+}
+
+impl AllanPoint {
+    fn variance(&self) -> f64 {
+        self.deviation * self.deviation
+    }
+
+    /// Standard deviation of ln σ².
+    fn log_sigma(&self) -> f64 {
+        (2.0 / self.freedom).sqrt()
+    }
+
+    /// Standard deviation of the deviation, as a share of it.
+    pub fn relative_sigma(&self) -> f64 {
+        0.5 * self.log_sigma()
+    }
+}
+
+/// A noise figure, as far as a log determines it.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case", tag = "known")]
+pub enum Figure {
+    /// Found.
+    Determined {
+        /// The figure.
+        value: f64,
+        /// Its standard deviation.
+        sigma: f64,
+    },
+    /// The log is too short to show it: it lies below this with 97.5 % confidence.
+    AtMost {
+        /// The bound.
+        value: f64,
+    },
+    /// The log says nothing of it.
+    No,
+}
+
+impl Figure {
+    /// The value where it is determined.
+    pub fn determined(&self) -> Option<f64> {
+        match *self {
+            Self::Determined { value, .. } => Some(value),
+            _ => None,
+        }
+    }
+
+    /// The same figure in another unit.
+    pub fn scaled(self, factor: f64) -> Self {
+        match self {
+            Self::Determined { value, sigma } => Self::Determined {
+                value: value * factor,
+                sigma: sigma * factor,
+            },
+            Self::AtMost { value } => Self::AtMost {
+                value: value * factor,
+            },
+            Self::No => Self::No,
+        }
+    }
+}
+
+/// What the Allan curve of one axis shows. With values in u: densities in u/√Hz and u/√s,
+/// instability in u.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct AxisNoise {
+    /// Octave-spaced points, from the sampling interval up.
+    pub curve: Vec<AllanPoint>,
+    /// Density of the white noise, u/√Hz.
+    pub white: Figure,
+    /// Bias instability: the first minimum of the deviation over 0.664, u.
+    pub instability: Figure,
+    /// Density of the random walk of the bias, where the deviation rises as √τ, u/√s.
+    pub walk: Figure,
+}
+
+/// What a static IMU log shows; rad/s for the gyro, m/s² for the accelerometer.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct ImuNoiseFound {
+    /// First and last time used, seconds.
+    pub span_s: [f64; 2],
+    /// Mean interval between the samples used, seconds.
+    pub interval_s: f64,
+    /// Samples used.
+    pub samples: usize,
+    /// x, y, z.
+    pub gyro: [AxisNoise; 3],
+    /// x, y, z.
+    pub accel: [AxisNoise; 3],
+    /// What makes the figures doubtful.
+    pub warnings: Vec<String>,
+}
+
+/// Noise figures from a log of an IMU at rest. Where samples are missing, the longest stretch
+/// without a gap is used.
+///
+/// # Errors
+/// Values that are not finite, times that do not increase, fewer than 128 samples in a row, a log
+/// that is not of an IMU at rest.
+pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
+    let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+    if let Some(bad) = imu
+        .iter()
+        .find(|s| !(s.time_s.is_finite() && finite(&s.gyro_rad_s) && finite(&s.accel_m_s2)))
+    {
+        return Err(Error::data(
+            format!(
+                "the sample at {} s holds a value that is not finite",
+                bad.time_s
+            ),
+            "remove the sample",
+        ));
+    }
+    if let Some(pair) = imu.windows(2).find(|w| w[1].time_s <= w[0].time_s) {
+        return Err(Error::data(
+            format!("time {} s after {} s", pair[1].time_s, pair[0].time_s),
+            "times must increase strictly",
+        ));
+    }
+    let used = rest::longest_stretch(imu);
+    if used.len() < FEWEST_SAMPLES {
+        return Err(Error::data(
+            format!("the log has {} samples without a gap", used.len()),
+            format!(
+                "noise figures need at least {FEWEST_SAMPLES}, and a bias instability an hour or \
+                 more at rest"
+            ),
+        ));
+    }
+    let (first, last) = (used[0].time_s, used[used.len() - 1].time_s);
+    let interval_s = (last - first) / (used.len() - 1) as f64;
+    let mut warnings = rest::check(used, interval_s)?;
+    if used.len() < imu.len() {
+        warnings.push(format!(
+            "the log has gaps: only the {} samples from {first:.3} s to {last:.3} s are used",
+            used.len()
+        ));
+    }
+    let axis = |pick: fn(&ImuSample) -> Vec3, i: usize| {
+        let values: Vec<f64> = used.iter().map(|s| pick(s)[i]).collect();
+        axis_noise(allan_curve(&values, interval_s))
+    };
+    Ok(ImuNoiseFound {
+        span_s: [first, last],
+        interval_s,
+        samples: used.len(),
+        gyro: std::array::from_fn(|i| axis(|s| s.gyro_rad_s, i)),
+        accel: std::array::from_fn(|i| axis(|s| s.accel_m_s2, i)),
+        warnings,
+    })
+}
+
+/// The overlapping Allan deviation of `values`, means over consecutive intervals of `interval_s`
+/// seconds, at τ of 1, 2, 4, … intervals, as far as three degrees of freedom are left.
+pub fn allan_curve(values: &[f64], interval_s: f64) -> Vec<AllanPoint> {
+    // Without their mean the values integrate to small numbers, and nothing is lost to rounding.
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let mut integral = Vec::with_capacity(values.len() + 1);
+    let mut sum = 0.0;
+    integral.push(sum);
+    for value in values {
+        sum += (value - mean) * interval_s;
+        integral.push(sum);
+    }
+    std::iter::successors(Some(1), |m| Some(2 * m))
+        .take_while(|&m| 2 * m <= values.len())
+        .map(|m| AllanPoint {
+            tau_s: m as f64 * interval_s,
+            deviation: overlapping_variance(&integral, m, interval_s).sqrt(),
+            freedom: freedom(integral.len(), m),
+        })
+        .take_while(|point| point.freedom >= LISTED_FREEDOM)
+        .collect()
+}
+
+fn overlapping_variance(integral: &[f64], m: usize, interval_s: f64) -> f64 {
+    let terms = integral.len() - 2 * m;
+    let squares: f64 = (0..terms)
+        .map(|k| (integral[k + 2 * m] - 2.0 * integral[k + m] + integral[k]).powi(2))
+        .sum();
+    let tau_s = m as f64 * interval_s;
+    squares / (2.0 * tau_s * tau_s * terms as f64)
+}
+
+/// Equivalent degrees of freedom of the overlapping Allan variance from n integrated values at m
+/// intervals: the lesser of those for white and for flicker noise (Riley, Handbook of Frequency
+/// Stability Analysis, NIST SP 1065, table 5; white and flicker FM).
+fn freedom(n: usize, m: usize) -> f64 {
+    let (n, m) = (n as f64, m as f64);
+    let white =
+        (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * 4.0 * m * m / (4.0 * m * m + 5.0);
+    let flicker = if m == 1.0 {
+        2.0 * (n - 2.0).powi(2) / (2.3 * n - 4.9)
+    } else {
+        5.0 * n * n / (4.0 * m * (n + 3.0 * m))
+    };
+    white.min(flicker)
+}
+
+/// Reads the figures off a curve.
+fn axis_noise(curve: Vec<AllanPoint>) -> AxisNoise {
+    let white = white(&curve);
+    let (instability, walk) = match white.determined() {
+        Some(density) => bias(&curve, density),
+        None => (Figure::No, Figure::No),
+    };
+    AxisNoise {
+        curve,
+        white,
+        instability,
+        walk,
+    }
+}
+
+/// Whether ln σ² rises by `exponent` ln 2 over the octave from `a` to `b`.
+fn has_slope(a: &AllanPoint, b: &AllanPoint, exponent: f64) -> bool {
+    let found = (b.variance() / a.variance()).log2();
+    let chance = CHANCE_SIGMAS * a.log_sigma().hypot(b.log_sigma()) / std::f64::consts::LN_2;
+    (found - exponent).abs() <= SLOPE_SLACK + chance
+}
+
+/// The white noise: the longest run of octaves with σ² ∝ 1/τ, which leaves out short τ that a
+/// filter or the resolution of the sensor rules and long τ that the bias rules. ln(τ σ²) is
+/// averaged with the degrees of freedom as weights, so that the shortest τ of the run decide.
+fn white(curve: &[AllanPoint]) -> Figure {
+    let decide = |p: &&AllanPoint| p.freedom >= DECIDING_FREEDOM && p.deviation > 0.0;
+    let curve: Vec<AllanPoint> = curve.iter().take_while(decide).copied().collect();
+    let mut longest: &[AllanPoint] = &[];
+    for run in curve.chunk_by(|a, b| has_slope(a, b, -1.0)) {
+        if run.len() > longest.len() {
+            longest = run;
+        }
+    }
+    if longest.len() < FEWEST_WHITE_POINTS {
+        return Figure::No;
+    }
+    let weights: f64 = longest.iter().map(|p| p.freedom).sum();
+    let mean = longest
+        .iter()
+        .map(|p| p.freedom * (p.tau_s * p.variance()).ln())
+        .sum::<f64>()
+        / weights;
+    let value = (0.5 * mean).exp();
+    // The points of a run share the same samples: the best of them is counted alone.
+    let best = longest.iter().map(|p| p.freedom).fold(0.0, f64::max);
+    Figure::Determined {
+        value,
+        sigma: value / (2.0 * best).sqrt(),
+    }
+}
+
+/// Bias instability and walk of a curve with white noise of this density.
+fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
+    let deciding: Vec<&AllanPoint> = curve
+        .iter()
+        .take_while(|p| p.freedom >= DECIDING_FREEDOM)
+        .collect();
+    // The first minimum, after which the curve rises by more than chance: a bias that forgets
+    // itself averages out in the end, and is lower there.
+    let mut at = 0;
+    for (i, point) in deciding.iter().enumerate() {
+        let rise = (point.variance() / deciding[at].variance()).ln();
+        if rise < 0.0 {
+            at = i;
+        } else if rise > CHANCE_SIGMAS * point.log_sigma().hypot(deciding[at].log_sigma()) {
+            break;
+        }
+    }
+    let Some(lowest) = deciding.get(at) else {
+        return (Figure::No, Figure::No);
+    };
+    // White noise alone reaches the floor too where the log ends: the bias must show above it, and
+    // the curve must have stopped falling before the end.
+    let over_white = lowest.variance() * lowest.tau_s / (density * density);
+    let seen = over_white.ln() > CHANCE_SIGMAS * lowest.log_sigma() && at + 1 < deciding.len();
+    if !seen {
+        let highest = lowest.deviation * (CHANCE_SIGMAS * lowest.relative_sigma()).exp();
+        let value = highest / FLICKER_FLOOR;
+        return (Figure::AtMost { value }, Figure::No);
+    }
+    let value = lowest.deviation / FLICKER_FLOOR;
+    let instability = Figure::Determined {
+        value,
+        sigma: value * lowest.relative_sigma(),
+    };
+    (instability, walk(&deciding[at + 1..], density))
+}
+
+/// The walk of the bias from the curve beyond its minimum, where the deviation, less the white
+/// noise, rises as √τ over two octaves or more.
+fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
+    // ln w² of every point and its standard deviation, of which the white noise takes no share.
+    let found: Vec<(f64, f64)> = beyond
+        .iter()
+        .map(|p| {
+            let rest = p.variance() - density * density / p.tau_s;
+            let log_sigma = p.log_sigma() * p.variance() / rest;
+            ((3.0 * rest / p.tau_s).ln(), log_sigma)
+        })
+        .collect();
+    if found.len() < FEWEST_WALK_POINTS || found.iter().any(|(log, _)| !log.is_finite()) {
+        return Figure::No;
+    }
+    let weights: f64 = found.iter().map(|(_, s)| s.powi(-2)).sum();
+    let mean = found.iter().map(|(log, s)| log * s.powi(-2)).sum::<f64>() / weights;
+    let rises_so = found
+        .iter()
+        .all(|(log, s)| (log - mean).abs() <= OUTLYING_SIGMAS * s);
+    // Nor may a flat floor explain the same points.
+    let (first, last) = (beyond[0], beyond[beyond.len() - 1]);
+    let rise = (last.variance() / first.variance()).ln();
+    let rises = rise > CHANCE_SIGMAS * first.log_sigma().hypot(last.log_sigma());
+    if !(rises_so && rises) {
+        return Figure::No;
+    }
+    let value = (0.5 * mean).exp();
+    let best = found.iter().map(|(_, s)| *s).fold(f64::INFINITY, f64::min);
+    Figure::Determined {
+        value,
+        sigma: 0.5 * value * best,
+    }
+}
