@@ -152,6 +152,8 @@ pub fn trajectory(
             "rejected_rows": poses.rejected_rows,
             "poses": nodes.len(),
             "span_s": [first_s, last_s],
+            "stages": { "estimate": { "seconds": poses.seconds } },
+            "peak_memory_bytes": super::peak_memory_bytes(),
         }),
         summary,
         files: vec![options.out.join("trajectory.csv")],

@@ -12,6 +12,7 @@ use crate::progress::Progress;
 use crate::project::{CalibrationSettings, Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
+use std::time::Instant;
 
 /// What to know about sigmas from poses that have none.
 const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
@@ -28,6 +29,8 @@ pub struct Poses {
     pub covariance: Option<PosteriorCovariance>,
     /// Rows of the logs that hold no measurement.
     pub rejected_rows: Vec<RejectedRow>,
+    /// Wall time of the estimation, reading left out; `None` where the poses came from a file.
+    pub seconds: Option<f64>,
 }
 
 impl Poses {
@@ -54,6 +57,7 @@ impl Poses {
             solution: None,
             covariance: None,
             rejected_rows: Vec::new(),
+            seconds: None,
         }
     }
 }
@@ -78,6 +82,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
 
 fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
     let logs = DriveLogs::read(project, logs, progress)?;
+    let begun = Instant::now();
     let Estimate {
         trajectory,
         solution,
@@ -89,6 +94,7 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
         solution: Some(solution),
         covariance: Some(covariance),
         rejected_rows: logs.rejected,
+        seconds: Some(begun.elapsed().as_secs_f64()),
     })
 }
 
