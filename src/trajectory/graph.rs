@@ -10,7 +10,7 @@ use super::factors::{
     Ahead, HeadingFactor, ImuFactor, NodeState, PositionFactor, PositionSensor, Quantity,
     RestFactor,
 };
-use super::preintegration::Preintegrated;
+use super::preintegration::{MotionSums, Preintegrated};
 use super::rest::Rest;
 use super::solution::StopReason;
 use super::streams::{Stream, Streams};
@@ -187,18 +187,13 @@ impl Graph {
         if rest_s == 0.0 {
             return Ahead { sums: None, sample };
         }
-        let mut sums = Preintegrated::new(*bias);
+        let mut sums = MotionSums::new(*bias);
         for piece in self.timeline.pieces(self.timeline.node_s[step], time_s) {
             let sample = &self.samples[piece.sample];
-            sums.add(
-                sample.gyro_rad_s,
-                sample.accel_m_s2,
-                piece.duration_s,
-                self.noise_of(piece.sample),
-            );
+            sums.add(sample.gyro_rad_s, sample.accel_m_s2, piece.duration_s);
         }
         Ahead {
-            sums: Some(Box::new(sums.sums)),
+            sums: Some(Box::new(sums)),
             sample,
         }
     }

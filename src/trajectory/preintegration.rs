@@ -31,6 +31,39 @@ pub(super) struct MotionSums {
     pub by_bias: Mat9x6,
 }
 
+/// The derivative of new sums by the old ones,
+/// A = [[turn, 0, 0], [position, 1, dt], [velocity, 0, 1]] in blocks of 3.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Transition {
+    pub turn: Mat3,
+    pub position: Mat3,
+    pub velocity: Mat3,
+    pub dt_s: f64,
+}
+
+impl Transition {
+    /// `left` A.
+    pub fn after(&self, left: &Mat9) -> Mat9 {
+        let columns = |at: usize| left.fixed_columns::<3>(at);
+        let mut product = *left;
+        product.fixed_columns_mut::<3>(0).copy_from(
+            &(columns(0) * self.turn + columns(3) * self.position + columns(6) * self.velocity),
+        );
+        product
+            .fixed_columns_mut::<3>(6)
+            .copy_from(&(columns(3) * self.dt_s + columns(6)));
+        product
+    }
+}
+
+/// The derivatives of new sums (rotation, position, velocity) by the gyro and the accelerometer
+/// bias of the sample added; minus these, by its noise.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Own {
+    by_gyro: [Mat3; 3],
+    by_accel: [Mat3; 3],
+}
+
 /// The sums corrected to a bias.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Corrected {
@@ -59,6 +92,75 @@ impl MotionSums {
             bias,
             by_bias: Mat9x6::zeros(),
         }
+    }
+
+    /// Adds one sample: mean angular rate and specific force over `dt_s`.
+    ///
+    /// With θ = (ω − b_g) dt and a = f − b_a,
+    /// Δp += Δv dt + ½ ΔR Exp(θ/3) a dt², Δv += ΔR Exp(θ/2) a dt, ΔR ← ΔR Exp(θ).
+    /// The fractions of θ turn the mean force to where it acts while the body turns; what they
+    /// leave is of second order in θ (Forster et al. leave the first).
+    ///
+    /// Returns the derivatives of the new sums by the old, and by the sample's own bias.
+    pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64) -> (Transition, Own) {
+        let theta = (gyro_rad_s - self.bias.gyro_rad_s) * dt_s;
+        let force = accel_m_s2 - self.bias.accel_m_s2;
+        let matrix = |rotation: &Rotation| rotation.to_rotation_matrix().into_inner();
+        let step = exp(&theta);
+        let start = matrix(&self.rotation);
+        let half = matrix(&exp(&(theta / 2.0)));
+        let third = matrix(&exp(&(theta / 3.0)));
+        let half_square = 0.5 * dt_s * dt_s;
+        let force_hat = hat(&force);
+        let transition = Transition {
+            turn: matrix(&step).transpose(),
+            position: start * hat(&(third * force)) * -half_square,
+            velocity: start * hat(&(half * force)) * -dt_s,
+            dt_s,
+        };
+        let turned_third = right_jacobian(&(theta / 3.0)) * (dt_s / 3.0);
+        let turned_half = right_jacobian(&(theta / 2.0)) * (dt_s / 2.0);
+        let own = Own {
+            by_gyro: [
+                right_jacobian(&theta) * -dt_s,
+                start * third * force_hat * turned_third * half_square,
+                start * half * force_hat * turned_half * dt_s,
+            ],
+            by_accel: [
+                Mat3::zeros(),
+                start * third * -half_square,
+                start * half * -dt_s,
+            ],
+        };
+        // The rotation does not hang on the accelerometer.
+        let by_gyro = [0, 3, 6].map(|row| self.bias_block(row, 0));
+        let by_accel = [3, 6].map(|row| self.bias_block(row, 3));
+        let Transition {
+            turn,
+            position,
+            velocity,
+            ..
+        } = &transition;
+        let mut put = |row: usize, column: usize, block: Mat3| {
+            self.by_bias
+                .fixed_view_mut::<3, 3>(row, column)
+                .copy_from(&block);
+        };
+        put(0, 0, turn * by_gyro[0] + own.by_gyro[0]);
+        put(
+            3,
+            0,
+            position * by_gyro[0] + by_gyro[1] + by_gyro[2] * dt_s + own.by_gyro[1],
+        );
+        put(6, 0, velocity * by_gyro[0] + by_gyro[2] + own.by_gyro[2]);
+        put(3, 3, by_accel[0] + by_accel[1] * dt_s + own.by_accel[1]);
+        put(6, 3, by_accel[1] + own.by_accel[2]);
+
+        self.position_m += self.velocity_m_s * dt_s + start * (third * force) * half_square;
+        self.velocity_m_s += start * (half * force) * dt_s;
+        self.rotation *= step;
+        self.duration_s += dt_s;
+        (transition, own)
     }
 
     /// The 3 × 3 block of [`MotionSums::by_bias`] at these rows and columns.
@@ -102,73 +204,67 @@ impl Preintegrated {
         }
     }
 
-    /// Adds one sample: mean angular rate and specific force over `dt_s`.
-    ///
-    /// With θ = (ω − b_g) dt and a = f − b_a,
-    /// Δp += Δv dt + ½ ΔR Exp(θ/3) a dt², Δv += ΔR Exp(θ/2) a dt, ΔR ← ΔR Exp(θ).
-    /// The fractions of θ turn the mean force to where it acts while the body turns; what they
-    /// leave is of second order in θ (Forster et al. leave the first).
-    ///
-    /// Returns the derivative of the new sums by the old, in the order of the 9.
-    pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64, noise: &ImuNoise) -> Mat9 {
-        let dt = dt_s;
-        let theta = (gyro_rad_s - self.sums.bias.gyro_rad_s) * dt;
-        let force = accel_m_s2 - self.sums.bias.accel_m_s2;
-        let step = exp(&theta);
-        let start = self.sums.rotation.to_rotation_matrix().into_inner();
-        let half = exp(&(theta / 2.0)).to_rotation_matrix().into_inner();
-        let third = exp(&(theta / 3.0)).to_rotation_matrix().into_inner();
-
-        // Derivative of the new sums by the sample's own bias; minus that, by its noise.
-        let mut own = Mat9x6::zeros();
-        let mut put = |row: usize, column: usize, block: Mat3| {
-            own.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+    /// Adds one sample to sums and covariance, see [`MotionSums::add`].
+    pub fn add(
+        &mut self,
+        gyro_rad_s: Vec3,
+        accel_m_s2: Vec3,
+        dt_s: f64,
+        noise: &ImuNoise,
+    ) -> Transition {
+        let (transition, own) = self.sums.add(gyro_rad_s, accel_m_s2, dt_s);
+        let old = |row: usize, column: usize| -> Mat3 {
+            self.covariance
+                .fixed_view::<3, 3>(3 * row, 3 * column)
+                .into_owned()
         };
-        let force_hat = hat(&force);
-        put(0, 0, -right_jacobian(&theta) * dt);
-        let turn = right_jacobian(&(theta / 3.0)) * (dt / 3.0);
-        put(3, 0, start * third * force_hat * turn * (0.5 * dt * dt));
-        put(3, 3, start * third * (-0.5 * dt * dt));
-        let turn = right_jacobian(&(theta / 2.0)) * (dt / 2.0);
-        put(6, 0, start * half * force_hat * turn * dt);
-        put(6, 3, start * half * -dt);
-
-        let mut old = Mat9::identity();
-        let mut put = |row: usize, column: usize, block: Mat3| {
-            old.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+        let upper = [old(0, 0), old(0, 1), old(0, 2)];
+        let middle = [upper[1].transpose(), old(1, 1), old(1, 2)];
+        let lower = [upper[2].transpose(), middle[2].transpose(), old(2, 2)];
+        let Transition {
+            turn,
+            position,
+            velocity,
+            dt_s,
+        } = transition;
+        // A Σ, then its upper blocks by Aᵀ.
+        let first = upper.map(|block| turn * block);
+        let second: [Mat3; 3] =
+            std::array::from_fn(|i| position * upper[i] + middle[i] + lower[i] * dt_s);
+        let third: [Mat3; 3] = std::array::from_fn(|i| velocity * upper[i] + lower[i]);
+        let gyro = noise.gyro_density.powi(2) / dt_s;
+        let accel = noise.accel_density.powi(2) / dt_s;
+        let white = |a: usize, b: usize| {
+            own.by_gyro[a] * own.by_gyro[b].transpose() * gyro
+                + own.by_accel[a] * own.by_accel[b].transpose() * accel
         };
-        put(0, 0, step.inverse().to_rotation_matrix().into_inner());
-        put(3, 0, start * hat(&(third * force)) * (-0.5 * dt * dt));
-        put(3, 6, Mat3::identity() * dt);
-        put(6, 0, start * hat(&(half * force)) * -dt);
-        if self.sums.duration_s > 0.0 {
-            self.sums.by_bias = old * self.sums.by_bias + own;
-            self.covariance = old * self.covariance * old.transpose();
-        } else {
-            self.sums.by_bias = own;
-        }
-        let mut weighted = own;
-        let gyro_variance = noise.gyro_density.powi(2) / dt;
-        let accel_variance = noise.accel_density.powi(2) / dt;
-        for column in 0..6 {
-            let variance = if column < 3 {
-                gyro_variance
-            } else {
-                accel_variance
+        let (position, velocity) = (position.transpose(), velocity.transpose());
+        let integration = Mat3::identity() * (INTEGRATION_DENSITY.powi(2) * dt_s);
+        let blocks = [
+            (0, 0, first[0] * turn.transpose()),
+            (0, 1, first[0] * position + first[1] + first[2] * dt_s),
+            (0, 2, first[0] * velocity + first[2]),
+            (
+                1,
+                1,
+                second[0] * position + second[1] + second[2] * dt_s + integration,
+            ),
+            (1, 2, second[0] * velocity + second[2]),
+            (2, 2, third[0] * velocity + third[2]),
+        ];
+        for (row, column, block) in blocks {
+            let block = block + white(row, column);
+            let mut put = |row: usize, column: usize, block: &Mat3| {
+                self.covariance
+                    .fixed_view_mut::<3, 3>(3 * row, 3 * column)
+                    .copy_from(block);
             };
-            weighted.column_mut(column).scale_mut(variance);
+            put(row, column, &block);
+            if row != column {
+                put(column, row, &block.transpose());
+            }
         }
-        self.covariance += weighted * own.transpose();
-        for axis in 3..6 {
-            self.covariance[(axis, axis)] += INTEGRATION_DENSITY.powi(2) * dt;
-        }
-
-        self.sums.position_m +=
-            self.sums.velocity_m_s * dt + start * (third * force) * (0.5 * dt * dt);
-        self.sums.velocity_m_s += start * (half * force) * dt;
-        self.sums.rotation *= step;
-        self.sums.duration_s += dt;
-        old
+        transition
     }
 
     /// W, lower triangular, with Wᵀ W the inverse of the covariance; `None` where the noise is
@@ -210,6 +306,25 @@ mod tests {
             sum.add(gyro, accel, dt, &NOISE);
         }
         sum
+    }
+
+    #[test]
+    fn a_transition_from_the_right_is_its_matrix() {
+        let (transition, _) = integrated(ImuBias::default()).sums.add(
+            Vec3::new(0.1, 0.2, -0.3),
+            Vec3::new(1.0, 2.0, 9.0),
+            0.02,
+        );
+        let mut a = Mat9::identity();
+        a.fixed_view_mut::<3, 3>(0, 0).copy_from(&transition.turn);
+        a.fixed_view_mut::<3, 3>(3, 0)
+            .copy_from(&transition.position);
+        a.fixed_view_mut::<3, 3>(6, 0)
+            .copy_from(&transition.velocity);
+        a.fixed_view_mut::<3, 3>(3, 6)
+            .copy_from(&(Mat3::identity() * transition.dt_s));
+        let left = Mat9::from_fn(|i, j| (i * 9 + j) as f64);
+        assert!((transition.after(&left) - left * a).amax() < 1e-12 * left.amax());
     }
 
     fn difference(a: &Preintegrated, b: &Preintegrated) -> nalgebra::SVector<f64, 9> {

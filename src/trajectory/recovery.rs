@@ -9,7 +9,7 @@
 use super::chain::{NODE, STEP};
 use super::factors::{ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY};
 use super::graph::{Graph, State};
-use super::preintegration::{Mat9, MotionSums, Preintegrated};
+use super::preintegration::{Mat9, MotionSums, Preintegrated, Transition};
 use super::timeline::SAME_INSTANT_S;
 use crate::geometry::so3::{exp, hat, right_jacobian};
 use crate::geometry::{Mat3, Vec3, pose};
@@ -105,7 +105,7 @@ struct Inside {
     sums: MotionSums,
     covariance: Mat9,
     /// Carries an error at this end to the next.
-    to_next: Mat9,
+    to_next: Option<Transition>,
 }
 
 /// Hands over the poses of a step in order: that of its node where a sample begins there, and
@@ -173,7 +173,9 @@ fn inside(
     let variance = graph.imu_scale * graph.imu_scale;
     let mut found = Vec::with_capacity(count);
     for (pose_index, end) in wanted.zip(&ends).rev() {
-        carried *= end.to_next;
+        if let Some(transition) = &end.to_next {
+            carried = transition.after(&carried);
+        }
         let shared = end.covariance * variance * carried.transpose() * whitener.transpose();
         let correction = shared * nalgebra::SVector::<f64, 9>::from(whitened);
         let part = |at: usize| Vec3::new(correction[at], correction[at + 1], correction[at + 2]);
@@ -255,12 +257,12 @@ fn integrate(graph: &Graph, step: usize, about: &crate::sensor::ImuBias) -> Vec<
             noise,
         );
         if let Some(before) = ends.last_mut() {
-            before.to_next = transition;
+            before.to_next = Some(transition);
         }
         ends.push(Inside {
             sums: sums.sums.clone(),
             covariance: sums.covariance,
-            to_next: Mat9::identity(),
+            to_next: None,
         });
     }
     // The last end is the next node.
