@@ -243,8 +243,8 @@ fn static_log(path: &Path, seconds: usize) {
     use std::fmt::Write;
 
     let mut random = ChaCha8Rng::seed_from_u64(3);
-    let gyro = Normal::new(1e-3, 4.4e-4).unwrap();
-    let accel = Normal::new(0.0, 5.6e-3).unwrap();
+    let gyro = Normal::new(1e-3, 4.4e-4).expect("a positive sigma");
+    let accel = Normal::new(0.0, 5.6e-3).expect("a positive sigma");
     let mut log =
         "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n"
             .to_owned();
@@ -259,7 +259,7 @@ fn static_log(path: &Path, seconds: usize) {
             w[0], w[1], w[2], a[0], a[1]
         );
     }
-    fs::write(path, log).unwrap();
+    fs::write(path, log).expect("a folder to write to");
 }
 
 #[test]
