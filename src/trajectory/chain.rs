@@ -16,6 +16,7 @@
 mod border;
 mod front;
 mod functional;
+mod growing;
 
 pub(super) use border::{Border, ConstantsSystem};
 pub(super) use front::{Carry, ChangeFront, StepFront, TailFront, solve_rows};

@@ -68,9 +68,23 @@ pub fn estimate(
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Estimate> {
+    estimate_from(&initial, logs, settings, progress)
+}
+
+/// Where an adjustment starts.
+pub(super) type Start<'a> =
+    dyn Fn(&Streams, &Timeline, &[Rest], &TrajectorySettings) -> Result<Initial> + Sync + 'a;
+
+/// As [`estimate`], from given start values.
+pub(super) fn estimate_from(
+    start: &Start<'_>,
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    progress: &dyn Progress,
+) -> Result<Estimate> {
     progress.begin("trajectory", 0);
     // Enter the thread pool once: each entry from outside costs two thread switches.
-    let adjusted = rayon::scope(|_| adjust(logs, settings, progress));
+    let adjusted = rayon::scope(|_| adjust(start, logs, settings, progress));
     progress.end();
     let estimate = adjusted?.conclude(settings, progress)?;
     let solution = &estimate.solution;
@@ -88,18 +102,19 @@ pub fn estimate(
 type StepPart = (usize, [[f64; STEP]; STEP], Vec<f64>);
 
 /// The graph at its solution.
-struct Adjusted {
-    streams: Streams,
+pub(super) struct Adjusted {
+    pub streams: Streams,
     rests: Vec<Rest>,
-    start: Initial,
-    graph: Graph,
-    state: State,
+    pub start: Initial,
+    pub graph: Graph,
+    pub state: State,
     factor: ChainFactor,
-    ended: Ended,
+    pub ended: Ended,
 }
 
 /// Adjusts, and again where the clocks turn out to be off or to have jumped.
 fn adjust(
+    begin: &Start<'_>,
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
     progress: &dyn Progress,
@@ -108,7 +123,7 @@ fn adjust(
     let mut carried = Vec::new();
     let mut layouts = 0;
     loop {
-        let mut adjusted = adjust_once(logs, settings, &corrections, &carried, progress)?;
+        let mut adjusted = adjust_once(begin, logs, settings, (&corrections, &carried), progress)?;
         layouts += 1;
         if layouts == MOST_LAYOUTS {
             return Ok(adjusted);
@@ -165,17 +180,17 @@ fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
         .collect()
 }
 
-fn adjust_once(
+pub(super) fn adjust_once(
+    begin: &Start<'_>,
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
-    corrections: &[ClockCorrection],
-    carried: &[f64],
+    (corrections, carried): (&[ClockCorrection], &[f64]),
     progress: &dyn Progress,
 ) -> Result<Adjusted> {
     let streams = Streams::new(logs, settings, corrections)?;
     let timeline = Timeline::new(&streams, settings.nodes);
     let rests = rests(&streams, settings);
-    let start = initial(&streams, &timeline, &rests, settings)?;
+    let start = begin(&streams, &timeline, &rests, settings)?;
     let known = Constants::new(settings, corrections);
     let mut constants = vec![0.0; known.count()];
     for (i, (value, before)) in constants.iter_mut().zip(carried).enumerate() {
@@ -187,7 +202,7 @@ fn adjust_once(
     let mut graph = Graph::new(timeline, &streams, settings, known, held, first)?;
     let layout = graph.timeline.layout.clone();
     let mut state = State {
-        biases: vec![start.bias; layout.biases()],
+        biases: start.biases.clone(),
         nodes: start.nodes.clone(),
         constants,
     };

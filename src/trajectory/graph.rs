@@ -1,9 +1,11 @@
 //! The factor graph of one drive: its factors, its cost, and its adjustment by
 //! Levenberg-Marquardt.
 
+mod growing;
+
 use super::chain::{
-    BIAS, Border, ChainFactor, ChainSystem, ConstantsSystem, NODE, NotPositive, PriorSystem,
-    StepSystem, TAIL, WalkSystem,
+    BIAS, Border, ChainFactor, ChainSystem, ConstantsSystem, NODE, NotPositive, StepSystem, TAIL,
+    WalkSystem,
 };
 use super::constants::Constants;
 use super::factors::{
@@ -13,7 +15,7 @@ use super::factors::{
 use super::preintegration::{MotionSums, Preintegrated};
 use super::rest::Rest;
 use super::solution::StopReason;
-use super::streams::{Stream, Streams};
+use super::streams::{Numbered, Stream, Streams};
 use super::timeline::{Timeline, starts};
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
@@ -21,7 +23,7 @@ use crate::geometry::so3::exp;
 use crate::geometry::{Mat3, Vec3};
 use crate::progress::Progress;
 use crate::project::{ImuNoise, TrajectorySettings};
-use crate::sensor::{ImuBias, ImuSample};
+use crate::sensor::{HeadingFix, ImuBias, ImuSample, PositionFix};
 use rayon::prelude::*;
 
 /// Standard deviations of the priors on node 0 (about the start values) and bias 0 (gyro about
@@ -112,17 +114,7 @@ impl Graph {
         first: (NodeState, ImuBias),
     ) -> Result<Self> {
         let bias = first.1;
-        let sensors = settings
-            .positions
-            .iter()
-            .zip(&known.positions)
-            .map(|(sensor, columns)| PositionSensor {
-                lever_arm_m: sensor.lever_arm_m,
-                station_m: sensor.station_m,
-                up: settings.axes.up(),
-                columns: *columns,
-            })
-            .collect();
+        let sensors = position_sensors(settings, &known);
         let mut graph = Self {
             samples: streams.imu.clone(),
             bridged: streams.bridged.clone(),
@@ -201,21 +193,9 @@ impl Graph {
     fn add_positions(&mut self, streams: &Streams, settings: &TrajectorySettings, bias: &ImuBias) {
         let mut placed = Vec::new();
         for (sensor, fixes) in streams.positions.iter().enumerate() {
-            let sigma_m = settings.positions[sensor].sigma_m;
             for fix in fixes {
-                let time_s = fix.value.time_s;
-                let (step, rest_s) = self.timeline.place(time_s);
-                let factor = PositionFactor {
-                    ahead: self.ahead(step, time_s, rest_s, bias),
-                    sensor,
-                    record: fix.record,
-                    time_s,
-                    position_m: fix.value.position_m,
-                    whitener: whitener(fix.value.covariance_m2, &sigma_m),
-                    weight: 1.0,
-                    late: self.known.late(Stream::Position(sensor), fix.record),
-                };
-                placed.push((step, factor));
+                let at = self.timeline.place(fix.value.time_s);
+                placed.push((at.0, self.position_factor(sensor, fix, settings, at, bias)));
             }
         }
         placed.sort_by_key(|(step, _)| *step);
@@ -223,45 +203,78 @@ impl Graph {
         self.positions = placed.into_iter().map(|(_, factor)| factor).collect();
     }
 
+    /// The factor of a fix that lies `rest_s` after the node of `step`.
+    fn position_factor(
+        &self,
+        sensor: usize,
+        fix: &Numbered<PositionFix>,
+        settings: &TrajectorySettings,
+        (step, rest_s): (usize, f64),
+        bias: &ImuBias,
+    ) -> PositionFactor {
+        let time_s = fix.value.time_s;
+        PositionFactor {
+            ahead: self.ahead(step, time_s, rest_s, bias),
+            sensor,
+            record: fix.record,
+            time_s,
+            position_m: fix.value.position_m,
+            whitener: whitener(fix.value.covariance_m2, &settings.positions[sensor].sigma_m),
+            weight: 1.0,
+            late: self.known.late(Stream::Position(sensor), fix.record),
+        }
+    }
+
     fn add_headings(&mut self, streams: &Streams, settings: &TrajectorySettings, bias: &ImuBias) {
-        let antennas = &settings.heading;
-        // Seen from above, the baseline lies counter-clockwise of the x axis by the offset.
-        let (sin, cos) = antennas.mounting_offset_rad.sin_cos();
-        let baseline = Vec3::x() * cos + settings.axes.up().cross(&Vec3::x()) * sin;
         let mut steps = Vec::new();
         for fix in &streams.heading {
-            let time_s = fix.value.time_s;
-            let (step, rest_s) = self.timeline.place(time_s);
-            let ahead = self.ahead(step, time_s, rest_s, bias);
-            let heading = antennas.mounting_offset_rad - antennas.grid_convergence_rad;
-            let mut push = |quantity, value_rad, sigma_rad| {
-                steps.push(step);
-                self.headings.push(HeadingFactor {
-                    ahead: ahead.clone(),
-                    record: fix.record,
-                    time_s,
-                    quantity,
-                    value_rad,
-                    sigma_rad,
-                    weight: 1.0,
-                    late: self.known.late(Stream::Heading, fix.record),
-                });
-            };
-            push(
-                Quantity::Heading,
-                wrap(fix.value.heading_rad + heading),
-                fix.value.sigma_rad.unwrap_or(antennas.sigma_rad),
-            );
-            if let Some(pitch_rad) = fix.value.pitch_rad {
-                let sigma = fix.value.pitch_sigma_rad;
-                push(
-                    Quantity::Pitch(baseline),
-                    pitch_rad,
-                    sigma.unwrap_or(antennas.pitch_sigma_rad),
-                );
-            }
+            let at = self.timeline.place(fix.value.time_s);
+            let factors = self.heading_factors(fix, settings, at, bias);
+            steps.extend(factors.iter().map(|_| at.0));
+            self.headings.extend(factors);
         }
         self.heading_start = starts(steps.into_iter(), self.timeline.steps());
+    }
+
+    /// The factors of a heading, and of its pitch, that lies `rest_s` after the node of `step`.
+    fn heading_factors(
+        &self,
+        fix: &Numbered<HeadingFix>,
+        settings: &TrajectorySettings,
+        (step, rest_s): (usize, f64),
+        bias: &ImuBias,
+    ) -> Vec<HeadingFactor> {
+        let antennas = &settings.heading;
+        let time_s = fix.value.time_s;
+        let ahead = self.ahead(step, time_s, rest_s, bias);
+        let heading = antennas.mounting_offset_rad - antennas.grid_convergence_rad;
+        let factor = |quantity, value_rad, sigma_rad| HeadingFactor {
+            ahead: ahead.clone(),
+            record: fix.record,
+            time_s,
+            quantity,
+            value_rad,
+            sigma_rad,
+            weight: 1.0,
+            late: self.known.late(Stream::Heading, fix.record),
+        };
+        let mut factors = vec![factor(
+            Quantity::Heading,
+            wrap(fix.value.heading_rad + heading),
+            fix.value.sigma_rad.unwrap_or(antennas.sigma_rad),
+        )];
+        if let Some(pitch_rad) = fix.value.pitch_rad {
+            // Seen from above, the baseline lies counter-clockwise of the x axis by the offset.
+            let (sin, cos) = antennas.mounting_offset_rad.sin_cos();
+            let baseline = Vec3::x() * cos + settings.axes.up().cross(&Vec3::x()) * sin;
+            let sigma = fix.value.pitch_sigma_rad;
+            factors.push(factor(
+                Quantity::Pitch(baseline),
+                pitch_rad,
+                sigma.unwrap_or(antennas.pitch_sigma_rad),
+            ));
+        }
+        factors
     }
 
     /// Exchanges the constants, and with them which columns say how late each record is.
@@ -411,21 +424,13 @@ impl Graph {
         damping: f64,
         factor: &mut ChainFactor,
     ) -> std::result::Result<(), NotPositive> {
-        let weight = per_unknown(PRIOR_SIGMA).map(|s| 1.0 / (s * s));
-        let miss = self.prior_miss(state);
-        // The derivative of the attitude's miss is the identity to first order of the miss, and
-        // the prior's weight is small: no more is needed.
-        let prior = PriorSystem {
-            weight,
-            g: std::array::from_fn(|i| -weight[i] * miss[i]),
-        };
         let priors = || self.known.unknowns.iter().map(|u| u.prior_sigma.powi(-2));
         factor.factorise(&ChainSystem {
             step: &|step, system: &mut StepSystem, border: &mut Border| {
                 self.linearise(state, step, system, border);
             },
             walk: &|k| self.walk(state, k),
-            prior,
+            prior: self.prior(state),
             damping: per_unknown(DAMPING_SIGMA).map(|s| damping / (s * s)),
             constants: ConstantsSystem {
                 weight: priors().collect(),
@@ -489,6 +494,18 @@ impl Graph {
     }
 }
 
+fn position_sensors(settings: &TrajectorySettings, known: &Constants) -> Vec<PositionSensor> {
+    let sensors = settings.positions.iter().zip(&known.positions);
+    sensors
+        .map(|(sensor, columns)| PositionSensor {
+            lever_arm_m: sensor.lever_arm_m,
+            station_m: sensor.station_m,
+            up: settings.axes.up(),
+            columns: *columns,
+        })
+        .collect()
+}
+
 /// The resting nodes at which a bias begins: as many whatever the nodes.
 fn rest_factors(timeline: &Timeline, rests: &[Rest]) -> Vec<Option<RestFactor>> {
     (0..timeline.steps())
@@ -511,42 +528,41 @@ fn whitener(covariance_m2: Option<Mat3>, sigma_m: &Vec3) -> Mat3 {
         .unwrap_or_else(|| Mat3::from_diagonal(&sigma_m.map(|s| 1.0 / s)))
 }
 
+fn part(d: &[f64], at: usize) -> Vec3 {
+    Vec3::new(d[at], d[at + 1], d[at + 2])
+}
+
 /// R ← R Exp(δφ), all else by addition.
+pub(super) fn moved_node(node: &NodeState, d: &[f64; NODE]) -> NodeState {
+    let mut rotation = node.rotation * exp(&part(d, 0));
+    rotation.renormalize_fast();
+    NodeState {
+        rotation,
+        position_m: node.position_m + part(d, 3),
+        velocity_m_s: node.velocity_m_s + part(d, 6),
+    }
+}
+
+pub(super) fn moved_bias(bias: &ImuBias, d: &[f64; BIAS]) -> ImuBias {
+    ImuBias {
+        gyro_rad_s: bias.gyro_rad_s + part(d, 0),
+        accel_m_s2: bias.accel_m_s2 + part(d, 3),
+    }
+}
+
 fn moved(state: &State, nodes: &[[f64; NODE]], biases: &[[f64; BIAS]], constants: &[f64]) -> State {
-    let part = |d: &[f64], at: usize| Vec3::new(d[at], d[at + 1], d[at + 2]);
     let nodes = state
         .nodes
         .par_iter()
         .zip(nodes)
         .with_min_len(TASK)
-        .map(|(node, d)| {
-            let mut rotation = node.rotation * exp(&part(d, 0));
-            rotation.renormalize_fast();
-            NodeState {
-                rotation,
-                position_m: node.position_m + part(d, 3),
-                velocity_m_s: node.velocity_m_s + part(d, 6),
-            }
-        })
+        .map(|(node, d)| moved_node(node, d))
         .collect();
-    let biases = state
-        .biases
-        .iter()
-        .zip(biases)
-        .map(|(bias, d)| ImuBias {
-            gyro_rad_s: bias.gyro_rad_s + part(d, 0),
-            accel_m_s2: bias.accel_m_s2 + part(d, 3),
-        })
-        .collect();
-    let constants = state
-        .constants
-        .iter()
-        .zip(constants)
-        .map(|(x, d)| x + d)
-        .collect();
+    let biases = state.biases.iter().zip(biases);
+    let constants = state.constants.iter().zip(constants);
     State {
         nodes,
-        biases,
-        constants,
+        biases: biases.map(|(bias, d)| moved_bias(bias, d)).collect(),
+        constants: constants.map(|(x, d)| x + d).collect(),
     }
 }

@@ -36,7 +36,10 @@ const LEAST_MOVE_SIGMAS: f64 = 50.0;
 /// The start values.
 pub(super) struct Initial {
     pub nodes: Vec<NodeState>,
+    /// Centre of the biases' prior, and what the IMU is summed up about.
     pub bias: ImuBias,
+    /// One for each bias of the timeline.
+    pub biases: Vec<ImuBias>,
     /// The rest that gave the gyro bias.
     pub rest: Option<Rest>,
     /// Whether the direction of travel stood in for headings.
@@ -113,12 +116,14 @@ pub(super) fn initial(
             }
         })
         .collect();
+    let bias = ImuBias {
+        gyro_rad_s: gyro_bias,
+        accel_m_s2: Vec3::zeros(),
+    };
     Ok(Initial {
         nodes,
-        bias: ImuBias {
-            gyro_rad_s: gyro_bias,
-            accel_m_s2: Vec3::zeros(),
-        },
+        bias,
+        biases: vec![bias; timeline.layout.biases()],
         rest,
         heading_from_motion,
     })

@@ -239,7 +239,7 @@ fn pivot_covariance<const P: usize, const N: usize>(
 }
 
 /// (Uᵀ U)⁻¹ of the tail.
-fn tail_covariance(rows: &[[f64; TAIL]; TAIL]) -> [[f64; TAIL]; TAIL] {
+pub(super) fn tail_covariance(rows: &[[f64; TAIL]; TAIL]) -> [[f64; TAIL]; TAIL] {
     let mut sigma = [[0.0; TAIL]; TAIL];
     for column in 0..TAIL {
         // Uᵀ z = e, then U x = z.

@@ -11,6 +11,7 @@ mod graph;
 mod initial;
 mod interpolate;
 mod marginals;
+mod online;
 mod preintegration;
 mod recovery;
 mod rest;
@@ -22,6 +23,7 @@ mod timeline;
 pub use covariance::{PoseGradient, PosteriorCovariance};
 pub use estimate::{Estimate, estimate};
 pub use interpolate::{PoseCursor, Trajectory};
+pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
 pub use solution::{
     EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics, Solution,
     StopReason,

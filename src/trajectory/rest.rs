@@ -8,7 +8,7 @@ use crate::project::TrajectorySettings;
 /// Blocks looked at, seconds.
 pub(super) const REST_BLOCK_S: f64 = 1.0;
 /// Shortest rest, blocks.
-const REST_BLOCKS: usize = 2;
+pub(super) const REST_BLOCKS: usize = 2;
 /// Within a resting block gyro and accelerometer scatter by less than this many times their
 /// datasheet noise plus what is granted below.
 const NOISE_FACTOR: f64 = 3.0;
@@ -68,7 +68,8 @@ fn between<T>(records: &[T], time_s: impl Fn(&T) -> f64, from_s: f64, to_s: f64)
     &records[first..last]
 }
 
-fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
+/// Whether nothing moves in the block from `from_s` on.
+pub(super) fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
     let to_s = from_s + REST_BLOCK_S;
     let samples = between(&streams.imu, |s| s.time_s, from_s, to_s);
     let bridged = streams.bridged[streams.imu.partition_point(|s| s.time_s < from_s)];
@@ -107,7 +108,7 @@ fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool 
 }
 
 /// The run of still blocks as a rest, where neither headings nor positions drift through it.
-fn checked(
+pub(super) fn checked(
     streams: &Streams,
     settings: &TrajectorySettings,
     from_s: f64,

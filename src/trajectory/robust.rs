@@ -14,7 +14,7 @@ use crate::progress::Progress;
 use crate::project::{Loss, TrajectorySettings};
 
 /// The limit of the test as a standard normal: 1 good record in 10,000 passes it.
-const LIMIT_NORMAL: f64 = 3.72;
+pub(super) const LIMIT_NORMAL: f64 = 3.72;
 /// Growth of µ from round to round.
 const SHARPENING: f64 = 2.0;
 /// Iterations of the adjustment in each round: enough to follow the weights.

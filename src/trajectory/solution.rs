@@ -35,6 +35,8 @@ pub enum RejectionReason {
     OutsideImu,
     /// Its residual passes the limit of the test.
     Outlier,
+    /// It came when the online smoother had gone on too far.
+    Late,
 }
 
 impl fmt::Display for RejectionReason {
@@ -43,6 +45,7 @@ impl fmt::Display for RejectionReason {
             Self::TimeOrder => "time out of order",
             Self::OutsideImu => "outside the IMU's span",
             Self::Outlier => "outlier",
+            Self::Late => "too late for the online smoother",
         })
     }
 }

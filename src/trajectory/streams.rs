@@ -3,18 +3,18 @@
 
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Result};
-use crate::geometry::Vec3;
+use crate::geometry::{Mat3, Vec3};
 use crate::project::{ImuNoise, TrajectorySettings};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
-const LONGEST_IMU_GAP_S: f64 = 120.0;
+pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
 /// An IMU interval longer than this many times the median has lost samples.
-const GAP_INTERVALS: f64 = 2.5;
+pub(super) const GAP_INTERVALS: f64 = 2.5;
 /// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
-const MOTION_CORRELATION_S: f64 = 0.5;
+pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
-const FEWEST_FIXES: usize = 5;
+pub(super) const FEWEST_FIXES: usize = 5;
 
 /// What the sensors of one drive recorded.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +28,7 @@ pub struct MotionLogs<'a> {
 }
 
 /// One of the streams.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Stream {
     Imu,
     Position(usize),
@@ -92,18 +92,9 @@ impl Streams {
         })?;
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let name = names.log(Stream::Position(sensor));
-            check_values(&name, fixes, |f| {
-                all_finite(&f.position_m)
-                    && f.covariance_m2
-                        .is_none_or(|c| c.cholesky().is_some() && c.iter().all(|x| x.is_finite()))
-            })?;
+            check_values(&name, fixes, check_value_of_fix)?;
         }
-        check_values("heading log", logs.heading, |f| {
-            f.heading_rad.is_finite()
-                && f.pitch_rad.is_none_or(f64::is_finite)
-                && is_sigma(f.sigma_rad)
-                && is_sigma(f.pitch_sigma_rad)
-        })?;
+        check_values("heading log", logs.heading, check_value_of_heading)?;
 
         let mut dropped = Vec::new();
         let imu = ordered(logs.imu, Stream::Imu, &names, corrections, &mut dropped);
@@ -188,7 +179,21 @@ fn is_sigma(sigma: Option<f64>) -> bool {
     sigma.is_none_or(|s| s.is_finite() && s > 0.0)
 }
 
-fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<()> {
+/// Whether a fix holds a position, and a covariance where it gives one.
+pub(super) fn check_value_of_fix(fix: &PositionFix) -> bool {
+    let covariance = |c: &Mat3| c.cholesky().is_some() && c.iter().all(|x| x.is_finite());
+    all_finite(&fix.position_m) && fix.covariance_m2.as_ref().is_none_or(covariance)
+}
+
+/// Whether a heading holds angles, and standard deviations where it gives them.
+pub(super) fn check_value_of_heading(fix: &HeadingFix) -> bool {
+    fix.heading_rad.is_finite()
+        && fix.pitch_rad.is_none_or(f64::is_finite)
+        && is_sigma(fix.sigma_rad)
+        && is_sigma(fix.pitch_sigma_rad)
+}
+
+pub(super) fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<()> {
     if logs.positions.is_empty() || logs.positions.len() != settings.positions.len() {
         return Err(Error::data(
             format!(
@@ -367,25 +372,36 @@ fn bridge(
             ));
         }
         gaps.push((from + interval_s, to));
-        let pieces = ((to - from) / interval_s).round() as usize;
-        for piece in 1..pieces {
-            let u = piece as f64 / pieces as f64;
-            samples.push(ImuSample {
-                time_s: from + (to - from) * u,
-                gyro_rad_s: pair[0].gyro_rad_s.lerp(&pair[1].gyro_rad_s, u),
-                accel_m_s2: pair[0].accel_m_s2.lerp(&pair[1].accel_m_s2, u),
-            });
-            bridged.push(true);
-        }
+        samples.extend(bridged_samples(&pair[0], &pair[1], interval_s));
+        bridged.resize(samples.len(), true);
     }
     samples.extend(imu.last());
     bridged.push(false);
     Ok((samples, bridged, gaps))
 }
 
+/// Samples at the interval of the log on the line between two of them.
+pub(super) fn bridged_samples(
+    from: &ImuSample,
+    to: &ImuSample,
+    interval_s: f64,
+) -> impl Iterator<Item = ImuSample> {
+    let (from, to) = (*from, *to);
+    let gap_s = to.time_s - from.time_s;
+    let pieces = (gap_s / interval_s).round() as usize;
+    (1..pieces).map(move |piece| {
+        let u = piece as f64 / pieces as f64;
+        ImuSample {
+            time_s: from.time_s + gap_s * u,
+            gyro_rad_s: from.gyro_rad_s.lerp(&to.gyro_rad_s, u),
+            accel_m_s2: from.accel_m_s2.lerp(&to.accel_m_s2, u),
+        }
+    })
+}
+
 /// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
 /// the density of white noise with the same effect over its correlation time.
-fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
+pub(super) fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
     let count = imu.len() as f64;
     let density = |part: fn(&ImuSample) -> Vec3| {
         let mean = imu.iter().map(part).sum::<Vec3>() / count;

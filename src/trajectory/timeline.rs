@@ -9,7 +9,7 @@ use super::streams::Streams;
 use crate::project::Nodes;
 
 /// Longest time that one bias is held, and longest step: where the prism is out, biases still walk.
-const LONGEST_STEP_S: f64 = 1.0;
+pub(super) const LONGEST_STEP_S: f64 = 1.0;
 /// Times closer than this are the same instant: the rounding of seconds since 1970 in f64.
 pub(super) const SAME_INSTANT_S: f64 = 1e-6;
 

@@ -15,7 +15,9 @@ pub(super) use position::{PositionColumns, PositionFactor, PositionSensor};
 
 use super::chain::{Border, NODE, STEP, StepSystem};
 use super::constants::Constants;
+use super::preintegration::MotionSums;
 use crate::geometry::{Mat3, Rotation, Vec3};
+use crate::sensor::ImuBias;
 
 /// The motion state at a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +28,22 @@ pub(super) struct NodeState {
     pub position_m: Vec3,
     /// World.
     pub velocity_m_s: Vec3,
+}
+
+impl MotionSums {
+    /// Where these sums, corrected to `bias`, lead from a node.
+    pub(super) fn lead(&self, bias: &ImuBias, gravity_m_s2: f64, from: &NodeState) -> NodeState {
+        let (by, dt) = (self.corrected(bias), self.duration_s);
+        let gravity = Vec3::new(0.0, 0.0, -gravity_m_s2);
+        NodeState {
+            rotation: from.rotation * by.rotation,
+            position_m: from.position_m
+                + from.velocity_m_s * dt
+                + gravity * (0.5 * dt * dt)
+                + from.rotation * by.position_m,
+            velocity_m_s: from.velocity_m_s + gravity * dt + from.rotation * by.velocity_m_s,
+        }
+    }
 }
 
 /// First columns of a step's unknowns: attitude, position and velocity of node i, then node

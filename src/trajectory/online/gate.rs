@@ -1,0 +1,154 @@
+//! The innovation test: does a record fit what all before it predict?
+
+use crate::project::Loss;
+use crate::trajectory::chain::{NODE, TAIL};
+use crate::trajectory::diagnostics::chi_square;
+use crate::trajectory::factors::Rows;
+use crate::trajectory::robust::LIMIT_NORMAL;
+use nalgebra::{SMatrix, SVector};
+use std::collections::VecDeque;
+
+/// Innovations whose median says whether a sensor's standard deviations are too small.
+const RECENT: usize = 51;
+/// Records refused in a row, or for so long, after which the estimate is taken for lost and not
+/// the records.
+const MOST_REFUSED: usize = 10;
+const LONGEST_REFUSED_S: f64 = 2.0;
+const FEWEST_REFUSED: usize = 3;
+
+/// rᵀ (I + J Σ Jᵀ)⁻¹ r of whitened rows and residual, with the covariance Σ of node and bias.
+pub(super) fn innovation<const R: usize>(
+    rows: &Rows<R>,
+    residual: &[f64; R],
+    sigma: &[[f64; TAIL]; TAIL],
+) -> f64 {
+    let place = |a: usize| if a < NODE { a } else { a + NODE };
+    let mut s = SMatrix::<f64, R, R>::identity();
+    for (i, row) in rows.iter().enumerate() {
+        let mut spread = [0.0; TAIL];
+        for (a, line) in sigma.iter().enumerate() {
+            let factor = row[place(a)];
+            for (x, y) in spread.iter_mut().zip(line) {
+                *x += factor * y;
+            }
+        }
+        for (j, other) in rows.iter().enumerate() {
+            s[(i, j)] += (0..TAIL).map(|a| spread[a] * other[place(a)]).sum::<f64>();
+        }
+    }
+    let r = SVector::<f64, R>::from(*residual);
+    // S is at least the identity: what is not invertible is not finite, and not accepted.
+    s.try_inverse().map_or(f64::INFINITY, |inverse| {
+        (r.transpose() * inverse * r)[(0, 0)]
+    })
+}
+
+/// What is done with a record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Verdict {
+    Accept,
+    Refuse,
+    /// The records have contradicted the estimate for too long: it is lost, and follows them.
+    Follow,
+}
+
+/// The test of one sensor.
+#[derive(Debug, Clone)]
+pub(super) struct Gate {
+    loss: Loss,
+    components: f64,
+    recent: VecDeque<f64>,
+    refused: usize,
+    refused_since_s: f64,
+}
+
+impl Gate {
+    pub fn new(loss: Loss, components: f64) -> Self {
+        Self {
+            loss,
+            components,
+            recent: VecDeque::with_capacity(RECENT),
+            refused: 0,
+            refused_since_s: 0.0,
+        }
+    }
+
+    /// Judges a record by its squared normalised innovation. As in the adjustment of whole drives,
+    /// the limit grows where the median shows that the sensor's standard deviations are too small.
+    pub fn judge(&mut self, square: f64, time_s: f64) -> Verdict {
+        if self.recent.len() == RECENT {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(square);
+        if self.loss == Loss::None {
+            return Verdict::Accept;
+        }
+        if square <= self.limit() {
+            self.refused = 0;
+            return Verdict::Accept;
+        }
+        if self.refused == 0 {
+            self.refused_since_s = time_s;
+        }
+        self.refused += 1;
+        let lasting = time_s - self.refused_since_s >= LONGEST_REFUSED_S;
+        if self.refused > MOST_REFUSED || self.refused > FEWEST_REFUSED && lasting {
+            self.refused = 0;
+            return Verdict::Follow;
+        }
+        Verdict::Refuse
+    }
+
+    fn limit(&self) -> f64 {
+        let mut recent: Vec<f64> = self.recent.iter().copied().collect();
+        let middle = recent.len() / 2;
+        let median = *recent.select_nth_unstable_by(middle, f64::total_cmp).1;
+        // Of a few, the median itself may be that of outliers.
+        let scale = if recent.len() < RECENT {
+            1.0
+        } else {
+            (median / chi_square(self.components, 0.0)).max(1.0)
+        };
+        scale * chi_square(self.components, LIMIT_NORMAL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_in_ten_thousand_is_refused_and_a_lost_estimate_follows() {
+        let mut gate = Gate::new(Loss::Truncated, 3.0);
+        // χ² of 3 degrees: 1e-4 of the probability lies above 21.108.
+        assert_eq!(gate.judge(21.0, 0.0), Verdict::Accept);
+        assert_eq!(gate.judge(21.3, 0.1), Verdict::Refuse);
+        assert_eq!(gate.judge(1.0, 0.2), Verdict::Accept);
+        for k in 0..10 {
+            assert_eq!(gate.judge(1e4, 1.0 + 0.1 * f64::from(k)), Verdict::Refuse);
+        }
+        assert_eq!(gate.judge(1e4, 2.1), Verdict::Follow);
+        // Slow sensors do not wait for ten.
+        let slow = [0.0, 1.0, 2.0, 3.0].map(|t| gate.judge(1e4, 10.0 + t));
+        assert_eq!(slow[2], Verdict::Refuse);
+        assert_eq!(slow[3], Verdict::Follow);
+        // A loss that counts every record refuses none.
+        assert_eq!(Gate::new(Loss::None, 3.0).judge(1e9, 0.0), Verdict::Accept);
+    }
+
+    #[test]
+    fn innovations_count_what_the_prediction_does_not_know() {
+        // One row that sees the second component of the position: σ² = 1 + 3.
+        let mut rows = [[0.0; 24]; 1];
+        rows[0][4] = 1.0;
+        let mut sigma = [[0.0; TAIL]; TAIL];
+        sigma[4][4] = 3.0;
+        assert!((innovation(&rows, &[2.0], &sigma) - 1.0).abs() < 1e-12);
+        // And one that sees a gyro bias, correlated with it.
+        rows[0][18] = 2.0;
+        sigma[9][9] = 1.0;
+        sigma[4][9] = 0.5;
+        sigma[9][4] = 0.5;
+        assert!((innovation(&rows, &[3.0], &sigma) - 0.9).abs() < 1e-12);
+    }
+}

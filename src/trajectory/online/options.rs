@@ -1,0 +1,81 @@
+//! What the online smoother may spend and what it must see.
+
+use crate::trajectory::chain::{BIAS, NODE};
+
+/// Sizes of steps, one for each kind of unknown, per component.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Thresholds {
+    /// Attitude, radians.
+    pub attitude_rad: f64,
+    /// Metres.
+    pub position_m: f64,
+    /// m/s.
+    pub velocity_m_s: f64,
+    /// Gyro bias, rad/s.
+    pub gyro_rad_s: f64,
+    /// Accelerometer bias, m/s².
+    pub accel_m_s2: f64,
+}
+
+impl Thresholds {
+    /// Nothing is small enough.
+    pub const ZERO: Self = Self {
+        attitude_rad: 0.0,
+        position_m: 0.0,
+        velocity_m_s: 0.0,
+        gyro_rad_s: 0.0,
+        accel_m_s2: 0.0,
+    };
+
+    /// Whether any component of a node's step is farther than this from another step.
+    pub(super) fn node_passes(&self, a: &[f64; NODE], b: &[f64; NODE]) -> bool {
+        let limits = [self.attitude_rad, self.position_m, self.velocity_m_s];
+        (0..NODE).any(|i| (a[i] - b[i]).abs() > limits[i / 3])
+    }
+
+    /// The same for a bias.
+    pub(super) fn bias_passes(&self, a: &[f64; BIAS], b: &[f64; BIAS]) -> bool {
+        let limits = [self.gyro_rad_s, self.accel_m_s2];
+        (0..BIAS).any(|i| (a[i] - b[i]).abs() > limits[i / 3])
+    }
+}
+
+/// How the online smoother works.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OnlineOptions {
+    /// Nodes and biases are linearised anew where their step from the linearisation point passes
+    /// this.
+    pub relinearise: Thresholds,
+    /// Back-substitution ends where steps change by less than this.
+    pub wildfire: Thresholds,
+    /// Nodes, counted from the newest, among which elimination may start again: what bounds the
+    /// cost of an update. Older ones keep their linearisation points until the end.
+    pub reach: usize,
+    /// Shortest time before the start, seconds.
+    pub start_s: f64,
+}
+
+impl Default for OnlineOptions {
+    /// A step within these thresholds is wrong by the product of two of them: micrometres at the
+    /// newest node.
+    fn default() -> Self {
+        Self {
+            relinearise: Thresholds {
+                attitude_rad: 2e-3,
+                position_m: 0.1,
+                velocity_m_s: 0.1,
+                gyro_rad_s: 2e-3,
+                accel_m_s2: 0.2,
+            },
+            wildfire: Thresholds {
+                attitude_rad: 1e-5,
+                position_m: 1e-4,
+                velocity_m_s: 1e-4,
+                gyro_rad_s: 1e-6,
+                accel_m_s2: 1e-4,
+            },
+            reach: 256,
+            start_s: 2.0,
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! IMU samples as they come: gaps bridged, their noise known from the scatter so far.
+
+use super::running::Running;
+use crate::geometry::Vec3;
+use crate::project::ImuNoise;
+use crate::sensor::ImuSample;
+use crate::trajectory::streams::{GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples};
+
+pub(super) fn is_finite(sample: &ImuSample) -> bool {
+    let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+    sample.time_s.is_finite() && finite(&sample.gyro_rad_s) && finite(&sample.accel_m_s2)
+}
+
+/// Mean and scatter of rates and forces so far (Welford 1962).
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Scatter {
+    count: f64,
+    gyro: (Vec3, f64),
+    accel: (Vec3, f64),
+}
+
+impl Scatter {
+    pub fn add(&mut self, sample: &ImuSample) {
+        self.count += 1.0;
+        let count = self.count;
+        for ((mean, square), value) in [
+            (&mut self.gyro, sample.gyro_rad_s),
+            (&mut self.accel, sample.accel_m_s2),
+        ]
+        .map(|(sums, value)| ((&mut sums.0, &mut sums.1), value))
+        {
+            let off = value - *mean;
+            *mean += off / count;
+            *square += off.dot(&(value - *mean));
+        }
+    }
+
+    /// What a sample that nobody recorded may miss; as for whole drives.
+    fn bridge_noise(&self, noise: &ImuNoise) -> ImuNoise {
+        let density =
+            |square: f64| (square / (3.0 * self.count) * 2.0 * MOTION_CORRELATION_S).sqrt();
+        ImuNoise {
+            gyro_density: density(self.gyro.1).max(noise.gyro_density),
+            accel_density: density(self.accel.1).max(noise.accel_density),
+            ..*noise
+        }
+    }
+}
+
+impl Running {
+    /// Takes a sample, later than all before, and those that bridge a gap before it.
+    pub fn sample(&mut self, sample: ImuSample, scatter: &Scatter, noise: &ImuNoise) {
+        let last = self.streams.imu[self.streams.imu.len() - 1];
+        let interval_s = self.streams.interval_s;
+        let gap_s = sample.time_s - last.time_s;
+        if gap_s > GAP_INTERVALS * interval_s {
+            self.streams
+                .gaps_s
+                .push((last.time_s + interval_s, sample.time_s));
+            self.smoother
+                .graph
+                .set_bridge_noise(scatter.bridge_noise(noise));
+            for between in bridged_samples(&last, &sample, interval_s) {
+                self.push(between, true);
+            }
+        }
+        self.push(sample, false);
+    }
+
+    fn push(&mut self, sample: ImuSample, bridged: bool) {
+        self.streams.imu.push(sample);
+        self.streams.bridged.push(bridged);
+        self.smoother.graph.push_sample(sample, bridged);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scatter_is_that_of_all_samples() {
+        let samples: Vec<ImuSample> = (0..50)
+            .map(|k| ImuSample {
+                time_s: f64::from(k),
+                gyro_rad_s: Vec3::new(f64::from(k).sin(), 0.3, 0.01 * f64::from(k)),
+                accel_m_s2: Vec3::new(0.0, f64::from(k % 7), 9.81),
+            })
+            .collect();
+        let mut scatter = Scatter::default();
+        samples.iter().for_each(|s| scatter.add(s));
+        let noise = ImuNoise {
+            gyro_density: 1e-3,
+            accel_density: 1e-2,
+            gyro_bias_walk: 1e-5,
+            accel_bias_walk: 1e-4,
+        };
+        let whole = crate::trajectory::streams::bridge_noise(&samples, &noise);
+        let found = scatter.bridge_noise(&noise);
+        assert!((found.gyro_density / whole.gyro_density - 1.0).abs() < 1e-12);
+        assert!((found.accel_density / whole.accel_density - 1.0).abs() < 1e-12);
+    }
+}

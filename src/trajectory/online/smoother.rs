@@ -1,0 +1,300 @@
+//! The Bayes tree of the online smoother (Kaess, Johannsson, Roberts, Ila, Leonard, Dellaert 2012).
+//!
+//! Eliminated in time order, a drive's tree is a chain with the newest node and bias as the root. A
+//! new step adds one front and changes the root. Where a node has moved too far from where it was
+//! linearised, elimination starts again there, from the normal equations carried to it.
+
+use super::options::{OnlineOptions, Thresholds};
+use crate::error::{Error, Result};
+use crate::sensor::ImuBias;
+use crate::trajectory::chain::{BIAS, CHANGE, Carry, ChainFactor, NODE, STEP, TAIL, solve_rows};
+use crate::trajectory::factors::NodeState;
+use crate::trajectory::graph::{Graph, State, moved_bias, moved_node};
+use std::collections::VecDeque;
+
+const UNDAMPED: [f64; TAIL] = [0.0; TAIL];
+
+/// What one update has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Work {
+    /// Fronts eliminated.
+    pub eliminated: usize,
+    /// Nodes with a new linearisation point.
+    pub relinearised: usize,
+}
+
+/// The graph, where it is linearised, its factor, and the step from there to the estimate.
+#[derive(Debug, Clone)]
+pub(super) struct Smoother {
+    pub graph: Graph,
+    /// Linearisation points.
+    pub state: State,
+    pub factor: ChainFactor,
+    /// Normal equations carried to the steps from `first_carry` on, before the bias changes there.
+    carries: VecDeque<Carry>,
+    first_carry: usize,
+    node_step: Vec<[f64; NODE]>,
+    bias_step: Vec<[f64; BIAS]>,
+    /// The step at which each bias begins.
+    bias_begin: Vec<usize>,
+    /// The first step whose front is out of date.
+    changed: usize,
+    /// The first step whose front is newer than the steps to the estimates.
+    unsolved: usize,
+    options: OnlineOptions,
+}
+
+impl Smoother {
+    /// Of the single node of `graph`.
+    pub fn new(graph: Graph, node: NodeState, bias: ImuBias, options: OnlineOptions) -> Self {
+        let state = State {
+            nodes: vec![node],
+            biases: vec![bias],
+            constants: Vec::new(),
+        };
+        Self {
+            carries: VecDeque::from([Carry::new(&graph.prior(&state))]),
+            first_carry: 0,
+            graph,
+            state,
+            factor: ChainFactor::growing(),
+            node_step: vec![[0.0; NODE]],
+            bias_step: vec![[0.0; BIAS]],
+            bias_begin: vec![0],
+            changed: 0,
+            unsolved: 0,
+            options,
+        }
+    }
+
+    pub fn newest_s(&self) -> f64 {
+        let nodes = &self.graph.timeline.node_s;
+        nodes[nodes.len() - 1]
+    }
+
+    pub fn steps(&self) -> usize {
+        self.graph.timeline.steps()
+    }
+
+    /// The estimate of a node.
+    pub fn node(&self, node: usize) -> NodeState {
+        moved_node(&self.state.nodes[node], &self.node_step[node])
+    }
+
+    /// The estimate of the bias in force in a step; of the newest one in a step to come.
+    pub fn bias(&self, step: usize) -> ImuBias {
+        let bias = match self.graph.timeline.layout.bias_of_step.get(step) {
+            Some(&bias) => bias as usize,
+            None => self.state.biases.len() - 1,
+        };
+        moved_bias(&self.state.biases[bias], &self.bias_step[bias])
+    }
+
+    /// The first step at which elimination can start again.
+    pub fn reach(&self) -> usize {
+        self.first_carry
+    }
+
+    /// The fronts from `step` on are out of date.
+    pub fn touch(&mut self, step: usize) {
+        self.changed = self.changed.min(step);
+    }
+
+    /// A step to a new node at `time_s`, linearised at `guess` or where the IMU leads; a new bias
+    /// begins at the newest node where `begins`.
+    pub fn append(
+        &mut self,
+        time_s: f64,
+        begins: bool,
+        guess: Option<&(NodeState, ImuBias)>,
+    ) -> Result<()> {
+        let step = self.steps();
+        let bias = self.bias(step);
+        self.graph.push_step(time_s, begins, &bias)?;
+        if begins && step > 0 {
+            self.state.biases.push(guess.map_or(bias, |g| g.1));
+            self.bias_step.push([0.0; BIAS]);
+            self.bias_begin.push(step);
+        }
+        let node = match guess {
+            Some((node, _)) => *node,
+            None => {
+                let gravity_m_s2 = self.graph.known.gravity_m_s2(&[]);
+                let sums = &self.graph.imu[step].sums;
+                sums.lead(&bias, gravity_m_s2, &self.node(step))
+            }
+        };
+        self.state.nodes.push(node);
+        self.node_step.push([0.0; NODE]);
+        self.factor
+            .push_step(self.graph.timeline.layout.bias_of_step[step]);
+        self.touch(step);
+        Ok(())
+    }
+
+    /// Brings fronts, root and the steps to the estimates up to date, and linearises anew what has
+    /// moved too far.
+    pub fn update(&mut self) -> Result<Work> {
+        let wildfire = self.options.wildfire;
+        let mut work = Work {
+            eliminated: self.eliminate()?,
+            relinearised: 0,
+        };
+        let lowest = self.back_substitute(Some(&wildfire));
+        work.relinearised = self.relinearise(lowest);
+        if work.relinearised > 0 {
+            work.eliminated += self.eliminate()?;
+            self.back_substitute(Some(&wildfire));
+        }
+        Ok(work)
+    }
+
+    /// Eliminates from the first front that is out of date to the root; how many steps.
+    pub fn eliminate(&mut self) -> Result<usize> {
+        let steps = self.steps();
+        let from = self.changed;
+        self.carries.truncate(from - self.first_carry + 1);
+        let free = |step: usize, graph: &Graph| {
+            Error::data(
+                format!(
+                    "the trajectory at {:.3} s is not determined",
+                    graph.timeline.node_s[step]
+                ),
+                "check lever arm, axes, heading offset and the clocks of the logs",
+            )
+        };
+        for step in from..steps {
+            let mut carry = self.carries[step - self.first_carry].clone();
+            if self.graph.timeline.layout.changes_before(step) {
+                let old = self.graph.timeline.layout.bias_of_step[step] as usize - 1;
+                let walk = self.graph.walk(&self.state, old);
+                if !carry.change_bias(&walk, &UNDAMPED, self.factor.change_mut(old)) {
+                    return Err(free(step, &self.graph));
+                }
+            }
+            let mut system = self.graph.step_system(&self.state, step);
+            if !carry.eliminate_step(&mut system, &UNDAMPED, self.factor.step_mut(step)) {
+                return Err(free(step, &self.graph));
+            }
+            self.carries.push_back(carry);
+            if self.carries.len() > self.options.reach + 1 {
+                self.carries.pop_front();
+                self.first_carry += 1;
+            }
+        }
+        self.changed = steps;
+        self.unsolved = self.unsolved.min(from);
+        let mut root = self.carries[steps - self.first_carry].clone();
+        let newest = &self.state.biases[self.state.biases.len() - 1];
+        root.add_newest(&self.graph.newest_system(&self.state, newest));
+        if !root.eliminate_tail(&UNDAMPED, self.factor.tail_mut()) {
+            return Err(free(steps, &self.graph));
+        }
+        self.solve_root();
+        Ok(steps - from)
+    }
+
+    /// The step of the newest node and bias.
+    fn solve_root(&mut self) {
+        let (tail, _) = self.factor.tail();
+        let x = solve_rows::<TAIL, TAIL>(&tail.rows, &tail.y, [0.0; TAIL]);
+        let (mut node, mut bias) = ([0.0; NODE], [0.0; BIAS]);
+        node.copy_from_slice(&x[..NODE]);
+        bias.copy_from_slice(&x[NODE..]);
+        let (n, k) = (self.steps(), self.bias_step.len() - 1);
+        self.node_step[n] = node;
+        self.bias_step[k] = bias;
+    }
+
+    /// From the root back as long as steps change by more than `wildfire`, and at least through
+    /// the fronts that are new; to the first step without thresholds. The first node reached.
+    pub fn back_substitute(&mut self, wildfire: Option<&Thresholds>) -> usize {
+        self.solve_root();
+        let steps = self.steps();
+        let first = match wildfire {
+            Some(_) => self.first_carry,
+            None => 0,
+        };
+        let mut calm = 0;
+        for step in (first..steps).rev() {
+            let bias = self.graph.timeline.layout.bias_of_step[step] as usize;
+            let mut x = [0.0; STEP];
+            x[NODE..2 * NODE].copy_from_slice(&self.node_step[step + 1]);
+            x[2 * NODE..].copy_from_slice(&self.bias_step[bias]);
+            let front = self.factor.step(step).0;
+            let x = solve_rows::<NODE, STEP>(&front.rows, &front.y, x);
+            let mut node = [0.0; NODE];
+            node.copy_from_slice(&x[..NODE]);
+            let mut moved = wildfire.is_none_or(|w| w.node_passes(&node, &self.node_step[step]));
+            self.node_step[step] = node;
+            if self.graph.timeline.layout.changes_before(step) {
+                let mut x = [0.0; CHANGE];
+                x[BIAS..TAIL].copy_from_slice(&node);
+                x[TAIL..].copy_from_slice(&self.bias_step[bias]);
+                let front = self.factor.change(bias - 1).0;
+                let x = solve_rows::<BIAS, CHANGE>(&front.rows, &front.y, x);
+                let mut old = [0.0; BIAS];
+                old.copy_from_slice(&x[..BIAS]);
+                moved |= wildfire.is_none_or(|w| w.bias_passes(&old, &self.bias_step[bias - 1]));
+                self.bias_step[bias - 1] = old;
+            }
+            // One calm node may lie between the newest, whose change is not seen, and moved ones.
+            calm = if moved { 0 } else { calm + 1 };
+            if calm > 1 && step <= self.unsolved {
+                self.unsolved = steps;
+                return step;
+            }
+        }
+        self.unsolved = steps;
+        first
+    }
+
+    /// Moves the linearisation points of the nodes and biases from node `lowest` on that are off
+    /// by more than the thresholds to the estimates; how many nodes.
+    fn relinearise(&mut self, lowest: usize) -> usize {
+        let limit = self.options.relinearise;
+        let none = ([0.0; NODE], [0.0; BIAS]);
+        let first = self.first_carry;
+        let mut count = 0;
+        let mut again = usize::MAX;
+        for i in lowest..self.state.nodes.len() {
+            // The step before is linearised at this node too.
+            if (i > first || i == 0) && limit.node_passes(&self.node_step[i], &none.0) {
+                self.state.nodes[i] = self.node(i);
+                self.node_step[i] = none.0;
+                again = again.min(i.saturating_sub(1));
+                count += 1;
+            }
+        }
+        let layout = &self.graph.timeline.layout.bias_of_step;
+        let lowest_bias = layout.get(lowest).map_or(0, |&bias| bias as usize);
+        for k in lowest_bias..self.state.biases.len() {
+            let begin = self.bias_begin[k];
+            if begin >= first && limit.bias_passes(&self.bias_step[k], &none.1) {
+                self.state.biases[k] = moved_bias(&self.state.biases[k], &self.bias_step[k]);
+                self.bias_step[k] = none.1;
+                again = again.min(begin);
+                count = count.max(1);
+            }
+        }
+        if count > 0 {
+            self.touch(again);
+            if again == 0 {
+                self.carries[0] = Carry::new(&self.graph.prior(&self.state));
+            }
+        }
+        count
+    }
+
+    /// All unknowns at their estimates.
+    pub fn estimate(&mut self) -> State {
+        self.back_substitute(None);
+        State {
+            nodes: (0..self.state.nodes.len()).map(|i| self.node(i)).collect(),
+            biases: (0..self.state.biases.len())
+                .map(|k| moved_bias(&self.state.biases[k], &self.bias_step[k]))
+                .collect(),
+            constants: Vec::new(),
+        }
+    }
+}
