@@ -24,7 +24,7 @@ use crate::progress::Progress;
 use crate::project::{CalibrationSettings, Method, Project};
 use crate::report::{self, content::MountingKind};
 use crate::sensor::PoseRecord;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Solution, Trajectory};
 pub use commands::{
     Options, Outcome, calibrate, compare, demo, georeference, run, simulate, trajectory,
 };
@@ -62,6 +62,28 @@ pub struct StageSeconds {
     pub seconds: f64,
 }
 
+/// Where the body was on one drive.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// Name of the drive.
+    pub name: String,
+    /// The poses, the project's origin subtracted.
+    pub poses: Vec<PoseRecord>,
+    /// What the adjustment left; `None` where the poses came from a file.
+    pub solution: Option<Solution>,
+}
+
+impl Track {
+    /// Of the drive of this name.
+    pub fn new(name: String, poses: &Poses) -> Self {
+        Self {
+            name,
+            poses: poses.trajectory.nodes().to_vec(),
+            solution: poses.solution.clone(),
+        }
+    }
+}
+
 /// Everything a run found.
 #[derive(Debug)]
 pub struct Findings {
@@ -75,10 +97,8 @@ pub struct Findings {
     pub paper: Option<Calibration>,
     /// True mountings, where they are known.
     pub truth_mountings: Option<Vec<Pose>>,
-    /// How the trajectory's adjustment went.
-    pub trajectory_solution: Option<serde_json::Value>,
-    /// Poses of every drive, by name.
-    pub tracks: Vec<(String, Vec<PoseRecord>)>,
+    /// Poses of every drive: the calibration drive, then the evaluation drives.
+    pub tracks: Vec<Track>,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
     /// The reference, thinned for drawing.
@@ -200,7 +220,7 @@ pub fn analyse(
         clouds::stream(project, &poses.trajectory, &found, Some(&write), progress)
     })?;
     let mut drives = Vec::new();
-    let mut tracks = vec![(name_of(project), poses.trajectory.nodes().to_vec())];
+    let mut tracks = vec![Track::new(name_of(project), &poses)];
     drives.push(timed(&mut times, "compare", || {
         compare_drive(
             &name_of(project),
@@ -219,7 +239,7 @@ pub fn analyse(
         let drive = shown(&mut times, &stage, progress, || {
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, &found, None, progress)?;
-            tracks.push((evaluation.name.clone(), poses.trajectory.nodes().to_vec()));
+            tracks.push(Track::new(evaluation.name.clone(), &poses));
             let name = &evaluation.name;
             compare_drive(
                 name,
@@ -255,10 +275,6 @@ pub fn analyse(
         exact_poses,
         paper,
         truth_mountings: truth,
-        trajectory_solution: poses
-            .solution
-            .as_ref()
-            .map(|solution| serde_json::json!(solution)),
         tracks,
         drives,
         background: thinned_for_drawing(&reference),
