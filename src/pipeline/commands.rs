@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::{Extras, Findings, Truth, analyse, clouds, result, stages, summary};
+use super::{Extras, Findings, Truth, analyse, clouds, page, result, stages, summary};
 use crate::comparison::{Statistics, core_points, m3c2};
 use crate::error::{Error, Result};
 use crate::format;
@@ -12,6 +12,7 @@ use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::{ComparisonSettings, Project};
+use crate::report;
 use crate::simulation::{self, Scenario};
 use crate::trajectory::Trajectory;
 
@@ -139,24 +140,27 @@ pub fn trajectory(
         &poses.trajectory,
         &project.origin_m,
     )?;
+    let command = format!("boresight trajectory {}", project.path.display());
+    let page = report::render(&page::trajectory_content(project, &poses, &command));
+    let path = staging.path("trajectory.html");
+    std::fs::write(&path, page).map_err(|error| Error::io(&path, error))?;
     staging.commit()?;
     let nodes = poses.trajectory.nodes();
     let (first_s, last_s) = poses.trajectory.span_s();
-    let mut summary = format!("{} poses over {:.1} s", nodes.len(), last_s - first_s);
-    if let Some(solution) = &poses.solution {
-        summary.push_str(&format!("; {solution}"));
-    }
+    let solution = poses.solution.as_ref();
     Ok(Outcome {
         result: json!({
-            "trajectory": poses.solution,
+            "trajectory": solution.map(|solution| result::trajectory(solution, nodes)),
             "rejected_rows": poses.rejected_rows,
             "poses": nodes.len(),
             "span_s": [first_s, last_s],
             "stages": { "estimate": { "seconds": poses.seconds } },
             "peak_memory_bytes": super::peak_memory_bytes(),
         }),
-        summary,
-        files: vec![options.out.join("trajectory.csv")],
+        summary: summary::trajectory(solution, nodes),
+        files: ["trajectory.csv", "trajectory.html"]
+            .map(|name| options.out.join(name))
+            .into(),
     })
 }
 

@@ -25,7 +25,7 @@ use crate::progress::Progress;
 use crate::project::{CalibrationSettings, Method, Project};
 use crate::report::{self, content::MountingKind};
 use crate::sensor::{PoseRecord, RejectedRow};
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Solution, Trajectory};
 pub use commands::{
     Options, Outcome, calibrate, compare, demo, georeference, run, simulate, trajectory,
 };
@@ -63,6 +63,28 @@ pub struct StageSeconds {
     pub seconds: f64,
 }
 
+/// Where the body was on one drive.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// Name of the drive.
+    pub name: String,
+    /// The poses, the project's origin subtracted.
+    pub poses: Vec<PoseRecord>,
+    /// What the adjustment left; `None` where the poses came from a file.
+    pub solution: Option<Solution>,
+}
+
+impl Track {
+    /// Of the drive of this name.
+    pub fn new(name: String, poses: &Poses) -> Self {
+        Self {
+            name,
+            poses: poses.trajectory.nodes().to_vec(),
+            solution: poses.solution.clone(),
+        }
+    }
+}
+
 /// Everything a run found.
 #[derive(Debug)]
 pub struct Findings {
@@ -76,12 +98,10 @@ pub struct Findings {
     pub paper: Option<Calibration>,
     /// True mountings, where they are known.
     pub truth_mountings: Option<Vec<Pose>>,
-    /// How the trajectory's adjustment went.
-    pub trajectory_solution: Option<serde_json::Value>,
     /// Rows of the logs that hold no measurement.
     pub rejected_rows: Vec<RejectedRow>,
-    /// Poses of every drive, by name.
-    pub tracks: Vec<(String, Vec<PoseRecord>)>,
+    /// Poses of every drive: the calibration drive, then the evaluation drives.
+    pub tracks: Vec<Track>,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
     /// The reference, thinned for drawing.
@@ -209,7 +229,7 @@ pub fn analyse(
         clouds::stream(project, &poses.trajectory, &found, Some(&write), progress)
     })?;
     let mut drives = Vec::new();
-    let mut tracks = vec![(name_of(project), poses.trajectory.nodes().to_vec())];
+    let mut tracks = vec![Track::new(name_of(project), &poses)];
     drives.push(timed(&mut times, "compare", || {
         compare_drive(
             &name_of(project),
@@ -228,7 +248,7 @@ pub fn analyse(
         let drive = shown(&mut times, &stage, progress, || {
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, &found, None, progress)?;
-            tracks.push((evaluation.name.clone(), poses.trajectory.nodes().to_vec()));
+            tracks.push(Track::new(evaluation.name.clone(), &poses));
             let name = &evaluation.name;
             compare_drive(
                 name,
@@ -265,10 +285,6 @@ pub fn analyse(
         exact_poses,
         paper,
         truth_mountings: truth,
-        trajectory_solution: poses
-            .solution
-            .as_ref()
-            .map(|solution| serde_json::json!(solution)),
         rejected_rows: poses.rejected_rows,
         tracks,
         drives,

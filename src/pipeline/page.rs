@@ -1,9 +1,10 @@
 //! The findings of a run as the report shows it.
 
 use super::evaluate::{Against, Agreement, Drive};
-use super::{Extras, Findings, verdicts};
+use super::stages::Poses;
+use super::{Extras, Findings, Track, verdicts};
 use crate::calibration::Calibration;
-use crate::geometry::{Pose, so3};
+use crate::geometry::{Pose, Vec3, so3};
 use crate::project::{Method, Motion, Project};
 use crate::report::content::{
     Content, CorrelationMatrix, CostMeasure, DistanceMap, DistanceRow, DistanceStatistics,
@@ -11,6 +12,7 @@ use crate::report::content::{
     ParameterOrigin, ResidualBlock, ResidualFigure, ResidualSeries, ScaleRun, StageTime,
     TrajectoryFigure, Verdict,
 };
+use crate::report::diagnostics::PoseSigmas;
 
 /// Fills the report.
 pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Content {
@@ -31,7 +33,7 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
     methods.extend(named(&findings.exact_poses, "with exact poses"));
     Content {
         title: format!("Calibration of {}", super::name_of(project)),
-        version: format!("boresight {}", env!("CARGO_PKG_VERSION")),
+        version: version(),
         date: String::new(),
         command: extras.command.clone(),
         project: project.path.display().to_string(),
@@ -44,7 +46,7 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
             .iter()
             .flat_map(|drive| rows(project, drive))
             .collect(),
-        trajectory: Some(trajectory(findings)),
+        trajectory: Some(trajectory(&findings.tracks, &findings.background)),
         maps: findings
             .drives
             .iter()
@@ -67,30 +69,38 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
     }
 }
 
-fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
+fn fact(label: &str, value: String) -> Fact {
+    Fact {
+        label: label.into(),
+        value,
+    }
+}
+
+/// The files that tell the motion.
+fn log_facts(project: &Project) -> Vec<Fact> {
     let mut facts = Vec::new();
-    let mut fact = |label: &str, value: String| {
-        facts.push(Fact {
-            label: label.into(),
-            value,
-        });
-    };
     match &project.motion {
         Motion::Logs(logs) => {
-            fact("IMU", logs.imu.path.display().to_string());
+            facts.push(fact("IMU", logs.imu.path.display().to_string()));
             for (log, settings) in logs.positions.iter().zip(&logs.settings.positions) {
-                fact(&settings.name, log.path.display().to_string());
+                facts.push(fact(&settings.name, log.path.display().to_string()));
             }
             if let Some(heading) = &logs.heading {
-                fact("heading", heading.path.display().to_string());
+                facts.push(fact("heading", heading.path.display().to_string()));
             }
         }
-        Motion::Poses(file) => fact("trajectory", file.path.display().to_string()),
+        Motion::Poses(file) => facts.push(fact("trajectory", file.path.display().to_string())),
     }
-    for (name, poses) in &findings.tracks {
+    facts
+}
+
+fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
+    let mut facts = log_facts(project);
+    for Track { name, poses, .. } in &findings.tracks {
         if let (Some(first), Some(last)) = (poses.first(), poses.last()) {
             let seconds = last.time_s - first.time_s;
-            fact(name, format!("{} poses over {seconds:.1} s", poses.len()));
+            let value = format!("{} poses over {seconds:.1} s", poses.len());
+            facts.push(fact(name, value));
         }
     }
     for scanner in &project.scanners {
@@ -99,13 +109,17 @@ fn inputs(project: &Project, findings: &Findings) -> Vec<Fact> {
             .iter()
             .map(|p| p.display().to_string())
             .collect();
-        fact(&format!("scanner {}", scanner.name), files.join(", "));
+        let label = format!("scanner {}", scanner.name);
+        facts.push(fact(&label, files.join(", ")));
     }
     let reference = project
         .reference
         .as_ref()
         .map(|r| r.path.display().to_string());
-    fact("reference", reference.unwrap_or_else(|| "none".into()));
+    facts.push(fact(
+        "reference",
+        reference.unwrap_or_else(|| "none".into()),
+    ));
     facts
 }
 
@@ -235,26 +249,43 @@ fn maps(project: &Project, drive: &Drive) -> Vec<DistanceMap> {
 /// Poses drawn of one drive: about ten a second say as much as a hundred.
 const DRAWN_POSES: usize = 3000;
 
-fn trajectory(findings: &Findings) -> TrajectoryFigure {
+fn trajectory(tracks: &[Track], background: &[Vec3]) -> TrajectoryFigure {
     TrajectoryFigure {
-        drives: findings
-            .tracks
-            .iter()
-            .map(|(name, poses)| {
-                let stride = poses.len().div_ceil(DRAWN_POSES).max(1);
-                DriveTrack {
-                    name: name.clone(),
-                    poses: poses.iter().step_by(stride).copied().collect(),
-                }
-            })
-            .collect(),
-        background_m: findings
-            .background
+        drives: tracks.iter().map(drive_track).collect(),
+        background_m: background
             .iter()
             .map(|point| [point.x, point.y, point.z])
             .collect(),
         outlines: Vec::new(),
     }
+}
+
+fn drive_track(track: &Track) -> DriveTrack {
+    let stride = track.poses.len().div_ceil(DRAWN_POSES).max(1);
+    DriveTrack {
+        name: track.name.clone(),
+        poses: track.poses.iter().step_by(stride).copied().collect(),
+        sigmas: PoseSigmas::of(&track.poses),
+        solution: track.solution.clone(),
+    }
+}
+
+/// Fills the page of a trajectory alone.
+pub fn trajectory_content(project: &Project, poses: &Poses, command: &str) -> Content {
+    let track = Track::new(super::name_of(project), poses);
+    Content {
+        title: format!("Trajectory of {}", track.name),
+        version: version(),
+        command: command.into(),
+        project: project.path.display().to_string(),
+        inputs: log_facts(project),
+        trajectory: Some(trajectory(&[track], &[])),
+        ..Content::default()
+    }
+}
+
+fn version() -> String {
+    format!("boresight {}", env!("CARGO_PKG_VERSION"))
 }
 
 fn method_run(calibration: &Calibration, label: &str, truth: Option<&[Pose]>) -> MethodRun {

@@ -9,6 +9,9 @@ use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{EulerConvention, Pose};
 use crate::project::Project;
 use crate::report::content::MountingKind;
+use crate::report::diagnostics::{self, PoseSigmas};
+use crate::sensor::PoseRecord;
+use crate::trajectory::Solution;
 
 /// The whole `result.json`.
 pub fn document(project: &Project, findings: &Findings) -> Value {
@@ -22,8 +25,10 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
         "warnings": findings.warnings,
         "peak_memory_bytes": super::peak_memory_bytes(),
     });
-    if let Some(solution) = &findings.trajectory_solution {
-        document["trajectory"] = solution.clone();
+    if let Some(track) = findings.tracks.first()
+        && let Some(solution) = &track.solution
+    {
+        document["trajectory"] = trajectory(solution, &track.poses);
         document["rejected_rows"] = json!(findings.rejected_rows);
     }
     if let Some(without) = &findings.without_reference {
@@ -57,6 +62,25 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
             .into();
     }
     document
+}
+
+/// Worst measurements listed.
+const WORST: usize = 20;
+
+/// The trajectory's adjustment: the solution with the test of each sensor, the worst measurements,
+/// the rejections counted, and how well the poses are known.
+pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
+    let mut value = json!(solution);
+    for (i, sensor) in solution.sensors.iter().enumerate() {
+        value["sensors"][i]["chi_square_passed"] = json!(diagnostics::passes(sensor));
+    }
+    for (i, constant) in solution.constants.iter().enumerate() {
+        value["constants"][i]["determined"] = json!(constant.sigma.is_some());
+    }
+    value["worst"] = json!(diagnostics::worst(solution, WORST));
+    value["rejection_counts"] = json!(diagnostics::rejection_counts(solution));
+    value["pose_sigma"] = json!(PoseSigmas::of(poses));
+    value
 }
 
 /// The scanners' mountings with sigmas.

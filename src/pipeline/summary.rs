@@ -9,6 +9,9 @@ use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::project::{PARAMETER_NAMES, Project};
 use crate::report::content::MountingKind;
+use crate::report::diagnostics::{self, PoseSigmas};
+use crate::sensor::PoseRecord;
+use crate::trajectory::{SensorDiagnostics, Solution};
 
 /// A table of the mountings: a row a parameter, a column a scanner; then what was not found.
 pub fn mountings(calibration: &Calibration) -> String {
@@ -89,6 +92,115 @@ pub fn distances(project: &Project, drives: &[Drive]) -> String {
         return "No clouds to compare.".into();
     }
     joined(&aligned(&rows, &columns))
+}
+
+/// Tables of the adjustment's sensors and constants, and how well the poses are known.
+pub fn trajectory(solution: Option<&Solution>, poses: &[PoseRecord]) -> String {
+    let seconds = match poses {
+        [first, .., last] => last.time_s - first.time_s,
+        _ => 0.0,
+    };
+    let mut lines = vec![format!("{} poses over {seconds:.1} s", poses.len())];
+    if let Some(sigmas) = PoseSigmas::of(poses) {
+        lines.extend(pose_sigmas(&sigmas));
+    }
+    let Some(solution) = solution else {
+        return joined(&lines);
+    };
+    lines.push(format!(
+        "{} after {} iterations over {} nodes",
+        solution.stop, solution.iterations, solution.nodes
+    ));
+    lines.push(String::new());
+    lines.extend(sensors(solution));
+    if !solution.constants.is_empty() {
+        lines.push(String::new());
+        lines.extend(constants(solution));
+    }
+    joined(&lines)
+}
+
+fn pose_sigmas(sigmas: &PoseSigmas) -> Vec<String> {
+    let both = |median: String, max: String| vec![median, max];
+    let degrees = |value: f64| format!("{value:.3}°");
+    let quantities =
+        [sigmas.position_m.median, sigmas.position_m.max].map(|m| format!("{:.1} mm", 1e3 * m));
+    let [median, max] = quantities;
+    let columns = [
+        vec!["median".to_owned(), "largest".to_owned()],
+        both(median, max),
+        both(
+            degrees(sigmas.tilt_deg.median),
+            degrees(sigmas.tilt_deg.max),
+        ),
+        both(
+            degrees(sigmas.heading_deg.median),
+            degrees(sigmas.heading_deg.max),
+        ),
+    ];
+    let rows = ["sigma of the poses", "  position", "  tilt", "  heading"].map(String::from);
+    let columns: Vec<Vec<String>> = (0..2)
+        .map(|i| columns.iter().map(|row| row[i].clone()).collect())
+        .collect();
+    let mut lines = aligned(&rows, &columns);
+    for outage in &sigmas.outages {
+        lines.push(format!(
+            "  outage from {:.1} s to {:.1} s: position to {:.1} mm",
+            outage.from_s,
+            outage.to_s,
+            1e3 * outage.max_position_m
+        ));
+    }
+    lines
+}
+
+fn sensors(solution: &Solution) -> Vec<String> {
+    let shown: Vec<&SensorDiagnostics> = diagnostics::sensors_shown(solution).collect();
+    let mut rows = vec![String::from("residuals")];
+    rows.extend(
+        shown
+            .iter()
+            .map(|s| format!("  {}", diagnostics::sensor_name(&s.name))),
+    );
+    let column = |head: &str, cell: &dyn Fn(&SensorDiagnostics) -> String| -> Vec<String> {
+        let cells = shown.iter().map(|sensor| cell(sensor));
+        std::iter::once(head.to_owned()).chain(cells).collect()
+    };
+    let component = |s: &SensorDiagnostics| {
+        let found = s.variance_component;
+        found.map_or("-".into(), |found| format!("{found:.2}"))
+    };
+    let columns = [
+        column("used", &|s| s.count.to_string()),
+        column("rejected", &|s| s.rejected.to_string()),
+        column("ignored", &|s| s.ignored.to_string()),
+        column("RMS", &|s| diagnostics::quantity(s.rms_raw, s.unit)),
+        column("RMS/sigma", &|s| format!("{:.2}", s.rms_normalised)),
+        column("redundancy", &|s| format!("{:.0}", s.redundancy)),
+        column("variance component", &component),
+    ];
+    let mut lines = aligned(&rows, &columns);
+    let words = column("chi-square test", &|s| diagnostics::sigma_words(s));
+    for (line, words) in lines.iter_mut().zip(words) {
+        let _ = write!(line, "   {words}"); // a String takes everything
+    }
+    lines
+}
+
+fn constants(solution: &Solution) -> Vec<String> {
+    let mut rows = vec![String::from("constants")];
+    let mut estimated = vec![String::from("estimated")];
+    let mut project = vec![String::from("project")];
+    for constant in &solution.constants {
+        let words = diagnostics::constant_words(constant);
+        rows.push(format!("  {}", constant.name));
+        estimated.push(match &words.sigma {
+            Some(sigma) => format!("{} ± {sigma} {}", words.value, words.unit),
+            None => "not determined by this drive".into(),
+        });
+        project.push(format!("{} {}", words.start, words.unit));
+    }
+    aligned(&rows, &[estimated, project])
 }
 
 /// Rows with their columns, each as wide as its widest cell: names to the left, cells to the right.

@@ -3,7 +3,7 @@
 //! Colours come from the classes of the page's style, so that a chart follows light, dark and
 //! print. Coordinates are finite by construction: what is not finite is a gap.
 
-use super::axis::Axis;
+use super::axis::{self, Axis};
 use super::html::escape;
 
 /// A chart being drawn.
@@ -20,6 +20,8 @@ pub struct Plot {
 const TOP: f64 = 14.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 42.0;
+/// Dots of one column that are still drawn one by one.
+const CROWD: usize = 4;
 /// Width of a digit at the size of the tick labels.
 const DIGIT: f64 = 7.2;
 
@@ -209,6 +211,83 @@ impl Plot {
         }
     }
 
+    /// Many dots as one path, no larger however many there are: where more than [`CROWD`] in a row
+    /// fall into one column, a stroke from the least to the greatest stands for them.
+    pub fn scatter(&mut self, class: &str, points: &[[f64; 2]]) {
+        let mut path = String::new();
+        for column in self.columns(points) {
+            if column.len() <= CROWD {
+                for [x, y] in column {
+                    path.push_str(&format!("M{x:.1} {y:.1}h0"));
+                }
+            } else if let Some((high, low)) = axis::range(column.iter().map(|p| p[1])) {
+                path.push_str(&format!("M{:.1} {high:.1}V{low:.1}", column[0][0]));
+            }
+        }
+        self.path(&format!("scatter {class}"), &path);
+    }
+
+    /// A cross at each point, two a column at most.
+    pub fn crosses(&mut self, class: &str, points: &[[f64; 2]]) {
+        let mut path = String::new();
+        for column in self.columns(points) {
+            let (first, last) = (column.first(), column.last());
+            for [x, y] in first.into_iter().chain(last.filter(|_| column.len() > 1)) {
+                path.push_str(&format!("M{:.1} {:.1}l6 6m0-6l-6 6", x - 3.0, y - 3.0));
+            }
+        }
+        self.path(class, &path);
+    }
+
+    /// A triangle at the edge for the points above and below the plot area, one a column.
+    pub fn beyond(&mut self, class: &str, points: &[[f64; 2]]) {
+        let (top, bottom) = (TOP, self.height - BOTTOM);
+        let mut path = String::new();
+        for column in self.columns(points) {
+            if let Some(p) = column.iter().find(|p| p[1] < top - 0.05) {
+                path.push_str(&format!("M{:.1} {:.1}h7l-3.5-6z", p[0] - 3.5, top + 7.0));
+            }
+            if let Some(p) = column.iter().find(|p| p[1] > bottom + 0.05) {
+                path.push_str(&format!("M{:.1} {:.1}h7l-3.5 6z", p[0] - 3.5, bottom - 7.0));
+            }
+        }
+        self.path(class, &path);
+    }
+
+    fn path(&mut self, class: &str, path: &str) {
+        if !path.is_empty() {
+            self.body
+                .push_str(&format!("<path class=\"{class}\" d=\"{path}\"/>\n"));
+        }
+    }
+
+    /// Places of the drawable points, those that follow each other in one unit of width together.
+    fn columns(&self, points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
+        let mut columns: Vec<Vec<[f64; 2]>> = Vec::new();
+        for p in points.iter().filter(|p| self.drawable(p)) {
+            let place = [self.px(p[0]), self.py(p[1])];
+            match columns.last_mut() {
+                Some(last) if last[0][0].floor() == place[0].floor() => last.push(place),
+                _ => columns.push(vec![place]),
+            }
+        }
+        columns
+    }
+
+    /// Shades the whole plot area between `x0` and `x1`, at least a hair wide.
+    pub fn shade(&mut self, class: &str, x0: f64, x1: f64) {
+        let (from, to) = (x0.max(self.x.min), x1.min(self.x.max));
+        if !(from <= to) {
+            return;
+        }
+        let (left, right) = (self.px(from), self.px(to));
+        self.body.push_str(&format!(
+            "<rect class=\"{class}\" x=\"{left:.1}\" y=\"{TOP:.1}\" width=\"{:.1}\" height=\"{:.1}\"/>\n",
+            (right - left).max(1.0),
+            self.height - BOTTOM - TOP
+        ));
+    }
+
     /// A bar from zero to `height` between `x0` and `x1`, in this colour.
     pub fn bar(&mut self, fill: &str, x0: f64, x1: f64, height: f64) {
         if !(height > 0.0 && height.is_finite()) {
@@ -337,6 +416,29 @@ mod tests {
         assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         let path = svg.split("class=\"line s0\" d=\"").nth(1).unwrap();
         assert_eq!(path.split('"').next().unwrap().matches('M').count(), 2);
+    }
+
+    #[test]
+    fn a_scatter_keeps_its_extremes_and_a_bounded_size() {
+        let plot = |points: &[[f64; 2]]| {
+            let axes = [0, 1].map(|i| Axis::over("", points.iter().map(|p| p[i])));
+            let [x, y] = axes;
+            let mut plot = Plot::new(400.0, 200.0, x, y);
+            let (low, high) = (plot.py(-7.0), plot.py(9.0));
+            plot.scatter("s0", points);
+            (plot.finish("t"), low, high)
+        };
+        let mut points: Vec<[f64; 2]> = (0..200_000)
+            .map(|i| [f64::from(i), f64::from(i % 10) / 10.0])
+            .collect();
+        points[70_000][1] = 9.0;
+        points[130_000][1] = -7.0;
+        points[5][1] = f64::NAN;
+        let (svg, low, high) = plot(&points);
+        assert!(svg.len() < 12_000, "{}", svg.len());
+        assert!(svg.contains(&format!(" {high:.1}V")) && svg.contains(&format!("V{low:.1}M")));
+        let (few, ..) = plot(&[[0.0, -7.0], [1.0, 9.0], [2.0, 1.0]]);
+        assert_eq!(few.matches("h0").count(), 3);
     }
 
     #[test]

@@ -1,10 +1,12 @@
-//! What the report shows, as plain data: no estimator types, so that any stage can fill it.
+//! What the report shows, as plain data, so that any stage can fill it.
 //!
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
+use super::diagnostics::PoseSigmas;
 use crate::geometry::{Mat3, Pose};
 use crate::sensor::PoseRecord;
+use crate::trajectory::Solution;
 
 /// The whole report.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -208,8 +210,12 @@ pub struct TrajectoryFigure {
 pub struct DriveTrack {
     /// Name of the drive.
     pub name: String,
-    /// Poses in time order; their sigmas, where given, make the plot of standard deviations.
+    /// Poses in time order; their sigmas and biases, where given, make the plots of these.
     pub poses: Vec<PoseRecord>,
+    /// How well all poses are known, not only those drawn.
+    pub sigmas: Option<PoseSigmas>,
+    /// What the adjustment left; `None` where the poses came from a file.
+    pub solution: Option<Solution>,
 }
 
 /// An outline seen from above.

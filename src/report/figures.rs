@@ -3,6 +3,7 @@
 use super::axis::{Axis, thin};
 use super::chart::Plot;
 use super::content::{DriveTrack, ResidualBlock, ResidualFigure, TrajectoryFigure};
+use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, quantity};
 use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
@@ -11,7 +12,7 @@ use crate::geometry::heading::heading_rad;
 /// Width of a figure over the whole column.
 pub const FULL: f64 = 900.0;
 /// Width of one of two figures side by side.
-const HALF: f64 = 440.0;
+pub const HALF: f64 = 440.0;
 /// Most vertices of one line.
 pub const VERTICES: usize = 700;
 
@@ -37,6 +38,24 @@ pub fn coordinate_label(name: &str, shift: f64) -> String {
         let sign = if shift < 0.0 { '+' } else { '−' };
         format!("{name} {sign} {} m (m)", number::fixed(shift.abs(), 0))
     }
+}
+
+/// What is subtracted from times so that ticks stay short, seconds.
+pub fn time_shift(start_s: f64) -> f64 {
+    if start_s.is_finite() {
+        shift(start_s)
+    } else {
+        0.0
+    }
+}
+
+/// Label of a time axis with its shift: ticks are the times of the logs.
+pub fn time_label(shift: f64) -> String {
+    if shift == 0.0 {
+        return "time (s)".into();
+    }
+    let sign = if shift < 0.0 { '+' } else { '−' };
+    format!("time {sign} {} s (s)", number::fixed(shift.abs(), 0))
 }
 
 /// Figure 5: the drives from above.
@@ -180,9 +199,11 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
     let mut shown = String::new();
     let mut folded = String::new();
     for drive in &figure.drives {
-        let Some(start) = drive.poses.first().map(|p| p.time_s) else {
+        let Some(start) = drive.poses.first().map(|p| time_shift(p.time_s)) else {
             continue;
         };
+        let outages = drive.sigmas.iter().flat_map(|s| &s.outages);
+        let outages: Vec<(f64, f64)> = outages.map(|o| (o.from_s, o.to_s)).collect();
         if !drive.poses.iter().any(|p| p.sigma.is_some()) {
             continue;
         }
@@ -198,15 +219,27 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
         let rotation: [Vec<[f64; 2]>; 3] =
             std::array::from_fn(|axis| curve(&move |s| s.rotation_rad[axis].to_degrees()));
         let chart = |curves: &[Vec<[f64; 2]>; 3], label: &str, names: [&str; 3]| {
-            let values = curves.iter().flatten();
-            let y = Axis::rounded(label, values.map(|p| p[1]).chain([0.0]));
-            let x = Axis::over("time (s)", drive.poses.iter().map(|p| p.time_s - start));
+            let values = || curves.iter().flatten().map(|p| p[1]);
+            let y = match spans_decades(values()) {
+                true => Axis::logarithmic(label, values()),
+                false => Axis::rounded(label, values().chain([0.0])),
+            };
+            let x = Axis::over(
+                &time_label(start),
+                drive.poses.iter().map(|p| p.time_s - start),
+            );
             let mut plot = Plot::new(HALF, 240.0, x, y);
             let mut entries = Vec::new();
+            for (from, to) in &outages {
+                plot.shade("gap", from - start, to - start);
+            }
             for (i, curve) in curves.iter().enumerate() {
                 let dashed = if i == 1 { " dashed" } else { "" };
                 plot.line(&format!("{} fine{dashed}", series(i)), curve);
                 entries.push((series(i), names[i].to_owned()));
+            }
+            if !outages.is_empty() {
+                entries.push(("gap".into(), "outage".into()));
             }
             html::legend(&entries) + &plot.finish(label)
         };
@@ -224,12 +257,45 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
         out.push_str(&html::figure(
             &format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n"),
             &format!(
-                "Standard deviations of the poses of {}, as the trajectory stage claims them.",
-                escape(&drive.name)
+                "Standard deviations of the poses of {}, as the trajectory stage claims them{}.{}",
+                escape(&drive.name),
+                drive.sigmas.as_ref().map_or_else(String::new, sigma_summary),
+                if outages.is_empty() {
+                    String::new()
+                } else {
+                    format!(
+                        " Outage: the position is known worse than {OUTAGE_FACTOR:.0} times the median."
+                    )
+                }
             ),
         ));
     }
     shown + &html::details("Standard deviations of the other drives", &folded)
+}
+
+/// Whether positive values are so far apart that a linear axis would hide the smaller ones.
+fn spans_decades(values: impl Iterator<Item = f64>) -> bool {
+    /// The usual sigma would be drawn below this share of the axis.
+    const SHARE: f64 = 0.05;
+    let mut values: Vec<f64> = values.filter(|v| v.is_finite() && *v > 0.0).collect();
+    values.sort_by(f64::total_cmp);
+    match (values.get(values.len() / 2), values.last()) {
+        (Some(median), Some(most)) => *median < SHARE * most,
+        _ => false,
+    }
+}
+
+/// Medians and largest values, after "as the trajectory stage claims them".
+fn sigma_summary(sigmas: &PoseSigmas) -> String {
+    format!(
+        ": position in space {} in the median and {} at most, tilt {} and {}, heading {} and {}",
+        quantity(sigmas.position_m.median, "m"),
+        quantity(sigmas.position_m.max, "m"),
+        number::with_unit(number::significant(sigmas.tilt_deg.median, 2), "°"),
+        number::with_unit(number::significant(sigmas.tilt_deg.max, 2), "°"),
+        number::with_unit(number::significant(sigmas.heading_deg.median, 2), "°"),
+        number::with_unit(number::significant(sigmas.heading_deg.max, 2), "°")
+    )
 }
 
 /// Mean residuals along the drive with the band that poses and noise explain.
@@ -246,8 +312,8 @@ pub fn residuals(figure: &ResidualFigure) -> String {
     });
     let y = Axis::rounded("mean residual (mm)", ends);
     let start = blocks().map(|b| b.time_s).fold(f64::INFINITY, f64::min);
-    let start = if start.is_finite() { start } else { 0.0 };
-    let x = Axis::over("time (s)", blocks().map(|b| b.time_s - start));
+    let start = time_shift(start);
+    let x = Axis::over(&time_label(start), blocks().map(|b| b.time_s - start));
     let entries = [
         ("band".to_owned(), "expected, ± 2 σ".to_owned()),
         ("s0".to_owned(), "mean of the block".to_owned()),

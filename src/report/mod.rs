@@ -4,10 +4,12 @@
 //! [`content`] says what is shown, as plain data; [`render`] makes the page. Charts are inline SVG
 //! in the colours of the page's style, maps of many points are small PNG images in data URIs.
 
+mod adjustment;
 mod axis;
 mod chart;
 pub mod content;
 mod convergence;
+pub mod diagnostics;
 mod figures;
 mod html;
 mod maps;
@@ -15,6 +17,7 @@ mod mounting;
 mod number;
 mod page;
 mod raster;
+mod residual_plots;
 mod tables;
 
 pub use content::Content;

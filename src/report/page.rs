@@ -1,8 +1,8 @@
 //! The page: sections in reading order, and its frame.
 
-use super::content::Content;
+use super::content::{Content, TrajectoryFigure};
 use super::html::{self, escape};
-use super::{convergence, figures, maps, mounting, tables};
+use super::{adjustment, convergence, figures, maps, mounting, residual_plots, tables};
 
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
@@ -66,9 +66,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "trajectory",
             "Trajectory",
-            trajectory
-                .map(|t| figures::top_view(t) + &figures::pose_sigmas(t))
-                .unwrap_or_default(),
+            trajectory.map(trajectory_section).unwrap_or_default(),
         ),
         (
             "convergence",
@@ -88,6 +86,17 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         ),
         ("warnings", "Warnings", tables::warnings(&content.warnings)),
     ]
+}
+
+/// The drives from above, then how the adjustment went and how well the poses are known.
+fn trajectory_section(figure: &TrajectoryFigure) -> String {
+    adjustment::words(figure)
+        + &figures::top_view(figure)
+        + &figures::pose_sigmas(figure)
+        + &adjustment::tables(figure)
+        + &residual_plots::over_time(figure)
+        + &residual_plots::histograms(figure)
+        + &residual_plots::biases(figure)
 }
 
 fn correlations(matrix: &super::content::CorrelationMatrix) -> String {

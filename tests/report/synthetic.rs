@@ -96,6 +96,8 @@ fn drive(name: &str, offset: f64) -> DriveTrack {
     DriveTrack {
         name: name.into(),
         poses: poses.collect(),
+        sigmas: None,
+        solution: None,
     }
 }
 

@@ -4,11 +4,11 @@ use super::{Online, Stage};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
-use crate::sensor::ImuBias;
+use crate::sensor::{ImuBias, PoseRecord};
 use crate::trajectory::estimate::{Estimate, estimate, estimate_from};
 use crate::trajectory::initial::Initial;
 use crate::trajectory::interpolate::Trajectory;
-use crate::trajectory::recovery::{Recovered, recover};
+use crate::trajectory::recovery::recover;
 use crate::trajectory::timeline::SAME_INSTANT_S;
 
 impl Online {
@@ -30,14 +30,17 @@ impl Online {
         let pose_s = &mut graph.timeline.pose_s;
         pose_s.truncate(pose_s.partition_point(|&t| t < newest_s - SAME_INSTANT_S));
         pose_s.push(newest_s);
-        let mut poses: Vec<Recovered> = Vec::with_capacity(pose_s.len());
+        // From the last step to the first, as the recursion runs.
+        let mut steps: Vec<Vec<PoseRecord>> = Vec::new();
         running.smoother.factor.marginals(|step, covariance| {
             let joint = covariance.joint();
-            let mut found = recover(&graph, &state, step);
-            found.iter_mut().for_each(|pose| pose.set_sigma(&joint));
-            poses.extend(found.into_iter().rev());
+            let mut poses = Vec::new();
+            recover(&graph, &state, step, |pose| {
+                poses.push(pose.with_sigma(&joint));
+            });
+            steps.push(poses);
         });
-        Trajectory::new(poses.into_iter().rev().map(|pose| pose.record).collect())
+        Trajectory::new(steps.into_iter().rev().flatten().collect())
     }
 
     /// The end of the drive: every node linearised anew, every record tested with all others, the

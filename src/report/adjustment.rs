@@ -1,0 +1,206 @@
+//! Tables of the trajectory's adjustment: sensors, constants, worst and rejected measurements.
+
+use super::content::{DriveTrack, TrajectoryFigure};
+use super::diagnostics::{
+    constant_words, is_notable, quantity, rejection_counts, sensor_name, sensors_shown,
+    sigma_words, verdicts, worst,
+};
+use super::html::{self, escape};
+use super::number::{self, DASH};
+use crate::trajectory::Solution;
+
+/// Worst measurements in the table.
+pub const WORST: usize = 20;
+/// Most rejected measurements in the table: the page stays small.
+const LISTED: usize = 1000;
+
+/// What the adjustment of the first drive says, in words; nothing where it was read from a file.
+pub fn words(figure: &TrajectoryFigure) -> String {
+    let adjusted = figure
+        .drives
+        .iter()
+        .find_map(|d| Some((d, d.solution.as_ref()?)));
+    adjusted.map_or(String::new(), |(drive, solution)| {
+        html::verdicts(&verdicts(solution, drive.sigmas.as_ref()))
+    })
+}
+
+/// All tables of the first drive, and the sensors of the others folded below.
+pub fn tables(figure: &TrajectoryFigure) -> String {
+    let mut adjusted = figure
+        .drives
+        .iter()
+        .filter_map(|d| Some((d, d.solution.as_ref()?)));
+    let Some((_, first)) = adjusted.next() else {
+        return String::new();
+    };
+    let others: String = adjusted
+        .map(|(drive, solution)| of_another_drive(drive, solution))
+        .collect();
+    format!("<h3>Residuals by sensor</h3>\n{}", sensors(first))
+        + "<p class=\"note\">Redundancy: how many of the observations are checked by the others. Variance component: the square of the factor by which the residuals are larger than their sigma says. χ²: the sum of squared residuals in standard deviations, and between which bounds it lies in 95 of 100 drives if the sigmas are right. Long drives show factors that hardly matter: what counts is how far the factor is from 1.</p>\n"
+        + &constants(first)
+        + &worst_measurements(first)
+        + &rejections(first)
+        + &html::details("Residuals by sensor on the other drives", &others)
+}
+
+fn of_another_drive(drive: &DriveTrack, solution: &Solution) -> String {
+    format!(
+        "<h4>{}</h4>\n{}{}",
+        escape(&drive.name),
+        html::verdicts(&verdicts(solution, drive.sigmas.as_ref())),
+        sensors(solution)
+    )
+}
+
+fn sensors(solution: &Solution) -> String {
+    let mut body = String::new();
+    for sensor in sensors_shown(solution) {
+        let [low, high] = sensor.chi_square_bounds_95;
+        let checked = sensor.variance_component;
+        let only = |text: String| match checked {
+            Some(_) => text,
+            None => DASH.to_owned(),
+        };
+        let class = if is_notable(sensor) {
+            "text out"
+        } else {
+            "text"
+        };
+        body.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td></tr>\n",
+            escape(sensor_name(&sensor.name)),
+            number::count(sensor.count),
+            number::count(sensor.rejected),
+            number::count(sensor.ignored),
+            quantity(sensor.rms_raw, sensor.unit),
+            number::fixed(sensor.rms_normalised, 2),
+            number::fixed(sensor.redundancy, 0),
+            number::fixed(checked.unwrap_or(f64::NAN), 2),
+            only(format!(
+                "{} <small class=\"sigma\">{} to {}</small>",
+                number::fixed(sensor.chi_square, 0),
+                number::fixed(low, 0),
+                number::fixed(high, 0)
+            )),
+            escape(&sigma_words(sensor))
+        ));
+    }
+    let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\">used</th><th scope=\"col\">rejected</th><th scope=\"col\">ignored</th><th scope=\"col\">RMS</th><th scope=\"col\">RMS<br/><small>σ</small></th><th scope=\"col\">redun-<br/>dancy</th><th scope=\"col\">variance<br/>component</th><th scope=\"col\">χ² <small>and bounds</small></th><th scope=\"col\" class=\"text\">residuals are</th></tr>\n";
+    html::table("numbers sensors", head, &body)
+}
+
+fn constants(solution: &Solution) -> String {
+    if solution.constants.is_empty() {
+        return String::new();
+    }
+    let mut body = String::new();
+    for constant in &solution.constants {
+        let words = constant_words(constant);
+        let found = match &words.sigma {
+            Some(sigma) => format!(
+                "<td class=\"result\">{}<span class=\"sigma\">± {sigma}</span></td><td>{}</td><td class=\"text\"></td>",
+                words.value, words.start
+            ),
+            None => format!(
+                "<td>{DASH}</td><td>{}</td><td class=\"text out\">not determined by this drive</td>",
+                words.start
+            ),
+        };
+        body.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th>{found}<td class=\"text\">{}</td></tr>\n",
+            escape(&constant.name),
+            escape(words.unit)
+        ));
+    }
+    let head = "<tr><th scope=\"col\">constant</th><th scope=\"col\">estimated</th><th scope=\"col\">project</th><th scope=\"col\"></th><th scope=\"col\" class=\"text\">unit</th></tr>\n";
+    format!(
+        "<h3>Constants estimated beside the trajectory</h3>\n{}",
+        html::table("numbers constants", head, &body)
+    )
+}
+
+/// A time as in the log, without groups of digits, so that it can be searched for.
+fn log_time(time_s: f64) -> String {
+    match time_s.is_finite() {
+        true => format!("{time_s:.3}"),
+        false => DASH.into(),
+    }
+}
+
+fn worst_measurements(solution: &Solution) -> String {
+    let list = worst(solution, WORST);
+    let Some(first) = list.first() else {
+        return String::new();
+    };
+    let mut body = String::new();
+    for m in &list {
+        body.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text\">{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"text\">{}</td></tr>\n",
+            escape(&m.sensor),
+            m.record,
+            log_time(m.time_s),
+            escape(&m.component),
+            number::signed(quantity(m.residual, m.unit)),
+            number::signed(number::fixed(m.normalised, 1)),
+            number::signed(number::fixed(m.test, 1)),
+            if m.rejected { "rejected" } else { "" }
+        ));
+    }
+    let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\">record</th><th scope=\"col\">time<br/><small>s</small></th><th scope=\"col\" class=\"text\">component</th><th scope=\"col\">residual</th><th scope=\"col\">residual<br/><small>σ of the measurement</small></th><th scope=\"col\">test<br/><small>σ of the residual</small></th><th scope=\"col\"></th></tr>\n";
+    let summary = format!(
+        "The {} worst measurements (test {} at worst, {} record {})",
+        list.len(),
+        number::fixed(first.test.abs(), 1),
+        first.sensor,
+        first.record
+    );
+    let note = "<p class=\"note\">Predicted minus measured. The test of data snooping (Baarda) compares the residual with its own standard deviation: beyond 3.3 is 1 of 1000 by chance.</p>\n";
+    html::details(&summary, &(html::table("numbers", head, &body) + note))
+}
+
+fn rejections(solution: &Solution) -> String {
+    if solution.rejections.is_empty() {
+        return String::new();
+    }
+    let mut body = String::new();
+    for group in rejection_counts(solution) {
+        body.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td></tr>\n",
+            escape(sensor_name(&group.sensor)),
+            group.reason,
+            number::count(group.count)
+        ));
+    }
+    let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\" class=\"text\">reason</th><th scope=\"col\">records</th></tr>\n";
+    let counts = html::table("numbers", head, &body);
+    let mut all = String::new();
+    for r in solution.rejections.iter().take(LISTED) {
+        all.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text\">{}</td><td>{}</td></tr>\n",
+            escape(sensor_name(&r.sensor)),
+            r.record,
+            log_time(r.time_s),
+            r.reason,
+            number::fixed(r.normalised.unwrap_or(f64::NAN), 1)
+        ));
+    }
+    let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\">record</th><th scope=\"col\">time<br/><small>s</small></th><th scope=\"col\" class=\"text\">reason</th><th scope=\"col\">residual<br/><small>σ</small></th></tr>\n";
+    let mut list = html::table("numbers", head, &all);
+    let more = solution.rejections.len().saturating_sub(LISTED);
+    if more > 0 {
+        list.push_str(&format!(
+            "<p class=\"note\">{} more are listed in the result as JSON.</p>\n",
+            number::count(more)
+        ));
+    }
+    let summary = format!(
+        "All {} rejected measurements",
+        number::count(solution.rejections.len())
+    );
+    format!(
+        "<h3>Rejected measurements</h3>\n{counts}{}",
+        html::details(&summary, &list)
+    )
+}
