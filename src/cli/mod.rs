@@ -7,6 +7,7 @@ mod demo;
 mod describe;
 mod georeference;
 mod inspect;
+mod online;
 mod run;
 mod simulate;
 mod terminal;

@@ -1,5 +1,6 @@
 //! `boresight trajectory`
 
+use super::online::OnlineFlags;
 use super::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
@@ -9,10 +10,15 @@ use crate::pipeline::{self, Outcome};
 pub(super) struct Trajectory {
     #[command(flatten)]
     on: OnProject,
+    #[command(flatten)]
+    online: OnlineFlags,
 }
 
 impl Trajectory {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        if self.online.online {
+            return self.online.execute(&self.on, context);
+        }
         context.on_project(&self.on, pipeline::trajectory)
     }
 }

@@ -7,6 +7,7 @@ pub mod clouds;
 pub mod commands;
 pub mod evaluate;
 pub mod logs;
+pub mod online;
 pub mod page;
 pub mod result;
 pub mod stages;

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod logs_as_they_come;
+mod online;
 mod pose_case;
 mod recorded_flight;
 mod rover;

@@ -1,0 +1,198 @@
+//! Logs that grow.
+//!
+//! Whole new lines are handed, under the log's own header, to the reader of the log's format: what
+//! can be read at once can be followed.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::{Record, merged};
+use crate::error::{Error, Location, Result};
+use crate::format;
+use crate::output::Staging;
+use crate::project::{Logs, Project};
+
+/// How often growth is looked for.
+const POLL: Duration = Duration::from_millis(20);
+
+/// Reads the logs until none of them has grown for `idle`.
+pub(super) fn follow(
+    project: &Project,
+    logs: &Logs,
+    idle: Duration,
+    staging: &Staging,
+    mut give: impl FnMut(Record) -> Result<()>,
+) -> Result<()> {
+    // Beside the results, and never among them.
+    let scratch = staging.path("new-rows.csv");
+    let outcome = (|| {
+        let mut imu = Tail::new(&logs.imu.path);
+        let mut heading = logs.heading.as_ref().map(|log| (log, Tail::new(&log.path)));
+        let mut positions: Vec<Tail> = logs.positions.iter().map(|p| Tail::new(&p.path)).collect();
+        let mut grown = Instant::now();
+        loop {
+            let mut new = Vec::new();
+            if imu.grown(&scratch)? {
+                let samples = imu.told(format::read_imu(&scratch))?;
+                new.extend(samples.into_iter().map(|mut sample| {
+                    sample.time_s += logs.imu.time_offset_s;
+                    Record::Imu(sample)
+                }));
+            }
+            if let Some((log, tail)) = &mut heading
+                && tail.grown(&scratch)?
+            {
+                let fixes = tail.told(format::read_heading(&scratch))?;
+                new.extend(fixes.into_iter().map(|mut fix| {
+                    fix.time_s += log.time_offset_s;
+                    Record::Heading(fix)
+                }));
+            }
+            for (sensor, (log, tail)) in logs.positions.iter().zip(&mut positions).enumerate() {
+                if tail.grown(&scratch)? {
+                    let read = format::read_positions(&scratch, &log.observations);
+                    let fixes = match read {
+                        Ok(read) => read.fixes,
+                        // Rows of which none has a range are no error while there are more.
+                        Err(Error::Format { found, .. }) if found.contains("without a range") => {
+                            Vec::new()
+                        }
+                        Err(error) => tail.told(Err(error))?,
+                    };
+                    new.extend(fixes.into_iter().map(|mut fix| {
+                        fix.time_s += log.time_offset_s;
+                        fix.position_m -= project.origin_m;
+                        Record::Position(sensor, fix)
+                    }));
+                }
+            }
+            if new.is_empty() {
+                if grown.elapsed() >= idle {
+                    return Ok(());
+                }
+                std::thread::sleep(POLL);
+                continue;
+            }
+            grown = Instant::now();
+            merged(new).into_iter().try_for_each(&mut give)?;
+        }
+    })();
+    // What is left would become a result.
+    let _ = std::fs::remove_file(&scratch);
+    outcome
+}
+
+/// The end of a log.
+struct Tail {
+    path: PathBuf,
+    read: u64,
+    /// A last line that has no end yet.
+    partial: Vec<u8>,
+    /// Lines up to the first that is no comment.
+    header: Vec<u8>,
+    header_lines: u64,
+    has_header: bool,
+    /// Lines before those last handed out, the header's included.
+    lines: u64,
+    new_lines: u64,
+}
+
+impl Tail {
+    fn new(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            read: 0,
+            partial: Vec::new(),
+            header: Vec::new(),
+            header_lines: 0,
+            has_header: false,
+            lines: 0,
+            new_lines: 0,
+        }
+    }
+
+    /// Writes the header and the rows that are new to `scratch`; false where there are none.
+    fn grown(&mut self, scratch: &Path) -> Result<bool> {
+        let fail = |error| Error::io(&self.path, error);
+        let mut file = File::open(&self.path).map_err(fail)?;
+        let length = file.metadata().map_err(fail)?.len();
+        if length < self.read {
+            return Err(Error::format(
+                &self.path,
+                Location::Whole,
+                "a file that has become shorter",
+                "a log that only grows",
+            ));
+        }
+        if length == self.read {
+            return Ok(false);
+        }
+        file.seek(SeekFrom::Start(self.read)).map_err(fail)?;
+        let before = self.partial.len();
+        file.take(length - self.read)
+            .read_to_end(&mut self.partial)
+            .map_err(fail)?;
+        self.read += (self.partial.len() - before) as u64;
+        self.lines += self.new_lines;
+        self.new_lines = 0;
+        let Some(end) = self.partial.iter().rposition(|&byte| byte == b'\n') else {
+            return Ok(false);
+        };
+        let rest = self.partial.split_off(end + 1);
+        let whole = std::mem::replace(&mut self.partial, rest);
+        let mut rows = Vec::with_capacity(whole.len());
+        for line in whole.split_inclusive(|&byte| byte == b'\n') {
+            let text = line.trim_ascii();
+            let remark = text.is_empty() || text.starts_with(b"#");
+            if self.has_header {
+                rows.extend_from_slice(line);
+                self.new_lines += 1;
+                continue;
+            }
+            // Under a comment that names the columns the first row is one of numbers.
+            let starts = text
+                .first()
+                .is_some_and(|c| c.is_ascii_digit() || b"+-.".contains(c));
+            if !remark && starts && self.header_lines > 0 {
+                self.has_header = true;
+                rows.extend_from_slice(line);
+                self.new_lines += 1;
+                continue;
+            }
+            self.header.extend_from_slice(line);
+            self.header_lines += 1;
+            self.lines += 1;
+            self.has_header = !remark;
+        }
+        if rows.iter().all(u8::is_ascii_whitespace) {
+            return Ok(false);
+        }
+        let text = [self.header.as_slice(), &rows].concat();
+        std::fs::write(scratch, text).map_err(|error| Error::io(scratch, error))?;
+        Ok(true)
+    }
+
+    /// What was read of the rows; errors name the log and its line.
+    fn told<T>(&self, read: Result<T>) -> Result<T> {
+        read.map_err(|error| match error {
+            Error::Format {
+                at: Location::Line(line),
+                found,
+                expected,
+                ..
+            } => {
+                let line = line.saturating_sub(self.header_lines) + self.lines;
+                Error::format(&self.path, Location::Line(line), found, expected)
+            }
+            Error::Format {
+                at,
+                found,
+                expected,
+                ..
+            } => Error::format(&self.path, at, found, expected),
+            other => other,
+        })
+    }
+}
