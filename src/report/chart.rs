@@ -277,7 +277,7 @@ impl Plot {
     /// Shades the whole plot area between `x0` and `x1`, at least a hair wide.
     pub fn shade(&mut self, class: &str, x0: f64, x1: f64) {
         let (from, to) = (x0.max(self.x.min), x1.min(self.x.max));
-        if !(from <= to) {
+        if from > to || from.is_nan() || to.is_nan() {
             return;
         }
         let (left, right) = (self.px(from), self.px(to));

@@ -227,14 +227,21 @@ pub fn sensor_name(name: &str) -> &str {
 
 /// A value with the unit that people read: millimetres, degrees.
 pub fn quantity(value: f64, unit: &str) -> String {
-    let degrees = |unit| number::with_unit(number::significant(value.to_degrees(), 3), unit);
     match unit {
         "m" => number::with_unit(number::millimetres(value), "mm"),
         "m/s" => number::with_unit(number::significant(1e3 * value, 3), "mm/s"),
         "m/s²" => number::with_unit(number::significant(1e3 * value, 3), "mm/s²"),
-        "rad" => degrees("°"),
-        "rad/s" => degrees("°/s"),
+        "rad" => degrees(value.to_degrees(), 3),
+        "rad/s" => number::with_unit(number::significant(value.to_degrees(), 3), "°/s"),
         _ => number::DASH.into(),
+    }
+}
+
+/// An angle of `value` degrees with so many significant digits; its sign follows without a space.
+pub fn degrees(value: f64, digits: i32) -> String {
+    match value.is_finite() {
+        true => format!("{}°", number::significant(value, digits)),
+        false => number::DASH.into(),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::axis::{Axis, thin};
 use super::chart::Plot;
 use super::content::{DriveTrack, ResidualBlock, ResidualFigure, TrajectoryFigure};
-use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, quantity};
+use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, degrees, quantity};
 use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
@@ -291,10 +291,10 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
         ": position in space {} in the median and {} at most, tilt {} and {}, heading {} and {}",
         quantity(sigmas.position_m.median, "m"),
         quantity(sigmas.position_m.max, "m"),
-        number::with_unit(number::significant(sigmas.tilt_deg.median, 2), "°"),
-        number::with_unit(number::significant(sigmas.tilt_deg.max, 2), "°"),
-        number::with_unit(number::significant(sigmas.heading_deg.median, 2), "°"),
-        number::with_unit(number::significant(sigmas.heading_deg.max, 2), "°")
+        degrees(sigmas.tilt_deg.median, 2),
+        degrees(sigmas.tilt_deg.max, 2),
+        degrees(sigmas.heading_deg.median, 2),
+        degrees(sigmas.heading_deg.max, 2)
     )
 }
 

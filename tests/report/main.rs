@@ -1,7 +1,9 @@
 //! The page: complete, well formed, self-contained, of bounded size, and deterministic.
 
+mod adjusted;
 mod checker;
 mod synthetic;
+mod trajectory;
 
 use boresight::geometry::{Mat3, Vec3};
 use boresight::report::content::*;

@@ -15,7 +15,7 @@ fn noise(i: usize) -> f64 {
 }
 
 /// Roughly normal, standard deviation 1.
-fn normal(i: usize) -> f64 {
+pub fn normal(i: usize) -> f64 {
     (0..6).map(|j| noise(7 * i + 131 * j)).sum::<f64>() / 2f64.sqrt()
 }
 
