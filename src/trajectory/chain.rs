@@ -328,6 +328,12 @@ impl ChainFactor {
         }
     }
 
+    /// For each constant from `first` on its step and standard deviation if none of the others from
+    /// `first` on were there.
+    pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
+        self.constants.each_alone(first)
+    }
+
     /// S⁻¹: the covariance of the constants, n × n.
     pub fn constants_covariance(&self) -> DMatrix<f64> {
         let n = self.constants();

@@ -209,6 +209,20 @@ impl ConstantsFactor {
         }
     }
 
+    /// For each constant from `first` on its step and standard deviation if none of the others from
+    /// `first` on were there. Uᵀ U less the rows before `first` is what S leaves for them.
+    pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
+        let n = self.y.len();
+        (first..n)
+            .map(|c| {
+                let rows = || (first..=c).map(|k| (self.u[k * n + c], self.y[k]));
+                let information: f64 = rows().map(|(u, _)| u * u).sum();
+                let right: f64 = rows().map(|(u, y)| u * y).sum();
+                (right / information, information.sqrt().recip())
+            })
+            .collect()
+    }
+
     /// S⁻¹, n × n: the covariance of the constants.
     pub fn covariance(&self) -> Vec<f64> {
         let n = self.y.len();

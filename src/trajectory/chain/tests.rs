@@ -203,6 +203,30 @@ fn fronts_one_by_one_are_those_of_the_batch() {
 }
 
 #[test]
+fn each_constant_alone_is_what_the_chain_finds_without_the_others() {
+    let case = Case::new(&[0, 0, 1, 2], 4, 0.1);
+    let factor = case.factor().expect("positive definite");
+    let first = 1;
+    for (i, (step, sigma)) in factor.each_alone(first).into_iter().enumerate() {
+        // The dense system without the constants that are not there.
+        let others = (first..4).filter(|c| *c != first + i);
+        let gone: Vec<usize> = others.map(|c| case.constant_at(c)).collect();
+        let h = case
+            .h
+            .clone()
+            .remove_rows_at(&gone)
+            .remove_columns_at(&gone);
+        let g = case.g.clone().remove_rows_at(&gone);
+        let place = case.constant_at(first);
+        let inverse = h.try_inverse().expect("regular");
+        let expected = (&inverse * g)[place];
+        assert!((step - expected).abs() < TOLERANCE * expected.abs().max(1.0));
+        let expected = inverse[(place, place)].sqrt();
+        assert!((sigma - expected).abs() < TOLERANCE * expected);
+    }
+}
+
+#[test]
 fn one_thread_and_two_give_the_same_bits() {
     for case in [long_case(0), long_case(4)] {
         let run = |threads: usize| {
