@@ -26,6 +26,10 @@ lint:
 deny:
     cargo deny check
 
+# The trajectory beside gtsam on the same logs; writes docs/performance.md (needs Python)
+bench-trajectory *ARGS:
+    python3 benches/trajectory/run.py {{ARGS}}
+
 # Errors of the calibration against its sigmas over SEEDS simulated drives
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
