@@ -96,6 +96,13 @@ impl Graph {
         Ok(())
     }
 
+    /// Sums up the motion of a step about another bias, where the noise allows.
+    pub fn sum_anew(&mut self, step: usize, about: &ImuBias) {
+        if let Some(factor) = ImuFactor::new(&self.preintegrated(step, about)) {
+            self.imu[step] = factor;
+        }
+    }
+
     /// Lets the newest step jump: its closing error may be larger by these standard deviations of
     /// rotation, position and velocity.
     pub fn loosen_newest_step(&mut self, about: &ImuBias, sigma: [f64; 3]) {
