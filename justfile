@@ -29,3 +29,7 @@ deny:
 # Errors of the calibration against its sigmas over SEEDS simulated drives
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
+
+# What an update of the online smoother costs through an hour (needs the shared pose_case)
+online:
+    cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
