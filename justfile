@@ -33,3 +33,7 @@ bench-trajectory *ARGS:
 # Errors of the calibration against its sigmas over SEEDS simulated drives
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
+
+# What an update of the online smoother costs through an hour (needs the shared pose_case)
+online:
+    cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

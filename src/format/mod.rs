@@ -39,6 +39,7 @@ pub use detect::{Format, detect};
 pub use inspect::{Bounds, Gap, Inspection, inspect};
 pub use mounting::{read_mounting, write_mounting};
 pub use native::{read_heading, read_imu, write_heading, write_imu};
+pub(crate) use positions::read_new_positions;
 pub use positions::{Positions, read_positions, write_positions};
 pub use profile::{ProfileReader, open_profiles, write_profiles};
 pub use trajectory::{read_trajectory, write_trajectory};

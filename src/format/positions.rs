@@ -81,6 +81,20 @@ pub struct Positions {
 /// geographic coordinates, vertical angles that the instrument's convention does not know, polar
 /// observations without an instrument, no rows, no row with a range.
 pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
+    let found = read_new_positions(path, observations)?;
+    if found.fixes.is_empty() {
+        let rejected = found.rejected.len();
+        if rejected > 0 {
+            let found = format!("{rejected} rows, none with a range");
+            return Err(error(path, found, "at least one position"));
+        }
+        return Err(super::nothing_in(path, "position"));
+    }
+    Ok(found)
+}
+
+/// As [`read_positions`] for a part of a log, which may hold no position.
+pub(crate) fn read_new_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     // What has no header is told by the reader of coordinates.
     let names = header_names(path).unwrap_or_default();
     let [is_cartesian, is_polar, is_tps] =
@@ -165,14 +179,6 @@ fn read<const N: usize>(
                 reason,
             }),
         }
-    }
-    if found.fixes.is_empty() {
-        let rejected = found.rejected.len();
-        if rejected > 0 {
-            let found = format!("{rejected} rows, none with a range");
-            return Err(error(path, found, "at least one position"));
-        }
-        return Err(super::nothing_in(path, "position"));
     }
     Ok(found)
 }

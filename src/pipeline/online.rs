@@ -99,7 +99,7 @@ pub fn online(
         }
         Source::Follow(idle) => {
             session = Session::new(&settings(project, logs), project.origin_m, Some(rows))?;
-            follow::follow(project, logs, idle, &staging, |record| {
+            follow::follow(project, logs, idle, (&staging, progress), |record| {
                 session.give(record, progress)
             })?;
         }

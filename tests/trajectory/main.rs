@@ -4,6 +4,7 @@
 mod common;
 mod logs_as_they_come;
 mod online;
+mod online_cli;
 mod pose_case;
 mod recorded_flight;
 mod rover;

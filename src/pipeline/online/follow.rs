@@ -12,6 +12,7 @@ use super::{Record, merged};
 use crate::error::{Error, Location, Result};
 use crate::format;
 use crate::output::Staging;
+use crate::progress::Progress;
 use crate::project::{Logs, Project};
 
 /// How often growth is looked for.
@@ -22,7 +23,7 @@ pub(super) fn follow(
     project: &Project,
     logs: &Logs,
     idle: Duration,
-    staging: &Staging,
+    (staging, progress): (&Staging, &dyn Progress),
     mut give: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
     // Beside the results, and never among them.
@@ -52,15 +53,14 @@ pub(super) fn follow(
             }
             for (sensor, (log, tail)) in logs.positions.iter().zip(&mut positions).enumerate() {
                 if tail.grown(&scratch)? {
-                    let read = format::read_positions(&scratch, &log.observations);
-                    let fixes = match read {
-                        Ok(read) => read.fixes,
-                        // Rows of which none has a range are no error while there are more.
-                        Err(Error::Format { found, .. }) if found.contains("without a range") => {
-                            Vec::new()
-                        }
-                        Err(error) => tail.told(Err(error))?,
-                    };
+                    let read = format::read_new_positions(&scratch, &log.observations);
+                    let format::Positions { fixes, rejected } = tail.told(read)?;
+                    for mut row in rejected {
+                        row.source = log.path.display().to_string();
+                        row.line = tail.line(row.line);
+                        let name = &logs.settings.positions[sensor].name;
+                        progress.say(&format!("{name}: rejected {row}"));
+                    }
                     new.extend(fixes.into_iter().map(|mut fix| {
                         fix.time_s += log.time_offset_s;
                         fix.position_m -= project.origin_m;
@@ -174,6 +174,11 @@ impl Tail {
         Ok(true)
     }
 
+    /// The line of the log that is this line of what was handed out.
+    fn line(&self, line: u64) -> u64 {
+        line.saturating_sub(self.header_lines) + self.lines
+    }
+
     /// What was read of the rows; errors name the log and its line.
     fn told<T>(&self, read: Result<T>) -> Result<T> {
         read.map_err(|error| match error {
@@ -182,10 +187,7 @@ impl Tail {
                 found,
                 expected,
                 ..
-            } => {
-                let line = line.saturating_sub(self.header_lines) + self.lines;
-                Error::format(&self.path, Location::Line(line), found, expected)
-            }
+            } => Error::format(&self.path, Location::Line(self.line(line)), found, expected),
             Error::Format {
                 at,
                 found,

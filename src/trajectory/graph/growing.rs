@@ -96,6 +96,13 @@ impl Graph {
         Ok(())
     }
 
+    /// Sums up the motion of a step about another bias, where the noise allows.
+    pub fn sum_anew(&mut self, step: usize, about: &ImuBias) {
+        if let Some(factor) = ImuFactor::new(&self.preintegrated(step, about)) {
+            self.imu[step] = factor;
+        }
+    }
+
     /// Lets the newest step jump: its closing error may be larger by these standard deviations of
     /// rotation, position and velocity.
     pub fn loosen_newest_step(&mut self, about: &ImuBias, sigma: [f64; 3]) {
@@ -171,13 +178,12 @@ impl Graph {
     pub fn rest(&mut self, rest: &Rest) -> Option<usize> {
         let node_s = &self.timeline.node_s;
         let first = node_s.partition_point(|&t| t < rest.from_s);
+        let end = node_s.partition_point(|&t| t <= rest.to_s);
         let mut earliest = None;
-        for step in first..self.timeline.steps() {
-            if node_s[step] > rest.to_s {
-                break;
-            }
+        for step in first..end.min(self.timeline.steps()) {
+            let time_s = self.timeline.node_s[step];
             let begins = step == 0 || self.timeline.layout.changes_before(step);
-            if begins && rest.holds_at(node_s[step]) && self.rests[step].is_none() {
+            if begins && rest.holds_at(time_s) && self.rests[step].is_none() {
                 self.rests[step] = Some(RestFactor {
                     sigma_m_s: Rest::SIGMA_M_S,
                 });

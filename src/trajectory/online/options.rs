@@ -1,5 +1,7 @@
 //! What the online smoother may spend and what it must see.
 
+use crate::geometry::Vec3;
+use crate::sensor::ImuBias;
 use crate::trajectory::chain::{BIAS, NODE};
 
 /// Sizes of steps, one for each kind of unknown, per component.
@@ -37,6 +39,14 @@ impl Thresholds {
     pub(super) fn bias_passes(&self, a: &[f64; BIAS], b: &[f64; BIAS]) -> bool {
         let limits = [self.gyro_rad_s, self.accel_m_s2];
         (0..BIAS).any(|i| (a[i] - b[i]).abs() > limits[i / 3])
+    }
+}
+
+impl Thresholds {
+    pub(super) fn biases_pass(&self, a: &ImuBias, b: &ImuBias) -> bool {
+        let off = |a: &Vec3, b: &Vec3, limit: f64| (a - b).amax() > limit;
+        off(&a.gyro_rad_s, &b.gyro_rad_s, self.gyro_rad_s)
+            || off(&a.accel_m_s2, &b.accel_m_s2, self.accel_m_s2)
     }
 }
 

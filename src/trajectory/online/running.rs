@@ -203,11 +203,7 @@ impl Running {
                 0.0
             }
             Verdict::Follow => {
-                if let Some(step) = self.smoother.steps().checked_sub(1) {
-                    let about = self.smoother.bias(step);
-                    self.smoother.graph.loosen_newest_step(&about, missed);
-                    self.smoother.touch(step);
-                }
+                self.smoother.loosen_newest_step(missed);
                 self.jumps.push(Jump { sensor, time_s });
                 1.0
             }

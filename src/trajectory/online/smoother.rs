@@ -41,6 +41,10 @@ pub(super) struct Smoother {
     changed: usize,
     /// The first step whose front is newer than the steps to the estimates.
     unsolved: usize,
+    /// Steps that may jump.
+    loose: Vec<usize>,
+    /// Fronts eliminated since the last update.
+    eliminated: usize,
     options: OnlineOptions,
 }
 
@@ -63,6 +67,8 @@ impl Smoother {
             bias_begin: vec![0],
             changed: 0,
             unsolved: 0,
+            loose: Vec::new(),
+            eliminated: 0,
             options,
         }
     }
@@ -136,21 +142,31 @@ impl Smoother {
     /// moved too far.
     pub fn update(&mut self) -> Result<Work> {
         let wildfire = self.options.wildfire;
-        let mut work = Work {
-            eliminated: self.eliminate()?,
-            relinearised: 0,
-        };
+        self.eliminate()?;
         let lowest = self.back_substitute(Some(&wildfire));
-        work.relinearised = self.relinearise(lowest);
-        if work.relinearised > 0 {
-            work.eliminated += self.eliminate()?;
+        let relinearised = self.relinearise(lowest);
+        if relinearised > 0 {
+            self.eliminate()?;
             self.back_substitute(Some(&wildfire));
         }
-        Ok(work)
+        Ok(Work {
+            eliminated: std::mem::take(&mut self.eliminated),
+            relinearised,
+        })
     }
 
-    /// Eliminates from the first front that is out of date to the root; how many steps.
-    pub fn eliminate(&mut self) -> Result<usize> {
+    /// Lets the newest step jump by these sizes of rotation, position and velocity.
+    pub fn loosen_newest_step(&mut self, sigma: [f64; 3]) {
+        if let Some(step) = self.steps().checked_sub(1) {
+            let about = self.bias(step);
+            self.graph.loosen_newest_step(&about, sigma);
+            self.loose.push(step);
+            self.touch(step);
+        }
+    }
+
+    /// Eliminates from the first front that is out of date to the root.
+    pub fn eliminate(&mut self) -> Result<()> {
         let steps = self.steps();
         let from = self.changed;
         self.carries.truncate(from - self.first_carry + 1);
@@ -190,8 +206,9 @@ impl Smoother {
         if !root.eliminate_tail(&UNDAMPED, self.factor.tail_mut()) {
             return Err(free(steps, &self.graph));
         }
+        self.eliminated += steps - from;
         self.solve_root();
-        Ok(steps - from)
+        Ok(())
     }
 
     /// The step of the newest node and bias.
@@ -266,13 +283,22 @@ impl Smoother {
                 count += 1;
             }
         }
-        let layout = &self.graph.timeline.layout.bias_of_step;
-        let lowest_bias = layout.get(lowest).map_or(0, |&bias| bias as usize);
+        let lowest_bias = match self.graph.timeline.layout.bias_of_step.get(lowest) {
+            Some(&bias) => bias as usize,
+            None => self.state.biases.len() - 1,
+        };
         for k in lowest_bias..self.state.biases.len() {
             let begin = self.bias_begin[k];
             if begin >= first && limit.bias_passes(&self.bias_step[k], &none.1) {
                 self.state.biases[k] = moved_bias(&self.state.biases[k], &self.bias_step[k]);
                 self.bias_step[k] = none.1;
+                let end = self.bias_begin.get(k + 1).copied();
+                for step in begin..end.unwrap_or(self.graph.timeline.steps()) {
+                    let (now, summed) = (&self.state.biases[k], self.graph.imu[step].sums.bias);
+                    if limit.biases_pass(now, &summed) && !self.loose.contains(&step) {
+                        self.graph.sum_anew(step, now);
+                    }
+                }
                 again = again.min(begin);
                 count = count.max(1);
             }

@@ -1,0 +1,198 @@
+//! `boresight trajectory --online`: replayed, followed while the logs grow, from standard input.
+
+use super::rover::rover_drive;
+use boresight::format;
+use boresight::sensor::PoseRecord;
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+const BOUND_M: f64 = 1e-6;
+
+/// A project of a simulated minute.
+fn project(folder: &Path) -> super::Logs {
+    let (logs, _) = rover_drive(1);
+    format::write_imu(&folder.join("imu.csv"), &logs.imu).expect("written");
+    format::write_positions(&folder.join("prism.csv"), &logs.prism).expect("written");
+    format::write_heading(&folder.join("heading.csv"), &logs.heading).expect("written");
+    let noise = logs.settings.imu;
+    let arm = logs.settings.positions[0].lever_arm_m;
+    let text = format!(
+        "[frame]\norigin_m = [0.5, 0.25, 0]\n[imu]\nfile = \"imu.csv\"\naxes = \"flu\"\n\
+         gyro_noise_deg_sqrt_h = {}\naccel_noise_ug_sqrt_hz = {}\n\
+         gyro_bias_walk_rad_s_sqrt_s = {}\naccel_bias_walk_m_s2_sqrt_s = {}\n\
+         [prism]\nfile = \"prism.csv\"\nlever_arm_m = [{}, {}, {}]\nsigma_m = 0.004\n\
+         [heading]\nfile = \"heading.csv\"\nsigma_deg = {}\n",
+        noise.gyro_density.to_degrees() * 60.0,
+        noise.accel_density / 9.806_65e-6,
+        noise.gyro_bias_walk,
+        noise.accel_bias_walk,
+        arm.x,
+        arm.y,
+        arm.z,
+        0.01f64.to_degrees(),
+    );
+    std::fs::write(folder.join("project.toml"), text).expect("written");
+    logs
+}
+
+fn boresight(folder: &Path, out: &str, flags: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_boresight"));
+    command
+        .args(["trajectory", "project.toml", "--out", out])
+        .args(flags)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+fn text(output: &Output) -> String {
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    String::from_utf8(output.stdout.clone()).expect("text")
+}
+
+/// Largest distance of poses at the same times.
+fn apart_m(a: &[PoseRecord], b: &[PoseRecord]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let distances = a.iter().zip(b).map(|(a, b)| {
+        assert_eq!(a.time_s, b.time_s);
+        let (a, b) = (a.world_from_body, b.world_from_body);
+        (a.translation.vector - b.translation.vector).norm()
+    });
+    distances.fold(0.0, f64::max)
+}
+
+fn poses(folder: &Path, file: &str) -> Vec<PoseRecord> {
+    format::read_trajectory(&folder.join(file)).expect("poses")
+}
+
+#[test]
+fn replayed_followed_and_piped_drives_are_the_same() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let logs = project(folder);
+    text(&boresight(folder, "batch", &[]).output().expect("it runs"));
+    let output = boresight(folder, "replay", &["--online", "--json"]).output();
+    let answer = text(&output.expect("it runs"));
+    let answer: serde_json::Value = serde_json::from_str(&answer).expect("one document");
+    let updates = answer["online"]["updates"].as_u64().expect("a number");
+    assert!((380..=420).contains(&updates), "{updates}");
+    assert!(answer["online"]["update_ms_median"].as_f64() > Some(0.0));
+    let batch = poses(folder, "batch/trajectory.csv");
+    let whole = poses(folder, "replay/trajectory.csv");
+    assert!(apart_m(&batch, &whole) < BOUND_M);
+    let newest = poses(folder, "replay/online.csv");
+    assert_eq!(newest.len() as u64, updates);
+    assert!(newest.iter().all(|pose| pose.sigma.is_some()));
+
+    piped(folder, &logs, &newest, &batch);
+    followed(folder, &newest, &batch);
+}
+
+/// The same records, merged, through standard input.
+fn piped(folder: &Path, logs: &super::Logs, newest: &[PoseRecord], batch: &[PoseRecord]) {
+    let mut lines: Vec<(f64, usize, String)> = Vec::new();
+    for s in &logs.imu {
+        let (w, a) = (s.gyro_rad_s, s.accel_m_s2);
+        let line = format!(
+            "imu,{},{},{},{},{},{},{}",
+            s.time_s, w.x, w.y, w.z, a.x, a.y, a.z
+        );
+        lines.push((s.time_s, 0, line));
+    }
+    for h in &logs.heading {
+        let line = format!("heading,{},{}", h.time_s, h.heading_rad.to_degrees());
+        lines.push((h.time_s, 1, line));
+    }
+    for f in &logs.prism {
+        let p = f.position_m;
+        lines.push((
+            f.time_s,
+            2,
+            format!("prism,{},{},{},{}", f.time_s, p.x, p.y, p.z),
+        ));
+    }
+    lines.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let lines: Vec<String> = lines.into_iter().map(|(.., line)| line).collect();
+    let mut child = boresight(folder, "piped", &["--online", "--stdin", "--quiet"])
+        .stdin(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut stdin = child.stdin.take().expect("a pipe");
+    let all = lines.join("\n");
+    let writer = std::thread::spawn(move || writeln!(stdin, "# merged\n\n{all}"));
+    let answer = text(&child.wait_with_output().expect("it ends"));
+    writer.join().expect("no panic").expect("written");
+    let rows: Vec<&str> = answer
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .collect();
+    assert!(rows[0].starts_with("time_s,east_m"));
+    assert_eq!(rows.len(), newest.len() + 1);
+    for (row, pose) in rows[1..].iter().zip(newest) {
+        let x: Vec<f64> = row
+            .split(',')
+            .map(|x| x.parse().expect("a number"))
+            .collect();
+        assert_eq!(x.len(), 14);
+        assert_eq!(
+            (x[0], x[1]),
+            (pose.time_s, pose.world_from_body.translation.x)
+        );
+    }
+    assert!(apart_m(batch, &poses(folder, "piped/trajectory.csv")) < BOUND_M);
+
+    let mut child = boresight(folder, "bad", &["--online", "--stdin"])
+        .stdin(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut stdin = child.stdin.take().expect("a pipe");
+    stdin
+        .write_all(b"imu,0,0,0,0,0,0,9.81\nlidar,1,2\n")
+        .expect("written");
+    drop(stdin);
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("stdin, line 2") && told.contains("`lidar`"),
+        "{told}"
+    );
+}
+
+/// The same logs, written while they are followed: in pieces that end inside lines.
+fn followed(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
+    let names = ["imu.csv", "prism.csv", "heading.csv"];
+    let whole = names.map(|name| std::fs::read(folder.join(name)).expect("a log"));
+    for (name, bytes) in names.iter().zip(&whole) {
+        std::fs::write(folder.join(name), &bytes[..bytes.len() / 50]).expect("written");
+    }
+    let child = boresight(
+        folder,
+        "followed",
+        &["--online", "--follow", "--idle-s", "2"],
+    )
+    .spawn()
+    .expect("it runs");
+    for part in 1..50 {
+        for (name, bytes) in names.iter().zip(&whole) {
+            let (from, to) = (bytes.len() * part / 50, bytes.len() * (part + 1) / 50);
+            let mut log = std::fs::OpenOptions::new()
+                .append(true)
+                .open(folder.join(name))
+                .expect("a log");
+            log.write_all(&bytes[from..to]).expect("written");
+        }
+        std::thread::sleep(Duration::from_millis(15));
+    }
+    let answer = text(&child.wait_with_output().expect("it ends"));
+    // Logs that come piece by piece run ahead of each other: a pose more or less.
+    let rows = answer.lines().filter(|line| !line.starts_with('#')).count();
+    assert!(rows.abs_diff(newest.len() + 1) < newest.len() / 3, "{rows}");
+    assert!(apart_m(batch, &poses(folder, "followed/trajectory.csv")) < BOUND_M);
+    assert!(!folder.join("followed/new-rows.csv").exists());
+}
