@@ -316,7 +316,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         if is_notable(sensor) {
             lines.push(Verdict::attention(format!(
                 "The residuals of {name} are {}: its sigma in the project is too small, or an \
-                 error such as latency or a wrong lever arm is not modelled.",
+                 error is not modelled (latency, lever arm, mounting offset).",
                 sigma_words(sensor)
             )));
         }
