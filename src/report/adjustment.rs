@@ -38,7 +38,7 @@ pub fn tables(figure: &TrajectoryFigure) -> String {
         .map(|(drive, solution)| of_another_drive(drive, solution))
         .collect();
     format!("<h3>Residuals by sensor</h3>\n{}", sensors(first))
-        + "<p class=\"note\">Redundancy: how many of the observations are checked by the others. Variance component: the square of the factor by which the residuals are larger than their sigma says. χ²: the sum of squared residuals in standard deviations, and between which bounds it lies in 95 of 100 drives if the sigmas are right. Long drives show factors that hardly matter: what counts is how far the factor is from 1.</p>\n"
+        + "<p class=\"note\">Redundancy: how many of the observations are checked by the others. Ignored: outside the IMU's span or out of time order. Variance component: the square of the factor by which the residuals are larger than their sigma says. χ²: the sum of squared residuals in standard deviations, and between which bounds it lies in 95 of 100 drives if the sigmas are right. Long drives show factors that hardly matter: what counts is how far the factor is from 1.</p>\n"
         + &constants(first)
         + &worst_measurements(first)
         + &rejections(first)
@@ -55,13 +55,23 @@ fn of_another_drive(drive: &DriveTrack, solution: &Solution) -> String {
 }
 
 fn sensors(solution: &Solution) -> String {
+    let with_ignored = solution.sensors.iter().any(|s| s.ignored > 0);
     let mut body = String::new();
     for sensor in sensors_shown(solution) {
         let [low, high] = sensor.chi_square_bounds_95;
         let checked = sensor.variance_component;
-        let only = |text: String| match checked {
-            Some(_) => text,
+        let chi_square = match checked {
+            Some(_) => format!(
+                "{}<br/><small class=\"sigma\">{} to {}</small>",
+                number::fixed(sensor.chi_square, 0),
+                number::fixed(low, 0),
+                number::fixed(high, 0)
+            ),
             None => DASH.to_owned(),
+        };
+        let ignored = match with_ignored {
+            true => format!("<td>{}</td>", number::count(sensor.ignored)),
+            false => String::new(),
         };
         let class = if is_notable(sensor) {
             "text out"
@@ -69,26 +79,25 @@ fn sensors(solution: &Solution) -> String {
             "text"
         };
         body.push_str(&format!(
-            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td>{ignored}<td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{chi_square}</td><td class=\"{class}\">{}</td></tr>\n",
             escape(sensor_name(&sensor.name)),
             number::count(sensor.count),
             number::count(sensor.rejected),
-            number::count(sensor.ignored),
             quantity(sensor.rms_raw, sensor.unit),
             number::fixed(sensor.rms_normalised, 2),
             number::fixed(sensor.redundancy, 0),
             number::fixed(checked.unwrap_or(f64::NAN), 2),
-            only(format!(
-                "{} <small class=\"sigma\">{} to {}</small>",
-                number::fixed(sensor.chi_square, 0),
-                number::fixed(low, 0),
-                number::fixed(high, 0)
-            )),
             escape(&sigma_words(sensor))
         ));
     }
-    let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\">used</th><th scope=\"col\">rejected</th><th scope=\"col\">ignored</th><th scope=\"col\">RMS</th><th scope=\"col\">RMS<br/><small>σ</small></th><th scope=\"col\">redun-<br/>dancy</th><th scope=\"col\">variance<br/>component</th><th scope=\"col\">χ² <small>and bounds</small></th><th scope=\"col\" class=\"text\">residuals are</th></tr>\n";
-    html::table("numbers sensors", head, &body)
+    let ignored = match with_ignored {
+        true => "<th scope=\"col\">ignored</th>",
+        false => "",
+    };
+    let head = format!(
+        "<tr><th scope=\"col\">sensor</th><th scope=\"col\">used</th><th scope=\"col\">rejected</th>{ignored}<th scope=\"col\">RMS</th><th scope=\"col\">RMS<br/><small>σ</small></th><th scope=\"col\">redun-<br/>dancy</th><th scope=\"col\">variance<br/>component</th><th scope=\"col\">χ²<br/><small>bounds</small></th><th scope=\"col\" class=\"text\">residuals are</th></tr>\n"
+    );
+    html::table("numbers sensors", &head, &body)
 }
 
 fn constants(solution: &Solution) -> String {

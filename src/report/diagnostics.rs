@@ -219,8 +219,7 @@ pub fn sensors_shown(solution: &Solution) -> impl Iterator<Item = &SensorDiagnos
 pub fn sensor_name(name: &str) -> &str {
     match name {
         "imu" => "IMU",
-        "bias_walk" => "bias walk and priors",
-        "rest" => "zero velocity at rest",
+        "bias_walk" => "bias walk",
         other => other,
     }
 }
@@ -293,7 +292,7 @@ fn spans_words(spans: &[(f64, f64)]) -> String {
         .map(|(from_s, to_s)| span_words(*from_s, *to_s))
         .collect();
     match spans.len().saturating_sub(NAMED_SPANS) {
-        0 => named.join(", "),
+        0 => named.join(" and "),
         more => format!("{} and {more} times more", named.join(", ")),
     }
 }
@@ -317,7 +316,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         if is_notable(sensor) {
             lines.push(Verdict::attention(format!(
                 "The residuals of {name} are {}: its sigma in the project is too small, or an \
-                 error such as latency or a wrong lever arm is not modelled.",
+                 error is not modelled (latency, lever arm, mounting offset).",
                 sigma_words(sensor)
             )));
         }

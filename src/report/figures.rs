@@ -247,7 +247,7 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
         let right = chart(
             &rotation,
             "σ of rotation (°)",
-            ["about east", "about north", "about up (heading)"],
+            ["about east", "about north", "heading"],
         );
         let out = if shown.is_empty() {
             &mut shown

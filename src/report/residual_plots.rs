@@ -262,7 +262,7 @@ fn bias(drive: &DriveTrack, name: &str, unit: &str, pick: impl Fn(&ImuBias) -> V
     let start = time_shift(first.0);
     let x = Axis::over(&time_label(start), known.iter().map(|k| k.0 - start));
     let about = known.iter().flat_map(|k| (k.1 - mean).data.0[0]);
-    let y = Axis::rounded(&format!("{name} bias − mean ({unit})"), about);
+    let y = Axis::rounded(&format!("bias − mean ({unit})"), about);
     let mut plot = Plot::new(HALF, 240.0, x, y);
     let mut entries = Vec::new();
     for (i, axis) in ["x", "y", "z"].iter().enumerate() {
@@ -274,7 +274,11 @@ fn bias(drive: &DriveTrack, name: &str, unit: &str, pick: impl Fn(&ImuBias) -> V
         let words = number::with_unit(number::signed(number::significant(mean[i], 3)), unit);
         entries.push((series(i), format!("{axis}, mean {words}")));
     }
-    html::legend(&entries) + &plot.finish(&format!("Bias of the {name}"))
+    format!(
+        "<h4>{name}</h4>\n{}{}",
+        html::legend(&entries),
+        plot.finish(&format!("Bias of the {name}"))
+    )
 }
 
 #[cfg(test)]
