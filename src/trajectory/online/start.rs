@@ -36,8 +36,10 @@ impl Online {
             .map(|fixes| until(fixes, self.newest_imu_s))
             .unzip();
         let (heading, heading_numbers) = until(&self.given.heading, self.newest_imu_s);
+        // A stamp that leaps ahead must not be where the smoother goes on from.
+        let (imu, imu_numbers) = until(&self.given.imu, self.newest_imu_s);
         let logs = MotionLogs {
-            imu: &self.given.imu,
+            imu: &imu,
             positions: &positions,
             heading: &heading,
         };
@@ -58,7 +60,8 @@ impl Online {
             let numbers = (0..positions.len())
                 .find(|&sensor| named(Stream::Position(sensor)))
                 .map(|sensor| &position_numbers[sensor])
-                .or_else(|| named(Stream::Heading).then_some(&heading_numbers));
+                .or_else(|| named(Stream::Heading).then_some(&heading_numbers))
+                .or_else(|| named(Stream::Imu).then_some(&imu_numbers));
             if let Some(numbers) = numbers {
                 rejection.record = numbers[rejection.record - 1] + 1;
             }
