@@ -363,7 +363,7 @@ fn outages_gaps_and_stamps_out_of_order_leave_it_running() {
     for one in &expected {
         assert!(named.contains(one), "{one:?} of {named:?}");
     }
-    assert_eq!(named.len(), 4, "{named:?}");
+    assert_eq!(named.len(), 5, "{named:?}");
     // Through the outage a pose a second, with sigmas that grow and cover.
     let outage: Vec<&Update> = updates
         .iter()

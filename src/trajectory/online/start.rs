@@ -5,7 +5,7 @@ use super::smoother::{Smoother, Work};
 use super::{Online, Record, Stage, Update};
 use crate::error::Result;
 use crate::progress::Silent;
-use crate::sensor::Timed;
+use crate::sensor::{ImuSample, Timed};
 use crate::trajectory::estimate::adjust_once;
 use crate::trajectory::graph::Graph;
 use crate::trajectory::initial::initial;
@@ -70,6 +70,19 @@ impl Online {
         streams.heading.clear();
         let smoother = Smoother::new(graph, node, bias, self.options);
         let mut running = Running::new(smoother, streams, settings);
+
+        let leapt = |sample: &ImuSample| sample.time_s > self.newest_imu_s;
+        for (record, sample) in self.given.imu.iter().enumerate() {
+            if leapt(sample) {
+                running.rejections.push(Rejection {
+                    sensor: Names(settings).sensor(Stream::Imu),
+                    record: record + 1,
+                    time_s: sample.time_s,
+                    reason: RejectionReason::TimeOrder,
+                    normalised: None,
+                });
+            }
+        }
 
         // At the weights that the adjustment of the whole left.
         let mut records = Vec::new();
