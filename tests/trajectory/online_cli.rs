@@ -19,7 +19,7 @@ fn project(folder: &Path) -> super::Logs {
     let noise = logs.settings.imu;
     let arm = logs.settings.positions[0].lever_arm_m;
     let text = format!(
-        "[frame]\norigin_m = [0.5, 0.25, 0]\n[imu]\nfile = \"imu.csv\"\naxes = \"flu\"\n\
+        "[frame]\nbody = \"FLU\"\norigin_m = [0.5, 0.25, 0]\n[imu]\nfile = \"imu.csv\"\n\
          gyro_noise_deg_sqrt_h = {}\naccel_noise_ug_sqrt_hz = {}\n\
          gyro_bias_walk_rad_s_sqrt_s = {}\naccel_bias_walk_m_s2_sqrt_s = {}\n\
          [prism]\nfile = \"prism.csv\"\nlever_arm_m = [{}, {}, {}]\nsigma_m = 0.004\n\

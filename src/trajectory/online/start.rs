@@ -5,7 +5,7 @@ use super::smoother::{Smoother, Work};
 use super::{Online, Record, Stage, Update};
 use crate::error::Result;
 use crate::progress::Silent;
-use crate::sensor::Timed;
+use crate::sensor::{ImuSample, Timed};
 use crate::trajectory::estimate::adjust_once;
 use crate::trajectory::graph::Graph;
 use crate::trajectory::initial::initial;
@@ -36,8 +36,10 @@ impl Online {
             .map(|fixes| until(fixes, self.newest_imu_s))
             .unzip();
         let (heading, heading_numbers) = until(&self.given.heading, self.newest_imu_s);
+        // A stamp that leaps ahead must not be where the smoother goes on from.
+        let (imu, imu_numbers) = until(&self.given.imu, self.newest_imu_s);
         let logs = MotionLogs {
-            imu: &self.given.imu,
+            imu: &imu,
             positions: &positions,
             heading: &heading,
         };
@@ -58,7 +60,8 @@ impl Online {
             let numbers = (0..positions.len())
                 .find(|&sensor| named(Stream::Position(sensor)))
                 .map(|sensor| &position_numbers[sensor])
-                .or_else(|| named(Stream::Heading).then_some(&heading_numbers));
+                .or_else(|| named(Stream::Heading).then_some(&heading_numbers))
+                .or_else(|| named(Stream::Imu).then_some(&imu_numbers));
             if let Some(numbers) = numbers {
                 rejection.record = numbers[rejection.record - 1] + 1;
             }
@@ -67,6 +70,19 @@ impl Online {
         streams.heading.clear();
         let smoother = Smoother::new(graph, node, bias, self.options);
         let mut running = Running::new(smoother, streams, settings);
+
+        let leapt = |sample: &ImuSample| sample.time_s > self.newest_imu_s;
+        for (record, sample) in self.given.imu.iter().enumerate() {
+            if leapt(sample) {
+                running.rejections.push(Rejection {
+                    sensor: Names(settings).sensor(Stream::Imu),
+                    record: record + 1,
+                    time_s: sample.time_s,
+                    reason: RejectionReason::TimeOrder,
+                    normalised: None,
+                });
+            }
+        }
 
         // At the weights that the adjustment of the whole left.
         let mut records = Vec::new();
