@@ -10,7 +10,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::time::Instant;
 
-fn pose_case(folder: &Path) -> Logs {
+pub fn pose_case(folder: &Path) -> Logs {
     let parameters = std::fs::read_to_string(folder.join("params.json")).expect("parameters");
     let parameter = |key: &str| json_number(&parameters, key);
     let imu = numbers(&folder.join("imu.csv"))
