@@ -44,6 +44,8 @@ pub(super) struct ClockCorrection {
     /// The record's time as logged.
     pub time_s: f64,
     pub shift_s: f64,
+    /// Whether the correction is taken as it is, not estimated further.
+    pub held: bool,
 }
 
 /// A record and its number in the log (from 0).

@@ -157,7 +157,8 @@ impl Faulty {
 
     fn heading_flipped_run(&mut self) {
         for i in 0..self.heading.len() {
-            if (28.0..38.0).contains(&self.heading[i].0.time_s) {
+            let first = self.heading[i].1 == Mark::Good;
+            if first && (28.0..38.0).contains(&self.heading[i].0.time_s) {
                 self.flip(i);
             }
         }
