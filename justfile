@@ -29,3 +29,7 @@ deny:
 # Errors of the calibration against its sigmas over SEEDS simulated drives
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
+
+# Errors of the poses and constants against their covariances over DRIVES simulated drives
+consistency DRIVES="50":
+    cargo run --release --example consistency -- {{DRIVES}}

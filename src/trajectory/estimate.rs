@@ -129,7 +129,7 @@ fn adjust(
             continue;
         }
         let jumps = corrections.iter().filter(|c| c.record > 0).count();
-        if adjusted.outliers() && jumps < MOST_JUMPS {
+        if jumps < MOST_JUMPS {
             let found = clock::find(
                 logs,
                 &adjusted.streams,
@@ -267,12 +267,6 @@ impl Adjusted {
         let covariance = self.factor.constants_covariance();
         let columns = self.graph.known.clocks();
         columns.map(|c| covariance[(c, c)].sqrt()).collect()
-    }
-
-    fn outliers(&self) -> bool {
-        let positions = self.graph.positions.iter().map(|fix| fix.weight);
-        let headings = self.graph.headings.iter().map(|fix| fix.weight);
-        positions.chain(headings).any(|weight| weight < 1.0)
     }
 
     /// Scales the IMU's standard deviations until its residuals are as large as they say: the
