@@ -37,3 +37,7 @@ montecarlo SEEDS="10":
 # What an update of the online smoother costs through an hour (needs the shared pose_case)
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
+
+# Errors of the poses and constants against their covariances over DRIVES simulated drives
+consistency DRIVES="50":
+    cargo run --release --example consistency -- {{DRIVES}}

@@ -22,6 +22,16 @@ const SIGNIFICANT_SIGMAS: f64 = 6.0;
 const SMALLEST_JUMP_S: f64 = 0.02;
 /// How close the IMU's interval must come to its median after a correction to be set to it, seconds.
 const IMU_MATCH_S: f64 = 0.05;
+/// The least share of it that a first estimate must be.
+const LEAST_IMU_SHARE: f64 = 0.25;
+/// Below this share of the median an interval is that of a record logged twice.
+const TWICE: f64 = 1e-3;
+/// A jump found by the motion and the unusual part of its interval agree within this many standard
+/// deviations.
+const AGREEING_SIGMAS: f64 = 4.0;
+/// The stamps say better than the motion how large a jump is where the intervals scatter by less
+/// than this share of what the motion leaves open.
+const STEADY_SHARE: f64 = 0.5;
 
 /// The most significant jump not yet corrected, if there is one.
 pub(super) fn find(
@@ -57,10 +67,14 @@ pub(super) fn find(
             && significance > SIGNIFICANT_SIGMAS
             && best.as_ref().is_none_or(|(most, _)| significance > *most)
         {
+            let before = corrections
+                .iter()
+                .find(|c| c.stream == trace.stream && c.record == trace.record);
+            let before_s = before.map_or(0.0, |c| c.shift_s);
             let shift_s = match trace.stream {
                 // The others late is the IMU early.
-                Stream::Imu => natural(-late_s, &trace),
-                _ => late_s,
+                Stream::Imu => natural(before_s - late_s, before.is_none(), &trace),
+                _ => before_s + late_s,
             };
             best = Some((
                 significance,
@@ -69,11 +83,72 @@ pub(super) fn find(
                     record: trace.record,
                     time_s: trace.time_s,
                     shift_s,
+                    // The IMU's clock is the time scale: its jumps show in its interval.
+                    held: trace.stream == Stream::Imu,
                 },
             ));
         }
     }
     best.map(|(_, correction)| correction)
+}
+
+/// Adds a correction, or exchanges the one at the same record.
+pub(super) fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection) {
+    let same = |c: &&mut ClockCorrection| c.stream == jump.stream && c.record == jump.record;
+    match corrections.iter_mut().find(same) {
+        Some(correction) => *correction = jump,
+        None => corrections.push(jump),
+    }
+}
+
+/// Sets the jumps of positions and headings that the motion found, with the standard deviations
+/// `sigma_s`, to the unusual part of their interval and holds them there, where the two agree and
+/// the stream's intervals scatter by less: at a metre a second the motion tells a jump to
+/// milliseconds, a steady log to less. Whether any was set.
+pub(super) fn set_to_stamps(
+    logs: &MotionLogs<'_>,
+    corrections: &mut [ClockCorrection],
+    sigma_s: &[f64],
+) -> bool {
+    let mut any = false;
+    let estimated = corrections.iter_mut().filter(|c| !c.held);
+    for (correction, sigma_s) in estimated.zip(sigma_s).filter(|(c, _)| c.record > 0) {
+        let (interval_s, usual) = match correction.stream {
+            Stream::Imu => continue,
+            Stream::Position(sensor) => intervals(&logs.positions[sensor], correction.record),
+            Stream::Heading => intervals(logs.heading, correction.record),
+        };
+        let natural_s = usual.median_s - interval_s;
+        let miss_s = (natural_s - correction.shift_s).abs();
+        if usual.scatter_s < STEADY_SHARE * sigma_s && miss_s < AGREEING_SIGMAS * sigma_s {
+            correction.shift_s = natural_s;
+            correction.held = true;
+            any = true;
+        }
+    }
+    any
+}
+
+/// The intervals of a stream.
+struct Usual {
+    median_s: f64,
+    /// Standard deviation from the median absolute deviation.
+    scatter_s: f64,
+}
+
+/// The interval before `record`, and all.
+fn intervals<T: Timed>(records: &[T], record: usize) -> (f64, Usual) {
+    let interval = |k: usize| records[k].time_s() - records[k - 1].time_s();
+    let mut all: Vec<f64> = (1..records.len()).map(interval).collect();
+    let middle = all.len() / 2;
+    let median_s = *all.select_nth_unstable_by(middle, f64::total_cmp).1;
+    all.iter_mut().for_each(|x| *x = (*x - median_s).abs());
+    let off = *all.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let usual = Usual {
+        median_s,
+        scatter_s: 1.4826 * off,
+    };
+    (interval(record), usual)
 }
 
 /// An unusual interval: before `record` the stream's clock may have jumped.
@@ -86,9 +161,12 @@ pub(super) struct Trace {
     unusual_s: f64,
 }
 
-/// The correction that makes the IMU's interval usual, where the estimate agrees with it.
-fn natural(shift_s: f64, trace: &Trace) -> f64 {
-    if (shift_s + trace.unusual_s).abs() < IMU_MATCH_S {
+/// The correction that makes the IMU's interval usual, where the estimate agrees with it: coarsely
+/// at first, as the estimate is that of one step.
+fn natural(shift_s: f64, first: bool, trace: &Trace) -> f64 {
+    let share = -shift_s / trace.unusual_s;
+    let alike = first && LEAST_IMU_SHARE < share && share < 1.0 / LEAST_IMU_SHARE;
+    if alike || (shift_s + trace.unusual_s).abs() < IMU_MATCH_S {
         -trace.unusual_s
     } else {
         shift_s
@@ -113,21 +191,33 @@ fn of_stream<T: Timed>(
         return Vec::new();
     }
     let interval = |k: usize| records[k].time_s() - records[k - 1].time_s();
-    let mut all: Vec<f64> = (1..records.len()).map(interval).collect();
-    let middle = all.len() / 2;
-    let median = *all.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let median = intervals(records, 1).1.median_s;
     let corrected = |record: usize| {
         corrections
             .iter()
-            .any(|c| c.stream == stream && c.record == record)
+            .any(|c| c.stream == stream && c.record == record && !c.held)
+    };
+    let unusual = |k: usize| interval(k) - median;
+    // One wild stamp makes two intervals unlike the others, which cancel.
+    let cancel = |a: usize, b: usize| {
+        (1..records.len()).contains(&a)
+            && (1..records.len()).contains(&b)
+            && (unusual(a) + unusual(b)).abs() < USUAL_INTERVALS.start * median
     };
     let mut found: Vec<Trace> = (1..records.len())
-        .filter(|&k| !USUAL_INTERVALS.contains(&(interval(k) / median)) && !corrected(k))
+        .filter(|&k| {
+            let share = interval(k) / median;
+            !USUAL_INTERVALS.contains(&share)
+                && share.abs() > TWICE
+                && !cancel(k - 1, k)
+                && !cancel(k, k + 1)
+                && !corrected(k)
+        })
         .map(|k| Trace {
             stream,
             record: k,
             time_s: records[k].time_s(),
-            unusual_s: interval(k) - median,
+            unusual_s: unusual(k),
         })
         .collect();
     found.sort_by(|a, b| b.unusual_s.abs().total_cmp(&a.unusual_s.abs()));

@@ -86,8 +86,7 @@ impl Constants {
                 }
             }
         }
-        // The IMU's clock is the time scale: its jumps are known by the interval of its samples.
-        for clock in corrections.iter().filter(|c| c.stream != Stream::Imu) {
+        for clock in corrections.iter().filter(|c| !c.held) {
             let sensor = names.sensor(clock.stream);
             let name = if clock.record == 0 {
                 format!("{sensor}.time_offset")

@@ -271,6 +271,42 @@ pub(super) fn imu_variance_component(
     (redundancy > 1.0).then(|| (square / redundancy, redundancy))
 }
 
+/// The same from the median of the single components, which faults at less than half of the steps
+/// do not move: v²/r of each component that others check, over the median of χ² with one degree.
+pub(super) fn imu_median_component(
+    graph: &Graph,
+    state: &State,
+    factor: &ChainFactor,
+) -> Option<f64> {
+    /// Components that others check less tell nothing but rounding.
+    const CHECKED: f64 = 1e-3;
+    const MEDIAN_OF_SQUARE: f64 = 0.454_936;
+    let constants = factor.constants_covariance();
+    let mut ratios: Vec<f64> = Vec::with_capacity(9 * state.nodes.len());
+    factor.marginals(|step, covariance| {
+        let known = StepKnowledge {
+            step,
+            unknowns: &covariance.joint(),
+            cross: covariance.cross,
+            constants: &constants,
+        };
+        let nodes = (&state.nodes[step], &state.nodes[step + 1]);
+        let at = (graph.bias(state, step), state.constants.as_slice());
+        let (rows, border, whitened) =
+            graph.imu[step].rows(&graph.known, nodes, at, graph.imu_scale);
+        let redundancies = known.redundancies(&rows, &border);
+        let checked = whitened.iter().zip(redundancies);
+        ratios.extend(
+            checked
+                .filter(|(_, r)| *r > CHECKED)
+                .map(|(v, r)| v * v / r),
+        );
+    });
+    let middle = ratios.len() / 2;
+    (!ratios.is_empty())
+        .then(|| *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN_OF_SQUARE)
+}
+
 /// The residual in its own standard deviations. That of a rejected record scatters by the
 /// measurement and the prediction both; nothing checks a record whose redundancy is zero.
 fn test(normalised: f64, redundancy: f64, rejected: bool) -> f64 {

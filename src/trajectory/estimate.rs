@@ -122,10 +122,18 @@ fn adjust(
     let mut corrections = latencies(settings);
     let mut carried = Vec::new();
     let mut layouts = 0;
+    let mut before: Option<Adjusted> = None;
     loop {
         let mut adjusted = adjust_once(begin, logs, settings, (&corrections, &carried), progress)?;
         layouts += 1;
+        // A jump stays where the records fit better with it.
+        if let Some(before) = before.take_if(|before| before.cost() <= adjusted.cost()) {
+            progress.warn("the last jump of a clock does not help: not corrected");
+            adjusted = before;
+            layouts = MOST_LAYOUTS;
+        }
         if layouts == MOST_LAYOUTS {
+            adjusted.finish(settings, progress);
             return Ok(adjusted);
         }
         let moved = adjusted.settle_clocks(&mut corrections);
@@ -133,8 +141,13 @@ fn adjust(
             carried = adjusted.state.constants;
             continue;
         }
+        if clock::set_to_stamps(logs, &mut corrections, &adjusted.clock_sigmas()) {
+            // Of the constants carried on, those of clocks are no more.
+            carried = Vec::new();
+            continue;
+        }
         let jumps = corrections.iter().filter(|c| c.record > 0).count();
-        if adjusted.outliers() && jumps < MOST_JUMPS {
+        if jumps < MOST_JUMPS {
             let found = clock::find(
                 logs,
                 &adjusted.streams,
@@ -151,14 +164,13 @@ fn adjust(
                     jump.record + 1,
                     jump.time_s
                 ));
-                corrections.push(jump);
-                carried = adjusted.state.constants;
+                clock::put(&mut corrections, jump);
+                carried.clone_from(&adjusted.state.constants);
+                before = Some(adjusted);
                 continue;
             }
         }
-        if settings.estimate.contains(&Constant::ImuNoiseScale) {
-            adjusted.scale_noise(progress);
-        }
+        adjusted.finish(settings, progress);
         return Ok(adjusted);
     }
 }
@@ -176,6 +188,7 @@ fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
             record: 0,
             time_s: 0.0,
             shift_s: 0.0,
+            held: false,
         })
         .collect()
 }
@@ -240,11 +253,12 @@ impl Adjusted {
     /// Moves what the time constants found into `corrections`; the largest move, seconds.
     fn settle_clocks(&self, corrections: &mut [ClockCorrection]) -> f64 {
         let mut largest = 0.0_f64;
-        for (column, correction) in self.graph.known.clocks().zip(
-            corrections
-                .iter_mut()
-                .filter(|correction| correction.stream != Stream::Imu),
-        ) {
+        for (column, correction) in self
+            .graph
+            .known
+            .clocks()
+            .zip(corrections.iter_mut().filter(|correction| !correction.held))
+        {
             let late_s = self.state.constants[column];
             largest = largest.max(late_s.abs());
             if late_s.abs() > SETTLED_CLOCK_S {
@@ -254,10 +268,23 @@ impl Adjusted {
         largest
     }
 
-    fn outliers(&self) -> bool {
-        let positions = self.graph.positions.iter().map(|fix| fix.weight);
-        let headings = self.graph.headings.iter().map(|fix| fix.weight);
-        positions.chain(headings).any(|weight| weight < 1.0)
+    /// What the losses count all records.
+    fn cost(&self) -> f64 {
+        robust::truncated_cost(&self.graph, &self.ended)
+    }
+
+    /// Finds what is found once the clocks are.
+    fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) {
+        if settings.estimate.contains(&Constant::ImuNoiseScale) {
+            self.scale_noise(progress);
+        }
+    }
+
+    /// Standard deviations of the clock corrections that are estimated, in their order.
+    fn clock_sigmas(&self) -> Vec<f64> {
+        let covariance = self.factor.constants_covariance();
+        let columns = self.graph.known.clocks();
+        columns.map(|c| covariance[(c, c)].sqrt()).collect()
     }
 
     /// Scales the IMU's standard deviations until its residuals are as large as they say: the

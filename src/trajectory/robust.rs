@@ -8,7 +8,7 @@
 //! with u the squared normalised residual and c² the limit.
 
 use super::chain::ChainFactor;
-use super::diagnostics::{chi_square, imu_variance_component};
+use super::diagnostics::{chi_square, imu_median_component, imu_variance_component};
 use super::graph::{Ended, Graph, MOST_ITERATIONS, State};
 use crate::progress::Progress;
 use crate::project::{Loss, TrajectorySettings};
@@ -23,6 +23,10 @@ const ROUND_ITERATIONS: usize = 2;
 const MOST_ROUNDS: usize = 60;
 /// Most rounds in which the set of outliers settles.
 const MOST_SETTLINGS: usize = 10;
+/// An IMU whose residuals are as many times what the project says is tested as such.
+const NOTABLE_SCALE: f64 = 1.5;
+/// Times that the IMU's scale is found anew for each set of outliers.
+const SCALINGS: usize = 2;
 /// Where the bends of Huber's and Cauchy's losses lie, standard deviations per component.
 const HUBER_SIGMAS: f64 = 1.345;
 const CAUCHY_SIGMAS: f64 = 2.385;
@@ -54,28 +58,21 @@ pub(super) fn solve(
         return ended;
     }
     let first = ended;
-    graph.imu_scale = imu_scale(graph, state, factor, 1.0);
-    if tests.iter().any(|test| test.loss == Loss::Truncated) {
-        graduate(graph, state, factor, &tests, progress);
-    }
-    let mut weights = Vec::new();
-    for _ in 0..MOST_SETTLINGS {
-        graph.imu_scale = imu_scale(graph, state, factor, graph.imu_scale);
-        let next = final_weights(&tests, &self::squares(graph, state), &weights_of(graph));
-        set_weights(graph, &next);
-        let round = graph.solve(state, factor, MOST_ITERATIONS, progress);
-        ended.iterations += round.iterations;
-        ended.stop = round.stop;
-        ended.cost = round.cost;
-        let settled = next
-            .iter()
-            .zip(&weights)
-            .all(|(a, b): (&f64, &f64)| (a - b).abs() < 1e-3)
-            && next.len() == weights.len();
-        weights = next;
-        if settled {
-            break;
-        }
+    // First with the IMU as the project says and the median of its residuals, which outliers that
+    // still bend the trajectory do not move; then, where the IMU turns out to shake more than that,
+    // anew with the mean, which also holds one that shakes now and then.
+    let truncated = tests.iter().any(|test| test.loss == Loss::Truncated);
+    let choose =
+        |graph: &mut Graph, state: &mut State, factor: &mut ChainFactor, component: Component| {
+            if truncated {
+                graduate(graph, state, factor, &tests, progress);
+            }
+            settle(graph, state, factor, &tests, component, progress).iterations
+        };
+    ended.iterations += choose(graph, state, factor, imu_median_component);
+    rescale(graph, state, factor, mean_component);
+    if graph.imu_scale > NOTABLE_SCALE {
+        ended.iterations += choose(graph, state, factor, mean_component);
     }
     // The records are chosen; the adjustment takes the IMU as the project does.
     graph.imu_scale = 1.0;
@@ -87,11 +84,67 @@ pub(super) fn solve(
     ended
 }
 
-/// The factor on the IMU's standard deviations with which records are tested: an IMU that shakes
-/// more than its datasheet says would else make outliers of good records. Never below 1.
-fn imu_scale(graph: &Graph, state: &State, factor: &ChainFactor, at: f64) -> f64 {
-    let component = imu_variance_component(graph, state, factor);
-    component.map_or(at, |(square, _)| (at * square.sqrt()).max(1.0))
+/// Finds scale and weights in turn until the weights settle.
+fn settle(
+    graph: &mut Graph,
+    state: &mut State,
+    factor: &mut ChainFactor,
+    tests: &[Test],
+    component: Component,
+    progress: &dyn Progress,
+) -> Ended {
+    let mut before: Option<Vec<f64>> = None;
+    let (mut iterations, mut rounds) = (0, 0);
+    loop {
+        for _ in 0..SCALINGS {
+            rescale(graph, state, factor, component);
+            iterations += graph
+                .solve(state, factor, ROUND_ITERATIONS, progress)
+                .iterations;
+        }
+        let next = final_weights(tests, &squares(graph, state), &weights_of(graph));
+        set_weights(graph, &next);
+        let round = graph.solve(state, factor, MOST_ITERATIONS, progress);
+        iterations += round.iterations;
+        let settled = before.as_ref().is_some_and(|before| {
+            let mut pairs = before.iter().zip(&next);
+            pairs.all(|(a, b)| (a - b).abs() < 1e-3)
+        });
+        before = Some(next);
+        rounds += 1;
+        if settled || rounds == MOST_SETTLINGS {
+            return Ended {
+                iterations,
+                ..round
+            };
+        }
+    }
+}
+
+/// Half the squared normalised residuals with the IMU as the project says, a rejected record
+/// counting as one at the limit of its test: what the truncated loss makes least.
+pub(super) fn truncated_cost(graph: &Graph, ended: &Ended) -> f64 {
+    let lost =
+        |components: f64, weight: f64| 0.5 * (1.0 - weight) * chi_square(components, LIMIT_NORMAL);
+    let positions = graph.positions.iter().map(|fix| lost(3.0, fix.weight));
+    let headings = graph.headings.iter().map(|fix| lost(1.0, fix.weight));
+    ended.cost + positions.sum::<f64>() + headings.sum::<f64>()
+}
+
+/// Scales the IMU's standard deviations with which records are tested by what its residuals say: an
+/// IMU that shakes more than its datasheet says would else make outliers of good records. The
+/// scale stays at 1 or above.
+fn rescale(graph: &mut Graph, state: &State, factor: &ChainFactor, component: Component) {
+    if let Some(square) = component(graph, state, factor) {
+        graph.imu_scale = (graph.imu_scale * square.sqrt()).max(1.0);
+    }
+}
+
+/// A variance component of the IMU.
+type Component = fn(&Graph, &State, &ChainFactor) -> Option<f64>;
+
+fn mean_component(graph: &Graph, state: &State, factor: &ChainFactor) -> Option<f64> {
+    imu_variance_component(graph, state, factor).map(|(square, _)| square)
 }
 
 impl Test {

@@ -9,6 +9,8 @@ use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
 pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
+/// No IMU is as fast; and gaps would be filled with samples without number, seconds.
+const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
 /// An IMU interval longer than this many times the median has lost samples.
 pub(super) const GAP_INTERVALS: f64 = 2.5;
 /// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
@@ -44,6 +46,8 @@ pub(super) struct ClockCorrection {
     /// The record's time as logged.
     pub time_s: f64,
     pub shift_s: f64,
+    /// Whether the correction is taken as it is, not estimated further.
+    pub held: bool,
 }
 
 /// A record and its number in the log (from 0).
@@ -106,6 +110,12 @@ impl Streams {
             ));
         }
         let interval_s = median_interval_s(&imu);
+        if interval_s < SHORTEST_IMU_INTERVAL_S {
+            return Err(Error::data(
+                format!("the IMU log's samples lie {interval_s:.1e} s apart"),
+                "check the unit of its times: seconds",
+            ));
+        }
         let (imu, bridged, gaps_s) = bridge(&imu, interval_s)?;
         let span = (imu[0].time_s, imu[imu.len() - 1].time_s + interval_s);
         let mut positions = Vec::with_capacity(logs.positions.len());

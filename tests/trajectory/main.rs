@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod faults;
 mod logs_as_they_come;
 mod online;
 mod online_cli;

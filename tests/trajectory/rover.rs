@@ -21,8 +21,27 @@ fn rover(time_s: f64) -> (Vec3, Rotation) {
     (p, Rotation::from_euler_angles(roll, pitch, yaw))
 }
 
+/// A field robot at 0.2 to 0.5 m/s on a large figure of eight over uneven ground, first at rest.
+pub fn slow_rover(time_s: f64) -> (Vec3, Rotation) {
+    let t = (time_s - 3.0).max(0.0);
+    let s = t * t * t / (t * t + 4.0) * 0.1;
+    let p = Vec3::new(3.0 * s.sin(), 2.0 * (2.0 * s).sin(), 0.03 * (7.0 * s).sin());
+    let yaw = (4.0 * (2.0 * s).cos()).atan2(3.0 * s.cos()) + 0.1 * (3.0 * s).sin();
+    let (roll, pitch) = (0.05 * (9.0 * s).sin(), 0.04 * (1.0 - (7.0 * s).cos()));
+    (p, Rotation::from_euler_angles(roll, pitch, yaw))
+}
+
 /// A simulated minute: logs, and the truth at the nodes.
 pub fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
+    simulated(seed, rover, 3000)
+}
+
+/// `count` IMU samples at 50 Hz along a motion with the other logs, and the truth at the nodes.
+pub fn simulated(
+    seed: u64,
+    rover: fn(f64) -> (Vec3, Rotation),
+    count: u32,
+) -> (Logs, Vec<(Vec3, Rotation)>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
     let mut noise3 = |sigma: f64| Vec3::new(normal(), normal(), normal()) * sigma;
@@ -32,7 +51,7 @@ pub fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
         gyro_bias_walk: 2e-5,
         accel_bias_walk: 1e-4,
     };
-    let (dt, count) = (0.02, 3000);
+    let dt = 0.02;
     let gravity = Vec3::new(0.0, 0.0, 9.81);
     let (mut gyro_bias, mut accel_bias) = (noise3(0.02), noise3(0.1));
     let imu = (0..count)

@@ -1,0 +1,175 @@
+//! Many simulated drives: are the errors of the poses as large as their covariances say?
+//!
+//! `cargo run --release --example consistency -- 50` prints, for position (3 degrees of freedom),
+//! tilt (2) and yaw (1), the mean normalised squared error at 20 epochs over the drives, and how
+//! many lie within the 95 % band of χ² with as many degrees; then the constants.
+
+use boresight::geometry::{Rotation, Vec3};
+use boresight::progress::Silent;
+use boresight::project::{
+    Constant, HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings,
+};
+use boresight::simulation::{
+    Drive, Scenario, Scene, simulate_heading, simulate_imu, simulate_prism,
+};
+use boresight::trajectory::{Estimate, MotionLogs, PoseGradient, estimate};
+use boresight::{Error, Result};
+use nalgebra::DVector;
+use std::collections::BTreeMap;
+
+const EPOCHS: usize = 20;
+const LATENCY_S: f64 = 0.03;
+const OFFSET_DEG: f64 = 1.5;
+const STANDARD_GRAVITY: f64 = 9.806_65;
+
+fn main() -> Result<()> {
+    let drives: u64 = std::env::args()
+        .nth(1)
+        .and_then(|n| n.parse().ok())
+        .unwrap_or(50);
+    let mut scenario = Scenario::demo();
+    let scene = Scene::new(&scenario);
+    let paths: Vec<Drive> = (0..scenario.drives.len())
+        .map(|index| Drive::new(&scenario, &scene, index, 0.0))
+        .collect();
+    let mut sums = [[0.0; EPOCHS]; 3];
+    let mut constants: BTreeMap<String, (f64, usize, usize)> = BTreeMap::new();
+    for seed in 0..drives {
+        let index = seed as usize % paths.len();
+        scenario.seed = 100 + seed;
+        scenario.prism.latency_s = 0.0;
+        scenario.heading.mounting_offset_deg = 0.0;
+        let (plain, truth) = run(&scenario, &paths[index], index, Vec::new())?;
+        let nodes = plain.trajectory.nodes().len();
+        for epoch in 0..EPOCHS {
+            let node = (2 * epoch + 1) * nodes / (2 * EPOCHS);
+            for (sum, square) in sums.iter_mut().zip(squares(&plain, &truth, node)?) {
+                sum[epoch] += square / drives as f64;
+            }
+        }
+        scenario.prism.latency_s = LATENCY_S;
+        scenario.heading.mounting_offset_deg = OFFSET_DEG;
+        let estimated = vec![
+            Constant::TimeOffset(0),
+            Constant::LeverArm(0),
+            Constant::HeadingOffset,
+            Constant::Gravity,
+            Constant::ImuNoiseScale,
+        ];
+        let (found, _) = run(&scenario, &paths[index], index, estimated)?;
+        let arm = scenario.lever_arm_m();
+        for constant in &found.solution.constants {
+            let truth = match constant.name.as_str() {
+                "prism.time_offset" => -LATENCY_S,
+                "prism.lever_arm.x" => arm.x,
+                "prism.lever_arm.y" => arm.y,
+                "prism.lever_arm.z" => arm.z,
+                "heading.mounting_offset" => OFFSET_DEG.to_radians(),
+                "frame.gravity" => scenario.gravity_m_s2,
+                _ => 1.0,
+            };
+            let entry = constants.entry(constant.name.clone()).or_default();
+            match constant.sigma {
+                Some(sigma) => {
+                    entry.0 += ((constant.value - truth) / sigma).powi(2);
+                    entry.1 += 1;
+                }
+                None => entry.2 += 1,
+            }
+        }
+    }
+    for ((name, degrees), means) in [("position", 3.0), ("tilt", 2.0), ("yaw", 1.0)]
+        .iter()
+        .zip(&sums)
+    {
+        let [low, high] = band(degrees * drives as f64).map(|x| x / drives as f64);
+        let inside = means.iter().filter(|m| (low..=high).contains(*m)).count();
+        let grand = means.iter().sum::<f64>() / EPOCHS as f64;
+        println!(
+            "{name}: mean {grand:.3} of {degrees}, {inside} of {EPOCHS} epochs within {low:.2} to \
+             {high:.2}: {means:.2?}"
+        );
+    }
+    for (name, (sum, count, undetermined)) in constants {
+        let n = count.max(1) as f64;
+        let [low, high] = band(n).map(|x| x / n);
+        println!(
+            "{name}: mean square {:.3}, band {low:.2} to {high:.2}, {count} determined, \
+             {undetermined} not",
+            sum / n
+        );
+    }
+    Ok(())
+}
+
+/// Bounds of χ² that hold 95 % (Wilson and Hilferty 1931).
+fn band(degrees: f64) -> [f64; 2] {
+    let spread = 2.0 / (9.0 * degrees);
+    [-1.96, 1.96].map(|z| degrees * (1.0 - spread + z * spread.sqrt()).powi(3))
+}
+
+/// The estimate of one drive and the true poses.
+fn run(
+    scenario: &Scenario,
+    drive: &Drive,
+    index: usize,
+    estimated: Vec<Constant>,
+) -> Result<(Estimate, Vec<(Rotation, Vec3)>)> {
+    let imu = simulate_imu(scenario, drive, index);
+    let positions = [simulate_prism(scenario, drive, index)];
+    let heading = simulate_heading(scenario, drive, index);
+    let noise = &scenario.imu;
+    let root = noise.bias_time_s.sqrt();
+    let micro_g = 1e-6 * STANDARD_GRAVITY;
+    let mut settings = TrajectorySettings::new(
+        scenario.body,
+        ImuNoise {
+            gyro_density: noise.gyro_noise_deg_sqrt_h.to_radians() / 60.0,
+            accel_density: noise.accel_noise_ug_sqrt_hz * micro_g,
+            gyro_bias_walk: noise.gyro_bias_instability_deg_h.to_radians() / 3600.0 / root,
+            accel_bias_walk: noise.accel_bias_instability_ug * micro_g / root,
+        },
+        PositionSettings::prism(scenario.prism.sigma_m, scenario.lever_arm_m()),
+        HeadingSettings::aligned(scenario.heading.sigma_deg.to_radians()),
+    );
+    settings.gravity_m_s2 = scenario.gravity_m_s2;
+    settings.estimate = estimated;
+    let logs = MotionLogs {
+        imu: &imu.samples,
+        positions: &positions,
+        heading: &heading,
+    };
+    let poses = imu.truth.iter().map(|r| {
+        let pose = r.world_from_body;
+        (pose.rotation, pose.translation.vector)
+    });
+    Ok((estimate(&logs, &settings, &Silent)?, poses.collect()))
+}
+
+/// eᵀ Σ⁻¹ e of position, tilt and yaw of a node.
+fn squares(found: &Estimate, truth: &[(Rotation, Vec3)], node: usize) -> Result<[f64; 3]> {
+    let pose = found.trajectory.nodes()[node].world_from_body;
+    let (rotation, position) = &truth[node];
+    let turn = (pose.rotation * rotation.inverse()).scaled_axis();
+    let shift = pose.translation.vector - position;
+    // δp in the world; the rotation about the world's axes is world_from_body δφ.
+    let r = pose.rotation.to_rotation_matrix();
+    let mut gradient = PoseGradient::new(6, found.covariance.nodes());
+    let block = gradient.block_mut(node);
+    for axis in 0..3 {
+        block[axis * 6 + 3 + axis] = 1.0;
+        for column in 0..3 {
+            block[(3 + axis) * 6 + column] = r[(axis, column)];
+        }
+    }
+    let covariance = found.covariance.of_functional(&gradient);
+    let error = DVector::from_vec(vec![shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]);
+    let square = |from: usize, count: usize| {
+        let e = error.rows(from, count).into_owned();
+        let c = covariance.view((from, from), (count, count)).into_owned();
+        c.cholesky()
+            .map(|c| e.dot(&c.solve(&e)))
+            .ok_or_else(|| Error::data("a covariance is not positive", "report this"))
+    };
+    Ok([square(0, 3)?, square(3, 2)?, square(5, 1)?])
+}
