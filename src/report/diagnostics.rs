@@ -329,6 +329,14 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             )));
         }
     }
+    for jump in &solution.clock_jumps {
+        lines.push(Verdict::attention(format!(
+            "The clock of {} jumps by {} ms at {:.1} s: corrected.",
+            sensor_name(&jump.sensor),
+            number::fixed(1e3 * jump.size_s, 0),
+            jump.time_s
+        )));
+    }
     if !solution.imu_gaps_s.is_empty() {
         lines.push(Verdict::attention(format!(
             "The IMU is silent {}.",

@@ -1,8 +1,8 @@
 //! Clocks that were set while a log ran.
 //!
 //! A jump leaves a trace in the stamps: an interval unlike the others. Whether it is a jump or a
-//! pause, the motion tells: one more constant, by which all later records of the stream are late,
-//! is estimated for each trace in turn, and the most significant is kept, until none is.
+//! pause, the motion tells: a constant by which all later records of the stream are late is
+//! estimated for each trace alone, and the most significant is kept, until none is.
 
 use super::chain::ChainFactor;
 use super::constants::Constants;
@@ -42,26 +42,24 @@ pub(super) fn find(
     settings: &TrajectorySettings,
     corrections: &[ClockCorrection],
 ) -> Option<ClockCorrection> {
+    let traces = traces(logs, corrections);
+    if traces.is_empty() {
+        return None;
+    }
     let mut graph = graph.clone();
     let weights = cautious_weights(&squares(&graph, state), graph.positions.len());
     set_weights(&mut graph, &weights);
+    // A column for each trace, and from one factorisation what each would be alone.
+    let own = Constants::new(settings, corrections);
+    let first = own.count();
+    let with_jump = |known: Constants, trace: &Trace| known.with_jump(trace, streams);
+    graph.set_constants(traces.iter().fold(own, with_jump));
+    let mut state = state.clone();
+    state.constants.resize(graph.known.count(), 0.0);
+    let mut factor = ChainFactor::new(graph.timeline.layout.clone(), graph.known.count());
+    graph.factorise(&state, 0.0, &mut factor).ok()?;
     let mut best: Option<(f64, ClockCorrection)> = None;
-    for trace in traces(logs, corrections) {
-        let known = Constants::new(settings, corrections).with_jump(&trace, streams);
-        let column = known.count() - 1;
-        graph.set_constants(known);
-        let mut state = state.clone();
-        state.constants.push(0.0);
-        let mut factor = ChainFactor::new(graph.timeline.layout.clone(), graph.known.count());
-        if graph.factorise(&state, 0.0, &mut factor).is_err() {
-            continue;
-        }
-        let mut nodes = vec![Default::default(); state.nodes.len()];
-        let mut biases = vec![Default::default(); state.biases.len()];
-        let mut constants = vec![0.0; state.constants.len()];
-        factor.back_substitute(&mut nodes, &mut biases, &mut constants);
-        let late_s = constants[column];
-        let sigma_s = factor.constants_covariance()[(column, column)].sqrt();
+    for (trace, (late_s, sigma_s)) in traces.iter().zip(factor.each_alone(first)) {
         let significance = late_s.abs() / sigma_s;
         if late_s.abs() > SMALLEST_JUMP_S
             && significance > SIGNIFICANT_SIGMAS
@@ -73,7 +71,7 @@ pub(super) fn find(
             let before_s = before.map_or(0.0, |c| c.shift_s);
             let shift_s = match trace.stream {
                 // The others late is the IMU early.
-                Stream::Imu => natural(before_s - late_s, before.is_none(), &trace),
+                Stream::Imu => natural(before_s - late_s, before.is_none(), trace),
                 _ => before_s + late_s,
             };
             best = Some((

@@ -11,7 +11,7 @@ use super::interpolate::Trajectory;
 use super::recovery::recover;
 use super::rest::{Rest, rests};
 use super::robust;
-use super::solution::{EstimatedConstant, Rejection, Solution, StopReason};
+use super::solution::{ClockJump, EstimatedConstant, Rejection, Solution, StopReason};
 use super::streams::{ClockCorrection, MotionLogs, Names, Stream, Streams};
 use super::timeline::Timeline;
 use crate::error::{Error, Result};
@@ -110,6 +110,23 @@ pub(super) struct Adjusted {
     pub state: State,
     factor: ChainFactor,
     pub ended: Ended,
+    corrections: Vec<ClockCorrection>,
+}
+
+/// What a layout hands on to the next one of the same logs.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Carried {
+    constants: Vec<f64>,
+    weights: Option<robust::Weights>,
+}
+
+impl Carried {
+    fn of(adjusted: &Adjusted) -> Self {
+        Self {
+            constants: adjusted.state.constants.clone(),
+            weights: Some(robust::Weights::of(&adjusted.graph)),
+        }
+    }
 }
 
 /// Adjusts, and again where the clocks turn out to be off or to have jumped.
@@ -120,7 +137,7 @@ fn adjust(
     progress: &dyn Progress,
 ) -> Result<Adjusted> {
     let mut corrections = latencies(settings);
-    let mut carried = Vec::new();
+    let mut carried = Carried::default();
     let mut layouts = 0;
     let mut before: Option<Adjusted> = None;
     loop {
@@ -138,12 +155,15 @@ fn adjust(
         }
         let moved = adjusted.settle_clocks(&mut corrections);
         if moved > SETTLED_CLOCK_S {
-            carried = adjusted.state.constants;
+            carried = Carried::of(&adjusted);
             continue;
         }
         if clock::set_to_stamps(logs, &mut corrections, &adjusted.clock_sigmas()) {
             // Of the constants carried on, those of clocks are no more.
-            carried = Vec::new();
+            carried = Carried {
+                constants: Vec::new(),
+                ..Carried::of(&adjusted)
+            };
             continue;
         }
         let jumps = corrections.iter().filter(|c| c.record > 0).count();
@@ -157,15 +177,18 @@ fn adjust(
                 &corrections,
             );
             if let Some(jump) = found {
-                progress.warn(&format!(
-                    "the clock of {} jumps by {:.3} s before record {} at {:.3} s: corrected",
+                progress.say(&format!(
+                    "the clock of {} seems to jump before record {} at {:.3} s",
                     Names(settings).sensor(jump.stream),
-                    -jump.shift_s,
                     jump.record + 1,
                     jump.time_s
                 ));
                 clock::put(&mut corrections, jump);
-                carried.clone_from(&adjusted.state.constants);
+                // Records that the jump had made outliers come back: the search starts afresh.
+                carried = Carried {
+                    weights: None,
+                    ..Carried::of(&adjusted)
+                };
                 before = Some(adjusted);
                 continue;
             }
@@ -197,7 +220,7 @@ pub(super) fn adjust_once(
     begin: &Start<'_>,
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
-    (corrections, carried): (&[ClockCorrection], &[f64]),
+    (corrections, carried): (&[ClockCorrection], &Carried),
     progress: &dyn Progress,
 ) -> Result<Adjusted> {
     let streams = Streams::new(logs, settings, corrections)?;
@@ -206,7 +229,7 @@ pub(super) fn adjust_once(
     let start = begin(&streams, &timeline, &rests, settings)?;
     let known = Constants::new(settings, corrections);
     let mut constants = vec![0.0; known.count()];
-    for (i, (value, before)) in constants.iter_mut().zip(carried).enumerate() {
+    for (i, (value, before)) in constants.iter_mut().zip(&carried.constants).enumerate() {
         // What times had found has become a correction.
         *value = if known.is_time(i) { 0.0 } else { *before };
     }
@@ -220,7 +243,15 @@ pub(super) fn adjust_once(
         constants,
     };
     let mut factor = ChainFactor::new(layout, graph.known.count());
-    let ended = robust::solve(&mut graph, &mut state, &mut factor, settings, progress);
+    let weights = carried.weights.as_ref();
+    let ended = robust::solve(
+        &mut graph,
+        &mut state,
+        &mut factor,
+        settings,
+        weights,
+        progress,
+    );
     if ended.stop != StopReason::Converged {
         graph.factorise(&state, 0.0, &mut factor).map_err(|free| {
             let what = match free {
@@ -246,6 +277,7 @@ pub(super) fn adjust_once(
         state,
         factor,
         ended,
+        corrections: corrections.to_vec(),
     })
 }
 
@@ -378,6 +410,7 @@ impl Adjusted {
             constants: self.constants(settings, &sensors),
             sensors,
             rejections,
+            clock_jumps: self.clock_jumps(settings),
             imu_gaps_s: self.streams.gaps_s.clone(),
             rests_s: self.rests.iter().map(|r| (r.from_s, r.to_s)).collect(),
             residuals,
@@ -388,6 +421,30 @@ impl Adjusted {
             solution,
             covariance: PosteriorCovariance::new(self.factor, self.graph, self.state),
         })
+    }
+
+    /// The clocks that were set while they logged. What was found last of those estimated is still
+    /// in their constants.
+    fn clock_jumps(&self, settings: &TrajectorySettings) -> Vec<ClockJump> {
+        let mut late_s = self.graph.known.clocks().map(|c| self.state.constants[c]);
+        self.corrections
+            .iter()
+            .map(|correction| {
+                let more_s = if correction.held {
+                    0.0
+                } else {
+                    late_s.next().unwrap_or(0.0)
+                };
+                (correction, correction.shift_s + more_s)
+            })
+            .filter(|(correction, _)| correction.record > 0)
+            .map(|(correction, shift_s)| ClockJump {
+                sensor: Names(settings).sensor(correction.stream),
+                record: correction.record + 1,
+                time_s: correction.time_s,
+                size_s: -shift_s,
+            })
+            .collect()
     }
 
     fn constants(
@@ -460,6 +517,12 @@ impl Adjusted {
             progress.warn(&format!(
                 "the IMU log is silent from {from:.3} s to {to:.3} s: bridged, with the sigma of \
                  unknown motion"
+            ));
+        }
+        for jump in &solution.clock_jumps {
+            progress.warn(&format!(
+                "the clock of {} jumps by {:.3} s before record {} at {:.3} s: corrected",
+                jump.sensor, jump.size_s, jump.record, jump.time_s
             ));
         }
         report_rejections(&solution.rejections, progress);

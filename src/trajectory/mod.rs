@@ -25,7 +25,7 @@ pub use estimate::{Estimate, estimate};
 pub use interpolate::{PoseCursor, Trajectory};
 pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
 pub use solution::{
-    EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics, Solution,
-    StopReason,
+    ClockJump, EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics,
+    Solution, StopReason,
 };
 pub use streams::MotionLogs;

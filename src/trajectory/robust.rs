@@ -12,6 +12,7 @@ use super::diagnostics::{chi_square, imu_median_component, imu_variance_componen
 use super::graph::{Ended, Graph, MOST_ITERATIONS, State};
 use crate::progress::Progress;
 use crate::project::{Loss, TrajectorySettings};
+use std::collections::HashMap;
 
 /// The limit of the test as a standard normal: 1 good record in 10,000 passes it.
 pub(super) const LIMIT_NORMAL: f64 = 3.72;
@@ -31,6 +32,38 @@ const SCALINGS: usize = 2;
 const HUBER_SIGMAS: f64 = 1.345;
 const CAUCHY_SIGMAS: f64 = 2.385;
 
+/// The weights of records by their numbers in the logs.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Weights {
+    positions: HashMap<(usize, usize), f64>,
+    headings: HashMap<usize, f64>,
+}
+
+impl Weights {
+    /// Those of a graph.
+    pub fn of(graph: &Graph) -> Self {
+        let positions = graph.positions.iter();
+        let headings = graph.headings.iter();
+        Self {
+            positions: positions
+                .map(|fix| ((fix.sensor, fix.record), fix.weight))
+                .collect(),
+            headings: headings.map(|fix| (fix.record, fix.weight)).collect(),
+        }
+    }
+
+    /// Gives the records of another graph of the same logs their weights.
+    fn give(&self, graph: &mut Graph) {
+        for fix in &mut graph.positions {
+            let known = self.positions.get(&(fix.sensor, fix.record));
+            fix.weight = *known.unwrap_or(&1.0);
+        }
+        for fix in &mut graph.headings {
+            fix.weight = *self.headings.get(&fix.record).unwrap_or(&1.0);
+        }
+    }
+}
+
 /// What one sensor's records are tested against.
 struct Test {
     loss: Loss,
@@ -40,13 +73,19 @@ struct Test {
 }
 
 /// Adjusts with the losses of the settings. The weights of the factors end as used.
+///
+/// `known` are weights that a near adjustment found: the search for outliers starts from them.
 pub(super) fn solve(
     graph: &mut Graph,
     state: &mut State,
     factor: &mut ChainFactor,
     settings: &TrajectorySettings,
+    known: Option<&Weights>,
     progress: &dyn Progress,
 ) -> Ended {
+    if let Some(known) = known {
+        known.give(graph);
+    }
     let mut ended = graph.solve(state, factor, MOST_ITERATIONS, progress);
     let tests = tests(graph, settings);
     let squares = squares(graph, state);
@@ -61,7 +100,7 @@ pub(super) fn solve(
     // First with the IMU as the project says and the median of its residuals, which outliers that
     // still bend the trajectory do not move; then, where the IMU turns out to shake more than that,
     // anew with the mean, which also holds one that shakes now and then.
-    let truncated = tests.iter().any(|test| test.loss == Loss::Truncated);
+    let truncated = known.is_none() && tests.iter().any(|test| test.loss == Loss::Truncated);
     let choose =
         |graph: &mut Graph, state: &mut State, factor: &mut ChainFactor, component: Component| {
             if truncated {

@@ -164,6 +164,19 @@ pub struct EstimatedConstant {
     pub sigma: Option<f64>,
 }
 
+/// A clock that was set while it logged.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct ClockJump {
+    /// `imu`, `heading`, or the name of the position sensor.
+    pub sensor: String,
+    /// The first record with the new setting, from 1.
+    pub record: usize,
+    /// Its time as logged, seconds.
+    pub time_s: f64,
+    /// By how much the clock went ahead, seconds.
+    pub size_s: f64,
+}
+
 /// How an adjustment ended and what it left.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Solution {
@@ -185,6 +198,8 @@ pub struct Solution {
     pub constants: Vec<EstimatedConstant>,
     /// Records that take no part.
     pub rejections: Vec<Rejection>,
+    /// Clocks that were set while they logged, corrected.
+    pub clock_jumps: Vec<ClockJump>,
     /// Times without IMU, bridged with the sigma of unknown motion, seconds from and to.
     pub imu_gaps_s: Vec<(f64, f64)>,
     /// Times during which the body rested and its velocity was held at zero, seconds.

@@ -3,8 +3,8 @@
 
 use crate::synthetic::normal;
 use boresight::trajectory::{
-    EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics, Solution,
-    StopReason,
+    ClockJump, EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics,
+    Solution, StopReason,
 };
 
 /// Start of the drive, seconds.
@@ -102,6 +102,12 @@ pub fn solution(records: usize, rate_hz: f64, headings: usize) -> Solution {
         cost_initial: 1e6,
         cost_final: 1e3,
         nodes: 12_345,
+        clock_jumps: vec![ClockJump {
+            sensor: "prism".into(),
+            record: 77,
+            time_s: 1234.5,
+            size_s: 0.512,
+        }],
         sensors: vec![
             SensorDiagnostics {
                 count: residuals[0].len() - rejected,

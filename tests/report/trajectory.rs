@@ -156,6 +156,7 @@ fn faults_are_in_sight() {
         "The adjustment of the trajectory converged after 6 iterations over 12\u{202f}345 nodes.",
         "residuals of heading are 1.80 times larger than its sigma says",
         "The IMU is silent from 1060.0 s to 1060.8 s.",
+        "The clock of prism jumps by 512 ms at 1234.5 s: corrected.",
         // √(4² + 3²) mm, and ten times that.
         "worse than 3 times the usual 5.00 mm from 1100.0 s to 1120.0 s: to 50.0 mm at worst",
         "held at the project&#39;s value: heading.mounting_offset",

@@ -6,7 +6,7 @@ use super::{Online, Record, Stage, Update};
 use crate::error::Result;
 use crate::progress::Silent;
 use crate::sensor::{ImuSample, Timed};
-use crate::trajectory::estimate::adjust_once;
+use crate::trajectory::estimate::{Carried, adjust_once};
 use crate::trajectory::graph::Graph;
 use crate::trajectory::initial::initial;
 use crate::trajectory::solution::{Rejection, RejectionReason, StopReason};
@@ -43,7 +43,13 @@ impl Online {
             positions: &positions,
             heading: &heading,
         };
-        let adjusted = adjust_once(&initial, &logs, settings, (&[], &[]), &Silent)?;
+        let adjusted = adjust_once(
+            &initial,
+            &logs,
+            settings,
+            (&[], &Carried::default()),
+            &Silent,
+        )?;
         if adjusted.ended.stop != StopReason::Converged {
             return Err(crate::error::Error::data(
                 "the first seconds make no trajectory",
