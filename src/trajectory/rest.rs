@@ -20,7 +20,7 @@ const REACH_SIGMAS: f64 = 4.0;
 /// A line through the positions of a rest climbs by less than this many of its standard deviations.
 const SLOPE_SIGMAS: f64 = 3.0;
 /// At both ends this much of a rest is given up: the blocks are coarse, seconds.
-const MARGIN_S: f64 = 0.3;
+const MARGIN_S: f64 = 1.0;
 
 /// A time of rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
