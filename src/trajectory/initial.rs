@@ -28,6 +28,11 @@ const MEDIAN_REACH: usize = 4;
 /// How near: this many times the median distance plus this many standard deviations.
 const ALIKE_MEDIANS: f64 = 6.0;
 const ALIKE_SIGMAS: f64 = 10.0;
+/// Neighbours on either side that a heading must agree with, turned by the gyro: more than a run of
+/// wrong ones is long.
+const HEADING_REACH: usize = 60;
+/// What the gyro may turn in that time that the body does not, radians.
+const GYRO_DRIFT_RAD: f64 = 0.35;
 /// Slower motion gives no direction of travel, m/s.
 const LEAST_SPEED_M_S: f64 = 0.05;
 /// Without headings the prism must have moved this many standard deviations.
@@ -74,13 +79,13 @@ pub(super) fn initial(
 ) -> Result<Initial> {
     let (prism, arm) = fixes(streams, settings);
     let motion: Vec<Motion> = (0..prism.len()).map(|i| parabola(&prism, i)).collect();
-    let (hints, heading_from_motion) = hints(streams, &motion, settings)?;
     let length = |rest: &Rest| rest.to_s - rest.from_s;
     let rest = rests
         .iter()
         .copied()
         .max_by(|a, b| length(a).total_cmp(&length(b)));
     let mut gyro_bias = rest.map_or_else(Vec3::zeros, |rest| rest.gyro_rad_s);
+    let (hints, heading_from_motion) = hints(streams, &motion, settings, &gyro_bias)?;
 
     let filter = Filter {
         streams,
@@ -150,31 +155,35 @@ fn fixes(streams: &Streams, settings: &TrajectorySettings) -> (Vec<(f64, Vec3)>,
     (kept.map(|(fix, _)| fix).collect(), arm)
 }
 
+/// Indices from `reach` before to `reach` after.
+fn around(i: usize, reach: usize, count: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(reach)..(i + reach + 1).min(count)
+}
+
+fn median(mut all: Vec<f64>) -> f64 {
+    let middle = all.len() / 2;
+    *all.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// How far each value is from the median of its neighbours on either side.
+fn off_neighbours(values: &[Vec3], reach: usize) -> Vec<f64> {
+    (0..values.len())
+        .map(|i| {
+            let near = &values[around(i, reach, values.len())];
+            let centre =
+                Vec3::from_fn(|axis, _| median(near.iter().map(|value| value[axis]).collect()));
+            (values[i] - centre).norm()
+        })
+        .collect()
+}
+
 /// Which values lie near the median of their neighbours, as near as the values around them do or
 /// within ten standard deviations: enough to start from, with outliers of any size among them.
 fn alike(values: &[Vec3], sigma: f64) -> Vec<bool> {
-    let around =
-        |i: usize, reach: usize| i.saturating_sub(reach)..(i + reach + 1).min(values.len());
-    let median = |mut all: Vec<f64>| {
-        let middle = all.len() / 2;
-        *all.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    let off: Vec<f64> = (0..values.len())
-        .map(|i| {
-            let centre = Vec3::from_fn(|axis, _| {
-                median(
-                    values[around(i, MEDIAN_REACH)]
-                        .iter()
-                        .map(|v| v[axis])
-                        .collect(),
-                )
-            });
-            (values[i] - centre).norm()
-        })
-        .collect();
+    let off = off_neighbours(values, MEDIAN_REACH);
     (0..values.len())
         .map(|i| {
-            let usual = median(off[around(i, 4 * MEDIAN_REACH)].to_vec());
+            let usual = median(off[around(i, 4 * MEDIAN_REACH, off.len())].to_vec());
             off[i] <= ALIKE_MEDIANS * usual + ALIKE_SIGMAS * sigma
         })
         .collect()
@@ -262,9 +271,10 @@ fn hints(
     streams: &Streams,
     motion: &[Motion],
     settings: &TrajectorySettings,
+    gyro_bias: &Vec3,
 ) -> Result<(Vec<Hint>, bool)> {
     if !streams.heading.is_empty() {
-        return Ok((measured_hints(streams, settings), false));
+        return Ok((measured_hints(streams, settings, gyro_bias), false));
     }
     let start = motion[0].position_m;
     let moved = motion
@@ -292,9 +302,9 @@ fn hints(
     Ok((hints, true))
 }
 
-/// Headings of the body without those that the gyro contradicts, such as baselines seen the wrong
-/// way round.
-fn measured_hints(streams: &Streams, settings: &TrajectorySettings) -> Vec<Hint> {
+/// Headings of the body without those that the gyro and the headings around contradict, such as
+/// baselines seen the wrong way round.
+fn measured_hints(streams: &Streams, settings: &TrajectorySettings, gyro_bias: &Vec3) -> Vec<Hint> {
     let antennas = &settings.heading;
     let up = settings.axes.up();
     // The heading turns clockwise, rates about the body's upward axis count counter-clockwise.
@@ -307,7 +317,7 @@ fn measured_hints(streams: &Streams, settings: &TrajectorySettings) -> Vec<Hint>
             let time_s = fix.value.time_s;
             while sample + 1 < streams.imu.len() && streams.imu[sample + 1].time_s <= time_s {
                 let dt = streams.imu[sample + 1].time_s - streams.imu[sample].time_s;
-                turned -= streams.imu[sample].gyro_rad_s.dot(&up) * dt;
+                turned -= (streams.imu[sample].gyro_rad_s - gyro_bias).dot(&up) * dt;
                 sample += 1;
             }
             let heading_rad = wrap(
@@ -323,9 +333,12 @@ fn measured_hints(streams: &Streams, settings: &TrajectorySettings) -> Vec<Hint>
         })
         .collect();
     let directions: Vec<Vec3> = all.iter().map(|(_, direction)| *direction).collect();
-    let keep = alike(&directions, antennas.sigma_rad);
-    let kept = all.into_iter().zip(keep).filter(|(_, keep)| *keep);
-    kept.map(|((hint, _), _)| hint).collect()
+    let limit = GYRO_DRIFT_RAD + ALIKE_SIGMAS * antennas.sigma_rad;
+    let kept = all
+        .iter()
+        .zip(off_neighbours(&directions, HEADING_REACH))
+        .filter(|(_, off)| *off <= limit);
+    kept.map(|((hint, _), _)| *hint).collect()
 }
 
 /// The complementary filter.

@@ -383,6 +383,11 @@ fn each_fault_is_survived_and_named() {
 }
 
 #[test]
+fn all_faults_together_are_survived_on_more_drives() {
+    (1..6).for_each(|seed| holds("all", all_faults, seed));
+}
+
+#[test]
 fn every_loss_runs_and_is_sane() {
     for loss in [Loss::None, Loss::Huber, Loss::Cauchy, Loss::Truncated] {
         let (mut clean, _) = simulated(1, slow_rover, 6000);
