@@ -2,11 +2,13 @@
 
 mod chain;
 mod clock;
+mod conclusion;
 mod constants;
 mod covariance;
 mod diagnostics;
 mod estimate;
 mod factors;
+mod gaps;
 mod graph;
 mod initial;
 mod interpolate;

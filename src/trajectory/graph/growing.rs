@@ -3,7 +3,8 @@
 //! Its last node bounds no step yet: records at that node or after it wait in the step to come,
 //! and [`Graph::newest_system`] says what they mean for the node until then.
 
-use super::{Graph, per_unknown};
+use super::Graph;
+use super::adjustment::{PRIOR_SIGMA, per_unknown};
 use crate::error::{Error, Result};
 use crate::project::TrajectorySettings;
 use crate::sensor::{HeadingFix, ImuBias, ImuSample, PositionFix};
@@ -218,7 +219,7 @@ impl Graph {
 
     /// The prior at `state`.
     pub fn prior(&self, state: &State) -> PriorSystem {
-        let weight = per_unknown(super::PRIOR_SIGMA).map(|s| 1.0 / (s * s));
+        let weight = per_unknown(PRIOR_SIGMA).map(|s| 1.0 / (s * s));
         let miss = self.prior_miss(state);
         // The derivative of the attitude's miss is the identity to first order of the miss, and
         // the prior's weight is small: no more is needed.

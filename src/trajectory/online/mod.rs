@@ -15,10 +15,10 @@ mod start;
 
 pub use options::{OnlineOptions, Thresholds};
 
+use super::gaps::LONGEST_IMU_GAP_S;
 use super::solution::{Rejection, RejectionReason};
 use super::streams::{
-    LONGEST_IMU_GAP_S, MotionLogs, Numbered, check_settings, check_value_of_fix,
-    check_value_of_heading,
+    MotionLogs, Numbered, check_settings, check_value_of_fix, check_value_of_heading,
 };
 use super::timeline::{LONGEST_STEP_S, SAME_INSTANT_S};
 use crate::error::{Error, Result};

@@ -4,7 +4,7 @@ use super::running::Running;
 use crate::geometry::Vec3;
 use crate::project::ImuNoise;
 use crate::sensor::ImuSample;
-use crate::trajectory::streams::{GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples};
+use crate::trajectory::gaps::{GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples};
 
 pub(super) fn is_finite(sample: &ImuSample) -> bool {
     let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
@@ -95,7 +95,7 @@ mod tests {
             gyro_bias_walk: 1e-5,
             accel_bias_walk: 1e-4,
         };
-        let whole = crate::trajectory::streams::bridge_noise(&samples, &noise);
+        let whole = crate::trajectory::gaps::bridge_noise(&samples, &noise);
         let found = scatter.bridge_noise(&noise);
         assert!((found.gyro_density / whole.gyro_density - 1.0).abs() < 1e-12);
         assert!((found.accel_density / whole.accel_density - 1.0).abs() < 1e-12);

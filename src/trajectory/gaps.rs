@@ -1,0 +1,116 @@
+//! Gaps of the IMU: filled with samples that nobody recorded, and with the noise of unknown motion.
+
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+use crate::project::ImuNoise;
+use crate::sensor::ImuSample;
+
+/// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
+pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
+/// No IMU is as fast; and gaps would be filled with samples without number, seconds.
+pub(super) const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+/// An IMU interval longer than this many times the median has lost samples.
+pub(super) const GAP_INTERVALS: f64 = 2.5;
+/// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
+pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
+
+pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
+    let mut intervals: Vec<f64> = imu.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
+    let middle = intervals.len() / 2;
+    *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
+#[expect(clippy::type_complexity, reason = "read once, by the caller above")]
+pub(super) fn bridge(
+    imu: &[ImuSample],
+    interval_s: f64,
+) -> Result<(Vec<ImuSample>, Vec<bool>, Vec<(f64, f64)>)> {
+    let mut samples = Vec::with_capacity(imu.len());
+    let mut bridged = Vec::with_capacity(imu.len());
+    let mut gaps = Vec::new();
+    for pair in imu.windows(2) {
+        samples.push(pair[0]);
+        bridged.push(false);
+        let (from, to) = (pair[0].time_s, pair[1].time_s);
+        if to - from <= GAP_INTERVALS * interval_s {
+            continue;
+        }
+        if to - from > LONGEST_IMU_GAP_S {
+            return Err(Error::data(
+                format!(
+                    "the IMU log has a gap of {:.3} s from {from:.3} s to {to:.3} s",
+                    to - from
+                ),
+                format!(
+                    "cut the drive there; gaps longer than {LONGEST_IMU_GAP_S} s cannot be bridged"
+                ),
+            ));
+        }
+        gaps.push((from + interval_s, to));
+        samples.extend(bridged_samples(&pair[0], &pair[1], interval_s));
+        bridged.resize(samples.len(), true);
+    }
+    samples.extend(imu.last());
+    bridged.push(false);
+    Ok((samples, bridged, gaps))
+}
+
+/// Samples at the interval of the log on the line between two of them.
+pub(super) fn bridged_samples(
+    from: &ImuSample,
+    to: &ImuSample,
+    interval_s: f64,
+) -> impl Iterator<Item = ImuSample> {
+    let (from, to) = (*from, *to);
+    let gap_s = to.time_s - from.time_s;
+    let pieces = (gap_s / interval_s).round() as usize;
+    (1..pieces).map(move |piece| {
+        let u = piece as f64 / pieces as f64;
+        ImuSample {
+            time_s: from.time_s + gap_s * u,
+            gyro_rad_s: from.gyro_rad_s.lerp(&to.gyro_rad_s, u),
+            accel_m_s2: from.accel_m_s2.lerp(&to.accel_m_s2, u),
+        }
+    })
+}
+
+/// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
+/// the density of white noise with the same effect over its correlation time.
+pub(super) fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
+    let count = imu.len() as f64;
+    let density = |part: fn(&ImuSample) -> Vec3| {
+        let mean = imu.iter().map(part).sum::<Vec3>() / count;
+        let square: f64 = imu.iter().map(|s| (part(s) - mean).norm_squared()).sum();
+        (square / (3.0 * count) * 2.0 * MOTION_CORRELATION_S).sqrt()
+    };
+    ImuNoise {
+        gyro_density: density(|s| s.gyro_rad_s).max(noise.gyro_density),
+        accel_density: density(|s| s.accel_m_s2).max(noise.accel_density),
+        ..*noise
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_is_filled_at_the_interval_of_the_log() {
+        let sample = |time_s: f64| ImuSample {
+            time_s,
+            gyro_rad_s: Vec3::repeat(time_s),
+            accel_m_s2: Vec3::zeros(),
+        };
+        let imu: Vec<ImuSample> = [0.0, 0.1, 0.2, 0.3, 0.8, 0.9].map(sample).into();
+        let (samples, bridged, gaps) = bridge(&imu, 0.1).expect("a short gap");
+        assert_eq!(samples.len(), 10);
+        assert_eq!(bridged.iter().filter(|b| **b).count(), 4);
+        for (k, s) in samples.iter().enumerate() {
+            assert!((s.time_s - 0.1 * k as f64).abs() < 1e-12);
+            assert!((s.gyro_rad_s.x - s.time_s).abs() < 1e-12);
+        }
+        assert_eq!(gaps.len(), 1);
+        assert!((gaps[0].0 - 0.4).abs() < 1e-12 && gaps[0].1 == 0.8);
+    }
+}
