@@ -19,7 +19,8 @@ const ENGINE_M_S2: f64 = 0.1;
 const REACH_SIGMAS: f64 = 4.0;
 /// A line through the positions of a rest climbs by less than this many of its standard deviations.
 const SLOPE_SIGMAS: f64 = 3.0;
-/// At both ends this much of a rest is given up: the blocks are coarse, seconds.
+/// At both ends this much of a rest is given up, seconds: the blocks are coarse, and a robot creeps
+/// to its halt. A log that begins at rest began later than the halt.
 const MARGIN_S: f64 = 1.0;
 
 /// A time of rest.
@@ -29,6 +30,8 @@ pub(super) struct Rest {
     pub to_s: f64,
     /// Mean angular rate that the gyro shows: its bias, rad/s.
     pub gyro_rad_s: Vec3,
+    /// What is given up at its beginning.
+    margin_s: f64,
 }
 
 impl Rest {
@@ -36,7 +39,7 @@ impl Rest {
     pub const SIGMA_M_S: f64 = 0.002;
 
     pub fn holds_at(&self, time_s: f64) -> bool {
-        (self.from_s + MARGIN_S..=self.to_s - MARGIN_S).contains(&time_s)
+        (self.from_s + self.margin_s..=self.to_s - MARGIN_S).contains(&time_s)
     }
 }
 
@@ -144,6 +147,11 @@ pub(super) fn checked(
         from_s,
         to_s,
         gyro_rad_s: sum / samples.len() as f64,
+        margin_s: if from_s > streams.span_s().0 {
+            MARGIN_S
+        } else {
+            0.0
+        },
     })
 }
 
