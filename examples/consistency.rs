@@ -2,7 +2,8 @@
 //!
 //! `cargo run --release --example consistency -- 50` prints, for position (3 degrees of freedom),
 //! tilt (2) and yaw (1), the mean normalised squared error at 20 epochs over the drives, and how
-//! many lie within the 95 % band of χ² with as many degrees; then the constants.
+//! many lie within the 95 % band of χ² with as many degrees; then the constants. A second number
+//! is the first seed, 0 if absent: `-- 50 50` are 50 drives that `-- 50` has not seen.
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
@@ -23,10 +24,9 @@ const OFFSET_DEG: f64 = 1.5;
 const STANDARD_GRAVITY: f64 = 9.806_65;
 
 fn main() -> Result<()> {
-    let drives: u64 = std::env::args()
-        .nth(1)
-        .and_then(|n| n.parse().ok())
-        .unwrap_or(50);
+    let argument = |place| std::env::args().nth(place).and_then(|n| n.parse().ok());
+    let drives: u64 = argument(1).unwrap_or(50);
+    let first: u64 = argument(2).unwrap_or(0);
     let mut scenario = Scenario::demo();
     let scene = Scene::new(&scenario);
     let paths: Vec<Drive> = (0..scenario.drives.len())
@@ -34,7 +34,7 @@ fn main() -> Result<()> {
         .collect();
     let mut sums = [[0.0; EPOCHS]; 3];
     let mut constants: BTreeMap<String, (f64, usize, usize)> = BTreeMap::new();
-    for seed in 0..drives {
+    for seed in first..first + drives {
         let index = seed as usize % paths.len();
         scenario.seed = 100 + seed;
         scenario.prism.latency_s = 0.0;

@@ -2,13 +2,18 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod constants;
 mod faults;
+mod faulty;
 mod logs_as_they_come;
+mod nees;
 mod online;
 mod online_cli;
 mod pose_case;
+mod pose_case_faults;
 mod recorded_flight;
 mod rover;
+mod twin;
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
