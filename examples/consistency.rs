@@ -23,6 +23,15 @@ const LATENCY_S: f64 = 0.03;
 const OFFSET_DEG: f64 = 1.5;
 const STANDARD_GRAVITY: f64 = 9.806_65;
 
+/// Errors of a constant in standard deviations.
+#[derive(Default)]
+struct Errors {
+    sum: f64,
+    squares: f64,
+    count: usize,
+    undetermined: usize,
+}
+
 fn main() -> Result<()> {
     let argument = |place| std::env::args().nth(place).and_then(|n| n.parse().ok());
     let drives: u64 = argument(1).unwrap_or(50);
@@ -33,7 +42,7 @@ fn main() -> Result<()> {
         .map(|index| Drive::new(&scenario, &scene, index, 0.0))
         .collect();
     let mut sums = [[0.0; EPOCHS]; 3];
-    let mut constants: BTreeMap<String, (f64, usize, usize)> = BTreeMap::new();
+    let mut constants: BTreeMap<String, Errors> = BTreeMap::new();
     for seed in first..first + drives {
         let index = seed as usize % paths.len();
         scenario.seed = 100 + seed;
@@ -71,10 +80,12 @@ fn main() -> Result<()> {
             let entry = constants.entry(constant.name.clone()).or_default();
             match constant.sigma {
                 Some(sigma) => {
-                    entry.0 += ((constant.value - truth) / sigma).powi(2);
-                    entry.1 += 1;
+                    let error = (constant.value - truth) / sigma;
+                    entry.sum += error;
+                    entry.squares += error * error;
+                    entry.count += 1;
                 }
-                None => entry.2 += 1,
+                None => entry.undetermined += 1,
             }
         }
     }
@@ -90,13 +101,17 @@ fn main() -> Result<()> {
              {high:.2}: {means:.2?}"
         );
     }
-    for (name, (sum, count, undetermined)) in constants {
-        let n = count.max(1) as f64;
+    for (name, errors) in constants {
+        let n = errors.count.max(1) as f64;
         let [low, high] = band(n).map(|x| x / n);
         println!(
-            "{name}: mean square {:.3}, band {low:.2} to {high:.2}, {count} determined, \
-             {undetermined} not",
-            sum / n
+            "{name}: mean square {:.3}, band {low:.2} to {high:.2}, mean {:+.2} ± {:.2}, {} \
+             determined, {} not",
+            errors.squares / n,
+            errors.sum / n,
+            n.sqrt().recip(),
+            errors.count,
+            errors.undetermined
         );
     }
     Ok(())
