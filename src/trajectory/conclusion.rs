@@ -1,16 +1,16 @@
 //! From the solution of the graph to what users get: poses, diagnostics, and words.
 
-use super::chain::STEP;
+use super::chain::{NODE, STEP};
 use super::covariance::PosteriorCovariance;
 use super::diagnostics::{Findings, StepKnowledge, conclude, examine};
 use super::estimate::{Adjusted, Estimate};
+use super::factors::VELOCITY;
 use super::interpolate::Trajectory;
 use super::recovery::recover;
 use super::solution::{
-    ClockJump, EstimatedConstant, Rejection, RejectionReason, SensorDiagnostics, Solution,
-    StopReason,
+    ClockJump, EstimatedConstant, Rejection, RejectionReason, Solution, StopReason,
 };
-use super::streams::Names;
+use super::streams::{Names, Stream};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::project::{Constant, TrajectorySettings};
@@ -25,6 +25,8 @@ const TASK: usize = 32;
 /// An estimated constant is determined where the drive shrinks its prior standard deviation to less
 /// than this share.
 const DETERMINED_SHARE: f64 = 0.5;
+/// A latency is determined where more than this share of the squared motion is not noise.
+const LEAST_MOTION_SHARE: f64 = 0.5;
 /// Residuals this many times too large are worth a warning.
 const NOTABLE_FACTOR: f64 = 1.5;
 
@@ -102,7 +104,7 @@ impl Adjusted {
             cost_initial: self.ended.cost_initial,
             cost_final: self.ended.cost,
             nodes: self.graph.timeline.node_s.len(),
-            constants: self.constants(settings, &sensors),
+            constants: self.constants(settings),
             sensors,
             rejections,
             clock_jumps: self.clock_jumps(settings),
@@ -142,11 +144,29 @@ impl Adjusted {
             .collect()
     }
 
-    fn constants(
-        &self,
-        settings: &TrajectorySettings,
-        sensors: &[SensorDiagnostics],
-    ) -> Vec<EstimatedConstant> {
+    /// How much of the squared motion that tells when a record of the stream was taken is motion,
+    /// and not the noise of its estimate: of a body at rest, none.
+    fn motion_share(&self, stream: Stream) -> f64 {
+        let (mut motion, mut noise) = (0.0, 0.0);
+        if stream == Stream::Heading {
+            for (step, pair) in self.graph.samples.windows(2).enumerate() {
+                let bias = self
+                    .graph
+                    .bias(&self.state, self.graph.timeline.place(pair[0].time_s).0);
+                let density = self.graph.noise_of(step).gyro_density;
+                motion += (pair[0].gyro_rad_s - bias.gyro_rad_s).norm_squared();
+                noise += 3.0 * density.powi(2) / (pair[1].time_s - pair[0].time_s);
+            }
+        } else {
+            self.factor.marginals(|step, covariance| {
+                motion += self.state.nodes[step].velocity_m_s.norm_squared();
+                noise += (VELOCITY..NODE).map(|i| covariance.node[i][i]).sum::<f64>();
+            });
+        }
+        1.0 - noise / motion
+    }
+
+    fn constants(&self, settings: &TrajectorySettings) -> Vec<EstimatedConstant> {
         let covariance = self.factor.constants_covariance();
         let unknowns = &self.graph.known.unknowns;
         let mut found: Vec<EstimatedConstant> = unknowns
@@ -154,7 +174,9 @@ impl Adjusted {
             .enumerate()
             .map(|(i, unknown)| {
                 let sigma = covariance[(i, i)].sqrt();
-                let determined = sigma < DETERMINED_SHARE * unknown.prior_sigma;
+                let late = self.graph.known.stream_of(i);
+                let determined = sigma < DETERMINED_SHARE * unknown.prior_sigma
+                    && late.is_none_or(|stream| self.motion_share(stream) > LEAST_MOTION_SHARE);
                 let start = if unknown.unit == "s" {
                     0.0
                 } else {
@@ -174,13 +196,9 @@ impl Adjusted {
             })
             .collect();
         if settings.estimate.contains(&Constant::ImuNoiseScale) {
-            let redundancy: f64 = sensors
-                .iter()
-                .filter(|s| matches!(s.name.as_str(), "gyro" | "accelerometer"))
-                .map(|s| s.redundancy)
-                .sum();
-            // Ω/r scatters by √(2/r), its root by half of that.
-            let relative = (0.5 / redundancy).sqrt();
+            // The information of ln s² is ½ tr R², so that s scatters by √(½ / tr R²) of itself.
+            let information = self.graph.imu_information(&self.state);
+            let relative = information.map_or(f64::INFINITY, |square| (0.5 / square).sqrt());
             let determined = relative < DETERMINED_SHARE;
             found.push(EstimatedConstant {
                 name: "imu.noise_scale".into(),

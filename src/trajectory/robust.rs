@@ -93,7 +93,8 @@ pub(super) fn solve(
         let limit = test.limit(&squares);
         test.loss != Loss::None && test.records.iter().any(|&i| squares[i] > limit)
     });
-    if !suspicious {
+    let all_count = weights_of(graph).iter().all(|weight| *weight >= 1.0);
+    if !suspicious && all_count {
         return ended;
     }
     let first = ended;

@@ -127,7 +127,6 @@ fn a_heading_offset_without_headings_is_not_invented() {
 }
 
 #[test]
-#[ignore = "fails: the noise of the estimated velocity passes for motion, sigma 0.24 s claimed"]
 fn a_time_offset_of_a_body_at_rest_is_not_invented() {
     let at_rest = |_| {
         let attitude = Rotation::from_euler_angles(0.02, -0.01, 0.7);

@@ -125,7 +125,6 @@ fn a_prism_clock_set_ahead_is_found_with_place_and_size() {
 }
 
 #[test]
-#[ignore = "fails: 22 good fixes stay rejected that were outliers before the clock was right"]
 fn fixes_come_back_when_the_clock_is_right() {
     let Some(case) = Case::read() else {
         return;
