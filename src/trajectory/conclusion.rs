@@ -25,8 +25,9 @@ const TASK: usize = 32;
 /// An estimated constant is determined where the drive shrinks its prior standard deviation to less
 /// than this share.
 const DETERMINED_SHARE: f64 = 0.5;
-/// A latency is determined where more than this share of the squared motion is not noise.
-const LEAST_MOTION_SHARE: f64 = 0.5;
+/// A latency is determined where more than this share of the squared motion is not noise. Errors of
+/// velocities live long: a minute holds few independent ones, whose squares scatter widely.
+const LEAST_MOTION_SHARE: f64 = 0.95;
 /// Residuals this many times too large are worth a warning.
 const NOTABLE_FACTOR: f64 = 1.5;
 
