@@ -88,10 +88,12 @@ impl Adjusted {
         (records, findings)
     }
 
-    /// The estimate, told to `progress`.
+    /// The estimate, told to `progress`. The latencies of the streams `idle` were asked for, and no
+    /// motion tells them.
     pub fn conclude(
         self,
         settings: &TrajectorySettings,
+        idle: &[Stream],
         progress: &dyn Progress,
     ) -> Result<Estimate> {
         let (records, findings) = self.harvest();
@@ -105,7 +107,7 @@ impl Adjusted {
             cost_initial: self.ended.cost_initial,
             cost_final: self.ended.cost,
             nodes: self.graph.timeline.node_s.len(),
-            constants: self.constants(settings),
+            constants: self.constants(settings, idle),
             sensors,
             rejections,
             clock_jumps: self.clock_jumps(settings),
@@ -145,6 +147,15 @@ impl Adjusted {
             .collect()
     }
 
+    /// The streams whose latency is a constant, and that no motion tells the latency of.
+    pub fn idle_latencies(&self) -> Vec<Stream> {
+        let estimated = self.corrections.iter().filter(|c| c.record == 0 && !c.held);
+        estimated
+            .map(|c| c.stream)
+            .filter(|stream| self.motion_share(*stream) < LEAST_MOTION_SHARE)
+            .collect()
+    }
+
     /// How much of the squared motion that tells when a record of the stream was taken is motion,
     /// and not the noise of its estimate: of a body at rest, none.
     fn motion_share(&self, stream: Stream) -> f64 {
@@ -167,7 +178,7 @@ impl Adjusted {
         1.0 - noise / motion
     }
 
-    fn constants(&self, settings: &TrajectorySettings) -> Vec<EstimatedConstant> {
+    fn constants(&self, settings: &TrajectorySettings, idle: &[Stream]) -> Vec<EstimatedConstant> {
         let covariance = self.factor.constants_covariance();
         let unknowns = &self.graph.known.unknowns;
         let mut found: Vec<EstimatedConstant> = unknowns
@@ -175,9 +186,7 @@ impl Adjusted {
             .enumerate()
             .map(|(i, unknown)| {
                 let sigma = covariance[(i, i)].sqrt();
-                let late = self.graph.known.stream_of(i);
-                let determined = sigma < DETERMINED_SHARE * unknown.prior_sigma
-                    && late.is_none_or(|stream| self.motion_share(stream) > LEAST_MOTION_SHARE);
+                let determined = sigma < DETERMINED_SHARE * unknown.prior_sigma;
                 let start = if unknown.unit == "s" {
                     0.0
                 } else {
@@ -196,6 +205,13 @@ impl Adjusted {
                 }
             })
             .collect();
+        found.extend(idle.iter().map(|stream| EstimatedConstant {
+            name: format!("{}.time_offset", Names(settings).sensor(*stream)),
+            unit: "s",
+            start: 0.0,
+            value: 0.0,
+            sigma: None,
+        }));
         if settings.estimate.contains(&Constant::ImuNoiseScale) {
             // The information of ln s² is ½ tr R², so that s scatters by √(½ / tr R²) of itself.
             let information = self.graph.imu_information(&self.state);

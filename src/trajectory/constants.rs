@@ -155,12 +155,6 @@ impl Constants {
         self.late.iter().any(|(_, _, of)| *of == column)
     }
 
-    /// The stream whose records are late by a column.
-    pub fn stream_of(&self, column: usize) -> Option<Stream> {
-        let late = self.late.iter().find(|(_, _, of)| *of == column);
-        late.map(|(stream, _, _)| *stream)
-    }
-
     /// The columns of the clock corrections, in their order.
     pub fn clocks(&self) -> impl Iterator<Item = usize> + '_ {
         self.late.iter().map(|(_, _, column)| *column)

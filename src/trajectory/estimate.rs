@@ -71,9 +71,22 @@ pub(super) fn estimate_from(
 ) -> Result<Estimate> {
     progress.begin("trajectory", 0);
     // Enter the thread pool once: each entry from outside costs two thread switches.
-    let adjusted = rayon::scope(|_| adjust(start, logs, settings, progress));
+    let mut asked = settings.clone();
+    let mut idle = Vec::new();
+    let adjusted = rayon::scope(|_| {
+        let adjusted = adjust(start, logs, settings, progress)?;
+        // Nothing in the drive tells these latencies: they stay where the project has them.
+        idle = adjusted.idle_latencies();
+        if idle.is_empty() {
+            return Ok(adjusted);
+        }
+        asked
+            .estimate
+            .retain(|constant| latency_of(constant).is_none_or(|stream| !idle.contains(&stream)));
+        adjust(start, logs, &asked, progress)
+    });
     progress.end();
-    let estimate = adjusted?.conclude(settings, progress)?;
+    let estimate = adjusted?.conclude(&asked, &idle, progress)?;
     let solution = &estimate.solution;
     if solution.converged {
         progress.say(&solution.to_string());
@@ -182,14 +195,21 @@ fn adjust(
     }
 }
 
-/// A correction from the first record on for each latency that is to be estimated.
-fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
-    let streams = settings.estimate.iter().filter_map(|c| match c {
+/// The stream whose latency a constant is.
+fn latency_of(constant: &Constant) -> Option<Stream> {
+    match constant {
         Constant::TimeOffset(sensor) => Some(Stream::Position(*sensor)),
         Constant::HeadingTimeOffset => Some(Stream::Heading),
         _ => None,
-    });
-    streams
+    }
+}
+
+/// A correction from the first record on for each latency that is to be estimated.
+fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
+    settings
+        .estimate
+        .iter()
+        .filter_map(latency_of)
         .map(|stream| ClockCorrection {
             stream,
             record: 0,
