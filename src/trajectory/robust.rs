@@ -16,6 +16,12 @@ use std::collections::HashMap;
 
 /// The limit of the test as a standard normal: 1 good record in 10,000 passes it.
 pub(super) const LIMIT_NORMAL: f64 = 3.72;
+/// The share of good records that passes it.
+const PASSING: f64 = 1e-4;
+/// More than this many standard deviations over the number expected is no chance.
+const CHANCE_SIGMAS: f64 = 3.0;
+/// No good record passes this limit: 1 in 10⁹.
+const FAR_NORMAL: f64 = 6.0;
 /// Growth of µ from round to round.
 const SHARPENING: f64 = 2.0;
 /// Iterations of the adjustment in each round: enough to follow the weights.
@@ -89,10 +95,7 @@ pub(super) fn solve(
     let mut ended = graph.solve(state, factor, MOST_ITERATIONS, progress);
     let tests = tests(graph, settings);
     let squares = squares(graph, state);
-    let suspicious = tests.iter().any(|test| {
-        let limit = test.limit(&squares);
-        test.loss != Loss::None && test.records.iter().any(|&i| squares[i] > limit)
-    });
+    let suspicious = tests.iter().any(|test| test.is_suspicious(&squares));
     let all_count = weights_of(graph).iter().all(|weight| *weight >= 1.0);
     if !suspicious && all_count {
         return ended;
@@ -191,14 +194,33 @@ impl Test {
     /// c²: the limit for records whose standard deviations are right, scaled up where the median
     /// shows that the sensor's are too small.
     fn limit(&self, squares: &[f64]) -> f64 {
+        self.scale(squares) * chi_square(self.components, LIMIT_NORMAL)
+    }
+
+    /// Whether more records pass the limit than chance lets pass, or one by far: a search for
+    /// outliers costs ten adjustments.
+    fn is_suspicious(&self, squares: &[f64]) -> bool {
+        if self.loss == Loss::None {
+            return false;
+        }
+        let scale = self.scale(squares);
+        let beyond = |normal: f64| {
+            let limit = scale * chi_square(self.components, normal);
+            self.records.iter().filter(|&&i| squares[i] > limit).count()
+        };
+        let expected = PASSING * self.records.len() as f64;
+        let chance = expected + CHANCE_SIGMAS * expected.sqrt() + 1.0;
+        beyond(LIMIT_NORMAL) as f64 > chance || beyond(FAR_NORMAL) > 0
+    }
+
+    fn scale(&self, squares: &[f64]) -> f64 {
         let mut own: Vec<f64> = self.records.iter().map(|&i| squares[i]).collect();
         if own.is_empty() {
             return f64::INFINITY;
         }
         let middle = own.len() / 2;
         let median = *own.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let scale = (median / chi_square(self.components, 0.0)).max(1.0);
-        scale * chi_square(self.components, LIMIT_NORMAL)
+        (median / chi_square(self.components, 0.0)).max(1.0)
     }
 }
 
