@@ -258,7 +258,9 @@ def report(given, python, binary, drives, found, extra):
 def heading_lines(python, binary):
     version = lambda *command: subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     packages = "from importlib.metadata import version as v; print('gtsam', v('gtsam'), 'numpy', v('numpy'))"
-    command = shlex.join(["python3", "benches/trajectory/run.py", *sys.argv[1:]])
+    # Folders by their names: the page is not about this machine's disk.
+    words = [Path(word).name if word.startswith("/") else word for word in sys.argv[1:]]
+    command = shlex.join(["python3", "benches/trajectory/run.py", *words])
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1024**3
     return [
         f"`{command}`, {datetime.date.today()}, {version(binary, '--version')} ({version('rustc', '--version')}), "
