@@ -1,9 +1,11 @@
 //! Points in space and what their neighbourhoods say.
 
+pub mod neighbourhoods;
 pub mod neighbours;
 pub mod tensor;
 pub mod voxel;
 
+pub use neighbourhoods::{Neighbourhood, Surroundings};
 pub use neighbours::NeighbourIndex;
 pub use tensor::{Eigen, StructureTensor};
 

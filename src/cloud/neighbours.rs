@@ -86,6 +86,8 @@ pub struct NeighbourIndex {
     points: Vec<Vec3>,
     /// Index that each of `points` had in the list the caller gave.
     indices: Vec<u32>,
+    /// Where each point of the caller's list stands in `points`.
+    places: Vec<u32>,
     nodes: Vec<Bounds>,
 }
 
@@ -110,7 +112,12 @@ impl NeighbourIndex {
         if leaves > 0 {
             build(&mut tagged, &mut nodes, leaves);
         }
+        let mut places = vec![0; tagged.len()];
+        for ((_, index), place) in tagged.iter().zip(0u32..) {
+            places[*index as usize] = place;
+        }
         Self {
+            places,
             points: tagged.iter().map(|(point, _)| *point).collect(),
             indices: tagged.iter().map(|(_, index)| *index).collect(),
             nodes,
@@ -125,6 +132,11 @@ impl NeighbourIndex {
     /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
+    }
+
+    /// The point that stood at `index` in the list the caller gave.
+    pub fn point(&self, index: u32) -> &Vec3 {
+        &self.points[self.places[index as usize] as usize]
     }
 
     /// Every index once, in an order in which neighbours in the list are neighbours in space.
