@@ -33,6 +33,10 @@ const WORD: usize = 64;
 /// Most candidates that may be left to f64 before the threshold is sought further.
 const UNDECIDED: usize = 8;
 
+/// Coordinates relative to the middle from which f64 decides alone, so that no square overflows
+/// f32, metres.
+const FARTHEST: f32 = 1e15;
+
 /// Squared distance of the mean, in variances, from which offsets are taken from the mean. Rounding
 /// costs the variances this factor at most.
 const FAR: f64 = 16.0;
@@ -175,12 +179,16 @@ impl Candidates {
                 Search::Margin(f64::INFINITY)
             };
         }
-        self.measure(query);
-        let (sure, open) = self.bracket(k);
-        let least = sure - self.doubt(sure) * 2.0;
-        // Padding is at infinity.
-        let most = (open + self.doubt(open) * 2.0).min(f32::MAX);
-        let taken = self.split(least, most);
+        let taken = if self.extent < FARTHEST {
+            self.measure(query);
+            let (sure, open) = self.bracket(k);
+            let least = sure - self.doubt(sure) * 2.0;
+            // Padding is at infinity.
+            let most = (open + self.doubt(open) * 2.0).min(f32::MAX);
+            self.split(least, most)
+        } else {
+            self.doubt_all()
+        };
         for candidate in &mut self.undecided {
             let [x, y, z, _] = self.points[candidate.1 as usize];
             candidate.0 = squared_distance(&Vec3::new(x, y, z), query);
@@ -196,7 +204,7 @@ impl Candidates {
         // The room is right to a few roundings of the coordinates.
         let reach = farthest.sqrt();
         let enough = reach * (1.0 + 1e-12);
-        if enough < region {
+        if enough < region || region == f64::INFINITY {
             Search::Found(reach)
         } else {
             Search::Margin(enough)
@@ -260,23 +268,35 @@ impl Candidates {
         taken
     }
 
+    /// Chooses none and lists all; how many were chosen.
+    fn doubt_all(&mut self) -> usize {
+        self.chosen.fill(0);
+        self.undecided.clear();
+        let all = 0..self.len() as u32;
+        self.undecided.extend(all.map(|place| (0.0, place, 0)));
+        0
+    }
+
     /// Chooses all.
     fn choose_all(&mut self) {
-        let n = self.len();
-        for (at, chosen) in self.chosen.iter_mut().enumerate() {
-            let here = (n - at * WORD).min(WORD);
-            *chosen = u64::MAX >> (WORD - here);
+        self.doubt_all();
+        for &(_, at, _) in &self.undecided {
+            self.chosen[at as usize / WORD] |= 1 << (at as usize % WORD);
         }
     }
 
     /// Finds the points within `radius_m` of `query`, leaving them chosen.
     #[inline(always)]
     pub(super) fn within(&mut self, query: &Vec3, radius_m: f64) {
-        self.measure(query);
         let limit = radius_m * radius_m;
-        let rounded = limit as f32;
-        let doubt = 2.0 * self.doubt(rounded);
-        self.split(rounded - doubt, rounded + doubt);
+        if self.extent < FARTHEST && radius_m < f64::from(FARTHEST) {
+            self.measure(query);
+            let rounded = limit as f32;
+            let doubt = 2.0 * self.doubt(rounded);
+            self.split(rounded - doubt, rounded + doubt);
+        } else {
+            self.doubt_all();
+        }
         for &(_, at, _) in &self.undecided {
             let [x, y, z, _] = self.points[at as usize];
             let inside = squared_distance(&Vec3::new(x, y, z), query) <= limit;

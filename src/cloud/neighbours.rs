@@ -343,8 +343,7 @@ impl NeighbourIndex {
 }
 
 fn is_finite(point: &Vec3) -> bool {
-    // An infinite or NaN coordinate makes the difference NaN.
-    (point - point).sum() == 0.0
+    point.iter().all(|x| x.is_finite())
 }
 
 /// The nodes over `keyed`, whose first point will have the place `first`. Points of one cell are
