@@ -39,7 +39,7 @@ pub use cloud::{read_cloud, write_cloud_table};
 pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
 pub use detect::{Format, detect};
 pub use inspect::{Bounds, Gap, Inspection, inspect};
-pub use las_extra::{ExtraDimension, ExtraKind, Row, copy_las, write_cloud};
+pub use las_extra::{ExtraDimension, ExtraKind, Row, cloud_to_las, copy_las};
 pub use mounting::{read_mounting, write_mounting};
 pub use native::{read_heading, read_imu, write_heading, write_imu};
 pub(crate) use positions::read_new_positions;

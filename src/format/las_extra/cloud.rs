@@ -18,7 +18,7 @@ use crate::progress::Progress;
 ///
 /// # Errors
 /// Names that LAS cannot hold, an output that cannot be written, what `row` refuses.
-pub fn write_cloud(
+pub fn cloud_to_las(
     cloud: &PointCloud,
     output: &Path,
     dimensions: &[ExtraDimension],

@@ -7,7 +7,7 @@ pub(super) mod dimension;
 #[cfg(test)]
 mod tests;
 
-pub use cloud::write_cloud;
+pub use cloud::cloud_to_las;
 pub use copy::copy_las;
 pub use dimension::{ExtraDimension, ExtraKind};
 
