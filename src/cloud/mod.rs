@@ -2,6 +2,7 @@
 
 pub mod neighbourhoods;
 pub mod neighbours;
+pub mod shape;
 pub mod tensor;
 pub mod tiles;
 pub mod voxel;

@@ -35,7 +35,7 @@ use std::path::Path;
 use crate::error::{Error, Location, Result};
 
 pub use bonn::BonnWriter;
-pub use cloud::{read_cloud, write_cloud_table};
+pub use cloud::{points_named, read_cloud, stream_points, write_cloud_table};
 pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
 pub use detect::{Format, detect};
 pub use inspect::{Bounds, Gap, Inspection, inspect};
