@@ -30,8 +30,8 @@ pub(super) struct Features {
     /// Folder of the results [default: `out` beside the cloud]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Memory to keep to: a cloud that takes more is worked on tile by tile, with the same numbers
-    /// [default: half of what is free]
+    /// Memory to keep to, some 150 at least: a cloud that takes more is worked on tile by tile, with
+    /// the same numbers [default: half of what is free]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
 }

@@ -230,7 +230,8 @@ fn solve_aside<T: Send + Clone>(
     Ok(())
 }
 
-/// An index over points of a store that stand in the order of the cloud.
+/// An index over some points of a store, in the order of the cloud. Here the extent of the whole
+/// cloud is at hand (`store.extent()`), should the index need it to be that of one piece.
 fn index(points: &[Vec3], _store: &TileStore) -> NeighbourIndex {
     NeighbourIndex::new(points)
 }
