@@ -3,6 +3,7 @@
 pub mod neighbourhoods;
 pub mod neighbours;
 pub mod tensor;
+pub mod tiles;
 pub mod voxel;
 
 pub use neighbourhoods::{Neighbourhood, Surroundings};

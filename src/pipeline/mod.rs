@@ -12,6 +12,7 @@ pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
+pub mod tile_store;
 pub mod verdicts;
 
 use std::path::Path;
