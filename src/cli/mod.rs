@@ -11,6 +11,7 @@ mod online;
 mod run;
 mod simulate;
 mod terminal;
+mod thin;
 mod trajectory;
 
 use std::io::Write;
@@ -66,6 +67,7 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Georeference(georeference::Georeference),
     Compare(compare::Compare),
+    Thin(thin::Thin),
     Run(run::Run),
 }
 
@@ -184,6 +186,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         Command::Calibrate(command) => command.execute(&context).map(complete),
         Command::Georeference(command) => command.execute(&context).map(complete),
         Command::Compare(command) => command.execute(&context).map(complete),
+        Command::Thin(command) => command.execute(&context).map(complete),
         Command::Run(command) => command.execute(&context).map(complete),
     })
 }

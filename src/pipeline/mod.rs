@@ -12,6 +12,7 @@ pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
+pub mod thin;
 pub mod tile_store;
 pub mod verdicts;
 
@@ -33,6 +34,7 @@ pub use commands::{
 };
 use evaluate::Drive;
 use stages::Poses;
+pub use thin::thin;
 
 /// What a simulated project knows beside its files.
 #[derive(Debug, Clone)]

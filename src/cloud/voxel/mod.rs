@@ -7,6 +7,8 @@
 
 mod numbering;
 mod pieces;
+#[cfg(test)]
+mod tests;
 mod thinning;
 
 use std::collections::HashMap;

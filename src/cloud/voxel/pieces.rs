@@ -1,24 +1,30 @@
 //! Thinning of clouds that come piece by piece.
 
+use rayon::prelude::*;
+
 use super::thin;
 use crate::geometry::Vec3;
 
-/// Points that are taken in before they are thinned for the first time.
-const FIRST: usize = 1 << 22;
+/// Points that are taken in before they are thinned for the first time: less than 2 GB with all
+/// that thinning takes.
+const FIRST: usize = 1 << 25;
 
 /// Thins a cloud that comes piece by piece, with the result that [`thin`] has on the whole.
 ///
-/// What is held is thinned whenever there is twice as much of it as was kept the last time: memory
-/// is bounded by twice what is kept (32 bytes a point held, and what [`thin`] takes), time by three
-/// times that of thinning everything at once.
+/// Whoever thins whenever it [is full](Self::is_full), which is when there is twice as much as was
+/// kept the last time, holds no more than twice what is kept and one piece (32 bytes a point, and
+/// what [`thin`] takes), and spends three times the time of thinning all at once at most.
 ///
 /// ```
 /// use boresight::cloud::voxel::Thinner;
 /// use boresight::geometry::Vec3;
-/// let at = |x| Vec3::new(x, 0.5, 0.5);
 /// let mut thinner = Thinner::new(1.0);
-/// thinner.add(&[at(0.1), at(0.6)]);
-/// thinner.add(&[at(0.9), at(1.2)]);
+/// for piece in [[0.1, 0.6], [0.9, 1.2]] {
+///     thinner.add(&piece.map(|x| Vec3::new(x, 0.5, 0.5)));
+///     if thinner.is_full() {
+///         thinner.thin();
+///     }
+/// }
 /// assert_eq!(thinner.finish(), [1, 3]);
 /// ```
 #[derive(Debug, Clone)]
@@ -27,9 +33,9 @@ pub struct Thinner {
     /// Points taken in so far.
     seen: u64,
     points: Vec<Vec3>,
-    /// Where each of the points stood, ascending.
-    indices: Vec<u64>,
-    /// Points held that call for thinning.
+    /// Where each of the points stood, ascending; `None` as long as none has been forgotten.
+    indices: Option<Vec<u64>>,
+    /// Points held that call for thinning, and the least of that.
     full: usize,
     first: usize,
 }
@@ -40,58 +46,62 @@ impl Thinner {
         Self::with_first(voxel_m, FIRST)
     }
 
-    /// Thins for the first time when `first` points are there.
+    /// Is full for the first time with `first` points.
     fn with_first(voxel_m: f64, first: usize) -> Self {
         Self {
             voxel_m,
             seen: 0,
             points: Vec::new(),
-            indices: Vec::new(),
+            indices: None,
             full: first,
             first,
         }
     }
 
     /// Takes in the next points.
+    pub fn add(&mut self, points: &[Vec3]) {
+        let next = self.seen + points.len() as u64;
+        self.points.extend_from_slice(points);
+        if let Some(indices) = &mut self.indices {
+            indices.extend(self.seen..next);
+        }
+        self.seen = next;
+    }
+
+    /// Whether it is time to thin.
+    pub fn is_full(&self) -> bool {
+        self.points.len() >= self.full
+    }
+
+    /// Forgets the points that are not kept. The nearest of a voxel, of equals the first, is the
+    /// nearest of the nearest of its parts, because the order of the points stays.
     ///
     /// # Panics
-    /// When 2³² points or more have to be held.
-    pub fn add(&mut self, points: &[Vec3]) {
-        let mut rest = points;
-        while !rest.is_empty() {
-            let room = self.full.saturating_sub(self.points.len());
-            let (piece, after) = rest.split_at(room.min(rest.len()));
-            rest = after;
-            self.points.extend_from_slice(piece);
-            let next = self.seen + piece.len() as u64;
-            self.indices.extend(self.seen..next);
-            self.seen = next;
-            if self.points.len() >= self.full {
-                self.thin();
-                self.full = self.first.max(2 * self.points.len());
-            }
+    /// With 2³² points or more.
+    pub fn thin(&mut self) {
+        let kept = thin(&self.points, self.voxel_m);
+        self.indices = Some(self.named(&kept));
+        for (to, &from) in kept.iter().enumerate() {
+            self.points[to] = self.points[from as usize];
         }
+        self.points.truncate(kept.len());
+        self.full = self.first.max(2 * kept.len());
     }
 
     /// Of all points taken in, the indices of those that are kept, ascending.
     ///
     /// # Panics
-    /// When 2³² points or more have to be held.
-    pub fn finish(mut self) -> Vec<u64> {
-        self.thin();
-        self.indices
+    /// With 2³² points or more.
+    pub fn finish(self) -> Vec<u64> {
+        self.named(&thin(&self.points, self.voxel_m))
     }
 
-    /// Forgets what is not kept. The nearest of a voxel, of equals the first, is the nearest of the
-    /// nearest of its parts, because the order of the points stays.
-    fn thin(&mut self) {
-        let kept = thin(&self.points, self.voxel_m);
-        for (to, &from) in kept.iter().enumerate() {
-            self.points[to] = self.points[from as usize];
-            self.indices[to] = self.indices[from as usize];
+    /// Where the points at these places stood.
+    fn named(&self, places: &[u32]) -> Vec<u64> {
+        match &self.indices {
+            Some(indices) => places.par_iter().map(|&at| indices[at as usize]).collect(),
+            None => places.par_iter().map(|&at| u64::from(at)).collect(),
         }
-        self.points.truncate(kept.len());
-        self.indices.truncate(kept.len());
     }
 }
 
@@ -118,7 +128,8 @@ mod tests {
 
     #[test]
     fn a_cloud_in_pieces_is_thinned_as_in_one() {
-        let points = surface(20_000);
+        let mut points = surface(20_000);
+        points[..800].fill(Vec3::repeat(f64::NAN));
         // From many points a voxel to about one.
         for voxel_m in [0.2, 0.03, 0.004] {
             let whole: Vec<u64> = thin(&points, voxel_m).iter().map(|&i| i.into()).collect();
@@ -128,11 +139,14 @@ mod tests {
                 for piece in points.chunks(piece) {
                     thinner.add(piece);
                     most = most.max(thinner.points.len());
+                    if thinner.is_full() {
+                        thinner.thin();
+                    }
                 }
                 let found = thinner.finish();
                 assert_eq!(found, whole, "{voxel_m} m, pieces of {piece}");
                 // Bounded by what is kept, not by what comes in.
-                assert!(most <= first.max(2 * whole.len()), "{most}");
+                assert!(most <= first.max(2 * whole.len()) + piece, "{most}");
             }
         }
     }

@@ -77,7 +77,7 @@ struct Dealt<Key> {
 }
 
 /// The voxels of a bucket with the best rating of each, in open addressing.
-struct Table<Key> {
+pub(super) struct Table<Key> {
     /// A power of two of them.
     slots: Vec<Entry<Key>>,
     /// Leaves as many of the first bits of a hash as number the slots.
@@ -86,7 +86,7 @@ struct Table<Key> {
 }
 
 impl<Key: Copy + Eq + Default> Table<Key> {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             slots: Vec::new(),
             shift: 0,
@@ -95,7 +95,7 @@ impl<Key: Copy + Eq + Default> Table<Key> {
     }
 
     /// Forgets all voxels and makes room for `count`.
-    fn clear(&mut self, count: usize) {
+    pub(super) fn clear(&mut self, count: usize) {
         let slots = (count + count / 2 + 2).next_power_of_two();
         self.slots.clear();
         self.slots.resize(slots, (Key::default(), FREE));
@@ -105,7 +105,7 @@ impl<Key: Copy + Eq + Default> Table<Key> {
 
     /// The rating of a voxel; [`FREE`] where there is none yet, and its place is then taken.
     #[inline(always)]
-    fn find(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
+    pub(super) fn find(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
         let mask = self.slots.len() - 1;
         let mut at = (place(key) >> self.shift) as usize;
         loop {
@@ -122,7 +122,7 @@ impl<Key: Copy + Eq + Default> Table<Key> {
 
     /// Counts a voxel that has been added, and makes room where the slots fill up.
     #[inline(always)]
-    fn count_one(&mut self, place: impl Fn(Key) -> u64) {
+    pub(super) fn count_one(&mut self, place: impl Fn(Key) -> u64) {
         self.used += 1;
         if self.used > self.slots.len() / 4 * 3 {
             self.grow(place);
@@ -168,8 +168,7 @@ impl Contest<'_> {
     /// Whether the later of two points is nearer to the centre by what an f32 does not show.
     #[cold]
     fn swapped(&self, first: u32, second: u32) -> bool {
-        let distance =
-            |i: u32| squared_distance_to_centre(&self.points[i as usize], self.voxel_m);
+        let distance = |i: u32| squared_distance_to_centre(&self.points[i as usize], self.voxel_m);
         distance(second) < distance(first)
     }
 
