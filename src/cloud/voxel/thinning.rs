@@ -107,17 +107,19 @@ impl<Key: Copy + Eq + Default> Table<Key> {
     #[inline(always)]
     pub(super) fn find(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
         let mask = self.slots.len() - 1;
-        let mut at = (place(key) >> self.shift) as usize;
+        let mut at = (place(key) >> self.shift) as usize & mask;
         loop {
-            let (other, rating) = self.slots[at & mask];
-            if rating == FREE || other == key {
+            let (other, rating) = self.slots[at];
+            if other == key && rating != FREE {
                 break;
             }
-            at += 1;
+            if rating == FREE {
+                self.slots[at].0 = key;
+                break;
+            }
+            at = (at + 1) & mask;
         }
-        let slot = &mut self.slots[at & mask];
-        slot.0 = key;
-        &mut slot.1
+        &mut self.slots[at].1
     }
 
     /// Counts a voxel that has been added, and makes room where the slots fill up.
@@ -185,6 +187,7 @@ impl Contest<'_> {
         let last = (first + CHUNK).min(self.points.len());
         let bucket = |key| (N::hash(key) >> (64 - bits)) as usize;
         let mut counts = vec![0u32; 1 << bits];
+        let mut before = None;
         entries.clear();
         for (index, point) in (first..last).zip(&self.points[first..last]) {
             let in_voxels = point / self.voxel_m;
@@ -197,13 +200,15 @@ impl Contest<'_> {
             };
             let distance = (in_voxels - floor - Vec3::repeat(0.5)).norm_squared();
             let rating = u64::from((distance as f32).to_bits()) << 32 | index as u64;
-            match entries.last_mut() {
-                Some((before, held)) if *before == key => self.meet(held, rating),
-                _ => {
-                    counts[bucket(key)] += 1;
-                    entries.push((key, rating));
-                }
+            if before == Some(key)
+                && let Some((_, held)) = entries.last_mut()
+            {
+                self.meet(held, rating);
+                continue;
             }
+            before = Some(key);
+            counts[bucket(key)] += 1;
+            entries.push((key, rating));
         }
         let mut starts = Vec::with_capacity(counts.len() + 1);
         let mut end = 0;
