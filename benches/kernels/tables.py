@@ -123,9 +123,9 @@ def index_lines(indices):
     if not indices:
         return []
     lines = ["### Neighbour indices in Rust", "",
-             "The 50 nearest neighbours of every point, queries in the order of the file; the sum of the distances to "
-             "the farthest agrees to 1e-9. `surroundings` also computes the structure tensor of each, and orders the "
-             "queries itself.", "",
+             "The 50 nearest neighbours of every point; the sums of the distances to the farthest agree to 1e-9. "
+             "Queries in the order of the file, but `nearest_of_all` and `surroundings_of_all` find an order of their "
+             "own; the latter also computes structure tensors.", "",
              row("cloud", "points", "threads", "index", "build s", "query s", "M points/s"),
              row("---", "---", "---:", "---", *["---:"] * 3)]
     key = lambda run: (run["points"], run["order"] != "shuffled", run["threads"], run["index"])
