@@ -34,10 +34,10 @@ pub(super) struct Compare {
     #[arg(long, value_name = "M,...", value_parser = positive, value_delimiter = ',')]
     normal_radii_m: Option<Vec<f64>>,
     /// One direction in the place of normals: `vertical`, or east,north,up
-    #[arg(long, value_name = "E,N,U", value_parser = direction, conflicts_with_all = ["normal_radii_m", "orientation"])]
+    #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true, conflicts_with_all = ["normal_radii_m", "orientation"])]
     direction: Option<Vec3>,
     /// Side that found normals are turned to, east,north,up [default: 0,0,1]
-    #[arg(long, value_name = "E,N,U", value_parser = direction)]
+    #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true)]
     orientation: Option<Vec3>,
     /// Radius of the cylinder [default: 0.02]
     #[arg(long, value_name = "M", value_parser = positive)]

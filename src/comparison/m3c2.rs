@@ -37,21 +37,13 @@
 //! a single point, which is unknown here and an inter-quartile range of 0 there. CloudCompare's
 //! quartiles are the medians of the two halves, its standard deviations are divided by n.
 
-use std::borrow::Cow;
-
-use rayon::prelude::*;
-
-use super::cylinder::Cylinder;
-use super::detection::{Sample, level_of_detection};
 use super::normals;
-use crate::cloud::{NeighbourIndex, voxel};
+use super::search::IndexedClouds;
+use crate::cloud::voxel;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 use crate::project::ComparisonSettings;
-
-/// Core points a thread works on at a time.
-const CHUNK: usize = 256;
 
 /// What was found at one core point.
 ///
@@ -85,6 +77,21 @@ pub struct CoreDistance {
 }
 
 impl CoreDistance {
+    /// Nothing found at a place that is not known either.
+    pub(super) fn unknown() -> Self {
+        Self {
+            point: Vec3::repeat(f64::NAN),
+            normal: Vec3::repeat(f64::NAN),
+            normal_radius_m: f64::NAN,
+            distance_m: f64::NAN,
+            level_of_detection_m: f64::NAN,
+            reference_spread_m: f64::NAN,
+            compared_spread_m: f64::NAN,
+            reference_count: 0,
+            compared_count: 0,
+        }
+    }
+
     /// Whether the distance exceeds the level of detection; `None` where either is unknown.
     pub fn significant(&self) -> Option<bool> {
         let known = self.distance_m.is_finite() && self.level_of_detection_m.is_finite();
@@ -153,165 +160,42 @@ pub fn m3c2(
     settings: &ComparisonSettings,
     progress: &dyn Progress,
 ) -> Result<M3c2> {
-    check(core, normals, settings)?;
-    IndexedClouds::new(reference, compared)?.distances(core, normals, settings, progress)
+    let clouds = IndexedClouds::new(reference, compared, normals, settings)?;
+    clouds.distances(core, normals, progress)
 }
 
-/// Two clouds to compare, ready to be searched.
-#[derive(Debug, Clone)]
-pub struct IndexedClouds {
-    reference: NeighbourIndex,
-    compared: NeighbourIndex,
-}
-
-impl IndexedClouds {
-    /// Indexes two clouds (metres, in one frame). Points that are not finite count as missing.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where a cloud has no finite point.
-    pub fn new(reference: &[Vec3], compared: &[Vec3]) -> Result<Self> {
-        let index = |cloud, name| {
-            let points = finite(cloud);
-            if points.is_empty() {
-                return Err(empty(name));
-            }
-            Ok(NeighbourIndex::new(&points))
-        };
-        Ok(Self {
-            reference: index(reference, "reference")?,
-            compared: index(compared, "compared")?,
-        })
-    }
-
-    /// Compares the clouds at the points `core` (metres, in their frame).
-    ///
-    /// The cylinder reaches `max_distance_m` to both sides, at least its radius. Core points outside
-    /// the overlap get NaN, which is no error; see [`super::Statistics::of`] for none at all. The
-    /// stage is the caller's to begin, name and end; it advances by one for each core point.
-    /// Results do not depend on the number of threads.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where `core` is empty, a radius or distance is not positive and finite, the
-    /// registration error is negative, `min_points` is 0, a direction is zero or not finite, or there
-    /// are not as many normals as core points.
-    pub fn distances(
-        &self,
-        core: &[Vec3],
-        normals: Normals<'_>,
-        settings: &ComparisonSettings,
-        progress: &dyn Progress,
-    ) -> Result<M3c2> {
-        check(core, normals, settings)?;
-        // Core points near each other look at the same points, which are then in the cache.
-        let order = NeighbourIndex::new(core);
-        let order = order.spatial_order();
-        let found: Vec<CoreDistance> = order
-            .par_chunks(CHUNK)
-            .flat_map_iter(|chunk| {
-                let mut scratch = Scratch::default();
-                let distances: Vec<CoreDistance> = chunk
-                    .iter()
-                    .map(|&at| self.distance(core, at as usize, normals, settings, &mut scratch))
-                    .collect();
-                progress.advance(chunk.len() as u64);
-                distances
-            })
-            .collect();
-        let mut in_order = found.clone();
-        for (&at, distance) in order.iter().zip(found) {
-            in_order[at as usize] = distance;
-        }
-        Ok(M3c2 { core: in_order })
-    }
-
-    fn distance(
-        &self,
-        core: &[Vec3],
-        at: usize,
-        normals: Normals<'_>,
-        settings: &ComparisonSettings,
-        scratch: &mut Scratch,
-    ) -> CoreDistance {
-        let point = core[at];
-        let (normal, normal_radius_m) = match normals {
-            Normals::Given(normals) => (normals::unit(&normals[at]), f64::NAN),
-            Normals::Fixed(direction) => (normals::unit(&direction), f64::NAN),
-            Normals::MostPlanar { orientation } => normals::most_planar(
-                &self.reference,
-                &point,
-                &settings.normal_radii_m,
-                &orientation,
-                &mut scratch.near,
-            )
-            .unwrap_or((Vec3::repeat(f64::NAN), f64::NAN)),
-        };
-        let cylinder = Cylinder::new(point, normal, settings);
-        let mut sample = |cloud| {
-            cylinder.heights(cloud, &mut scratch.heights);
-            Sample::of(&mut scratch.heights, settings.aggregation)
-        };
-        let (reference, compared) = (sample(&self.reference), sample(&self.compared));
-        let enough = reference.count.min(compared.count) >= settings.min_points;
-        CoreDistance {
-            point,
-            normal,
-            normal_radius_m,
-            distance_m: if enough {
-                compared.middle - reference.middle
-            } else {
-                f64::NAN
-            },
-            level_of_detection_m: level_of_detection(&reference, &compared, settings),
-            reference_spread_m: reference.variance.sqrt(),
-            compared_spread_m: compared.variance.sqrt(),
-            reference_count: reference.count,
-            compared_count: compared.count,
-        }
-    }
-}
-
-/// Buffers that are used again from core point to core point.
-#[derive(Default)]
-struct Scratch {
-    near: Vec<(f64, Vec3)>,
-    heights: Vec<f64>,
-}
-
-/// The finite ones of `points`.
-fn finite(points: &[Vec3]) -> Cow<'_, [Vec3]> {
-    let is_finite = |point: &Vec3| point.iter().all(|coordinate| coordinate.is_finite());
-    if points.par_iter().all(is_finite) {
-        return Cow::Borrowed(points);
-    }
-    Cow::Owned(points.iter().copied().filter(is_finite).collect())
-}
-
-fn empty(name: &str) -> Error {
+pub(super) fn empty(name: &str) -> Error {
     Error::data(
         format!("the {name} cloud of the comparison holds no points"),
         "check the file, and the filters and time spans that were applied to it",
     )
 }
 
-fn check(core: &[Vec3], normals: Normals<'_>, settings: &ComparisonSettings) -> Result<()> {
+/// Refuses core points without normals and none at all.
+pub(super) fn check_core(core: &[Vec3], normals: Normals<'_>) -> Result<()> {
     if core.is_empty() {
         return Err(empty("core point"));
     }
+    match normals {
+        Normals::Given(given) if given.len() != core.len() => Err(Error::data(
+            format!(
+                "{} normals were given for {} core points",
+                given.len(),
+                core.len()
+            ),
+            "give one normal for each core point, or none",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses settings without meaning.
+pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Result<()> {
     let mut lengths = vec![
         ("cylinder_radius_m", settings.cylinder_radius_m),
         ("max_distance_m", settings.max_distance_m),
     ];
     match normals {
-        Normals::Given(given) if given.len() != core.len() => {
-            return Err(Error::data(
-                format!(
-                    "{} normals were given for {} core points",
-                    given.len(),
-                    core.len()
-                ),
-                "give one normal for each core point, or none",
-            ));
-        }
         Normals::Given(_) => {}
         Normals::Fixed(direction)
         | Normals::MostPlanar {

@@ -1,6 +1,7 @@
 //! Normals at core points.
 
-use crate::cloud::{NeighbourIndex, StructureTensor};
+use super::window::Window;
+use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 
 /// The direction of `vector`, all NaN where it has none.
@@ -18,36 +19,32 @@ pub(super) fn unit(vector: &Vec3) -> Vec3 {
     }
 }
 
-/// The normal of the most planar neighbourhood, on the side of `orientation`, and its radius. `None`
-/// where none of them has three points that span a plane.
+/// What is left of the scale of a neighbourhood's covariance after one pass, at most, before its
+/// normal is taken from two passes over the points.
+const TWO_PASSES_BELOW: f64 = 0.01;
+
+/// The normal of the most planar of the neighbourhoods of `point` with these radii, on the side of
+/// `orientation`, and its radius. `None` where none of them has three points that span a plane.
 pub(super) fn most_planar(
-    cloud: &NeighbourIndex,
+    window: &Window,
     point: &Vec3,
     radii: &[f64],
     orientation: &Vec3,
-    near: &mut Vec<(f64, Vec3)>,
+    near: &mut Vec<Vec3>,
 ) -> Option<(Vec3, f64)> {
-    let widest = radii.iter().copied().fold(0.0, f64::max);
-    near.clear();
-    cloud.visit(
-        |bounds| bounds.squared_distance(point) <= widest * widest,
-        |_, neighbour| {
-            let squared = (neighbour - point).norm_squared();
-            if squared <= widest * widest {
-                near.push((squared, *neighbour));
-            }
-        },
-    );
     let mut best: Option<(f64, Vec3, f64)> = None;
     for &radius in radii {
-        let inside = near
-            .iter()
-            .filter(|(squared, _)| *squared <= radius * radius);
-        let tensor = StructureTensor::from_points(inside.map(|(_, neighbour)| neighbour));
+        let tensor = window.moments_in_ball(point, radius).tensor(point);
         if tensor.count < 3 {
             continue;
         }
-        let eigen = tensor.eigen();
+        let mut eigen = tensor.eigen();
+        // The rounding of sums of squares is relative to the square of the radius; the normal of a
+        // surface hangs on the difference of these two, which is about a quarter of that.
+        if eigen.values.y - eigen.values.z < TWO_PASSES_BELOW * radius * radius {
+            window.points_in_ball(point, radius, near);
+            eigen = StructureTensor::from_points(&*near).eigen();
+        }
         let planarity = eigen.planarity();
         if planarity > best.map_or(0.0, |(most, _, _)| most) {
             best = Some((planarity, eigen.vectors.column(2).into_owned(), radius));

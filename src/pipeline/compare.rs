@@ -73,15 +73,15 @@ pub fn compare(
         points: core_points(&reference, settings),
         normals: Vec::new(),
     });
+    let normals = normals_of(comparison, &core, progress);
     progress.begin("indexing the clouds", 0);
-    let clouds = IndexedClouds::new(&reference, &compared);
+    let clouds = IndexedClouds::new(&reference, &compared, normals, settings);
     progress.end();
     let clouds = clouds?;
     stages.end("index");
 
-    let normals = normals_of(comparison, &core, progress);
     progress.begin("comparing the clouds (M3C2)", core.points.len() as u64);
-    let found = clouds.distances(&core.points, normals, settings, progress);
+    let found = clouds.distances(&core.points, normals, progress);
     progress.end();
     let found = found?;
     let statistics = Statistics::of(&found)?;
