@@ -95,21 +95,21 @@ fn place_of(cell: VoxelKey) -> u16 {
 pub(super) struct Run {
     /// Column, row and layer of the cell in its block.
     pub(super) place: [usize; 3],
-    pub(super) first: usize,
-    pub(super) count: usize,
+    pub(super) first: u32,
+    pub(super) count: u32,
 }
 
 /// The points of a cloud, sorted.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     pub(super) lattice: Lattice,
-    /// Where in the lists each block begins and ends.
+    /// Which of the occupied cells belong to each block: from the first to before the second.
     blocks: VoxelMap<VoxelKey, (u32, u32)>,
+    /// The occupied cells: place in the block, and where their points begin; at the end one more.
+    occupied: Vec<(u16, u32)>,
     pub(super) x: Vec<f64>,
     pub(super) y: Vec<f64>,
     pub(super) z: Vec<f64>,
-    /// Place in its block of each point's cell.
-    places: Vec<u16>,
 }
 
 impl Cells {
@@ -167,31 +167,36 @@ impl Cells {
         let mut cells = Self {
             lattice,
             blocks: VoxelMap::default(),
+            occupied: Vec::new(),
             x: Vec::with_capacity(total),
             y: Vec::with_capacity(total),
             z: Vec::with_capacity(total),
-            places: Vec::with_capacity(total),
         };
         let mut sorted = Vec::new();
+        let mut cells_of = Vec::with_capacity(counts.len());
         for (&end, &count) in ends.iter().zip(&counts) {
             sort_by_place(
                 &in_blocks[(end - count) as usize..end as usize],
                 &mut sorted,
             );
+            let first = cells.occupied.len() as u32;
+            let mut before = u16::MAX;
             for &(index, place) in &sorted {
+                if place != before {
+                    cells.occupied.push((place, cells.x.len() as u32));
+                    before = place;
+                }
                 let point = &points[index as usize];
                 cells.x.push(point.x);
                 cells.y.push(point.y);
                 cells.z.push(point.z);
-                cells.places.push(place);
             }
+            cells_of.push((first, cells.occupied.len() as u32));
         }
+        cells.occupied.push((0, total as u32));
         cells.blocks = numbers
             .into_iter()
-            .map(|(key, number)| {
-                let (end, count) = (ends[number as usize], counts[number as usize]);
-                (key, (end - count, end))
-            })
+            .map(|(key, number)| (key, cells_of[number as usize]))
             .collect();
         cells
     }
@@ -201,18 +206,14 @@ impl Cells {
         let Some(&(begin, end)) = self.blocks.get(&block) else {
             return;
         };
-        let mut first = begin as usize;
-        let places = &self.places[..end as usize];
-        while let Some(&place) = places.get(first) {
-            let same = places[first..].iter().take_while(|other| **other == place);
-            let count = same.count();
+        for pair in self.occupied[begin as usize..=end as usize].windows(2) {
+            let (place, first) = pair[0];
             let digit = |axis: u32| usize::from(place >> (axis * BITS)) & (SIDE as usize - 1);
             each(Run {
                 place: [digit(0), digit(1), digit(2)],
                 first,
-                count,
+                count: pair[1].1 - first,
             });
-            first += count;
         }
     }
 }
@@ -220,7 +221,7 @@ impl Cells {
 /// Replaces `sorted` by `points` in ascending order of places, those of a place in their order.
 fn sort_by_place(points: &[(u32, u16)], sorted: &mut Vec<(u32, u16)>) {
     sorted.clear();
-    if points.len() < 64 {
+    if points.len() < 24 {
         sorted.extend_from_slice(points);
         sorted.sort_by_key(|(_, place)| *place);
         return;

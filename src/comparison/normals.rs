@@ -1,6 +1,6 @@
 //! Normals at core points.
 
-use super::window::Window;
+use super::window::{Spans, Window};
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 
@@ -30,11 +30,11 @@ pub(super) fn most_planar(
     point: &Vec3,
     radii: &[f64],
     orientation: &Vec3,
-    near: &mut Vec<Vec3>,
+    (spans, near): (&mut Spans, &mut Vec<Vec3>),
 ) -> Option<(Vec3, f64)> {
     let mut best: Option<(f64, Vec3, f64)> = None;
     for &radius in radii {
-        let tensor = window.moments_in_ball(point, radius).tensor(point);
+        let tensor = window.moments_in_ball(point, radius, spans).tensor(point);
         if tensor.count < 3 {
             continue;
         }
@@ -42,7 +42,7 @@ pub(super) fn most_planar(
         // The rounding of sums of squares is relative to the square of the radius; the normal of a
         // surface hangs on the difference of these two, which is about a quarter of that.
         if eigen.values.y - eigen.values.z < TWO_PASSES_BELOW * radius * radius {
-            window.points_in_ball(point, radius, near);
+            window.points_in_ball(point, radius, spans, near);
             eigen = StructureTensor::from_points(&*near).eigen();
         }
         let planarity = eigen.planarity();

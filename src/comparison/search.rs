@@ -8,7 +8,7 @@ use super::detection::{Sample, level_of_detection};
 use super::groups::{Groups, box_around};
 use super::m3c2::{CoreDistance, M3c2, Normals, check, check_core, empty};
 use super::normals;
-use super::window::Window;
+use super::window::{Spans, Window};
 use crate::cloud::NeighbourIndex;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -155,18 +155,23 @@ impl IndexedClouds {
         progress: &dyn Progress,
     ) -> Vec<(Vec3, f64)> {
         let radii = &self.settings.normal_radii_m;
-        let widest = radii.iter().copied().fold(0.0, f64::max);
         let none = (Vec3::repeat(f64::NAN), f64::NAN);
         Groups::new(core, &cells.lattice).map(
             core.len(),
             none,
-            |(window, near): &mut (Window, Vec<Vec3>), block, indices| {
-                let (low, high) = box_around(core, indices, widest);
-                window.gather(cells, block, (&low, &high), true);
+            |(window, spans, near): &mut (Window, Spans, Vec<Vec3>), block, indices| {
+                window.gather_moments(cells, block);
                 progress.advance((indices.len() / 2) as u64);
                 let find = |&at: &u32| {
                     let point = &core[at as usize];
-                    normals::most_planar(window, point, radii, orientation, near).unwrap_or(none)
+                    normals::most_planar(
+                        window,
+                        point,
+                        radii,
+                        orientation,
+                        (&mut *spans, &mut *near),
+                    )
+                    .unwrap_or(none)
                 };
                 indices.iter().map(find).collect()
             },
@@ -194,8 +199,8 @@ impl IndexedClouds {
                 let [reference, compared] = &mut scratch.windows;
                 if let Cylinders::Cells(before, after) = &self.for_cylinders {
                     let (low, high) = box_around(core, indices, reach);
-                    reference.gather(before, block, (&low, &high), false);
-                    compared.gather(after, block, (&low, &high), false);
+                    reference.gather_box(before, block, (&low, &high));
+                    compared.gather_box(after, block, (&low, &high));
                 }
                 let heights = &mut scratch.heights;
                 let distance = |&at: &u32| {
@@ -271,8 +276,9 @@ fn cylinder_reach_m(settings: &ComparisonSettings) -> f64 {
 /// Points of the clouds farther from a core point than this do not change what is found there, to
 /// the last bit, metres: what a piece of a cloud must hold around its core points.
 ///
-/// It reaches beyond balls and cylinders, as the order of sums hangs on the cells that meet them.
+/// It reaches beyond balls and cylinders, to the far corner of the blocks around a core point's: the
+/// rounding of sums hangs on all that lies in them.
 pub fn reach_m(settings: &ComparisonSettings) -> f64 {
     let balls = settings.normal_radii_m.iter().copied();
-    1.5 * balls.fold(cylinder_reach_m(settings), f64::max)
+    2.1 * 3f64.sqrt() * balls.fold(cylinder_reach_m(settings), f64::max)
 }
