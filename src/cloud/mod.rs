@@ -1,8 +1,12 @@
 //! Points in space and what their neighbourhoods say.
 
+mod candidates;
+mod curve;
+mod nearest;
 pub mod neighbourhoods;
 pub mod neighbours;
 pub mod tensor;
+pub(crate) mod vectors;
 pub mod voxel;
 
 pub use neighbourhoods::{Neighbourhood, Surroundings};
