@@ -9,7 +9,7 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap};
 use crate::geometry::Vec3;
 
 /// Cells along a block's edge.
-pub(super) const SIDE: i64 = 8;
+pub(super) const SIDE: i64 = 4;
 
 /// Binary digits of a place in a block, for one axis.
 const BITS: u32 = SIDE.trailing_zeros();

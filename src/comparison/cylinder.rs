@@ -3,13 +3,12 @@
 use super::window::Window;
 use crate::cloud::NeighbourIndex;
 use crate::cloud::neighbours::Bounds;
+use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::Vec3;
 use crate::project::ComparisonSettings;
 
-/// Points that are tested side by side.
-const LANES: usize = 2;
-
 /// Closed at its side. Open at its ends, closed at the core point where it is one-sided.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Cylinder {
     centre: Vec3,
     axis: Vec3,
@@ -59,7 +58,7 @@ impl Cylinder {
 
     /// Replaces `heights` by those of the points of `cloud` inside, along the axis from the centre,
     /// metres.
-    pub(super) fn heights_in_tree(&self, cloud: &NeighbourIndex, heights: &mut Vec<f64>) {
+    pub(super) fn heights_in_tree(&self, cloud: &NeighbourIndex, heights: &mut Heights) {
         heights.clear();
         cloud.visit(
             |bounds| self.may_meet(bounds),
@@ -73,7 +72,7 @@ impl Cylinder {
     }
 
     /// As [`Self::heights_in_tree`], of the points in a window that holds all of the cylinder.
-    pub(super) fn heights_in_window(&self, window: &Window, heights: &mut Vec<f64>) {
+    pub(super) fn heights_in_window(&self, window: &Window, heights: &mut Heights) {
         // No more than this from the centre, along each coordinate, to the one side and the other.
         let (ends, sides) = (
             self.axis * self.half_length_m,
@@ -88,38 +87,9 @@ impl Cylinder {
             (-ends.abs() - sides, ends.abs() + sides)
         };
         heights.clear();
-        let mut filled = 0;
         window.in_box(&(self.centre + low), &(self.centre + high), |points| {
-            filled = self.keep(points, heights, filled);
+            heights.add(points, self);
         });
-        heights.truncate(filled);
-    }
-
-    /// Writes the heights of those of `points` that are inside to `heights`, from `filled` on, and
-    /// returns where they end.
-    fn keep(&self, points: [&[f64]; 3], heights: &mut Vec<f64>, mut filled: usize) -> usize {
-        let count = points[0].len();
-        if heights.len() < filled + count {
-            heights.resize(2 * (filled + count), 0.0);
-        }
-        let [(x, x_rest), (y, y_rest), (z, z_rest)] =
-            points.map(|coordinates| coordinates.as_chunks::<LANES>());
-        // Written in any case and kept by counting it: which points are inside is as good as random,
-        // and would cost a mispredicted branch every other time.
-        for ((x, y), z) in x.iter().zip(y).zip(z) {
-            let placed: [(f64, bool); LANES] =
-                std::array::from_fn(|lane| self.place([x[lane], y[lane], z[lane]]));
-            for (height, inside) in placed {
-                heights[filled] = height;
-                filled += usize::from(inside);
-            }
-        }
-        for ((x, y), z) in x_rest.iter().zip(y_rest).zip(z_rest) {
-            let (height, inside) = self.place([*x, *y, *z]);
-            heights[filled] = height;
-            filled += usize::from(inside);
-        }
-        filled
     }
 
     /// The height of a point along the axis, and whether it lies inside.
@@ -143,5 +113,74 @@ impl Cylinder {
             & (height >= self.lowest_m)
             & (squared <= self.radius_m * self.radius_m);
         (height, inside)
+    }
+}
+
+/// Heights of points along the axis of a cylinder, and a weight for each: 1 inside, and 0 for both
+/// outside.
+#[derive(Debug, Default)]
+pub(super) struct Heights {
+    heights: Vec<f64>,
+    weights: Vec<f64>,
+    filled: usize,
+}
+
+impl Heights {
+    fn clear(&mut self) {
+        self.filled = 0;
+    }
+
+    fn add(&mut self, points: [&[f64]; 3], cylinder: &Cylinder) {
+        let end = self.filled + points[0].len();
+        if self.heights.len() < end {
+            self.heights.resize(2 * end, 0.0);
+            self.weights.resize(2 * end, 0.0);
+        }
+        let range = self.filled..end;
+        place_all(
+            points,
+            cylinder,
+            &mut self.heights[range.clone()],
+            &mut self.weights[range],
+        );
+        self.filled = end;
+    }
+
+    fn push(&mut self, height: f64) {
+        self.heights.truncate(self.filled);
+        self.weights.truncate(self.filled);
+        self.heights.push(height);
+        self.weights.push(1.0);
+        self.filled += 1;
+    }
+
+    /// Heights and weights.
+    pub(super) fn weighted(&self) -> (&[f64], &[f64]) {
+        (&self.heights[..self.filled], &self.weights[..self.filled])
+    }
+}
+
+with_widest_vectors! {
+    /// Writes height and weight of every point.
+    fn place_all(points: [&[f64]; 3], cylinder: &Cylinder, heights: &mut [f64], weights: &mut [f64])
+        = write_places
+}
+
+#[inline(always)]
+fn write_places(
+    [x, y, z]: [&[f64]; 3],
+    cylinder: &Cylinder,
+    heights: &mut [f64],
+    weights: &mut [f64],
+) {
+    let count = x.len();
+    let (y, z) = (&y[..count], &z[..count]);
+    let (heights, weights) = (&mut heights[..count], &mut weights[..count]);
+    let cylinder = *cylinder;
+    for at in 0..count {
+        let (height, inside) = cylinder.place([x[at], y[at], z[at]]);
+        let inside = u64::from(inside).wrapping_neg();
+        heights[at] = f64::from_bits(height.to_bits() & inside);
+        weights[at] = f64::from_bits(1f64.to_bits() & inside);
     }
 }

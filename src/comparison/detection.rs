@@ -1,6 +1,7 @@
 //! What stands for the points of a cylinder, and from which distance on a change is detected.
 
 use super::student;
+use crate::cloud::vectors::with_widest_vectors;
 use crate::project::{Aggregation, ComparisonSettings, Detection};
 
 /// 97.5 % quantile of the normal distribution, as the literature rounds it.
@@ -25,24 +26,37 @@ impl Sample {
         variance: f64::NAN,
     };
 
-    /// Sums up `heights`, which are left in another order.
-    pub(super) fn of(heights: &mut [f64], aggregation: Aggregation) -> Self {
-        let (middle, variance) = match aggregation {
-            Aggregation::Mean => mean_and_variance(heights),
+    /// Sums up those of `heights` that `weights` give 1 and not 0, in lists as long as each other.
+    /// `sorted` is for passing use.
+    pub(super) fn of(
+        heights: &[f64],
+        weights: &[f64],
+        aggregation: Aggregation,
+        sorted: &mut Vec<f64>,
+    ) -> Self {
+        let (count, middle, variance) = match aggregation {
+            Aggregation::Mean => {
+                // 0/0 is the NaN that the mean of no points should be.
+                let [n, sum] = sums(heights, weights);
+                let mean = sum / n;
+                (n, mean, squares_about(mean, heights, weights) / (n - 1.0))
+            }
             Aggregation::Median => {
-                heights.sort_unstable_by(f64::total_cmp);
-                let range = quartile(heights, 3) - quartile(heights, 1);
-                (quartile(heights, 2), range * range)
+                let inside = heights
+                    .iter()
+                    .zip(weights)
+                    .filter(|(_, weight)| **weight > 0.0);
+                sorted.clear();
+                sorted.extend(inside.map(|(height, _)| *height));
+                sorted.sort_unstable_by(f64::total_cmp);
+                let range = quartile(sorted, 3) - quartile(sorted, 1);
+                (sorted.len() as f64, quartile(sorted, 2), range * range)
             }
         };
         Self {
-            count: heights.len() as u32,
+            count: count as u32,
             middle,
-            variance: if heights.len() < 2 {
-                f64::NAN
-            } else {
-                variance
-            },
+            variance: if count < 2.0 { f64::NAN } else { variance },
         }
     }
 
@@ -51,26 +65,53 @@ impl Sample {
     }
 }
 
-fn mean_and_variance(heights: &[f64]) -> (f64, f64) {
-    // 0/0 is the NaN that the mean of no points should be.
-    let n = heights.len() as f64;
-    let mean = sum(heights, |height| height) / n;
-    let squares = sum(heights, |height| (height - mean) * (height - mean));
-    (mean, squares / (n - 1.0))
+/// Sums side by side.
+const LANES: usize = 8;
+
+with_widest_vectors! {
+    /// Sum of the weights, and of the heights, which are 0 where the weights are.
+    fn sums(heights: &[f64], weights: &[f64]) -> [f64; 2] = add_up
 }
 
-/// Σ of `term`, in four sums side by side: one alone waits for its last addition.
 #[inline(always)]
-fn sum(heights: &[f64], term: impl Fn(f64) -> f64) -> f64 {
-    let (fours, rest) = heights.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for four in fours {
-        for (sum, height) in sums.iter_mut().zip(four) {
-            *sum += term(*height);
+fn add_up(heights: &[f64], weights: &[f64]) -> [f64; 2] {
+    let (heights, heights_rest) = heights.as_chunks::<LANES>();
+    let (weights, weights_rest) = weights.as_chunks::<LANES>();
+    let [mut sum, mut count] = [[0.0; LANES]; 2];
+    for (height, weight) in heights.iter().zip(weights) {
+        for lane in 0..LANES {
+            sum[lane] += height[lane];
+            count[lane] += weight[lane];
         }
     }
-    let rest: f64 = rest.iter().map(|height| term(*height)).sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+    for (height, weight) in heights_rest.iter().zip(weights_rest) {
+        sum[0] += height;
+        count[0] += weight;
+    }
+    [count, sum].map(|lanes| lanes.iter().sum())
+}
+
+with_widest_vectors! {
+    /// Sum of the squares of the heights less the mean, where the weight is 1.
+    fn squares_about(mean: f64, heights: &[f64], weights: &[f64]) -> f64 = add_up_squares
+}
+
+#[inline(always)]
+fn add_up_squares(mean: f64, heights: &[f64], weights: &[f64]) -> f64 {
+    let (heights, heights_rest) = heights.as_chunks::<LANES>();
+    let (weights, weights_rest) = weights.as_chunks::<LANES>();
+    let mut sum = [0.0; LANES];
+    for (height, weight) in heights.iter().zip(weights) {
+        for lane in 0..LANES {
+            let about = (height[lane] - mean) * weight[lane];
+            sum[lane] += about * about;
+        }
+    }
+    for (height, weight) in heights_rest.iter().zip(weights_rest) {
+        let about = (height - mean) * weight;
+        sum[0] += about * about;
+    }
+    sum.iter().sum()
 }
 
 /// The value that `quarters` quarters of `sorted` lie below: where this cuts between two of them
@@ -138,7 +179,12 @@ mod tests {
     }
 
     fn sample(heights: &[f64]) -> Sample {
-        Sample::of(&mut heights.to_vec(), Aggregation::Mean)
+        Sample::of(
+            heights,
+            &vec![1.0; heights.len()],
+            Aggregation::Mean,
+            &mut vec![],
+        )
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Normals at core points.
 
-use super::window::{Spans, Window};
+use super::moments::Offsets;
+use super::window::Window;
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 
@@ -30,11 +31,15 @@ pub(super) fn most_planar(
     point: &Vec3,
     radii: &[f64],
     orientation: &Vec3,
-    (spans, near): (&mut Spans, &mut Vec<Vec3>),
+    offsets: &mut Offsets,
 ) -> Option<(Vec3, f64)> {
     let mut best: Option<(f64, Vec3, f64)> = None;
     for &radius in radii {
-        let tensor = window.moments_in_ball(point, radius, spans).tensor(point);
+        offsets.clear();
+        window.in_ball(point, radius, |points| {
+            offsets.add(points, point, radius * radius);
+        });
+        let tensor = offsets.tensor(point);
         if tensor.count < 3 {
             continue;
         }
@@ -42,8 +47,8 @@ pub(super) fn most_planar(
         // The rounding of sums of squares is relative to the square of the radius; the normal of a
         // surface hangs on the difference of these two, which is about a quarter of that.
         if eigen.values.y - eigen.values.z < TWO_PASSES_BELOW * radius * radius {
-            window.points_in_ball(point, radius, spans, near);
-            eigen = StructureTensor::from_points(&*near).eigen();
+            let near = points_in_ball(window, point, radius);
+            eigen = StructureTensor::from_points(&near).eigen();
         }
         let planarity = eigen.planarity();
         if planarity > best.map_or(0.0, |(most, _, _)| most) {
@@ -58,6 +63,16 @@ pub(super) fn most_planar(
         };
         (turned, radius)
     })
+}
+
+fn points_in_ball(window: &Window, centre: &Vec3, radius: f64) -> Vec<Vec3> {
+    let mut near = Vec::new();
+    window.in_ball(centre, radius, |[x, y, z]| {
+        let points = x.iter().zip(y).zip(z);
+        let points = points.map(|((x, y), z)| Vec3::new(*x, *y, *z));
+        near.extend(points.filter(|point| (point - centre).norm_squared() <= radius * radius));
+    });
+    near
 }
 
 #[cfg(test)]

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use super::cells::{Cells, Lattice};
-use super::cylinder::{self, Cylinder};
+use super::cylinder::{self, Cylinder, Heights};
 use super::detection::{Sample, level_of_detection};
 use super::groups::{Groups, box_around};
 use super::m3c2::{CoreDistance, M3c2, Normals, check, check_core, empty};
+use super::moments::Offsets;
 use super::normals;
-use super::window::{Spans, Window};
+use super::window::Window;
 use crate::cloud::NeighbourIndex;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -155,23 +156,18 @@ impl IndexedClouds {
         progress: &dyn Progress,
     ) -> Vec<(Vec3, f64)> {
         let radii = &self.settings.normal_radii_m;
+        let widest = radii.iter().copied().fold(0.0, f64::max);
         let none = (Vec3::repeat(f64::NAN), f64::NAN);
         Groups::new(core, &cells.lattice).map(
             core.len(),
             none,
-            |(window, spans, near): &mut (Window, Spans, Vec<Vec3>), block, indices| {
-                window.gather_moments(cells, block);
+            |(window, offsets): &mut (Window, Offsets), block, indices| {
+                let (low, high) = box_around(core, indices, widest);
+                window.gather(cells, block, (&low, &high));
                 progress.advance((indices.len() / 2) as u64);
                 let find = |&at: &u32| {
                     let point = &core[at as usize];
-                    normals::most_planar(
-                        window,
-                        point,
-                        radii,
-                        orientation,
-                        (&mut *spans, &mut *near),
-                    )
-                    .unwrap_or(none)
+                    normals::most_planar(window, point, radii, orientation, offsets).unwrap_or(none)
                 };
                 indices.iter().map(find).collect()
             },
@@ -199,10 +195,14 @@ impl IndexedClouds {
                 let [reference, compared] = &mut scratch.windows;
                 if let Cylinders::Cells(before, after) = &self.for_cylinders {
                     let (low, high) = box_around(core, indices, reach);
-                    reference.gather_box(before, block, (&low, &high));
-                    compared.gather_box(after, block, (&low, &high));
+                    reference.gather(before, block, (&low, &high));
+                    compared.gather(after, block, (&low, &high));
                 }
-                let heights = &mut scratch.heights;
+                let (heights, sorted) = (&mut scratch.heights, &mut scratch.sorted);
+                let mut sample = |heights: &Heights| {
+                    let (heights, weights) = heights.weighted();
+                    Sample::of(heights, weights, settings.aggregation, sorted)
+                };
                 let distance = |&at: &u32| {
                     let (normal, normal_radius_m) = normals[at as usize];
                     let cylinder = Cylinder::new(core[at as usize], normal, settings);
@@ -212,11 +212,11 @@ impl IndexedClouds {
                         match &self.for_cylinders {
                             Cylinders::Cells(..) => [&*reference, &*compared].map(|window| {
                                 cylinder.heights_in_window(window, heights);
-                                Sample::of(heights, settings.aggregation)
+                                sample(heights)
                             }),
                             Cylinders::Trees(before, after) => [before, after].map(|tree| {
                                 cylinder.heights_in_tree(tree, heights);
-                                Sample::of(heights, settings.aggregation)
+                                sample(heights)
                             }),
                         }
                     };
@@ -263,7 +263,8 @@ fn summed_up(
 #[derive(Default)]
 struct Scratch {
     windows: [Window; 2],
-    heights: Vec<f64>,
+    heights: Heights,
+    sorted: Vec<f64>,
 }
 
 /// Distance from a core point to the farthest place of its cylinder, metres.
@@ -276,9 +277,9 @@ fn cylinder_reach_m(settings: &ComparisonSettings) -> f64 {
 /// Points of the clouds farther from a core point than this do not change what is found there, to
 /// the last bit, metres: what a piece of a cloud must hold around its core points.
 ///
-/// It reaches beyond balls and cylinders, to the far corner of the blocks around a core point's: the
-/// rounding of sums hangs on all that lies in them.
+/// It reaches beyond balls and cylinders: the order of sums hangs on all points in the cells that
+/// meet them.
 pub fn reach_m(settings: &ComparisonSettings) -> f64 {
     let balls = settings.normal_radii_m.iter().copied();
-    2.1 * 3f64.sqrt() * balls.fold(cylinder_reach_m(settings), f64::max)
+    2.0 * balls.fold(cylinder_reach_m(settings), f64::max)
 }
