@@ -1,7 +1,6 @@
 //! What stands for the points of a cylinder, and from which distance on a change is detected.
 
-use super::student;
-use crate::cloud::vectors::with_widest_vectors;
+use super::{student, sums};
 use crate::project::{Aggregation, ComparisonSettings, Detection};
 
 /// 97.5 % quantile of the normal distribution, as the literature rounds it.
@@ -37,9 +36,13 @@ impl Sample {
         let (count, middle, variance) = match aggregation {
             Aggregation::Mean => {
                 // 0/0 is the NaN that the mean of no points should be.
-                let [n, sum] = sums(heights, weights);
+                let [n, sum] = sums::both(weights, heights);
                 let mean = sum / n;
-                (n, mean, squares_about(mean, heights, weights) / (n - 1.0))
+                (
+                    n,
+                    mean,
+                    sums::squares_about(mean, heights, weights) / (n - 1.0),
+                )
             }
             Aggregation::Median => {
                 let inside = heights
@@ -63,55 +66,6 @@ impl Sample {
     fn variance_of_middle(&self) -> f64 {
         self.variance / f64::from(self.count)
     }
-}
-
-/// Sums side by side.
-const LANES: usize = 8;
-
-with_widest_vectors! {
-    /// Sum of the weights, and of the heights, which are 0 where the weights are.
-    fn sums(heights: &[f64], weights: &[f64]) -> [f64; 2] = add_up
-}
-
-#[inline(always)]
-fn add_up(heights: &[f64], weights: &[f64]) -> [f64; 2] {
-    let (heights, heights_rest) = heights.as_chunks::<LANES>();
-    let (weights, weights_rest) = weights.as_chunks::<LANES>();
-    let [mut sum, mut count] = [[0.0; LANES]; 2];
-    for (height, weight) in heights.iter().zip(weights) {
-        for lane in 0..LANES {
-            sum[lane] += height[lane];
-            count[lane] += weight[lane];
-        }
-    }
-    for (height, weight) in heights_rest.iter().zip(weights_rest) {
-        sum[0] += height;
-        count[0] += weight;
-    }
-    [count, sum].map(|lanes| lanes.iter().sum())
-}
-
-with_widest_vectors! {
-    /// Sum of the squares of the heights less the mean, where the weight is 1.
-    fn squares_about(mean: f64, heights: &[f64], weights: &[f64]) -> f64 = add_up_squares
-}
-
-#[inline(always)]
-fn add_up_squares(mean: f64, heights: &[f64], weights: &[f64]) -> f64 {
-    let (heights, heights_rest) = heights.as_chunks::<LANES>();
-    let (weights, weights_rest) = weights.as_chunks::<LANES>();
-    let mut sum = [0.0; LANES];
-    for (height, weight) in heights.iter().zip(weights) {
-        for lane in 0..LANES {
-            let about = (height[lane] - mean) * weight[lane];
-            sum[lane] += about * about;
-        }
-    }
-    for (height, weight) in heights_rest.iter().zip(weights_rest) {
-        let about = (height - mean) * weight;
-        sum[0] += about * about;
-    }
-    sum.iter().sum()
 }
 
 /// The value that `quarters` quarters of `sorted` lie below: where this cuts between two of them

@@ -10,6 +10,7 @@ mod normals;
 mod search;
 pub mod statistics;
 pub mod student;
+mod sums;
 mod window;
 
 pub use m3c2::{CoreDistance, M3c2, Normals, core_points, m3c2};

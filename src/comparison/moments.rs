@@ -1,11 +1,9 @@
 //! Number, mean and covariance of the points in a ball, in one pass.
 
+use super::sums;
 use crate::cloud::StructureTensor;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::{Mat3, Vec3};
-
-/// Sums side by side.
-const LANES: usize = 8;
 
 /// Offsets of points from the centre of a ball, coordinate by coordinate; those of points outside
 /// are 0.
@@ -49,9 +47,8 @@ impl Offsets {
         let filled = self.filled;
         let [x, y, z] = [&x[..filled], &y[..filled], &z[..filled]];
         let n = self.inside as f64;
-        let [sum_x, xx, xy] = sums(x, y).map(|sum| sum / n);
-        let [sum_y, yy, yz] = sums(y, z).map(|sum| sum / n);
-        let [sum_z, zz, xz] = sums(z, x).map(|sum| sum / n);
+        let [sum_x, sum_y, sum_z, xx, xy, xz, yy, yz, zz] =
+            sums::moments(x, y, z).map(|sum| sum / n);
         let mean = Vec3::new(sum_x, sum_y, sum_z);
         StructureTensor {
             mean: centre + mean,
@@ -95,29 +92,4 @@ fn write_offsets(
         found += inside;
     }
     found
-}
-
-with_widest_vectors! {
-    /// Σa, Σaa and Σab of two lists of the same length.
-    fn sums(a: &[f64], b: &[f64]) -> [f64; 3] = add_up
-}
-
-#[inline(always)]
-fn add_up(a: &[f64], b: &[f64]) -> [f64; 3] {
-    let (a, a_rest) = a.as_chunks::<LANES>();
-    let (b, b_rest) = b.as_chunks::<LANES>();
-    let [mut sum, mut squares, mut products] = [[0.0; LANES]; 3];
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..LANES {
-            sum[lane] += a[lane];
-            squares[lane] += a[lane] * a[lane];
-            products[lane] += a[lane] * b[lane];
-        }
-    }
-    for (a, b) in a_rest.iter().zip(b_rest) {
-        sum[0] += a;
-        squares[0] += a * a;
-        products[0] += a * b;
-    }
-    [sum, squares, products].map(|lanes| lanes.iter().sum())
 }
