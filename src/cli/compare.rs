@@ -126,7 +126,7 @@ impl Compare {
     }
 }
 
-fn positive(text: &str) -> std::result::Result<f64, String> {
+pub(super) fn positive(text: &str) -> std::result::Result<f64, String> {
     number(text)
         .filter(|x| *x > 0.0)
         .ok_or_else(|| "expected metres above 0".to_owned())

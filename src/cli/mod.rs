@@ -5,6 +5,7 @@ mod calibrate;
 mod compare;
 mod demo;
 mod describe;
+mod features;
 mod georeference;
 mod inspect;
 mod online;
@@ -66,6 +67,7 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Georeference(georeference::Georeference),
     Compare(compare::Compare),
+    Features(features::Features),
     Run(run::Run),
 }
 
@@ -184,6 +186,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         Command::Calibrate(command) => command.execute(&context).map(complete),
         Command::Georeference(command) => command.execute(&context).map(complete),
         Command::Compare(command) => command.execute(&context).map(complete),
+        Command::Features(command) => command.execute(&context).map(complete),
         Command::Run(command) => command.execute(&context).map(complete),
     })
 }

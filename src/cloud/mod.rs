@@ -5,7 +5,9 @@ mod curve;
 mod nearest;
 pub mod neighbourhoods;
 pub mod neighbours;
+pub mod shape;
 pub mod tensor;
+pub mod tiles;
 pub(crate) mod vectors;
 pub mod voxel;
 

@@ -11,6 +11,7 @@ use super::{CHUNK_POINTS, Format, nothing_in};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
+use crate::progress::Progress;
 
 pub(crate) const CLOUD: Columns = Columns {
     needed: &["east_m", "north_m", "up_m"],
@@ -51,6 +52,54 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
         return Err(nothing_in(path, "point"));
     }
     Ok(cloud)
+}
+
+/// The number of points that a file names without being read through: LAS and LAZ.
+///
+/// # Errors
+/// A file that is missing or damaged.
+pub fn points_named(path: &Path) -> Result<Option<u64>> {
+    match super::detect(path) {
+        Ok(Format::Las | Format::Laz) => Ok(Some(LasFile::open(path)?.header().number_of_points())),
+        // What is wrong with it the reader says better.
+        _ => Ok(None),
+    }
+}
+
+/// Hands the points of a LAS or LAZ file to `each` in chunks and in order, the file never being in
+/// memory as a whole. `progress` advances by one for each point; the stage is the caller's.
+///
+/// # Errors
+/// A file that is missing, damaged, of another format, or ends early; what `each` refuses.
+pub fn stream_points(
+    path: &Path,
+    progress: &dyn Progress,
+    each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
+) -> Result<()> {
+    let mut file = LasFile::open(path)?;
+    let mut chunk = Vec::with_capacity(CHUNK_POINTS);
+    loop {
+        chunk.clear();
+        let count = file.read(CHUNK_POINTS, |_, point| {
+            chunk.push(point.position);
+            Ok(())
+        })?;
+        if count == 0 {
+            break;
+        }
+        each(&chunk)?;
+        progress.advance(count);
+    }
+    let (found, expected) = (file.taken(), file.header().number_of_points());
+    if found != expected {
+        return Err(Error::format(
+            path,
+            Location::Whole,
+            format!("{found} points"),
+            format!("the {expected} points of its header"),
+        ));
+    }
+    Ok(())
 }
 
 /// Points decoded by one thread: some of the format's chunks of 50,000, so that the way to the

@@ -25,6 +25,8 @@ pub(crate) struct LasPoint<'a> {
     pub(crate) intensity: f32,
     /// The bytes after the standard fields.
     pub(crate) extra: &'a [u8],
+    /// All bytes as they stand in an uncompressed file.
+    pub(crate) record: &'a [u8],
 }
 
 /// An open LAS or LAZ file.
@@ -136,6 +138,7 @@ impl LasFile {
                 },
                 intensity: f32::from(u16::from_le_bytes(bytes_at(record, 12))),
                 extra: &record[length - extra..],
+                record,
             };
             if !point.position.iter().all(|v| v.is_finite())
                 || (format.has_gps_time && !point.time_s.is_finite())
@@ -260,8 +263,11 @@ pub(crate) struct PoseColumns {
 
 /// One extra dimension: place in the extra bytes, type code of the standard, scale and offset.
 #[derive(Debug, Clone, Copy)]
-struct ExtraColumn {
-    at: usize,
+pub(crate) struct ExtraColumn {
+    /// First of its bytes among the extra bytes.
+    pub(crate) at: usize,
+    /// Number of its bytes.
+    pub(crate) size: usize,
     code: u8,
     scale: f64,
     offset: f64,
@@ -280,7 +286,7 @@ const POSE_NAMES: [&str; 6] = [
 const TYPE_SIZES: [usize; 11] = [0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
 /// Names and places of all extra dimensions.
-fn extra_columns(file: &LasFile) -> Vec<(String, ExtraColumn)> {
+pub(crate) fn extra_columns(file: &LasFile) -> Vec<(String, ExtraColumn)> {
     let mut columns = Vec::new();
     let mut at = 0;
     let described = file
@@ -305,6 +311,7 @@ fn extra_columns(file: &LasFile) -> Vec<(String, ExtraColumn)> {
             String::from_utf8_lossy(name).into_owned(),
             ExtraColumn {
                 at,
+                size,
                 code,
                 scale: if options & 8 != 0 { number(112) } else { 1.0 },
                 offset: if options & 16 != 0 { number(136) } else { 0.0 },
@@ -351,6 +358,7 @@ impl PoseColumns {
         let length = usize::from(file.header().point_format().extra_bytes);
         let mut places = [ExtraColumn {
             at: 0,
+            size: 0,
             code: 0,
             scale: 1.0,
             offset: 0.0,

@@ -7,12 +7,15 @@ pub mod clouds;
 pub mod commands;
 pub mod compare;
 pub mod evaluate;
+pub mod features;
 pub mod logs;
 pub mod online;
 pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
+pub mod tile_store;
+pub mod tiled;
 pub mod verdicts;
 
 use std::path::Path;
@@ -31,6 +34,7 @@ use crate::trajectory::{Solution, Trajectory};
 pub use commands::{Options, Outcome, calibrate, demo, georeference, run, simulate, trajectory};
 pub use compare::{Comparison, NormalSource, compare};
 use evaluate::Drive;
+pub use features::{FeatureSettings, features};
 use stages::Poses;
 
 /// What a simulated project knows beside its files.

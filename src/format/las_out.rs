@@ -1,0 +1,134 @@
+//! Point records gathered and written in batches as LAS or LAZ.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Location, Result};
+
+/// Points compressed at a time: several of the format's chunks of 50,000, so that all threads
+/// have work.
+const BATCH: usize = 200_000;
+
+/// An open LAS or LAZ file that takes finished point records. The same records give the same
+/// bytes at any number of threads.
+pub(super) struct LasOut {
+    path: PathBuf,
+    /// `None` once it has been closed or given up.
+    writer: Option<las::Writer<BufWriter<File>>>,
+    records: Vec<u8>,
+    /// Bytes of a record.
+    length: usize,
+}
+
+/// Whether the name of a cloud asks for compression.
+///
+/// # Errors
+/// A name that ends neither in `.las` nor `.laz`.
+pub(super) fn is_compressed(path: &Path) -> Result<bool> {
+    match super::extension(path).as_str() {
+        "laz" => Ok(true),
+        "las" => Ok(false),
+        other => Err(Error::format(
+            path,
+            Location::Whole,
+            format!("a cloud to be written with the extension `{other}`"),
+            "`laz` or `las`",
+        )),
+    }
+}
+
+impl LasOut {
+    /// Creates or replaces the file.
+    ///
+    /// # Errors
+    /// A header that LAS cannot hold, a file that cannot be written.
+    pub(super) fn create(path: &Path, header: las::Builder) -> Result<Self> {
+        let header = header.into_header().map_err(|e| problem(path, e))?;
+        let length = usize::from(header.point_format().len());
+        let file = File::create(path).map_err(|e| Error::io(path, e))?;
+        let writer = las::Writer::new(BufWriter::with_capacity(1 << 20, file), header)
+            .map_err(|e| problem(path, e))?;
+        Ok(Self {
+            path: path.to_owned(),
+            writer: Some(writer),
+            records: Vec::with_capacity(BATCH * length),
+            length,
+        })
+    }
+
+    /// Appends one record, given in parts that follow each other.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(super) fn push(&mut self, parts: &[&[u8]]) -> Result<()> {
+        for part in parts {
+            self.records.extend_from_slice(part);
+        }
+        debug_assert_eq!(self.records.len() % self.length, 0);
+        if self.records.len() >= BATCH * self.length {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        let Some(writer) = &mut self.writer else {
+            return Ok(());
+        };
+        let empty = Vec::with_capacity(BATCH * self.length);
+        let records = std::mem::replace(&mut self.records, empty);
+        las::PointDataBuilder::new()
+            .for_header(writer.header())
+            .build_from_bytes(records)
+            .and_then(|points| writer.write_points(&points))
+            .map_err(|e| problem(&self.path, e))
+    }
+
+    /// Writes what is still in memory and completes the header.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(super) fn finish(mut self) -> Result<()> {
+        self.flush()?;
+        let Some(mut writer) = self.writer.take() else {
+            return Ok(());
+        };
+        if let Err(error) = writer.close() {
+            give_up(writer);
+            return Err(problem(&self.path, error));
+        }
+        let out = writer.into_inner().map_err(|e| problem(&self.path, e))?;
+        out.into_inner()
+            .map(drop)
+            .map_err(|e| Error::io(&self.path, e.into_error()))
+    }
+}
+
+impl Drop for LasOut {
+    fn drop(&mut self) {
+        if let Some(mut writer) = self.writer.take()
+            && writer.close().is_err()
+        {
+            give_up(writer);
+        }
+    }
+}
+
+/// A writer that could not be closed panics when it is dropped, because it tries again. Its file
+/// stays open until the process ends, which is the lesser evil: an error is on its way up.
+fn give_up(writer: las::Writer<BufWriter<File>>) {
+    std::mem::forget(writer);
+}
+
+fn problem(path: &Path, error: las::Error) -> Error {
+    match error {
+        las::Error::Io(source) => Error::io(path, source),
+        other => Error::format(
+            path,
+            Location::Whole,
+            other.to_string(),
+            "points that LAS can hold",
+        ),
+    }
+}
