@@ -64,6 +64,10 @@ pub(super) struct Compare {
     /// Registration error, added to the level of detection [default: 0]
     #[arg(long, value_name = "M", value_parser = not_negative)]
     registration_error_m: Option<f64>,
+    /// Memory to keep to; larger clouds (LAS, LAZ) are compared tile by tile, with the same numbers
+    /// [default: half of what is free]
+    #[arg(long, value_name = "MB")]
+    memory_mb: Option<u32>,
 }
 
 impl Compare {
@@ -78,6 +82,7 @@ impl Compare {
             core: self.core.clone(),
             normals: self.normals(),
             settings: self.settings(),
+            memory_bytes: self.memory_mb.map(|mb| u64::from(mb) * 1_000_000),
         };
         context.logged(&out, |options| {
             pipeline::compare(&comparison, options, &context.terminal)

@@ -141,10 +141,15 @@ impl Normals<'_> {
 
 /// Core points for comparing with `reference`: its points thinned to `core_spacing_m`.
 pub fn core_points(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<Vec3> {
-    let kept = voxel::thin(reference, settings.core_spacing_m);
-    kept.into_iter()
+    core_indices(reference, settings)
+        .into_iter()
         .map(|index| reference[index as usize])
         .collect()
+}
+
+/// As [`core_points`], the places of the points in `reference`, ascending.
+pub fn core_indices(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<u32> {
+    voxel::thin(reference, settings.core_spacing_m)
 }
 
 /// Compares `compared` with `reference` at the points `core` (all metres, in one frame):

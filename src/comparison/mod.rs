@@ -13,6 +13,6 @@ pub mod student;
 mod sums;
 mod window;
 
-pub use m3c2::{CoreDistance, M3c2, Normals, core_points, m3c2};
+pub use m3c2::{CoreDistance, M3c2, Normals, core_indices, core_points, m3c2};
 pub use search::{IndexedClouds, reach_m};
 pub use statistics::{Histogram, Statistics};

@@ -50,13 +50,26 @@ impl IndexedClouds {
         normals: Normals<'_>,
         settings: &ComparisonSettings,
     ) -> Result<Self> {
-        check(normals, settings)?;
-        let finite = |point: &Vec3| point.iter().all(|x| x.is_finite());
         for (cloud, name) in [(reference, "reference"), (compared, "compared")] {
-            if !cloud.iter().any(finite) {
+            if !cloud.iter().any(is_finite) {
                 return Err(empty(name));
             }
         }
+        Self::of_pieces(reference, compared, normals, settings)
+    }
+
+    /// As [`Self::new`], of pieces of two clouds, which may hold no points: all those within
+    /// [`reach_m`] of the core points to come.
+    ///
+    /// # Errors
+    /// As there, but for clouds without points.
+    pub fn of_pieces(
+        reference: &[Vec3],
+        compared: &[Vec3],
+        normals: Normals<'_>,
+        settings: &ComparisonSettings,
+    ) -> Result<Self> {
+        check(normals, settings)?;
         let ball = match normals {
             Normals::MostPlanar { .. } => settings.normal_radii_m.iter().copied().reduce(f64::max),
             _ => None,
@@ -67,7 +80,7 @@ impl IndexedClouds {
             let cells =
                 || ball.map(|ball| Arc::new(Cells::new(reference, Lattice::reaching(ball))));
             let tree = |cloud: &[Vec3]| {
-                let points: Vec<Vec3> = cloud.iter().copied().filter(finite).collect();
+                let points: Vec<Vec3> = cloud.iter().copied().filter(is_finite).collect();
                 NeighbourIndex::new(&points)
             };
             let (cells, trees) =
@@ -257,6 +270,10 @@ fn summed_up(
         compared_count: compared.count,
         ..CoreDistance::unknown()
     }
+}
+
+fn is_finite(point: &Vec3) -> bool {
+    point.iter().all(|x| x.is_finite())
 }
 
 /// Buffers that are used again from group to group.

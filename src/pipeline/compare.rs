@@ -1,21 +1,23 @@
 //! `boresight compare`: two cloud files to distances at core points.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+mod cloud;
+mod table;
+mod tiled;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::{Options, Outcome};
-use crate::comparison::{CoreDistance, IndexedClouds, M3c2, Normals, Statistics, core_points};
+use crate::comparison::{IndexedClouds, Normals, Statistics, core_points};
 use crate::error::{Error, Result};
 use crate::format::{self, CorePoints};
 use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::{Aggregation, ComparisonSettings};
+use tiled::Tiled;
 
 /// What to compare, and how.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +32,11 @@ pub struct Comparison {
     pub normals: NormalSource,
     /// Radii and the like.
     pub settings: ComparisonSettings,
+    /// Memory to keep to, bytes; `None` for half of what the machine has free. Clouds that fit are
+    /// compared in one piece, larger ones tile by tile; the numbers are the same. Some 150 MB are
+    /// taken in any case, results and core points from a file are kept whole, and formats other than
+    /// LAS and LAZ are read whole.
+    pub memory_bytes: Option<u64>,
 }
 
 /// Where the normals of the core points come from.
@@ -50,10 +57,21 @@ pub enum NormalSource {
     Fixed(Vec3),
 }
 
-/// M3C2 from one cloud to the other: statistics, and a table of the core points.
+/// Memory for each point of the two clouds in one piece, bytes: as read, as indexed, and on the way
+/// from one to the other.
+const BYTES_A_POINT: u64 = 160;
+/// A tile's points come with those of its halo, and those of the other cloud.
+const BYTES_A_TILE_POINT: u64 = 4 * BYTES_A_POINT;
+/// What the program takes before it has read a point, and buffers of files, bytes.
+const BYTES_BEFORE: u64 = 150 << 20;
+/// The least number of points in a tile: with fewer, halos outweigh tiles.
+const LEAST_TILE: u64 = 20_000;
+
+/// M3C2 from one cloud to the other: statistics, a table of the core points (`m3c2.csv`), and the
+/// same as a cloud with extra dimensions (`m3c2.laz`).
 ///
 /// # Errors
-/// Clouds that cannot be read or do not meet; settings that [`crate::comparison::m3c2`] refuses.
+/// Clouds that cannot be read or do not meet; settings that [`crate::comparison::m3c2()`] refuses.
 pub fn compare(
     comparison: &Comparison,
     options: &Options,
@@ -61,151 +79,131 @@ pub fn compare(
 ) -> Result<Outcome> {
     let settings = &comparison.settings;
     let staging = Staging::new(&options.out)?;
-    let mut stages = Stages::new();
+    let memory = comparison.memory_bytes.unwrap_or_else(default_memory);
+    let usable = memory.saturating_sub(BYTES_BEFORE);
+    let clouds = [&comparison.cloud, &comparison.reference];
+    let mut points = 0;
+    for cloud in clouds {
+        // The size of other formats, which are read whole in any case, is not known before.
+        points += format::points_named(cloud)?.unwrap_or(0);
+    }
+    let start = Instant::now();
+    let core = comparison.core.as_deref().map(format::read_core_points);
+    let core = core.transpose()?;
+    let mut tiled = if points > usable / BYTES_A_POINT {
+        let normals = normals_of(comparison, core.as_ref(), progress);
+        let tile_points = (usable / BYTES_A_TILE_POINT).clamp(LEAST_TILE, 1 << 30) as usize;
+        tiled::compare(
+            comparison,
+            core.as_ref(),
+            normals,
+            tile_points,
+            &staging,
+            progress,
+        )?
+    } else {
+        at_once(comparison, core, progress)?
+    };
+    let statistics = Statistics::of(&tiled.found)?;
+    let spent_s = tiled.read_s + tiled.index_s + tiled.compare_s;
+    // What is not of the others was spent on core points.
+    tiled.read_s += (start.elapsed().as_secs_f64() - spent_s).max(0.0);
 
-    progress.begin("reading the clouds", 0);
-    let clouds = read(comparison);
-    progress.end();
-    let (compared, reference, core) = clouds?;
-    stages.end("read");
-
-    let core = core.unwrap_or_else(|| CorePoints {
-        points: core_points(&reference, settings),
-        normals: Vec::new(),
-    });
-    let normals = normals_of(comparison, &core, progress);
-    progress.begin("indexing the clouds", 0);
-    let clouds = IndexedClouds::new(&reference, &compared, normals, settings);
-    progress.end();
-    let clouds = clouds?;
-    stages.end("index");
-
-    progress.begin("comparing the clouds (M3C2)", core.points.len() as u64);
-    let found = clouds.distances(&core.points, normals, progress);
-    progress.end();
-    let found = found?;
-    let statistics = Statistics::of(&found)?;
-    stages.end("compare");
-
-    write_table(&staging.path("m3c2.csv"), &found)?;
+    let start = Instant::now();
+    table::write(&staging.path("m3c2.csv"), &tiled.found)?;
+    cloud::write(&staging.path("m3c2.laz"), &tiled.found, progress)?;
     staging.commit()?;
-    stages.end("write");
-
+    let seconds = |seconds: f64| json!({ "seconds": seconds });
     let mut result = json!(statistics);
-    result["stages"] = stages.into_json();
+    result["stages"] = json!({
+        "read": seconds(tiled.read_s),
+        "index": seconds(tiled.index_s),
+        "compare": seconds(tiled.compare_s),
+        "write": seconds(start.elapsed().as_secs_f64()),
+    });
+    result["tiles"] = json!(tiled.tiles);
+    result["memory_bytes"] = json!(memory);
     result["peak_memory_bytes"] = json!(super::peak_memory_bytes());
     Ok(Outcome {
         result,
         summary: summary(&statistics, settings),
-        files: vec![options.out.join("m3c2.csv")],
+        files: ["m3c2.laz", "m3c2.csv"]
+            .map(|name| options.out.join(name))
+            .into(),
     })
 }
 
-/// Times of the stages, one after the other.
-struct Stages {
-    begun: Instant,
-    seconds: Vec<(&'static str, f64)>,
+/// Both clouds in memory in one piece.
+fn at_once(
+    comparison: &Comparison,
+    core: Option<CorePoints>,
+    progress: &dyn Progress,
+) -> Result<Tiled> {
+    let settings = &comparison.settings;
+    let start = Instant::now();
+    progress.begin("reading the clouds", 0);
+    let read = |path: &Path| Ok::<_, Error>(format::read_cloud(path)?.points);
+    let clouds =
+        read(&comparison.cloud).and_then(|cloud| Ok((cloud, read(&comparison.reference)?)));
+    progress.end();
+    let (compared, reference) = clouds?;
+    let core = core.unwrap_or_else(|| CorePoints {
+        points: core_points(&reference, settings),
+        normals: Vec::new(),
+    });
+    let normals = normals_of(comparison, Some(&core), progress);
+    let read_s = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    progress.begin("indexing the clouds", 0);
+    let clouds = IndexedClouds::new(&reference, &compared, normals, settings);
+    progress.end();
+    let clouds = clouds?;
+    drop((reference, compared));
+    let index_s = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    progress.begin("comparing the clouds (M3C2)", core.points.len() as u64);
+    let found = clouds.distances(&core.points, normals, progress);
+    progress.end();
+    Ok(Tiled {
+        found: found?,
+        tiles: 1,
+        read_s,
+        index_s,
+        compare_s: start.elapsed().as_secs_f64(),
+    })
 }
 
-impl Stages {
-    fn new() -> Self {
-        Self {
-            begun: Instant::now(),
-            seconds: Vec::new(),
-        }
-    }
-
-    fn end(&mut self, stage: &'static str) {
-        self.seconds
-            .push((stage, self.begun.elapsed().as_secs_f64()));
-        self.begun = Instant::now();
-    }
-
-    fn into_json(self) -> Value {
-        let stages = self.seconds.into_iter();
-        stages
-            .map(|(stage, seconds)| (stage.to_owned(), json!({ "seconds": seconds })))
-            .collect::<serde_json::Map<_, _>>()
-            .into()
-    }
-}
-
-type Clouds = (Vec<Vec3>, Vec<Vec3>, Option<CorePoints>);
-
-fn read(comparison: &Comparison) -> Result<Clouds> {
-    let points = |path: &Path| Ok::<_, Error>(format::read_cloud(path)?.points);
-    let core = comparison.core.as_deref().map(format::read_core_points);
-    Ok((
-        points(&comparison.cloud)?,
-        points(&comparison.reference)?,
-        core.transpose()?,
-    ))
+/// Half of the memory that is free.
+fn default_memory() -> u64 {
+    let free = || {
+        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+        let mut lines = text.lines();
+        let line = lines.find(|line| line.starts_with("MemAvailable:"))?;
+        let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+        Some(kilobytes * 1024)
+    };
+    // Four gigabytes where the system does not tell.
+    free().unwrap_or(4 << 30) / 2
 }
 
 fn normals_of<'a>(
     comparison: &Comparison,
-    core: &'a CorePoints,
+    core: Option<&'a CorePoints>,
     progress: &dyn Progress,
 ) -> Normals<'a> {
+    let given = core.map_or(&[][..], |core| &core.normals);
     match comparison.normals {
-        NormalSource::Core { .. } if !core.normals.is_empty() => {
+        NormalSource::Core { .. } if !given.is_empty() => {
             progress.say("normals are those in the file of the core points");
-            Normals::Given(&core.normals)
+            Normals::Given(given)
         }
         NormalSource::Core { orientation } | NormalSource::Reference { orientation } => {
             Normals::MostPlanar { orientation }
         }
         NormalSource::Fixed(direction) => Normals::Fixed(direction),
     }
-}
-
-/// Rows that one thread turns into text at a time.
-const ROWS: usize = 4096;
-
-const HEADER: &str = "east_m,north_m,up_m,distance_m,level_of_detection_m,normal_x,normal_y,\
-    normal_z,normal_radius_m,reference_spread_m,compared_spread_m,reference_count,compared_count\n";
-
-/// One line for each core point, in their order; NaN where something is unknown.
-fn write_table(path: &Path, found: &M3c2) -> Result<()> {
-    let write = || -> std::io::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
-        file.write_all(HEADER.as_bytes())?;
-        // Some blocks of rows at a time: text needs more memory than numbers.
-        for rows in found.core.chunks(64 * ROWS) {
-            let blocks: Vec<Vec<u8>> = rows.par_chunks(ROWS).map(lines).collect();
-            for block in blocks {
-                file.write_all(&block)?;
-            }
-        }
-        file.flush()
-    };
-    write().map_err(|error| Error::io(path, error))
-}
-
-fn lines(rows: &[CoreDistance]) -> Vec<u8> {
-    let mut text = Vec::with_capacity(200 * rows.len());
-    for row in rows {
-        let (p, n) = (&row.point, &row.normal);
-        let written = writeln!(
-            text,
-            "{},{},{},{},{},{},{},{},{},{},{},{},{}",
-            p.x,
-            p.y,
-            p.z,
-            row.distance_m,
-            row.level_of_detection_m,
-            n.x,
-            n.y,
-            n.z,
-            row.normal_radius_m,
-            row.reference_spread_m,
-            row.compared_spread_m,
-            row.reference_count,
-            row.compared_count
-        );
-        written.expect("a Vec takes all bytes");
-    }
-    text
 }
 
 fn summary(statistics: &Statistics, settings: &ComparisonSettings) -> String {
