@@ -357,39 +357,54 @@ fn normals_are_those_of_brute_force() {
 
 #[test]
 fn pieces_of_clouds_give_the_bits_of_the_whole() {
-    let settings = ComparisonSettings {
+    let short = ComparisonSettings {
         normal_radii_m: vec![0.05, 0.1],
         cylinder_radius_m: 0.0625,
         max_distance_m: 0.125,
         ..ComparisonSettings::default()
     };
-    let halo = reach_m(&settings);
-    for Case {
+    let long = ComparisonSettings {
+        cylinder_radius_m: 0.03125,
+        max_distance_m: 0.3,
+        ..short.clone()
+    };
+    let mut smaller = 0;
+    for settings in [short, long] {
+        for case in cases() {
+            smaller += pieces(&case, &settings);
+        }
+    }
+    assert!(smaller > 100, "{smaller}");
+}
+
+/// Compares pieces with the whole, and returns how many are smaller than it.
+fn pieces(case: &Case, settings: &ComparisonSettings) -> usize {
+    let Case {
         name,
         reference,
         compared,
         core,
-    } in cases()
-    {
-        let normals = Normals::UPWARDS;
-        let whole = m3c2(&reference, &compared, &core, normals, &settings, &Silent).unwrap();
-        for (i, point) in core.iter().enumerate().step_by(7) {
-            let near = |cloud: &[Vec3]| -> Vec<Vec3> {
-                let mut near = cloud.to_vec();
-                near.retain(|p| (p - point).amax() <= halo);
-                near
-            };
-            let (reference, compared) = (near(&reference), near(&compared));
-            if reference.is_empty() || compared.is_empty() {
-                continue;
-            }
-            let clouds = IndexedClouds::new(&reference, &compared, normals, &settings).unwrap();
-            let piece = clouds.distances(&core[i..=i], normals, &Silent).unwrap();
-            assert_eq!(
-                format!("{:?}", piece.core[0]),
-                format!("{:?}", whole.core[i]),
-                "{name}"
-            );
-        }
+    } = case;
+    let halo = reach_m(settings);
+    let normals = Normals::UPWARDS;
+    let whole = m3c2(reference, compared, core, normals, settings, &Silent).unwrap();
+    let mut smaller = 0;
+    for (i, point) in core.iter().enumerate().step_by(7) {
+        let near = |cloud: &[Vec3]| -> Vec<Vec3> {
+            let mut near = cloud.to_vec();
+            near.retain(|p| (p - point).amax() <= halo);
+            near
+        };
+        let (before, after) = (near(reference), near(compared));
+        smaller += usize::from(before.len() < reference.len());
+        let clouds = IndexedClouds::of_pieces(&before, &after, normals, settings).unwrap();
+        let piece = clouds.distances(&core[i..=i], normals, &Silent).unwrap();
+        let [piece, whole] = [&piece, &whole].map(|found| &found.core);
+        assert_eq!(
+            format!("{:?}", piece[0]),
+            format!("{:?}", whole[i]),
+            "{name}"
+        );
     }
+    smaller
 }

@@ -1,6 +1,6 @@
 //! Points sorted into the cells of a cubic lattice that is fixed in space.
 //!
-//! Eight cells along each axis make a block. Points are stored block by block, within a block cell
+//! Four cells along each axis make a block. Points are stored block by block, within a block cell
 //! by cell, within a cell in the order of the cloud: what a part of space holds, and in which order,
 //! does not depend on what lies elsewhere. A search that reaches no farther than a block from its
 //! query needs the block of the query and the 26 around it.
@@ -18,7 +18,7 @@ const BITS: u32 = SIDE.trailing_zeros();
 const CELLS: usize = (SIDE * SIDE * SIDE) as usize;
 
 /// Coordinates beyond this many blocks from the origin are too coarse, as numbers, to be sorted into
-/// cells: at a block of a centimetre, ten times the way to the moon.
+/// cells: at a block of a centimetre, twenty times the way to the moon.
 const FARTHEST: f64 = 1e12;
 
 /// The lattice.

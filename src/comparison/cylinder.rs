@@ -69,6 +69,8 @@ impl Cylinder {
                 }
             },
         );
+        // The order of points in a tree hangs on all of its points; sums must not.
+        heights.heights[..heights.filled].sort_unstable_by(f64::total_cmp);
     }
 
     /// As [`Self::heights_in_tree`], of the points in a window that holds all of the cylinder.
