@@ -6,9 +6,9 @@
 /// Defines a function that runs another, which must be `#[inline(always)]`, compiled for the
 /// widest vectors at hand.
 macro_rules! with_widest_vectors {
-    ($(#[$doc:meta])* fn $name:ident $(<$($generic:ident: $bound:path),*>)? ($($arg:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $body:path) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident $(<$($generic:ident: $bound:path),*>)? ($($arg:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $body:path) => {
         $(#[$doc])*
-        fn $name $(<$($generic: $bound),*>)? ($($arg: $type),*) $(-> $result)? {
+        $vis fn $name $(<$($generic: $bound),*>)? ($($arg: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt")]
