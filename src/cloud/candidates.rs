@@ -17,11 +17,12 @@
 //!
 //! ## The bound of step 3
 //! Let d be the exact squared distance and d̃ the computed one, u = 2⁻²⁴ the unit of rounding of
-//! f32, and E the largest coordinate relative to the middle of the box. Rounding the
-//! coordinates and their difference makes each component of the difference wrong by at most
-//! 2uE + u|x| (1 + …), so the distance by at most √3 (2uE) + u√d, and squaring and summing add at most 4u
-//! relatively: |d̃ − d| ≤ 2√d · 2√3 uE + (2√3 uE)² + 7ud. [`Candidates::doubt`] takes about twice as
-//! much.
+//! f32, and E the largest coordinate relative to the middle of the box. Rounding two coordinates
+//! and their difference x makes that wrong by at most 2uE + u|x|, so the distance by at most
+//! 2√3 uE + u√d, and squaring and summing add at most 4u relatively: up to terms of u²,
+//! |d̃ − d| ≤ 2√d · 2√3 uE + (2√3 uE)² + 6ud. [`Candidates::doubt`] takes about twice as much. If
+//! fewer than k computed distances do not exceed t, a candidate with d̃ ≤ t − 2 |d̃ − d| is nearer
+//! than all those beyond t, so it is one of the k nearest; and likewise above.
 
 use super::lanes::{Lanes, WORD};
 use super::neighbours::{Bounds, squared_distance};
@@ -50,7 +51,7 @@ pub(super) struct Candidates {
     y: Vec<f32>,
     z: Vec<f32>,
     middle: Vec3,
-    /// Largest coordinate relative to `middle`.
+    /// No coordinate of a candidate or query relative to `middle` is larger.
     extent: f32,
     /// What was gathered; infinite where the cloud ends before.
     region: Option<Bounds>,
@@ -108,7 +109,6 @@ impl Candidates {
         });
         self.middle = (group.low + group.high) / 2.0;
         let padded = self.points.len().next_multiple_of(WORD);
-        let mut extent = 0.0f32;
         for (axis, list) in [&mut self.x, &mut self.y, &mut self.z]
             .into_iter()
             .enumerate()
@@ -120,10 +120,10 @@ impl Candidates {
                     .iter()
                     .map(|point| (point[axis] - middle) as f32),
             );
-            extent = list.iter().fold(extent, |most, x| most.max(x.abs()));
             list.resize(padded, f32::INFINITY);
         }
-        self.extent = extent;
+        let half = (group.high - group.low).max() / 2.0;
+        self.extent = ((half + margin_m) * (1.0 + 1e-6)) as f32;
         self.squared.resize(padded, 0.0);
         self.chosen.resize(padded / WORD, 0);
         self.squared.truncate(padded);
