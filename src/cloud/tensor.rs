@@ -111,26 +111,26 @@ impl StructureTensor {
         if self.count < 4 {
             return 0.0;
         }
-        let mut c = self.covariance;
+        let c = &self.covariance;
         let floor = ROUNDING * c.trace();
-        let mut determinant = 1.0;
-        for step in 0..3 {
-            let pivot_at = (step..3)
-                .max_by(|&a, &b| c[(a, a)].total_cmp(&c[(b, b)]))
-                .expect("the range is not empty");
-            c.swap_rows(step, pivot_at);
-            c.swap_columns(step, pivot_at);
-            let pivot = c[(step, step)];
-            if pivot <= floor {
-                return 0.0;
-            }
-            determinant *= pivot;
-            for i in step + 1..3 {
-                for j in step + 1..3 {
-                    c[(i, j)] -= c[(i, step)] * c[(step, j)] / pivot;
-                }
-            }
+        let first = c.diagonal().imax();
+        let (second, third) = ((first + 1) % 3, (first + 2) % 3);
+        // The entries that eliminating the largest leaves, and the larger and smaller on their
+        // diagonal.
+        let pivot = c[(first, first)];
+        let (to_second, to_third) = (c[(first, second)], c[(first, third)]);
+        let left = c[(second, second)] - to_second * to_second / pivot;
+        let other = c[(third, third)] - to_third * to_third / pivot;
+        let off = c[(second, third)] - to_second * to_third / pivot;
+        let (large, small) = (left.max(other), left.min(other));
+        if pivot <= floor || large <= floor {
+            return 0.0;
         }
+        let last = small - off * off / large;
+        if last <= floor {
+            return 0.0;
+        }
+        let determinant = pivot * large * last;
         determinant.cbrt()
     }
 
