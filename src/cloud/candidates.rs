@@ -23,15 +23,17 @@
 //! relatively: |d̃ − d| ≤ 2√d · 2√3 uE + (2√3 uE)² + 7ud. [`Candidates::doubt`] takes about twice as
 //! much.
 
+use super::lanes::{Lanes, WORD};
 use super::neighbours::{Bounds, squared_distance};
 use super::{NeighbourIndex, StructureTensor};
 use crate::geometry::{Mat3, Vec3};
 
-/// Candidates whose comparisons make one word of bits.
-const WORD: usize = 64;
-
 /// Most candidates that may be left to f64 before the threshold is sought further.
 const UNDECIDED: usize = 8;
+
+/// Coordinates relative to the middle from which f64 decides alone, so that no square overflows
+/// f32, metres.
+const FARTHEST: f32 = 1e15;
 
 /// Squared distance of the mean, in variances, from which offsets are taken from the mean. Rounding
 /// costs the variances this factor at most.
@@ -151,18 +153,9 @@ impl Candidates {
         }
     }
 
-    #[inline(always)]
-    fn count(&self, threshold: f32) -> usize {
-        let mut count = 0u32;
-        for squared in &self.squared {
-            count += u32::from(*squared <= threshold);
-        }
-        count as usize
-    }
-
     /// Finds the `k` ≥ 1 nearest to `query`, leaving them chosen.
     #[inline(always)]
-    pub(super) fn nearest(&mut self, query: &Vec3, k: usize) -> Search {
+    pub(super) fn nearest<L: Lanes>(&mut self, query: &Vec3, k: usize) -> Search {
         let region = self
             .region
             .as_ref()
@@ -175,12 +168,16 @@ impl Candidates {
                 Search::Margin(f64::INFINITY)
             };
         }
-        self.measure(query);
-        let (sure, open) = self.bracket(k);
-        let least = sure - self.doubt(sure) * 2.0;
-        // Padding is at infinity.
-        let most = (open + self.doubt(open) * 2.0).min(f32::MAX);
-        let taken = self.split(least, most);
+        let taken = if self.extent < FARTHEST {
+            self.measure(query);
+            let (sure, open) = self.bracket::<L>(k);
+            let least = sure - self.doubt(sure) * 2.0;
+            // Padding is at infinity.
+            let most = (open + self.doubt(open) * 2.0).min(f32::MAX);
+            self.split::<L>(least, most)
+        } else {
+            self.doubt_all()
+        };
         for candidate in &mut self.undecided {
             let [x, y, z, _] = self.points[candidate.1 as usize];
             candidate.0 = squared_distance(&Vec3::new(x, y, z), query);
@@ -196,7 +193,7 @@ impl Candidates {
         // The room is right to a few roundings of the coordinates.
         let reach = farthest.sqrt();
         let enough = reach * (1.0 + 1e-12);
-        if enough < region {
+        if enough < region || region == f64::INFINITY {
             Search::Found(reach)
         } else {
             Search::Margin(enough)
@@ -205,7 +202,7 @@ impl Candidates {
 
     /// Two thresholds: fewer than `k` do not exceed the first, at least `k` the second.
     #[inline(always)]
-    fn bracket(&self, k: usize) -> (f32, f32) {
+    fn bracket<L: Lanes>(&self, k: usize) -> (f32, f32) {
         let (mut low, mut high) = ((0.0f32, 0usize), (f32::INFINITY, usize::MAX));
         // No squared distance is below zero.
         low.0 = -1.0;
@@ -215,7 +212,7 @@ impl Candidates {
             self.extent * self.extent / 16.0
         };
         for _ in 0..16 {
-            let count = self.count(threshold);
+            let count = L::count(&self.squared, threshold);
             if count < k {
                 low = (threshold, count);
             } else {
@@ -242,13 +239,13 @@ impl Candidates {
 
     /// Chooses the candidates up to `least` and lists those up to `most`; how many were chosen.
     #[inline(always)]
-    fn split(&mut self, least: f32, most: f32) -> usize {
+    fn split<L: Lanes>(&mut self, least: f32, most: f32) -> usize {
         self.undecided.clear();
         let mut taken = 0;
         let words = self.squared.as_chunks::<WORD>().0;
         for (at, (word, chosen)) in words.iter().zip(&mut self.chosen).enumerate() {
-            let sure = bits(word, least);
-            let mut open = bits(word, most) & !sure;
+            let sure = L::up_to(word, least);
+            let mut open = L::up_to(word, most) & !sure;
             *chosen = sure;
             taken += sure.count_ones() as usize;
             while open != 0 {
@@ -260,23 +257,35 @@ impl Candidates {
         taken
     }
 
+    /// Chooses none and lists all; how many were chosen.
+    fn doubt_all(&mut self) -> usize {
+        self.chosen.fill(0);
+        self.undecided.clear();
+        let all = 0..self.len() as u32;
+        self.undecided.extend(all.map(|place| (0.0, place, 0)));
+        0
+    }
+
     /// Chooses all.
     fn choose_all(&mut self) {
-        let n = self.len();
-        for (at, chosen) in self.chosen.iter_mut().enumerate() {
-            let here = (n - at * WORD).min(WORD);
-            *chosen = u64::MAX >> (WORD - here);
+        self.doubt_all();
+        for &(_, at, _) in &self.undecided {
+            self.chosen[at as usize / WORD] |= 1 << (at as usize % WORD);
         }
     }
 
     /// Finds the points within `radius_m` of `query`, leaving them chosen.
     #[inline(always)]
-    pub(super) fn within(&mut self, query: &Vec3, radius_m: f64) {
-        self.measure(query);
+    pub(super) fn within<L: Lanes>(&mut self, query: &Vec3, radius_m: f64) {
         let limit = radius_m * radius_m;
-        let rounded = limit as f32;
-        let doubt = 2.0 * self.doubt(rounded);
-        self.split(rounded - doubt, rounded + doubt);
+        if self.extent < FARTHEST && radius_m < f64::from(FARTHEST) {
+            self.measure(query);
+            let rounded = limit as f32;
+            let doubt = 2.0 * self.doubt(rounded);
+            self.split::<L>(rounded - doubt, rounded + doubt);
+        } else {
+            self.doubt_all();
+        }
         for &(_, at, _) in &self.undecided {
             let [x, y, z, _] = self.points[at as usize];
             let inside = squared_distance(&Vec3::new(x, y, z), query) <= limit;
@@ -284,27 +293,10 @@ impl Candidates {
         }
     }
 
-    /// Lists the places of the chosen, in the order of the index.
-    #[inline(always)]
-    fn list_chosen(&mut self) {
-        let count: u32 = self.chosen.iter().map(|word| word.count_ones()).sum();
-        self.places.resize(count as usize, 0);
-        let mut next = self.places.iter_mut();
-        for (at, &word) in self.chosen.iter().enumerate() {
-            let mut word = word;
-            while word != 0 {
-                if let Some(place) = next.next() {
-                    *place = (at * WORD) as u32 + word.trailing_zeros();
-                }
-                word &= word - 1;
-            }
-        }
-    }
-
     /// The indices of the chosen, in the order of the index.
     #[inline(always)]
-    pub(super) fn chosen_indices(&mut self) -> Vec<u32> {
-        self.list_chosen();
+    pub(super) fn chosen_indices<L: Lanes>(&mut self) -> Vec<u32> {
+        L::places(&self.chosen, &mut self.places);
         let indices = self
             .places
             .iter()
@@ -314,15 +306,19 @@ impl Candidates {
 
     /// The structure tensor of the chosen; see [`StructureTensor::from_points`].
     #[inline(always)]
-    pub(super) fn tensor(&mut self, query: &Vec3) -> StructureTensor {
-        self.list_chosen();
+    pub(super) fn tensor<L: Lanes>(&mut self, query: &Vec3) -> StructureTensor {
+        L::places(&self.chosen, &mut self.places);
         if self.places.is_empty() {
             return StructureTensor::from_points(&[]);
         }
         let n = self.places.len() as f64;
         let mut centre = *query;
         loop {
-            let [x, y, z] = self.moments(&centre);
+            let [x, y, z] = L::moments(
+                &self.points,
+                &self.places,
+                &[centre.x, centre.y, centre.z, 0.0],
+            );
             let mean = Vec3::new(x[3], y[3], z[3]) / n;
             let second = Mat3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]) / n;
             let covariance = second - mean * mean.transpose();
@@ -337,34 +333,6 @@ impl Candidates {
                 count: self.places.len(),
             };
         }
-    }
-
-    /// Σ d (dᵀ, 1) over the chosen, d their offsets from `centre`.
-    #[inline(always)]
-    fn moments(&self, centre: &Vec3) -> [[f64; 4]; 3] {
-        let centre = [centre.x, centre.y, centre.z, 0.0];
-        // Two sums side by side, since each addition waits for the one before.
-        let (mut even, mut odd) = ([0.0; 16], [0.0; 16]);
-        let (pairs, last) = self.places.as_chunks::<2>();
-        for [a, b] in pairs {
-            add_products(&mut even, &self.points[*a as usize], &centre);
-            add_products(&mut odd, &self.points[*b as usize], &centre);
-        }
-        for a in last {
-            add_products(&mut even, &self.points[*a as usize], &centre);
-        }
-        let at = |row: usize, column: usize| even[4 * row + column] + odd[4 * row + column];
-        std::array::from_fn(|row| std::array::from_fn(|column| at(row, column)))
-    }
-}
-
-/// Adds d dᵀ with d = (point, 1) − (centre, 0). The last row, which is not needed, makes the
-/// products whole vectors.
-#[inline(always)]
-fn add_products(sums: &mut [f64; 16], point: &[f64; 4], centre: &[f64; 4]) {
-    let d: [f64; 4] = std::array::from_fn(|i| point[i] - centre[i]);
-    for (at, sum) in sums.iter_mut().enumerate() {
-        *sum += d[at / 4] * d[at % 4];
     }
 }
 
@@ -384,14 +352,4 @@ fn insertion_sort(list: &mut [(f64, u32, u32)]) {
             at -= 1;
         }
     }
-}
-
-/// Which of a word of candidates do not exceed the threshold.
-#[inline(always)]
-fn bits(squared: &[f32; WORD], threshold: f32) -> u64 {
-    let mut bits = 0;
-    for (at, squared) in squared.iter().enumerate() {
-        bits |= u64::from(*squared <= threshold) << at;
-    }
-    bits
 }

@@ -9,7 +9,15 @@
 //! The order depends on the extent and on each point by itself, not on the other points: points of
 //! a part of a cloud, sorted in the extent of the whole, stand in the order they have in the whole.
 
+use rayon::prelude::*;
+
 use crate::geometry::Vec3;
+
+/// Points that are dealt into parcels at a time.
+const CHUNK: usize = 1 << 16;
+
+/// Leading bits by which points are dealt: 4096 parcels, of which a surface fills some hundreds.
+const PARCEL_BITS: u32 = 12;
 
 /// Bits an axis in a key.
 const BITS: u32 = 21;
@@ -23,15 +31,92 @@ pub(super) struct Grid {
     cells_per_m: f64,
     /// Cubes around this one that it is a cell of.
     depth: u32,
+    /// Bits of the largest key.
+    used_bits: u32,
 }
 
 impl Grid {
+    /// In place of the key of a point that is not finite.
+    pub(super) const NOWHERE: u64 = u64::MAX;
+
     /// The grid over the box from `low` to `high` (metres).
     pub(super) fn over(low: &Vec3, high: &Vec3) -> Self {
-        Self {
+        let mut grid = Self {
             low: *low,
             cells_per_m: CELLS / (high - low).max(),
             depth: 0,
+            used_bits: 0,
+        };
+        grid.used_bits = u64::BITS - grid.key(high).leading_zeros();
+        grid
+    }
+
+    /// Keys of `points` with their indices, in ascending order; those of points that are not finite
+    /// at the end. Points are dealt into parcels by the leading bits of their keys, on all threads,
+    /// and the parcels sorted, which keeps each thread in its cache.
+    pub(super) fn sorted(&self, points: &[Vec3]) -> Vec<(u64, u32)> {
+        let parcels = 1 << PARCEL_BITS;
+        let parcel = |key: u64| {
+            if key == Self::NOWHERE {
+                parcels
+            } else {
+                (key >> self.used_bits.saturating_sub(PARCEL_BITS)) as usize
+            }
+        };
+        // Each chunk's keys by parcel, and where the parcels end.
+        let dealt: Vec<(Vec<(u64, u32)>, Vec<u32>)> = points
+            .par_chunks(CHUNK)
+            .enumerate()
+            .map(|(chunk, points)| {
+                let first = (chunk * CHUNK) as u32;
+                let keys: Vec<u64> = points
+                    .iter()
+                    .map(|point| self.key_or_nowhere(point))
+                    .collect();
+                let mut ends = vec![0u32; parcels + 1];
+                for &key in &keys {
+                    ends[parcel(key)] += 1;
+                }
+                let mut end = 0;
+                for count in &mut ends {
+                    let start = end;
+                    end += *count;
+                    *count = start;
+                }
+                let mut sorted = vec![(0, 0); keys.len()];
+                for (&key, index) in keys.iter().zip(first..) {
+                    let place = &mut ends[parcel(key)];
+                    sorted[*place as usize] = (key, index);
+                    *place += 1;
+                }
+                (sorted, ends)
+            })
+            .collect();
+        let sorted: Vec<Vec<(u64, u32)>> = (0..=parcels)
+            .into_par_iter()
+            .map(|parcel| {
+                let mut keyed: Vec<(u64, u32)> = Vec::new();
+                for (sorted, ends) in &dealt {
+                    let start = parcel.checked_sub(1).map_or(0, |before| ends[before]);
+                    keyed.extend(&sorted[start as usize..ends[parcel] as usize]);
+                }
+                if keyed.len() > CHUNK {
+                    keyed.par_sort_unstable();
+                } else {
+                    keyed.sort_unstable();
+                }
+                keyed
+            })
+            .collect();
+        sorted.concat()
+    }
+
+    #[inline(always)]
+    fn key_or_nowhere(&self, point: &Vec3) -> u64 {
+        if point.iter().all(|x| x.is_finite()) {
+            self.key(point)
+        } else {
+            Self::NOWHERE
         }
     }
 
@@ -59,6 +144,7 @@ impl Grid {
             low: Vec3::from_fn(|axis, _| self.low[axis] + f64::from(cell[axis]) / self.cells_per_m),
             cells_per_m: self.cells_per_m * CELLS,
             depth: self.depth + 1,
+            used_bits: 3 * BITS,
         })
     }
 }

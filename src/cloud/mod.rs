@@ -2,6 +2,7 @@
 
 mod candidates;
 mod curve;
+mod lanes;
 mod nearest;
 pub mod neighbourhoods;
 pub mod neighbours;

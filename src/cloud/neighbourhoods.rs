@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::candidates::{Candidates, Search};
+use super::lanes::{Lanes, Plain};
 use super::neighbours::Node;
 use super::vectors::with_widest_vectors;
 use super::{NeighbourIndex, StructureTensor};
@@ -153,14 +154,14 @@ impl NeighbourIndex {
 /// What is wanted of the neighbours of a query.
 trait Take: Clone + Send + Sync {
     /// Takes it from the candidates that were chosen.
-    fn take(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self;
+    fn take<L: Lanes>(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self;
 }
 
 impl Take for Surroundings {
     #[inline(always)]
-    fn take(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self {
+    fn take<L: Lanes>(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self {
         Self {
-            tensor: candidates.tensor(query),
+            tensor: candidates.tensor::<L>(query),
             reach_m,
         }
     }
@@ -169,13 +170,48 @@ impl Take for Surroundings {
 /// Indices.
 impl Take for Vec<u32> {
     #[inline(always)]
-    fn take(candidates: &mut Candidates, _query: &Vec3, _reach_m: f64) -> Self {
-        candidates.chosen_indices()
+    fn take<L: Lanes>(candidates: &mut Candidates, _query: &Vec3, _reach_m: f64) -> Self {
+        candidates.chosen_indices::<L>()
     }
 }
 
+/// As [`solve`], compiled for the widest vectors of this machine; see [`super::vectors`].
+fn solve_group<Found: Take>(
+    index: &NeighbourIndex,
+    group: &Node,
+    queries: &[Vec3],
+    of: Neighbourhood,
+    candidates: &mut Candidates,
+    reach_m: &mut f64,
+    found: &mut [Found],
+) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use super::lanes::Avx512;
+        use super::vectors::Width;
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn with_avx512<Found: Take>(
+            index: &NeighbourIndex,
+            group: &Node,
+            queries: &[Vec3],
+            of: Neighbourhood,
+            candidates: &mut Candidates,
+            reach_m: &mut f64,
+            found: &mut [Found],
+        ) {
+            solve::<Avx512, Found>(index, group, queries, of, candidates, reach_m, found);
+        }
+        if Width::here() == Width::Avx512 {
+            // SAFETY: the machine has what the function was compiled for.
+            #[allow(unsafe_code)]
+            return unsafe { with_avx512(index, group, queries, of, candidates, reach_m, found) };
+        }
+    }
+    solve_plain(index, group, queries, of, candidates, reach_m, found);
+}
+
 with_widest_vectors! {
-    fn solve_group<Found: Take>(
+    fn solve_plain<Found: Take>(
         index: &NeighbourIndex,
         group: &Node,
         queries: &[Vec3],
@@ -183,14 +219,14 @@ with_widest_vectors! {
         candidates: &mut Candidates,
         reach_m: &mut f64,
         found: &mut [Found],
-    ) = solve
+    ) = solve::<Plain, Found>
 }
 
 /// Finds the neighbours of the `queries` of a `group`. Written without closures, which would not be
 /// compiled for the wide vectors. `reach_m` is how far those of the group
 /// before reached, and then how far these do.
 #[inline(always)]
-fn solve<Found: Take>(
+fn solve<L: Lanes, Found: Take>(
     index: &NeighbourIndex,
     group: &Node,
     queries: &[Vec3],
@@ -204,8 +240,8 @@ fn solve<Found: Take>(
         Neighbourhood::Within(radius) => {
             candidates.gather(index, &group.bounds, radius * (1.0 + 1e-12));
             for (query, found) in queries.iter().zip(found) {
-                candidates.within(query, radius);
-                *found = Found::take(candidates, query, radius);
+                candidates.within::<L>(query, radius);
+                *found = Found::take::<L>(candidates, query, radius);
             }
             return;
         }
@@ -227,9 +263,9 @@ fn solve<Found: Take>(
         for turn in 0..open.len() {
             let at = open[turn];
             let query = &queries[at];
-            match candidates.nearest(query, k) {
+            match candidates.nearest::<L>(query, k) {
                 Search::Found(reach) => {
-                    found[at] = Found::take(candidates, query, reach);
+                    found[at] = Found::take::<L>(candidates, query, reach);
                     if reach.is_finite() {
                         *reach_m = reach_m.max(reach);
                     }

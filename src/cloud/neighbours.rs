@@ -36,6 +36,14 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
+    /// The smallest box around `points`.
+    fn of(points: &[Vec3]) -> Self {
+        points.iter().fold(Self::nothing(), |bounds, point| Self {
+            low: bounds.low.inf(point),
+            high: bounds.high.sup(point),
+        })
+    }
+
     fn nothing() -> Self {
         Self {
             low: Vec3::repeat(f64::INFINITY),
@@ -167,29 +175,21 @@ impl NeighbourIndex {
             "more points than u32 can count"
         );
         let grid = Grid::over(low, high);
-        let mut keyed: Vec<(u64, u32)> = points
+        let mut keyed = grid.sorted(points);
+        let mut ordered: Vec<Vec3> = keyed
             .par_iter()
-            .zip(0..points.len() as u32)
-            .map(|(point, index)| {
-                let key = if is_finite(point) {
-                    grid.key(point)
-                } else {
-                    u64::MAX
-                };
-                (key, index)
-            })
+            .map(|(_, index)| points[*index as usize])
             .collect();
-        keyed.par_sort_unstable();
-        let finite = keyed.partition_point(|(key, _)| *key < u64::MAX);
-        let mut nodes = Vec::new();
-        if finite > 0 {
-            nodes = build(&mut keyed[..finite], 0, &grid, points);
-        }
+        let finite = keyed.partition_point(|(key, _)| *key < Grid::NOWHERE);
+        let run = Run {
+            keyed: &mut keyed[..finite],
+            ordered: &mut ordered[..finite],
+            first: 0,
+            all: points,
+        };
+        let nodes = run.nodes(&grid);
         Self {
-            points: keyed
-                .par_iter()
-                .map(|(_, index)| points[*index as usize])
-                .collect(),
+            points: ordered,
             indices: keyed.par_iter().map(|(_, index)| *index).collect(),
             nodes,
         }
@@ -343,85 +343,119 @@ impl NeighbourIndex {
 }
 
 fn is_finite(point: &Vec3) -> bool {
-    // An infinite or NaN coordinate makes the difference NaN.
-    (point - point).sum() == 0.0
+    point.iter().all(|x| x.is_finite())
 }
 
-/// The nodes over `keyed`, whose first point will have the place `first`. Points of one cell are
-/// sorted anew by a finer grid.
-fn build(keyed: &mut [(u64, u32)], first: u32, grid: &Grid, points: &[Vec3]) -> Vec<Node> {
-    let mut nodes = Vec::new();
-    build_below(keyed, first, grid, points, &mut nodes);
-    nodes
-}
-
-fn build_below(
-    keyed: &mut [(u64, u32)],
+/// Points on their way into a tree: a run of them in the order of the curve.
+struct Run<'a> {
+    /// Keys and indices.
+    keyed: &'a mut [(u64, u32)],
+    /// The points themselves.
+    ordered: &'a mut [Vec3],
+    /// Place of the run's first point.
     first: u32,
-    grid: &Grid,
-    points: &[Vec3],
-    nodes: &mut Vec<Node>,
-) {
-    let at = nodes.len();
-    let count = keyed.len();
-    nodes.push(Node {
-        bounds: Bounds::nothing(),
-        first,
-        end: first + count as u32,
-        second: 0,
-    });
-    if count <= LEAF {
-        if keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
-            keyed.sort_by_key(|&(key, index)| {
-                let point = &points[index as usize];
-                let finer = grid.inside(point);
-                let finest = finer.and_then(|finer| finer.inside(point));
-                let [finer, finest] = [finer, finest].map(|grid| grid.map(|grid| grid.key(point)));
-                (key, finer, finest, index)
-            });
+    /// What the indices count.
+    all: &'a [Vec3],
+}
+
+impl Run<'_> {
+    /// The nodes over the run, none over an empty one.
+    fn nodes(self, grid: &Grid) -> Vec<Node> {
+        let mut nodes = Vec::new();
+        if !self.keyed.is_empty() {
+            self.build(grid, &mut nodes);
         }
-        nodes[at].bounds = keyed
-            .iter()
-            .map(|(_, index)| &points[*index as usize])
-            .fold(Bounds::nothing(), |bounds, point| Bounds {
-                low: bounds.low.inf(point),
-                high: bounds.high.sup(point),
-            });
-        return;
+        nodes
     }
-    let mut finer = *grid;
-    let mut differing = keyed[0].0 ^ keyed[count - 1].0;
-    while differing == 0 {
-        let Some(inside) = finer.inside(&points[keyed[0].1 as usize]) else {
-            break;
+
+    fn build(mut self, grid: &Grid, nodes: &mut Vec<Node>) {
+        let at = nodes.len();
+        let count = self.keyed.len();
+        nodes.push(Node {
+            bounds: Bounds::nothing(),
+            first: self.first,
+            end: self.first + count as u32,
+            second: 0,
+        });
+        if count <= LEAF {
+            if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+                self.sort_to_the_last(grid);
+            }
+            nodes[at].bounds = Bounds::of(self.ordered);
+            return;
+        }
+        let mut finer = *grid;
+        let mut differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
+        while differing == 0 {
+            let Some(inside) = finer.inside(&self.ordered[0]) else {
+                break;
+            };
+            finer = inside;
+            self.sort_by(&finer);
+            differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
+        }
+        // Points at one place are halved in the order of their indices.
+        let half = match differing.checked_ilog2() {
+            Some(bit) => self.keyed.partition_point(|(key, _)| key >> bit & 1 == 0),
+            None => count / 2,
         };
-        finer = inside;
-        for (key, index) in keyed.iter_mut() {
-            *key = finer.key(&points[*index as usize]);
+        let (low, high) = self.split(half);
+        if count > PARALLEL_BUILD {
+            let (below, after) = rayon::join(|| low.nodes(&finer), || high.nodes(&finer));
+            nodes[at].second = 1 + below.len() as u32;
+            nodes.extend(below);
+            nodes.extend(after);
+        } else {
+            low.build(&finer, nodes);
+            nodes[at].second = (nodes.len() - at) as u32;
+            high.build(&finer, nodes);
         }
-        keyed.par_sort_unstable();
-        differing = keyed[0].0 ^ keyed[count - 1].0;
+        let other = nodes[at + nodes[at].second as usize].bounds;
+        nodes[at].bounds = nodes[at + 1].bounds.with(&other);
     }
-    // Points at one place are halved in the order of their indices.
-    let half = match differing.checked_ilog2() {
-        Some(bit) => keyed.partition_point(|(key, _)| key >> bit & 1 == 0),
-        None => count / 2,
-    };
-    let (low, high) = keyed.split_at_mut(half);
-    let second = first + half as u32;
-    if count > PARALLEL_BUILD {
-        let (below, after) = rayon::join(
-            || build(low, first, &finer, points),
-            || build(high, second, &finer, points),
-        );
-        nodes[at].second = 1 + below.len() as u32;
-        nodes.extend(below);
-        nodes.extend(after);
-    } else {
-        build_below(low, first, &finer, points, nodes);
-        nodes[at].second = (nodes.len() - at) as u32;
-        build_below(high, second, &finer, points, nodes);
+
+    fn split(self, half: usize) -> (Self, Self) {
+        let (keyed, keyed_after) = self.keyed.split_at_mut(half);
+        let (ordered, ordered_after) = self.ordered.split_at_mut(half);
+        let low = Self {
+            keyed,
+            ordered,
+            ..self
+        };
+        let high = Self {
+            keyed: keyed_after,
+            ordered: ordered_after,
+            first: self.first + half as u32,
+            all: self.all,
+        };
+        (low, high)
     }
-    let other = nodes[at + nodes[at].second as usize].bounds;
-    nodes[at].bounds = nodes[at + 1].bounds.with(&other);
+
+    /// Sorts points of one cell by a grid inside it.
+    fn sort_by(&mut self, finer: &Grid) {
+        for ((key, _), point) in self.keyed.iter_mut().zip(&*self.ordered) {
+            *key = finer.key(point);
+        }
+        self.keyed.par_sort_unstable();
+        self.follow();
+    }
+
+    /// Sorts the few points of a leaf as they would be among more.
+    fn sort_to_the_last(&mut self, grid: &Grid) {
+        self.keyed.sort_by_key(|&(key, index)| {
+            let point = &self.all[index as usize];
+            let finer = grid.inside(point);
+            let finest = finer.and_then(|finer| finer.inside(point));
+            let [finer, finest] = [finer, finest].map(|grid| grid.map(|grid| grid.key(point)));
+            (key, finer, finest, index)
+        });
+        self.follow();
+    }
+
+    /// Puts the points in the order of the indices.
+    fn follow(&mut self) {
+        for (point, (_, index)) in self.ordered.iter_mut().zip(&*self.keyed) {
+            *point = self.all[*index as usize];
+        }
+    }
 }

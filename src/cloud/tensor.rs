@@ -168,7 +168,7 @@ fn jacobi(mut a: Mat3) -> (Vec3, Mat3) {
             }
             // tan of the rotation: the smaller root of t² + 2 θ t − 1 = 0.
             let theta = (aqq - app) / (2.0 * off);
-            // A square too large for a number leaves t = 0, which is right to rounding.
+            // Where θ² overflows, t is 0, as it is but for rounding.
             let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
             let cosine = 1.0 / (t * t + 1.0).sqrt();
             let sine = t * cosine;

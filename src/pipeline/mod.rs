@@ -14,6 +14,7 @@ pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
+pub mod thin;
 pub mod tile_store;
 pub mod tiled;
 pub mod verdicts;
@@ -36,6 +37,7 @@ pub use compare::{Comparison, NormalSource, compare};
 use evaluate::Drive;
 pub use features::{FeatureSettings, features};
 use stages::Poses;
+pub use thin::thin;
 
 /// What a simulated project knows beside its files.
 #[derive(Debug, Clone)]

@@ -230,8 +230,8 @@ fn solve_aside<T: Send + Sync + Clone>(
     Ok(())
 }
 
-/// An index over some points of a store, in the order of the cloud. Here the extent of the whole
-/// cloud is at hand (`store.extent()`), should the index need it to be that of one piece.
-fn index(points: &[Vec3], _store: &TileStore) -> NeighbourIndex {
-    NeighbourIndex::new(points)
+/// An index over some points of a store, whose order is that of an index over the whole cloud.
+fn index(points: &[Vec3], store: &TileStore) -> NeighbourIndex {
+    let (low, high) = store.extent();
+    NeighbourIndex::in_extent(points, &low, &high)
 }
