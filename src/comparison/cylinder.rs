@@ -1,6 +1,6 @@
 //! The cylinder around a core point.
 
-use super::window::Window;
+use super::window::{Between, Window};
 use crate::cloud::NeighbourIndex;
 use crate::cloud::neighbours::Bounds;
 use crate::cloud::vectors::with_widest_vectors;
@@ -88,10 +88,8 @@ impl Cylinder {
         } else {
             (-ends.abs() - sides, ends.abs() + sides)
         };
-        heights.clear();
-        window.in_box(&(self.centre + low), &(self.centre + high), |points| {
-            heights.add(points, self);
-        });
+        let between = window.box_between(&(self.centre + low), &(self.centre + high));
+        fill_heights(heights, window, &between, self);
     }
 
     /// The height of a point along the axis, and whether it lies inside.
@@ -132,22 +130,6 @@ impl Heights {
         self.filled = 0;
     }
 
-    fn add(&mut self, points: [&[f64]; 3], cylinder: &Cylinder) {
-        let end = self.filled + points[0].len();
-        if self.heights.len() < end {
-            self.heights.resize(2 * end, 0.0);
-            self.weights.resize(2 * end, 0.0);
-        }
-        let range = self.filled..end;
-        place_all(
-            points,
-            cylinder,
-            &mut self.heights[range.clone()],
-            &mut self.weights[range],
-        );
-        self.filled = end;
-    }
-
     fn push(&mut self, height: f64) {
         self.heights.truncate(self.filled);
         self.weights.truncate(self.filled);
@@ -163,14 +145,41 @@ impl Heights {
 }
 
 with_widest_vectors! {
-    /// Writes height and weight of every point.
-    fn place_all(points: [&[f64]; 3], cylinder: &Cylinder, heights: &mut [f64], weights: &mut [f64])
-        = write_places
+    fn fill_heights(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cylinder)
+        = fill
 }
 
+/// Replaces all by the points of the window in the cylinder, of which those in the box are looked at.
+/// Written without closures, which would not be compiled for the wide vectors.
 #[inline(always)]
-fn write_places(
-    [x, y, z]: [&[f64]; 3],
+fn fill(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cylinder) {
+    heights.filled = 0;
+    for row in 0..window.rows() {
+        let [x, y, z] = window.row_in_box(row, between);
+        let begin = heights.filled;
+        let end = begin + x.len();
+        if heights.heights.len() < end {
+            heights.heights.resize(2 * end, 0.0);
+            heights.weights.resize(2 * end, 0.0);
+        }
+        write(
+            x,
+            y,
+            z,
+            cylinder,
+            &mut heights.heights[begin..end],
+            &mut heights.weights[begin..end],
+        );
+        heights.filled = end;
+    }
+}
+
+/// Writes height and weight of every point.
+#[inline(always)]
+fn write(
+    x: &[f64],
+    y: &[f64],
+    z: &[f64],
     cylinder: &Cylinder,
     heights: &mut [f64],
     weights: &mut [f64],

@@ -1,6 +1,7 @@
 //! Number, mean and covariance of the points in a ball, in one pass.
 
 use super::sums;
+use super::window::{Ball, Window};
 use crate::cloud::StructureTensor;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::{Mat3, Vec3};
@@ -15,28 +16,11 @@ pub(super) struct Offsets {
 }
 
 impl Offsets {
-    pub(super) fn clear(&mut self) {
-        self.filled = 0;
-        self.inside = 0;
-    }
-
-    /// Adds points, given as lists of their coordinates of the same length: those with
-    /// |p − centre|² ≤ `limit` lie inside. What is not finite lies outside.
-    pub(super) fn add(&mut self, points: [&[f64]; 3], centre: &Vec3, limit: f64) {
-        let end = self.filled + points[0].len();
-        if self.lists[0].len() < end {
-            for list in &mut self.lists {
-                list.resize(2 * end, 0.0);
-            }
-        }
-        let [x, y, z] = &mut self.lists;
-        let into = [
-            &mut x[self.filled..end],
-            &mut y[self.filled..end],
-            &mut z[self.filled..end],
-        ];
-        self.inside += offsets_within(points, centre, limit, into);
-        self.filled = end;
+    /// Replaces all by the offsets of the points in the closed ball of `radius` (metres) around
+    /// `centre`.
+    pub(super) fn fill(&mut self, window: &Window, centre: &Vec3, radius: f64) {
+        let ball = window.ball(centre, radius);
+        fill_offsets(self, window, &ball, centre, radius * radius);
     }
 
     /// The structure tensor of the points inside.
@@ -59,18 +43,57 @@ impl Offsets {
 }
 
 with_widest_vectors! {
-    /// Writes the offsets of points from `centre`, 0 for those farther than the root of `limit`, and
-    /// returns how many are not.
-    fn offsets_within(points: [&[f64]; 3], centre: &Vec3, limit: f64, into: [&mut [f64]; 3]) -> u64
-        = write_offsets
+    fn fill_offsets(
+        offsets: &mut Offsets,
+        window: &Window,
+        ball: &Ball,
+        centre: &Vec3,
+        limit: f64
+    ) = fill
 }
 
+/// Those with |p − centre|² ≤ `limit` lie inside; what is not finite lies outside. Written without
+/// closures, which would not be compiled for the wide vectors.
 #[inline(always)]
-fn write_offsets(
-    [x, y, z]: [&[f64]; 3],
+fn fill(offsets: &mut Offsets, window: &Window, ball: &Ball, centre: &Vec3, limit: f64) {
+    offsets.filled = 0;
+    offsets.inside = 0;
+    for row in 0..window.rows() {
+        let [x, y, z] = window.row_in_ball(row, ball);
+        let begin = offsets.filled;
+        let end = begin + x.len();
+        let [into_x, into_y, into_z] = &mut offsets.lists;
+        if into_x.len() < end {
+            into_x.resize(2 * end, 0.0);
+            into_y.resize(2 * end, 0.0);
+            into_z.resize(2 * end, 0.0);
+        }
+        offsets.inside += write(
+            x,
+            y,
+            z,
+            centre,
+            limit,
+            &mut into_x[begin..end],
+            &mut into_y[begin..end],
+            &mut into_z[begin..end],
+        );
+        offsets.filled = end;
+    }
+}
+
+/// Writes the offsets of points from `centre`, 0 for those outside, and returns how many are inside.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)] // Compilers know of separate lists that they do not overlap.
+fn write(
+    x: &[f64],
+    y: &[f64],
+    z: &[f64],
     centre: &Vec3,
     limit: f64,
-    [into_x, into_y, into_z]: [&mut [f64]; 3],
+    into_x: &mut [f64],
+    into_y: &mut [f64],
+    into_z: &mut [f64],
 ) -> u64 {
     let count = x.len();
     let (y, z) = (&y[..count], &z[..count]);
@@ -85,10 +108,10 @@ fn write_offsets(
         let (x, y, z) = (x[at] - centre.x, y[at] - centre.y, z[at] - centre.z);
         // Without a branch: which points are inside is as good as random. All bits stay, or none.
         let inside = u64::from(x * x + y * y + z * z <= limit);
-        let keep = |value: f64| f64::from_bits(value.to_bits() & inside.wrapping_neg());
-        into_x[at] = keep(x);
-        into_y[at] = keep(y);
-        into_z[at] = keep(z);
+        let keep = inside.wrapping_neg();
+        into_x[at] = f64::from_bits(x.to_bits() & keep);
+        into_y[at] = f64::from_bits(y.to_bits() & keep);
+        into_z[at] = f64::from_bits(z.to_bits() & keep);
         found += inside;
     }
     found

@@ -35,10 +35,7 @@ pub(super) fn most_planar(
 ) -> Option<(Vec3, f64)> {
     let mut best: Option<(f64, Vec3, f64)> = None;
     for &radius in radii {
-        offsets.clear();
-        window.in_ball(point, radius, |points| {
-            offsets.add(points, point, radius * radius);
-        });
+        offsets.fill(window, point, radius);
         let tensor = offsets.tensor(point);
         if tensor.count < 3 {
             continue;
@@ -66,12 +63,14 @@ pub(super) fn most_planar(
 }
 
 fn points_in_ball(window: &Window, centre: &Vec3, radius: f64) -> Vec<Vec3> {
+    let ball = window.ball(centre, radius);
     let mut near = Vec::new();
-    window.in_ball(centre, radius, |[x, y, z]| {
+    for row in 0..window.rows() {
+        let [x, y, z] = window.row_in_ball(row, &ball);
         let points = x.iter().zip(y).zip(z);
         let points = points.map(|((x, y), z)| Vec3::new(*x, *y, *z));
         near.extend(points.filter(|point| (point - centre).norm_squared() <= radius * radius));
-    });
+    }
     near
 }
 

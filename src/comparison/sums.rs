@@ -1,11 +1,11 @@
 //! Sums of long lists, compiled for the widest vectors.
 //!
-//! Each is kept in sixteen parts side by side: one alone waits for its last addition. One sum at a
+//! Each is kept in 32 parts side by side: one alone waits for its last addition. One sum at a
 //! time: compilers find vectors in such loops, and none where several sums are mixed.
 
 use crate::cloud::vectors::with_widest_vectors;
 
-const LANES: usize = 16;
+const LANES: usize = 32;
 
 with_widest_vectors! {
     /// Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz of lists of the same length.

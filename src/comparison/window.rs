@@ -130,46 +130,77 @@ impl Window {
         }
     }
 
-    /// Hands the points of all cells that may meet the closed ball of `radius` (metres) around
-    /// `centre` to `each`, row by row, and some around them.
-    pub(super) fn in_ball(&self, centre: &Vec3, radius: f64, mut each: impl FnMut([&[f64]; 3])) {
-        let Some(lattice) = self.lattice else {
-            return;
+    /// Number of rows in which there are points.
+    pub(super) fn rows(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// What [`Self::row_in_ball`] needs for the closed ball of `radius` (metres) around `centre`.
+    /// There is nothing to be found in a window that was never filled.
+    pub(super) fn ball(&self, centre: &Vec3, radius: f64) -> Ball {
+        let (cell_m, room_m) = match self.lattice {
+            Some(lattice) => (lattice.cell_m, lattice.rounding(centre)),
+            None => (1.0, 0.0),
         };
-        let (cell_m, per_metre) = (lattice.cell_m, lattice.cell_m.recip());
-        let room = lattice.rounding(centre);
-        let squared = radius * radius * (1.0 + ROUNDING);
-        let column = (centre.x - self.x_m) * per_metre;
-        let last = self.columns as f64;
-        for row in &self.rows {
-            let y = distance_to_interval(row.y_m - centre.y, cell_m, room);
-            let z = distance_to_interval(row.z_m - centre.z, cell_m, room);
-            let left = squared - y * y - z * z;
-            if left >= 0.0 {
-                let half = (left.sqrt() + room) * per_metre;
-                let (from, to) = (below(column - half, last), above(column + half, last));
-                each(self.points(row, from..to));
-            }
+        Ball {
+            y_m: centre.y,
+            z_m: centre.z,
+            squared: radius * radius * (1.0 + ROUNDING),
+            room_m,
+            cell_m,
+            per_metre: cell_m.recip(),
+            column: (centre.x - self.x_m) / cell_m,
+            columns: self.columns as f64,
         }
     }
 
-    /// Hands the points of each row that meet the box from `low` to `high` (metres) to `each`, and
-    /// some around it.
-    pub(super) fn in_box(&self, low: &Vec3, high: &Vec3, mut each: impl FnMut([&[f64]; 3])) {
-        let Some(lattice) = self.lattice else {
-            return;
+    /// The points of a row in the cells that may meet the ball, and some around them; nothing where
+    /// there are none.
+    #[inline(always)]
+    pub(super) fn row_in_ball(&self, row: usize, ball: &Ball) -> [&[f64]; 3] {
+        let row = &self.rows[row];
+        let y = distance_to_interval(row.y_m - ball.y_m, ball.cell_m, ball.room_m);
+        let z = distance_to_interval(row.z_m - ball.z_m, ball.cell_m, ball.room_m);
+        let left = ball.squared - y * y - z * z;
+        if left < 0.0 {
+            return [&[]; 3];
+        }
+        let half = (left.sqrt() + ball.room_m) * ball.per_metre;
+        let columns =
+            below(ball.column - half, ball.columns)..above(ball.column + half, ball.columns);
+        self.points(row, columns)
+    }
+
+    /// What [`Self::row_in_box`] needs for the box from `low` to `high` (metres).
+    pub(super) fn box_between(&self, low: &Vec3, high: &Vec3) -> Between {
+        let (cell_m, room_m) = match self.lattice {
+            Some(lattice) => (
+                lattice.cell_m,
+                lattice.rounding(low).max(lattice.rounding(high)),
+            ),
+            None => (1.0, 0.0),
         };
-        let (cell_m, per_metre) = (lattice.cell_m, lattice.cell_m.recip());
-        let room = lattice.rounding(low).max(lattice.rounding(high));
         let last = self.columns as f64;
-        let from = below((low.x - room - self.x_m) * per_metre, last);
-        let to = above((high.x + room - self.x_m) * per_metre, last);
+        Between {
+            low: low.add_scalar(-room_m - cell_m),
+            high: high.add_scalar(room_m),
+            columns: below((low.x - room_m - self.x_m) / cell_m, last)
+                ..above((high.x + room_m - self.x_m) / cell_m, last),
+        }
+    }
+
+    /// The points of a row in the cells that meet the box, and some around them; nothing where there
+    /// are none.
+    #[inline(always)]
+    pub(super) fn row_in_box(&self, row: usize, between: &Between) -> [&[f64]; 3] {
+        let row = &self.rows[row];
+        let (low, high) = (&between.low, &between.high);
         let meets =
-            |begin: f64, low: f64, high: f64| begin <= high + room && begin + cell_m >= low - room;
-        for row in &self.rows {
-            if meets(row.y_m, low.y, high.y) && meets(row.z_m, low.z, high.z) {
-                each(self.points(row, from..to));
-            }
+            (row.y_m <= high.y) & (row.y_m >= low.y) & (row.z_m <= high.z) & (row.z_m >= low.z);
+        if meets {
+            self.points(row, between.columns.clone())
+        } else {
+            [&[]; 3]
         }
     }
 
@@ -185,6 +216,27 @@ impl Window {
             &self.z[range],
         ]
     }
+}
+
+/// A ball, as the rows of a window see it: metres, and columns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ball {
+    y_m: f64,
+    z_m: f64,
+    squared: f64,
+    room_m: f64,
+    cell_m: f64,
+    per_metre: f64,
+    column: f64,
+    columns: f64,
+}
+
+/// A box, as the rows of a window see it: their lower ends lie between these if they meet it.
+#[derive(Debug, Clone)]
+pub(super) struct Between {
+    low: Vec3,
+    high: Vec3,
+    columns: Range<usize>,
 }
 
 /// Distance from 0 to the interval from `low` on, as long as `length`; not too large, by `room`.
