@@ -63,8 +63,7 @@ impl Grid {
                 (key >> self.used_bits.saturating_sub(PARCEL_BITS)) as usize
             }
         };
-        // Each chunk's keys by parcel, and where the parcels end.
-        let dealt: Vec<(Vec<(u64, u32)>, Vec<u32>)> = points
+        let dealt: Vec<Dealt> = points
             .par_chunks(CHUNK)
             .enumerate()
             .map(|(chunk, points)| {
@@ -89,14 +88,21 @@ impl Grid {
                     sorted[*place as usize] = (key, index);
                     *place += 1;
                 }
-                (sorted, ends)
+                Dealt {
+                    keyed: sorted,
+                    ends,
+                }
             })
             .collect();
         let sorted: Vec<Vec<(u64, u32)>> = (0..=parcels)
             .into_par_iter()
             .map(|parcel| {
                 let mut keyed: Vec<(u64, u32)> = Vec::new();
-                for (sorted, ends) in &dealt {
+                for Dealt {
+                    keyed: sorted,
+                    ends,
+                } in &dealt
+                {
                     let start = parcel.checked_sub(1).map_or(0, |before| ends[before]);
                     keyed.extend(&sorted[start as usize..ends[parcel] as usize]);
                 }
@@ -147,6 +153,14 @@ impl Grid {
             used_bits: 3 * BITS,
         })
     }
+}
+
+/// The points of a chunk by parcel.
+struct Dealt {
+    /// Keys and indices.
+    keyed: Vec<(u64, u32)>,
+    /// Where each parcel ends.
+    ends: Vec<u32>,
 }
 
 /// Puts two zeros before each of the 21 low bits.
