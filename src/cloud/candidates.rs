@@ -14,6 +14,8 @@
 //!    are sorted by their f64 distance, then index.
 //! 4. The neighbours are exact if the k-th distance does not reach the border of the gathered box.
 //!    Queries that fail this are asked again with the margin that their k-th distance demands.
+//!    Where a margin gathers far more than k candidates, points in a sparse part beside a dense
+//!    one for instance, the queries that are left are searched for in the tree, one by one.
 //!
 //! ## The bound of step 3
 //! Let d be the exact squared distance and d̃ the computed one, u = 2⁻²⁴ the unit of rounding of
@@ -23,6 +25,8 @@
 //! |d̃ − d| ≤ 2√d · 2√3 uE + (2√3 uE)² + 6ud. [`Candidates::doubt`] takes about twice as much. If
 //! fewer than k computed distances do not exceed t, a candidate with d̃ ≤ t − 2 |d̃ − d| is nearer
 //! than all those beyond t, so it is one of the k nearest; and likewise above.
+
+use std::cell::Cell;
 
 use super::lanes::{Lanes, WORD};
 use super::neighbours::{Bounds, squared_distance};
@@ -74,16 +78,24 @@ pub(super) enum Search {
 }
 
 impl Candidates {
-    /// Takes the points of `index` in the box of `group` widened by `margin_m`.
+    /// Takes the points of `index` in the box of `group` widened by `margin_m`; false where they
+    /// are more than `most`, and then not to be searched.
     #[inline(always)]
-    pub(super) fn gather(&mut self, index: &NeighbourIndex, group: &Bounds, margin_m: f64) {
+    pub(super) fn gather(
+        &mut self,
+        index: &NeighbourIndex,
+        group: &Bounds,
+        margin_m: f64,
+        most: usize,
+    ) -> bool {
         let wide = Bounds {
             low: group.low.add_scalar(-margin_m),
             high: group.high.add_scalar(margin_m),
         };
         let mut filled = 0;
+        let too_many = Cell::new(false);
         index.visit_leaves(
-            |bounds| bounds.meets(&wide),
+            |bounds| bounds.meets(&wide) && !too_many.get(),
             |leaf| {
                 let end = filled + leaf.len();
                 if self.points.len() < end {
@@ -97,10 +109,14 @@ impl Candidates {
                     self.indices[filled] = index.indices[at];
                     filled += usize::from(wide.holds(point));
                 }
+                too_many.set(filled > most);
             },
         );
         self.points.truncate(filled);
         self.indices.truncate(filled);
+        if too_many.get() {
+            return false;
+        }
         let all = index.nodes.first().map(|root| root.bounds);
         let clear = |end: f64, reached: bool| if reached { f64::INFINITY } else { end };
         self.region = all.map(|all| Bounds {
@@ -128,6 +144,34 @@ impl Candidates {
         self.chosen.resize(padded / WORD, 0);
         self.squared.truncate(padded);
         self.chosen.truncate(padded / WORD);
+        true
+    }
+
+    /// Takes the `k` points of `index` nearest to `query`, found by themselves, and chooses them all;
+    /// distance of the farthest, as [`Search::Found`] has it.
+    pub(super) fn take_nearest(&mut self, index: &NeighbourIndex, query: &Vec3, k: usize) -> f64 {
+        let mut farthest = f64::NAN;
+        self.places.clear();
+        for (squared, _, place) in index.find_nearest(query, k) {
+            farthest = squared;
+            self.places.push(place);
+        }
+        self.places.sort_unstable();
+        self.points.clear();
+        self.indices.clear();
+        for &place in &self.places {
+            let point = &index.points[place as usize];
+            self.points.push([point.x, point.y, point.z, 1.0]);
+            self.indices.push(index.indices[place as usize]);
+        }
+        self.chosen.clear();
+        self.chosen.resize(self.len().div_ceil(WORD), 0);
+        self.choose_all();
+        if self.len() < k {
+            f64::INFINITY
+        } else {
+            farthest.sqrt()
+        }
     }
 
     /// How many there are.
@@ -193,7 +237,8 @@ impl Candidates {
         // The room is right to a few roundings of the coordinates.
         let reach = farthest.sqrt();
         let enough = reach * (1.0 + 1e-12);
-        if enough < region || region == f64::INFINITY {
+        // A point at the query's own place is in every box.
+        if enough < region || region == f64::INFINITY || farthest == 0.0 {
             Search::Found(reach)
         } else {
             Search::Margin(enough)

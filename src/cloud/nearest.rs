@@ -9,8 +9,8 @@ pub(super) struct Nearest {
     query: Vec3,
     k: usize,
     limit: f64,
-    /// Squared distance and, in the low 32 bits, index: the bits of non-negative f64 sort like the
-    /// numbers, and one integer compares without branches. Those from `filled` on are unused.
+    /// Squared distance, index, place: the bits of non-negative f64 sort like the numbers, and one
+    /// integer compares without branches. Those from `filled` on are unused.
     candidates: Vec<u128>,
     filled: usize,
 }
@@ -36,16 +36,17 @@ impl Nearest {
         self.limit
     }
 
-    /// Shows points with their indices.
-    pub(super) fn offer(&mut self, points: &[Vec3], indices: &[u32]) {
+    /// Shows points with their indices; `first` is the place of the first of them.
+    pub(super) fn offer(&mut self, points: &[Vec3], indices: &[u32], first: u32) {
         if self.candidates.len() < self.filled + points.len() {
             self.candidates.resize(self.filled + points.len(), 0);
         }
-        for (point, &index) in points.iter().zip(indices) {
+        for ((point, &index), place) in points.iter().zip(indices).zip(first..) {
             let distance = squared_distance(point, &self.query);
             // Written in any case and kept by counting it: whether it is kept is as good as
             // random, which would cost a mispredicted branch every other time.
-            self.candidates[self.filled] = u128::from(distance.to_bits()) << 32 | u128::from(index);
+            self.candidates[self.filled] =
+                u128::from(distance.to_bits()) << 64 | u128::from(index) << 32 | u128::from(place);
             self.filled += usize::from(distance <= self.limit);
         }
         let full = if self.limit.is_finite() {
@@ -59,21 +60,22 @@ impl Nearest {
     }
 
     fn keep_k(&mut self) {
-        if self.filled >= self.k {
+        if self.k > 0 && self.filled >= self.k {
             let candidates = &mut self.candidates[..self.filled];
             let (_, farthest, _) = candidates.select_nth_unstable(self.k - 1);
-            self.limit = f64::from_bits((*farthest >> 32) as u64);
+            self.limit = f64::from_bits((*farthest >> 64) as u64);
             self.filled = self.k;
         }
     }
 
-    /// Indices of the k nearest, nearest first.
-    pub(super) fn finish(mut self) -> impl Iterator<Item = u32> {
+    /// The k nearest, nearest first: squared distance, index, place.
+    pub(super) fn finish(mut self) -> impl DoubleEndedIterator<Item = (f64, u32, u32)> {
         self.keep_k();
         self.candidates.truncate(self.filled);
         self.candidates.sort_unstable();
-        self.candidates
-            .into_iter()
-            .map(|candidate| candidate as u32)
+        self.candidates.into_iter().map(|candidate| {
+            let distance = f64::from_bits((candidate >> 64) as u64);
+            (distance, (candidate >> 32) as u32, candidate as u32)
+        })
     }
 }

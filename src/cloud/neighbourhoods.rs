@@ -17,6 +17,10 @@ use crate::progress::{Progress, Silent};
 /// Most queries that share candidates.
 const GROUP: usize = 64;
 
+/// Candidates for each neighbour, or query if they are more, beyond which queries are searched for
+/// one by one. On surfaces there are about 6 of each.
+const MOST_CANDIDATES: usize = 64;
+
 /// Groups a thread works on at a time.
 const CHUNK: usize = 64;
 
@@ -238,7 +242,7 @@ fn solve<L: Lanes, Found: Take>(
     let k = match of {
         Neighbourhood::Nearest(k) => k,
         Neighbourhood::Within(radius) => {
-            candidates.gather(index, &group.bounds, radius * (1.0 + 1e-12));
+            candidates.gather(index, &group.bounds, radius * (1.0 + 1e-12), usize::MAX);
             for (query, found) in queries.iter().zip(found) {
                 candidates.within::<L>(query, radius);
                 *found = Found::take::<L>(candidates, query, radius);
@@ -249,15 +253,33 @@ fn solve<L: Lanes, Found: Take>(
     if k == 0 || index.nodes.is_empty() {
         return;
     }
-    let mut margin_m = if *reach_m > 0.0 {
-        1.05 * *reach_m
-    } else {
-        index.reach_guess_m(&group.bounds, k)
+    let enough_for_first = || {
+        let farthest = index.find_nearest(&queries[0], k).next_back();
+        1.05 * farthest.map_or(0.0, |(squared, _, _)| squared.sqrt())
     };
+    // As far as the group before reached; if that holds too much, as far as the first query does.
+    let mut is_first_known = *reach_m == 0.0;
+    let mut margin_m = if is_first_known {
+        enough_for_first()
+    } else {
+        1.05 * *reach_m
+    };
+    let most = MOST_CANDIDATES * k.max(GROUP);
     *reach_m = 0.0;
     let mut open: Vec<usize> = (0..queries.len()).collect();
     while !open.is_empty() {
-        candidates.gather(index, &group.bounds, margin_m);
+        if !candidates.gather(index, &group.bounds, margin_m, most) {
+            if !is_first_known {
+                is_first_known = true;
+                margin_m = enough_for_first();
+                continue;
+            }
+            for &at in &open {
+                let reach = candidates.take_nearest(index, &queries[at], k);
+                found[at] = Found::take::<L>(candidates, &queries[at], reach);
+            }
+            return;
+        }
         let mut wanted_m: f64 = 0.0;
         let mut left = 0;
         for turn in 0..open.len() {
@@ -279,6 +301,10 @@ fn solve<L: Lanes, Found: Take>(
         }
         open.truncate(left);
         // Where there are k within twice the margin, none but those are looked for.
-        margin_m = wanted_m.clamp(1.01 * margin_m, 2.0 * margin_m);
+        margin_m = if margin_m > 0.0 {
+            wanted_m.clamp(1.01 * margin_m, 2.0 * margin_m)
+        } else {
+            wanted_m
+        };
     }
 }

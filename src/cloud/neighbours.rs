@@ -218,13 +218,21 @@ impl NeighbourIndex {
     /// a fraction of the time.
     pub fn nearest(&self, query: &Vec3, k: usize, into: &mut Vec<u32>) {
         into.clear();
+        into.extend(self.find_nearest(query, k).map(|(_, index, _)| index));
+    }
+
+    /// The `k` nearest points, nearest first: squared distance, index, place in `points`.
+    pub(super) fn find_nearest(
+        &self,
+        query: &Vec3,
+        k: usize,
+    ) -> impl DoubleEndedIterator<Item = (f64, u32, u32)> + use<> {
         let k = k.min(self.len());
-        if k == 0 || self.nodes.is_empty() {
-            return;
-        }
         let mut nearest = Nearest::new(query, k);
-        self.collect_nearest(&mut nearest, 0);
-        into.extend(nearest.finish());
+        if k > 0 && !self.nodes.is_empty() {
+            self.collect_nearest(&mut nearest, 0);
+        }
+        nearest.finish()
     }
 
     /// Replaces `into` by the indices of the points in the closed ball of `radius` (metres) around
@@ -281,18 +289,6 @@ impl NeighbourIndex {
         }
     }
 
-    /// How far around `group` the `k` nearest points of each of its points would lie if the points
-    /// covered their extent evenly as a surface, metres; never less than the gap between the two.
-    /// A first guess, above 0 unless the group holds all there is.
-    pub(super) fn reach_guess_m(&self, group: &Bounds, k: usize) -> f64 {
-        let Some(root) = self.nodes.first() else {
-            return 0.0;
-        };
-        let (low, high) = (&root.bounds.low, &root.bounds.high);
-        let gap = (group.low - high).sup(&(low - group.high)).max().max(0.0);
-        1.01 * gap + (high - low).norm() * (k as f64 / self.len() as f64).sqrt()
-    }
-
     /// The largest nodes of no more than `most` points, in order: every point is in one of them.
     pub(super) fn groups(&self, most: usize) -> Vec<&Node> {
         let mut groups = Vec::new();
@@ -322,7 +318,7 @@ impl NeighbourIndex {
         let node = &self.nodes[at];
         if node.second == 0 {
             let leaf = node.points();
-            nearest.offer(&self.points[leaf.clone()], &self.indices[leaf]);
+            nearest.offer(&self.points[leaf.clone()], &self.indices[leaf], node.first);
             return;
         }
         let (first, second) = (at + 1, at + node.second as usize);
