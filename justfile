@@ -41,3 +41,7 @@ online:
 # Errors of the poses and constants against their covariances over DRIVES simulated drives
 consistency DRIVES="50":
     cargo run --release --example consistency -- {{DRIVES}}
+
+# The kernels beside their peers on the same files; writes docs/performance.md (needs Python)
+bench-kernels *ARGS:
+    python3 benches/kernels/run.py {{ARGS}}

@@ -19,6 +19,7 @@ fn help_names_every_command_and_the_exit_codes() {
         "calibrate",
         "georeference",
         "compare",
+        "thin",
         "run",
     ] {
         assert!(
@@ -47,6 +48,7 @@ fn every_command_that_writes_takes_a_folder() {
         "calibrate",
         "georeference",
         "compare",
+        "thin",
         "run",
     ] {
         let run = boresight(&[name, "--help"]);

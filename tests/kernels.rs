@@ -8,8 +8,9 @@ mod common;
 mod kernels;
 
 use boresight::cloud::voxel::{thin, thin_by, voxel_key};
-use boresight::cloud::{NeighbourIndex, StructureTensor};
+use boresight::cloud::{NeighbourIndex, Neighbourhood, StructureTensor, Surroundings};
 use boresight::geometry::{Mat3, Vec3};
+use boresight::progress::Silent;
 use common::shared_data;
 use kernels::{naive_covariance, read_las, read_table};
 use proptest::prelude::*;
@@ -25,6 +26,90 @@ fn brute_order(points: &[Vec3], query: &Vec3) -> Vec<(f64, u32)> {
         .collect();
     all.sort_by(|a, b| a.partial_cmp(b).unwrap());
     all
+}
+
+/// The sums of both run in other orders: √n roundings of the largest entry, of offsets up to the
+/// reach, or of the mean's coordinates.
+fn check_tensor(found: &Surroundings, expected: &StructureTensor, reach_m: f64) {
+    assert_eq!(found.tensor.count, expected.count);
+    assert_eq!(found.reach_m.is_finite(), reach_m.is_finite());
+    if reach_m.is_finite() {
+        assert!((found.reach_m - reach_m).abs() <= 4.0 * f64::EPSILON * reach_m);
+    }
+    if expected.count == 0 {
+        assert!(found.tensor.mean.iter().all(|x| x.is_nan()));
+        return;
+    }
+    if !expected.covariance.trace().is_finite() {
+        return;
+    }
+    let n = expected.count as f64;
+    let tolerance = 8.0 * f64::EPSILON * n.sqrt();
+    let difference = (found.tensor.covariance - expected.covariance).norm();
+    assert!(
+        difference <= tolerance * 16.0 * expected.covariance.trace(),
+        "{difference:e} of {:e}, {n} points",
+        expected.covariance.trace()
+    );
+    let shift = (found.tensor.mean - expected.mean).norm();
+    assert!(
+        shift <= tolerance * (expected.mean.norm() + expected.covariance.trace().sqrt()),
+        "{shift:e}"
+    );
+}
+
+#[test]
+fn a_part_of_a_cloud_in_the_extent_of_the_whole_gives_the_same_bits() {
+    for (name, points) in nasty_clouds() {
+        let [low, high] = [f64::min, f64::max].map(|end| {
+            points
+                .iter()
+                .copied()
+                .reduce(|a, b| a.zip_map(&b, end))
+                .unwrap_or_default()
+        });
+        let index = NeighbourIndex::new(&points);
+        let place: Vec<usize> = {
+            let mut place = vec![0; points.len()];
+            for (at, &i) in index.spatial_order().iter().enumerate() {
+                place[i as usize] = at;
+            }
+            place
+        };
+        // Every other part of the cloud along x, in which the rest is missing.
+        let middle = (low.x + high.x) / 2.0;
+        let part: Vec<usize> = (0..points.len())
+            .filter(|&i| points[i].x <= middle)
+            .collect();
+        let some: Vec<Vec3> = part.iter().map(|&i| points[i]).collect();
+        let partial = NeighbourIndex::in_extent(&some, &low, &high);
+        let order = partial
+            .spatial_order()
+            .iter()
+            .map(|&i| place[part[i as usize]]);
+        assert!(order.is_sorted(), "{name}");
+        // Neighbourhoods that the part holds whole.
+        for of in [Neighbourhood::Nearest(20), Neighbourhood::Within(0.05)] {
+            let all = index.surroundings(&some, of, &Silent, |_, s| *s);
+            let found = partial.surroundings(&some, of, &Silent, |_, s| *s);
+            for ((all, found), point) in all.iter().zip(&found).zip(&some) {
+                if all.reach_m < middle - point.x {
+                    assert_eq!(all, found, "{name}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn points_at_astronomical_distances_are_told_apart() {
+    // Squares that overflow f32, and in the second case f64 as well.
+    for far in [1e25, 1e160] {
+        let points: Vec<Vec3> = (0..300)
+            .map(|i| Vec3::new(far * f64::from(i), 0.0, f64::from(i % 7)))
+            .collect();
+        check_neighbours(&points, &points[..40], &[3, 50], &[2.0 * far]);
+    }
 }
 
 fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f64]) {
@@ -48,6 +133,40 @@ fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f6
                 .collect();
             expected.sort_unstable();
             assert_eq!(found, expected, "radius = {radius} at {query:?}");
+        }
+    }
+    for &k in ks {
+        let all = index.nearest_of_all(queries, k);
+        let tensors = index.surroundings(queries, Neighbourhood::Nearest(k), &Silent, |at, s| {
+            (at, *s)
+        });
+        let k_found = k.min(points.len());
+        assert_eq!(all.len(), queries.len() * k_found);
+        for (at, query) in queries.iter().enumerate() {
+            let brute = brute_order(points, query);
+            let mut expected: Vec<u32> = brute.iter().take(k).map(|pair| pair.1).collect();
+            let reach_m = match expected.last() {
+                Some(last) if expected.len() == k => (points[*last as usize] - query).norm(),
+                _ => f64::INFINITY,
+            };
+            check_tensor(
+                &tensors[at].1,
+                &StructureTensor::of(points, &expected),
+                reach_m,
+            );
+            assert_eq!(tensors[at].0, at);
+            let mut members = all[at * k_found..(at + 1) * k_found].to_vec();
+            members.sort_unstable();
+            expected.sort_unstable();
+            assert_eq!(members, expected, "all, k = {k} at {query:?}");
+        }
+    }
+    for &radius in radii {
+        let tensors =
+            index.surroundings(queries, Neighbourhood::Within(radius), &Silent, |_, s| *s);
+        for (tensor, query) in tensors.iter().zip(queries) {
+            index.within(query, radius, &mut found);
+            check_tensor(tensor, &StructureTensor::of(points, &found), radius);
         }
     }
     let mut order = index.spatial_order().to_vec();

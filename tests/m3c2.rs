@@ -6,10 +6,10 @@ mod common;
 #[path = "common/kernels.rs"]
 mod kernels;
 
-use boresight::comparison::{CoreDistance, M3c2, Statistics, core_points, m3c2};
+use boresight::comparison::{CoreDistance, M3c2, Normals, Statistics, core_points, m3c2};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
-use boresight::project::ComparisonSettings;
+use boresight::project::{Aggregation, ComparisonSettings};
 use common::shared_data;
 use kernels::{naive_covariance, read_las, read_table};
 use rand::{RngExt, SeedableRng};
@@ -75,7 +75,15 @@ fn m3c2_is_that_of_brute_force() {
         compared.retain(|p| (p - origin - Vec3::new(0.7, 0.5, 0.2)).norm() > 0.25);
         let mut core: Vec<Vec3> = reference.iter().step_by(3).copied().collect();
         core.push(origin + Vec3::new(0.0, 0.0, 40.0));
-        let found = m3c2(&reference, &compared, &core, None, &settings, &UP, &Silent).unwrap();
+        let found = m3c2(
+            &reference,
+            &compared,
+            &core,
+            Normals::UPWARDS,
+            &settings,
+            &Silent,
+        )
+        .unwrap();
 
         let (mut nothing, mut single) = (0, 0);
         for (at, point) in found.core.iter().zip(&core) {
@@ -148,7 +156,17 @@ fn m3c2_does_not_depend_on_the_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        let run = || m3c2(&reference, &compared, &core, None, &settings, &UP, &Silent).unwrap();
+        let run = || {
+            m3c2(
+                &reference,
+                &compared,
+                &core,
+                Normals::UPWARDS,
+                &settings,
+                &Silent,
+            )
+            .unwrap()
+        };
         format!("{:?}", pool.install(run))
     };
     assert_eq!(with(1), with(3));
@@ -161,22 +179,22 @@ fn comparison_refuses_what_it_cannot_compare() {
         .map(|i| Vec3::new(f64::from(i % 20), f64::from(i / 20), 0.0) * 0.01)
         .collect();
     let above: Vec<Vec3> = plane.iter().map(|p| p + UP).collect();
-    let run = |a: &[Vec3], b: &[Vec3], normals: Option<&[Vec3]>, settings: &ComparisonSettings| {
-        m3c2(a, b, &plane, normals, settings, &UP, &Silent)
+    let run = |a: &[Vec3], b: &[Vec3], normals: Normals<'_>, settings: &ComparisonSettings| {
+        m3c2(a, b, &plane, normals, settings, &Silent)
     };
     for (a, b, name) in [
         (&plane[..], &[][..], "compared"),
         (&[][..], &plane[..], "reference"),
     ] {
         assert!(
-            run(a, b, None, &settings)
+            run(a, b, Normals::UPWARDS, &settings)
                 .unwrap_err()
                 .to_string()
                 .contains(name)
         );
     }
     assert!(
-        run(&plane, &plane, Some(&[UP]), &settings)
+        run(&plane, &plane, Normals::Given(&[UP]), &settings)
             .unwrap_err()
             .to_string()
             .contains("400")
@@ -186,7 +204,7 @@ fn comparison_refuses_what_it_cannot_compare() {
         ..settings.clone()
     };
     assert!(
-        run(&plane, &plane, None, &zero)
+        run(&plane, &plane, Normals::UPWARDS, &zero)
             .unwrap_err()
             .to_string()
             .contains("cylinder_radius_m")
@@ -195,14 +213,14 @@ fn comparison_refuses_what_it_cannot_compare() {
         registration_error_m: -0.001,
         ..settings.clone()
     };
-    assert!(run(&plane, &plane, None, &negative).is_err());
+    assert!(run(&plane, &plane, Normals::UPWARDS, &negative).is_err());
     let no_radii = ComparisonSettings {
         normal_radii_m: vec![],
         ..settings.clone()
     };
-    assert!(run(&plane, &plane, None, &no_radii).is_err());
+    assert!(run(&plane, &plane, Normals::UPWARDS, &no_radii).is_err());
 
-    let apart = run(&plane, &above, None, &settings).unwrap();
+    let apart = run(&plane, &above, Normals::UPWARDS, &settings).unwrap();
     let message = Statistics::of(&apart).unwrap_err().to_string();
     assert!(
         message.contains("do not meet") && message.contains("400"),
@@ -269,6 +287,71 @@ fn read_npy_points(path: &std::path::Path) -> Vec<Vec3> {
         .collect()
 }
 
+/// The points that `m3c2/robust.py` makes.
+struct Congruential(u32);
+
+impl Congruential {
+    fn draw(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(self.0) / 4_294_967_296.0
+    }
+
+    fn surface(&mut self, n: usize, offset: f64) -> Vec<Vec3> {
+        let point = |_| {
+            let [x, y, noise] = [self.draw(), self.draw(), self.draw()];
+            Vec3::new(x, y, 0.25 * x * x + offset + 0.03125 * (noise - 0.5))
+        };
+        (0..n).map(point).collect()
+    }
+}
+
+#[test]
+fn robust_m3c2_equals_py4dgeo() {
+    let mut points = Congruential(1);
+    let reference = points.surface(900, 0.0);
+    let compared = points.surface(700, 0.0078125);
+    let core = points.surface(120, 0.0);
+    let normals: Vec<Vec3> = core
+        .iter()
+        .map(|point| Vec3::new(-0.5 * point.x, 0.0, 1.0))
+        .collect();
+    let settings = ComparisonSettings {
+        cylinder_radius_m: 0.0625,
+        max_distance_m: 0.125,
+        registration_error_m: 0.001,
+        aggregation: Aggregation::Median,
+        ..ComparisonSettings::default()
+    };
+    let normals = Normals::Given(&normals);
+    let found = m3c2(&reference, &compared, &core, normals, &settings, &Silent).unwrap();
+    let table = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/m3c2/robust.csv");
+    let table = read_table(&table);
+    assert_eq!(table.len(), core.len());
+    let mut worst = 0.0f64;
+    for (at, row) in found.core.iter().zip(&table) {
+        assert_eq!(
+            [at.reference_count, at.compared_count].map(f64::from),
+            row[4..]
+        );
+        let ours = [
+            at.distance_m,
+            at.level_of_detection_m,
+            at.reference_spread_m,
+            at.compared_spread_m,
+        ];
+        for (ours, theirs) in ours.iter().zip(row) {
+            // Of one point the range is 0 there and unknown here.
+            if ours.is_nan() {
+                assert!(at.reference_count.min(at.compared_count) < 2);
+            } else {
+                worst = worst.max((ours - theirs).abs());
+            }
+        }
+    }
+    println!("median, range and level of detection within {worst:.1e} m, counts equal");
+    assert!(worst < 1e-15);
+}
+
 #[test]
 fn m3c2_equals_py4dgeo() {
     let Some(folder) = shared_data("m3c2_case") else {
@@ -290,6 +373,7 @@ fn m3c2_equals_py4dgeo() {
         cylinder_radius_m: 0.02,
         max_distance_m: 0.05,
         registration_error_m: 0.001,
+        ..ComparisonSettings::default()
     };
 
     // With py4dgeo's normals everything is the same number.
@@ -297,9 +381,8 @@ fn m3c2_equals_py4dgeo() {
         &first,
         &second,
         &core,
-        Some(&normals),
+        Normals::Given(&normals),
         &settings,
-        &UP,
         &Silent,
     )
     .unwrap();
@@ -335,7 +418,7 @@ fn m3c2_equals_py4dgeo() {
     assert!(worst.iter().all(|difference| *difference < 1e-9));
 
     // With our own.
-    let own = m3c2(&first, &second, &core, None, &settings, &UP, &Silent).unwrap();
+    let own = m3c2(&first, &second, &core, Normals::UPWARDS, &settings, &Silent).unwrap();
     let radii = numbers("normal_radius_used.npy");
     let (mut turned, mut other_radius, mut worst_angle) = (0, 0, 0.0f64);
     for (i, at) in own.core.iter().enumerate() {
@@ -381,8 +464,17 @@ fn m3c2_scatters_around_cloudcompare_no_more_than_pdal() {
         cylinder_radius_m: 2.890432,
         max_distance_m: 5.5,
         registration_error_m: 0.0,
+        ..ComparisonSettings::default()
     };
-    let ours = m3c2(&reference, &compared, &core, None, &settings, &UP, &Silent).unwrap();
+    let ours = m3c2(
+        &reference,
+        &compared,
+        &core,
+        Normals::UPWARDS,
+        &settings,
+        &Silent,
+    )
+    .unwrap();
 
     // The files have three decimals; ours get as many, so that rounding favours nobody. Core points
     // without a normal are 0 with an uncertainty of 0 there, and NaN here.

@@ -15,23 +15,20 @@ is subtracted, for boresight nothing.
 """
 
 import argparse
-import datetime
 import json
-import os
-import platform
-import shlex
 import statistics
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
+sys.path.insert(0, str(HERE.parent))
+
+from common import (MIB, ROOT, build, environment, heading_line, measured, median, number, ratio, row, say, version,
+                    write)
+
 PACKAGES = ["gtsam==4.3.0", "numpy", "scipy"]
-BEGIN, END = "<!-- benches/trajectory: begin -->", "<!-- benches/trajectory: end -->"
 MARGINALS_LIMIT_S = 120.0
-MIB = 1024.0 * 1024.0
 
 # What is run on each drive: boresight's arguments beside gtsam's solver and nodes.
 PAIRS = {
@@ -44,7 +41,7 @@ PAIRS = {
 
 def main():
     given = arguments()
-    python = environment(given.venv)
+    python = environment(given.venv, PACKAGES)
     binary = build()
     drives = logs(given, python)
     found = {}
@@ -58,7 +55,7 @@ def main():
     text = report(given, python, binary, drives, found, extra)
     print(text)
     if not given.no_write:
-        write(ROOT / "docs" / "performance.md", text)
+        write("Trajectory", "benches/trajectory", text)
 
 
 def arguments():
@@ -84,24 +81,6 @@ def arguments():
     return given
 
 
-def say(text):
-    print(text, file=sys.stderr, flush=True)
-
-
-def environment(folder):
-    """The Python of the virtual environment, made where it is missing."""
-    python = folder / "bin" / "python"
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
-    subprocess.run([str(python), "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-    return str(python)
-
-
-def build():
-    subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT, check=True)
-    return str(ROOT / "target" / "release" / "boresight")
-
-
 def logs(given, python):
     """Length in minutes and folder of every drive."""
     simulate = [python, str(HERE / "simulate.py")]
@@ -116,24 +95,6 @@ def logs(given, python):
         subprocess.run([*simulate, str(folder), "--minutes", minutes], check=True)
         drives.append((float(minutes), folder))
     return drives
-
-
-def measured(command):
-    """Wall seconds, processor seconds, peak bytes and stdout of one process; None for a failure."""
-    begun = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    out = process.stdout.read()
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode != 0:
-        say(f"failed ({process.returncode}): {shlex.join(command)}")
-        return None
-    return {
-        "wall_s": time.perf_counter() - begun,
-        "cpu_s": usage.ru_utime + usage.ru_stime,
-        "peak_bytes": usage.ru_maxrss * 1024,
-        "out": out,
-    }
 
 
 def boresight(python, binary, folder, nodes, flags, plain):
@@ -195,34 +156,10 @@ def beyond_the_solution(python, folder):
     return {nodes: gtsam(python, folder, "lm", nodes, flags) for nodes in ("imu", "prism")}
 
 
-def median(runs, *path):
-    def value(run):
-        for key in path:
-            run = run[key]
-        return run
-
-    return statistics.median(value(run) for run in runs) if runs else None
-
-
-def number(value, digits=3):
-    if value is None:
-        return "–"
-    if value >= 100:
-        return f"{value:.0f}"
-    return f"{value:.{digits}g}"
-
-
-def ratio(theirs, ours):
-    return f"{theirs / ours:.1f}" if theirs is not None and ours is not None else "–"
-
-
-def row(*cells):
-    return "| " + " | ".join(cells) + " |"
-
-
 def report(given, python, binary, drives, found, extra):
-    lines = heading_lines(python, binary)
-    lines += [
+    packages = "from importlib.metadata import version as v; print('gtsam', v('gtsam'), 'numpy', v('numpy'))"
+    lines = [
+        heading_line("benches/trajectory/run.py", binary, version(python, "-c", packages)), "",
         "Medians; `gtsam : boresight` above 1 means that boresight needs less. On a machine that others use "
         "too, processor time (CPU s) is the steadier measure: gtsam's is that of its one thread in the "
         "optimiser, boresight's that of its whole process on all its threads.", "",
@@ -253,27 +190,6 @@ def report(given, python, binary, drives, found, extra):
                                  number(median(x, "update_ms_p999")), errors(x, "online")))
     lines += ["", *notes(given, drives, found, extra)]
     return "\n".join(lines) + "\n"
-
-
-def heading_lines(python, binary):
-    version = lambda *command: subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    packages = "from importlib.metadata import version as v; print('gtsam', v('gtsam'), 'numpy', v('numpy'))"
-    # Folders by their names: the page is not about this machine's disk.
-    words = [Path(word).name if word.startswith("/") else word for word in sys.argv[1:]]
-    command = shlex.join(["python3", "benches/trajectory/run.py", *words])
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1024**3
-    return [
-        f"`{command}`, {datetime.date.today()}, {version(binary, '--version')} ({version('rustc', '--version')}), "
-        f"{version(python, '-c', packages)}, Python {platform.python_version()}, "
-        f"{processor()}, {os.cpu_count()} cores, {memory:.0f} GiB, load {os.getloadavg()[0]:.1f} at the end.", ""]
-
-
-def processor():
-    try:
-        with open("/proc/cpuinfo") as file:
-            return next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
 
 
 def errors(runs, which):
@@ -317,18 +233,6 @@ def notes(given, drives, found, extra):
         lines.append(f"iSAM2 is not run beyond {given.isam2_minutes:g} minutes: its time grows with the square "
                      "of the length.")
     return [text for line in lines for text in (line, "")]
-
-
-def write(path, text):
-    """Puts `text` between the markers of the section on trajectories, which is made where missing."""
-    page = path.read_text() if path.exists() else "# Performance\n"
-    if BEGIN not in page:
-        page = f"{page.rstrip()}\n\n## Trajectory\n\n{BEGIN}\n{END}\n"
-    before, rest = page.split(BEGIN, 1)
-    after = rest.split(END, 1)[1]
-    path.parent.mkdir(exist_ok=True)
-    path.write_text(f"{before}{BEGIN}\n\n{text.rstrip()}\n\n{END}{after}")
-    say(f"wrote {path}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::parameters::Mounting;
 use super::sample::SamplePoint;
-use crate::cloud::neighbours::NeighbourIndex;
+use crate::cloud::NeighbourIndex;
 use crate::geometry::{Mat3, Vec3};
 
 /// A scanner point ready to be moved: x_m = t_mb + R_mb (t_bs + R_bs x_s).
@@ -117,18 +117,11 @@ pub fn find(cloud: &ScaleCloud, placed: &Placed, k: usize, stride: usize) -> Nei
     let centres: Vec<u32> = (0..cloud.movable.len() as u32)
         .step_by(stride.max(1))
         .collect();
-    let members: Vec<u32> = centres
-        .par_chunks(1024)
-        .flat_map_iter(|chunk| {
-            let mut found = Vec::with_capacity(k);
-            let mut members = Vec::with_capacity(k * chunk.len());
-            for &centre in chunk {
-                index.nearest(&placed.world[centre as usize], k, &mut found);
-                members.extend_from_slice(&found);
-            }
-            members
-        })
+    let places: Vec<Vec3> = centres
+        .iter()
+        .map(|&centre| placed.world[centre as usize])
         .collect();
+    let members = index.nearest_of_all(&places, k);
     Neighbourhoods {
         k,
         centres,

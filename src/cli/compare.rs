@@ -4,10 +4,14 @@ use std::path::PathBuf;
 
 use super::{Context, beside};
 use crate::error::Result;
-use crate::pipeline::{self, Outcome};
-use crate::project::ComparisonSettings;
+use crate::geometry::Vec3;
+use crate::pipeline::{self, Comparison, NormalSource, Outcome};
+use crate::project::{Aggregation, ComparisonSettings, Detection};
 
 /// Measure the distances between two clouds along their normals (M3C2)
+///
+/// Distances are positive where the cloud lies beyond the reference in the direction of the normal.
+/// Radii are radii; with --diameter they are diameters, as in CloudCompare.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct Compare {
@@ -18,21 +22,52 @@ pub(super) struct Compare {
     /// Folder of the results [default: `out` beside the cloud]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Core points: any cloud; the columns normal_x, normal_y, normal_z of a table are taken for
+    /// normals unless radii or a direction are given [default: the reference, thinned]
+    #[arg(long, value_name = "FILE", conflicts_with = "core_spacing_m")]
+    core: Option<PathBuf>,
     /// Spacing of the core points [default: 0.02]
     #[arg(long, value_name = "M", value_parser = positive)]
     core_spacing_m: Option<f64>,
-    /// Radii of the neighbourhoods for normals, separated by commas [default: 0.04]
+    /// Radii of the neighbourhoods for normals, separated by commas; the most planar one counts
+    /// [default: 0.04]
     #[arg(long, value_name = "M,...", value_parser = positive, value_delimiter = ',')]
     normal_radii_m: Option<Vec<f64>>,
+    /// One direction in the place of normals: `vertical`, or east,north,up
+    #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true, conflicts_with_all = ["normal_radii_m", "orientation"])]
+    direction: Option<Vec3>,
+    /// Side that found normals are turned to, east,north,up [default: 0,0,1]
+    #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true)]
+    orientation: Option<Vec3>,
     /// Radius of the cylinder [default: 0.02]
     #[arg(long, value_name = "M", value_parser = positive)]
     cylinder_radius_m: Option<f64>,
+    /// --normal-radii-m and --cylinder-radius-m are diameters; --max-distance-m stays half the
+    /// length of the cylinder, which is CloudCompare's projection depth
+    #[arg(long)]
+    diameter: bool,
     /// Half length of the cylinder [default: 0.1]
     #[arg(long, value_name = "M", value_parser = positive)]
     max_distance_m: Option<f64>,
+    /// Cylinders reach along the normal only, not against it: for both clouds
+    #[arg(long)]
+    one_sided: bool,
+    /// Median and inter-quartile range in the place of mean and standard deviation
+    #[arg(long)]
+    robust: bool,
+    /// Level of detection from Student's t distribution: right for few points too
+    #[arg(long)]
+    student: bool,
+    /// Points of each cloud in the cylinder that a distance needs [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    min_points: Option<u32>,
     /// Registration error, added to the level of detection [default: 0]
     #[arg(long, value_name = "M", value_parser = not_negative)]
     registration_error_m: Option<f64>,
+    /// Memory to keep to; larger clouds (LAS, LAZ) are compared tile by tile, with the same numbers
+    /// [default: half of what is free]
+    #[arg(long, value_name = "MB")]
+    memory_mb: Option<u32>,
 }
 
 impl Compare {
@@ -41,26 +76,57 @@ impl Compare {
             Some(out) => out.clone(),
             None => beside(&self.cloud),
         };
-        let settings = self.settings();
+        let comparison = Comparison {
+            cloud: self.cloud.clone(),
+            reference: self.reference.clone(),
+            core: self.core.clone(),
+            normals: self.normals(),
+            settings: self.settings(),
+            memory_bytes: self.memory_mb.map(|mb| u64::from(mb) * 1_000_000),
+        };
         context.logged(&out, |options| {
-            let (cloud, reference) = (&self.cloud, &self.reference);
-            pipeline::compare(cloud, reference, &settings, options, &context.terminal)
+            pipeline::compare(&comparison, options, &context.terminal)
         })
+    }
+
+    fn normals(&self) -> NormalSource {
+        let orientation = self.orientation.unwrap_or(Vec3::z());
+        match self.direction {
+            Some(direction) => NormalSource::Fixed(direction),
+            None if self.normal_radii_m.is_some() => NormalSource::Reference { orientation },
+            None => NormalSource::Core { orientation },
+        }
     }
 
     fn settings(&self) -> ComparisonSettings {
         let default = ComparisonSettings::default();
+        let radius = |value: f64| if self.diameter { value / 2.0 } else { value };
+        let radii = |values: &Vec<f64>| values.iter().copied().map(radius).collect();
         ComparisonSettings {
             core_spacing_m: self.core_spacing_m.unwrap_or(default.core_spacing_m),
             normal_radii_m: self
                 .normal_radii_m
-                .clone()
-                .unwrap_or(default.normal_radii_m),
-            cylinder_radius_m: self.cylinder_radius_m.unwrap_or(default.cylinder_radius_m),
+                .as_ref()
+                .map_or(default.normal_radii_m, radii),
+            cylinder_radius_m: self
+                .cylinder_radius_m
+                .map_or(default.cylinder_radius_m, radius),
             max_distance_m: self.max_distance_m.unwrap_or(default.max_distance_m),
             registration_error_m: self
                 .registration_error_m
                 .unwrap_or(default.registration_error_m),
+            aggregation: if self.robust {
+                Aggregation::Median
+            } else {
+                Aggregation::Mean
+            },
+            detection: if self.student {
+                Detection::Student
+            } else {
+                Detection::Normal
+            },
+            one_sided: self.one_sided,
+            min_points: self.min_points.unwrap_or(default.min_points),
         }
     }
 }
@@ -77,23 +143,44 @@ fn not_negative(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| "expected metres, 0 or more".to_owned())
 }
 
+fn direction(text: &str) -> std::result::Result<Vec3, String> {
+    if text.trim() == "vertical" {
+        return Ok(Vec3::z());
+    }
+    let components: Option<Vec<f64>> = text.split(',').map(number).collect();
+    match components.as_deref() {
+        Some([east, north, up]) if [east, north, up].iter().any(|x| **x != 0.0) => {
+            Ok(Vec3::new(*east, *north, *up))
+        }
+        _ => Err("expected `vertical` or three numbers that are not all 0: east,north,up".into()),
+    }
+}
+
 fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|x: &f64| x.is_finite())
 }
 
 #[cfg(test)]
 mod tests {
+    use clap::{CommandFactory, Parser};
+
     use super::*;
 
-    #[derive(Debug, clap::Parser)]
+    #[derive(Debug, Parser)]
     struct Line {
         #[command(flatten)]
         compare: Compare,
     }
 
+    fn parse(args: &[&str]) -> std::result::Result<Compare, String> {
+        let line = ["compare", "a.laz", "b.laz"].iter().chain(args);
+        Line::try_parse_from(line)
+            .map(|line| line.compare)
+            .map_err(|error| error.to_string())
+    }
+
     #[test]
     fn the_defaults_named_in_the_help_are_those_of_the_stage() {
-        use clap::CommandFactory;
         let default = ComparisonSettings::default();
         let named = |name: &str| {
             let command = Line::command();
@@ -111,5 +198,53 @@ mod tests {
         assert_eq!(named("cylinder_radius_m"), default.cylinder_radius_m);
         assert_eq!(named("max_distance_m"), default.max_distance_m);
         assert_eq!(named("registration_error_m"), default.registration_error_m);
+        assert_eq!(named("min_points"), f64::from(default.min_points));
+        assert_eq!(parse(&[]).unwrap().settings(), default);
+    }
+
+    #[test]
+    fn diameters_are_halved_and_depths_are_not() {
+        let args = [
+            "--normal-radii-m=0.3,0.5",
+            "--cylinder-radius-m=0.2",
+            "--max-distance-m=0.7",
+        ];
+        let radii = parse(&args).unwrap().settings();
+        assert_eq!(radii.normal_radii_m, [0.3, 0.5]);
+        let diameters = parse(&[&args[..], &["--diameter"]].concat()).unwrap();
+        let expected = ComparisonSettings {
+            normal_radii_m: vec![0.15, 0.25],
+            cylinder_radius_m: 0.1,
+            ..radii
+        };
+        assert_eq!(diameters.settings(), expected);
+        // What nobody typed is a radius.
+        let default = parse(&["--diameter"]).unwrap().settings();
+        assert_eq!(default, ComparisonSettings::default());
+    }
+
+    #[test]
+    fn directions_of_normals_are_parsed_or_refused() {
+        let normals = |args: &[&str]| parse(args).unwrap().normals();
+        let up = Vec3::z();
+        assert_eq!(normals(&["--direction=vertical"]), NormalSource::Fixed(up));
+        let west = Vec3::new(-1.0, 0.0, 0.5);
+        assert_eq!(
+            normals(&["--direction", "-1,0,.5"]),
+            NormalSource::Fixed(west)
+        );
+        assert_eq!(normals(&[]), NormalSource::Core { orientation: up });
+        let turned = normals(&["--orientation=-1,0,.5", "--normal-radii-m=1"]);
+        assert_eq!(turned, NormalSource::Reference { orientation: west });
+        for bad in ["0,0,0", "1,2", "1,2,3,4", "nan,0,0", "down"] {
+            assert!(parse(&["--direction", bad]).is_err(), "{bad}");
+        }
+        for both in [
+            &["--direction=vertical", "--normal-radii-m=1"][..],
+            &["--core=a.csv", "--core-spacing-m=1"],
+            &["--min-points=0"],
+        ] {
+            assert!(parse(both).is_err(), "{both:?}");
+        }
     }
 }

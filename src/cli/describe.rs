@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyAxes, EulerConvention, Vec3};
 use crate::project::{
-    CalibrationSettings, ComparisonSettings, Method, Motion, PARAMETER_NAMES, Project, Scanner,
+    Aggregation, CalibrationSettings, ComparisonSettings, Detection, Method, Motion,
+    PARAMETER_NAMES, Project, Scanner,
 };
 
 /// Everything about `project` as text.
@@ -213,6 +214,25 @@ fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
         "registration error",
         millimetres(settings.registration_error_m),
     );
+    let (middle, spread) = match settings.aggregation {
+        Aggregation::Mean => ("mean", "standard deviation"),
+        Aggregation::Median => ("median", "inter-quartile range"),
+    };
+    lines.value("points of a cylinder", format!("{middle} and {spread}"));
+    let distribution = match settings.detection {
+        Detection::Normal => "normal distribution",
+        Detection::Student => "Student's t",
+    };
+    lines.value("level of detection", distribution.to_owned());
+    if settings.one_sided {
+        lines.value("cylinders", "along the normal only".to_owned());
+    }
+    if settings.min_points > 1 {
+        lines.value(
+            "points for a distance",
+            format!("{} or more", settings.min_points),
+        );
+    }
 }
 
 fn millimetres(metres: f64) -> String {

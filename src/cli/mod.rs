@@ -12,6 +12,7 @@ mod online;
 mod run;
 mod simulate;
 mod terminal;
+mod thin;
 mod trajectory;
 
 use std::io::Write;
@@ -68,6 +69,7 @@ enum Command {
     Georeference(georeference::Georeference),
     Compare(compare::Compare),
     Features(features::Features),
+    Thin(thin::Thin),
     Run(run::Run),
 }
 
@@ -187,6 +189,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         Command::Georeference(command) => command.execute(&context).map(complete),
         Command::Compare(command) => command.execute(&context).map(complete),
         Command::Features(command) => command.execute(&context).map(complete),
+        Command::Thin(command) => command.execute(&context).map(complete),
         Command::Run(command) => command.execute(&context).map(complete),
     })
 }

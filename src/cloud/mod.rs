@@ -1,10 +1,15 @@
 //! Points in space and what their neighbourhoods say.
 
+mod candidates;
+mod curve;
+mod lanes;
+mod nearest;
 pub mod neighbourhoods;
 pub mod neighbours;
 pub mod shape;
 pub mod tensor;
 pub mod tiles;
+pub(crate) mod vectors;
 pub mod voxel;
 
 pub use neighbourhoods::{Neighbourhood, Surroundings};

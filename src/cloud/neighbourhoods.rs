@@ -1,13 +1,24 @@
-//! The structure tensors of the neighbourhoods of many points at once.
+//! The neighbourhoods of many points at once: which points belong to them, and their structure
+//! tensors.
+//!
+//! Queries are taken in groups, the small boxes of an index over the queries, and each group is
+//! served from candidates gathered once ([`super::candidates`]).
 
 use rayon::prelude::*;
 
+use super::candidates::{Candidates, Search};
+use super::lanes::{Lanes, Plain};
+use super::neighbours::Node;
+use super::vectors::with_widest_vectors;
 use super::{NeighbourIndex, StructureTensor};
 use crate::geometry::Vec3;
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 
-/// Queries a thread works on at a time.
-const CHUNK: usize = 1024;
+/// Most queries that share candidates.
+const GROUP: usize = 64;
+
+/// Groups a thread works on at a time.
+const CHUNK: usize = 64;
 
 /// Which points belong to a neighbourhood.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,64 +41,244 @@ pub struct Surroundings {
 
 impl NeighbourIndex {
     /// Hands the surroundings of every query to `each`, with the position of the query in the
-    /// list, and returns what it makes of them in the order of the queries.
+    /// list, and returns what it makes of them in the order of the queries. A query that is not
+    /// finite has no neighbours.
     ///
     /// On all threads; the result does not depend on their number. The stage is the caller's to
     /// begin, name and end; it advances by one for each query.
-    pub fn surroundings<T: Send + Clone>(
+    pub fn surroundings<T: Send + Sync + Clone>(
         &self,
         queries: &[Vec3],
         of: Neighbourhood,
         progress: &dyn Progress,
         each: impl Fn(usize, &Surroundings) -> T + Sync,
     ) -> Vec<T> {
-        let order = Self::new(queries);
-        let found: Vec<T> = order
-            .spatial_order()
-            .par_chunks(CHUNK)
-            .flat_map_iter(|chunk| {
-                let mut near = Vec::new();
-                let values: Vec<T> = chunk
-                    .iter()
-                    .map(|&at| {
-                        let query = &queries[at as usize];
-                        let surroundings = self.surroundings_of(query, of, &mut near);
-                        each(at as usize, &surroundings)
-                    })
-                    .collect();
-                progress.advance(chunk.len() as u64);
-                values
-            })
-            .collect();
-        let mut in_order = found.clone();
-        for (&at, value) in order.spatial_order().iter().zip(found) {
-            in_order[at as usize] = value;
-        }
-        in_order
+        self.surroundings_of_all(&Self::new(queries), of, progress, each)
     }
 
-    fn surroundings_of(
+    /// As [`Self::surroundings`], for the points of an index: this one, say.
+    pub fn surroundings_of_all<T: Send + Sync + Clone>(
         &self,
-        query: &Vec3,
+        queries: &Self,
         of: Neighbourhood,
-        near: &mut Vec<u32>,
-    ) -> Surroundings {
-        let reach_m = match of {
-            Neighbourhood::Nearest(k) => {
-                self.nearest(query, k, near);
-                match near.last() {
-                    Some(&farthest) if near.len() == k => (self.point(farthest) - query).norm(),
-                    _ => f64::INFINITY,
-                }
-            }
-            Neighbourhood::Within(radius) => {
-                self.within(query, radius, near);
-                radius
-            }
+        progress: &dyn Progress,
+        each: impl Fn(usize, &Surroundings) -> T + Sync,
+    ) -> Vec<T> {
+        let none = Surroundings {
+            tensor: StructureTensor::from_points(&[]),
+            reach_m: f64::INFINITY,
         };
-        Surroundings {
-            tensor: StructureTensor::from_points(near.iter().map(|&at| self.point(at))),
+        let mut found = self.in_groups(queries, of, progress, none, |places, found| {
+            places
+                .zip(found)
+                .map(|(place, surroundings)| each(queries.indices[place] as usize, surroundings))
+                .collect()
+        });
+        let lost = queries.indices[found.len()..].iter();
+        found.extend(lost.map(|&index| each(index as usize, &none)));
+        let mut places = vec![0u32; found.len()];
+        for (&index, place) in queries.indices.iter().zip(0u32..) {
+            places[index as usize] = place;
+        }
+        places
+            .par_iter()
+            .map(|&place| found[place as usize].clone())
+            .collect()
+    }
+
+    /// The indices of the `k` points nearest to each query (of equal distances those of smaller
+    /// index), `k` a query, in the order of the queries, which must be finite. Those of one query
+    /// are in no order that means anything, but always in the same. Where there are fewer points
+    /// than `k`, all are given.
+    pub fn nearest_of_all(&self, queries: &[Vec3], k: usize) -> Vec<u32> {
+        let order = Self::new(queries);
+        let k = k.min(self.nodes.first().map_or(0, |root| root.points().len()));
+        let found: Vec<u32> = self.in_groups(
+            &order,
+            Neighbourhood::Nearest(k),
+            &Silent,
+            Vec::new(),
+            |_, found: &[Vec<u32>]| found.concat(),
+        );
+        let mut members = vec![0; queries.len() * k];
+        if k > 0 {
+            for (&index, found) in order.indices.iter().zip(found.chunks_exact(k)) {
+                let at = index as usize * k;
+                members[at..at + k].copy_from_slice(found);
+            }
+        }
+        members
+    }
+
+    /// Finds `Found` for the queries of every group; `each` takes the places of a group's queries
+    /// in their index and what was found for them. In the order of the queries' index, without
+    /// those that are not finite.
+    fn in_groups<Found: Take, T: Send>(
+        &self,
+        queries: &Self,
+        of: Neighbourhood,
+        progress: &dyn Progress,
+        nothing: Found,
+        each: impl Fn(std::ops::Range<usize>, &[Found]) -> Vec<T> + Sync,
+    ) -> Vec<T> {
+        let groups = queries.groups(GROUP);
+        groups
+            .par_chunks(CHUNK)
+            .flat_map_iter(|groups| {
+                let mut values = Vec::new();
+                let mut candidates = Candidates::default();
+                let mut found = Vec::new();
+                let mut reach_m = 0.0;
+                for group in groups {
+                    found.clear();
+                    found.resize(group.points().len(), nothing.clone());
+                    let queries = &queries.points[group.points()];
+                    solve_group(
+                        self,
+                        group,
+                        queries,
+                        of,
+                        &mut candidates,
+                        &mut reach_m,
+                        &mut found,
+                    );
+                    values.extend(each(group.points(), &found));
+                    progress.advance(queries.len() as u64);
+                }
+                values
+            })
+            .collect()
+    }
+}
+
+/// What is wanted of the neighbours of a query.
+trait Take: Clone + Send + Sync {
+    /// Takes it from the candidates that were chosen.
+    fn take<L: Lanes>(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self;
+}
+
+impl Take for Surroundings {
+    #[inline(always)]
+    fn take<L: Lanes>(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self {
+        Self {
+            tensor: candidates.tensor::<L>(query),
             reach_m,
         }
+    }
+}
+
+/// Indices.
+impl Take for Vec<u32> {
+    #[inline(always)]
+    fn take<L: Lanes>(candidates: &mut Candidates, _query: &Vec3, _reach_m: f64) -> Self {
+        candidates.chosen_indices::<L>()
+    }
+}
+
+/// As [`solve`], compiled for the widest vectors of this machine; see [`super::vectors`].
+fn solve_group<Found: Take>(
+    index: &NeighbourIndex,
+    group: &Node,
+    queries: &[Vec3],
+    of: Neighbourhood,
+    candidates: &mut Candidates,
+    reach_m: &mut f64,
+    found: &mut [Found],
+) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use super::lanes::Avx512;
+        use super::vectors::Width;
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn with_avx512<Found: Take>(
+            index: &NeighbourIndex,
+            group: &Node,
+            queries: &[Vec3],
+            of: Neighbourhood,
+            candidates: &mut Candidates,
+            reach_m: &mut f64,
+            found: &mut [Found],
+        ) {
+            solve::<Avx512, Found>(index, group, queries, of, candidates, reach_m, found);
+        }
+        if Width::here() == Width::Avx512 {
+            // SAFETY: the machine has what the function was compiled for.
+            #[allow(unsafe_code)]
+            return unsafe { with_avx512(index, group, queries, of, candidates, reach_m, found) };
+        }
+    }
+    solve_plain(index, group, queries, of, candidates, reach_m, found);
+}
+
+with_widest_vectors! {
+    fn solve_plain<Found: Take>(
+        index: &NeighbourIndex,
+        group: &Node,
+        queries: &[Vec3],
+        of: Neighbourhood,
+        candidates: &mut Candidates,
+        reach_m: &mut f64,
+        found: &mut [Found],
+    ) = solve::<Plain, Found>
+}
+
+/// Finds the neighbours of the `queries` of a `group`. Written without closures, which would not be
+/// compiled for the wide vectors. `reach_m` is how far those of the group
+/// before reached, and then how far these do.
+#[inline(always)]
+fn solve<L: Lanes, Found: Take>(
+    index: &NeighbourIndex,
+    group: &Node,
+    queries: &[Vec3],
+    of: Neighbourhood,
+    candidates: &mut Candidates,
+    reach_m: &mut f64,
+    found: &mut [Found],
+) {
+    let k = match of {
+        Neighbourhood::Nearest(k) => k,
+        Neighbourhood::Within(radius) => {
+            candidates.gather(index, &group.bounds, radius * (1.0 + 1e-12));
+            for (query, found) in queries.iter().zip(found) {
+                candidates.within::<L>(query, radius);
+                *found = Found::take::<L>(candidates, query, radius);
+            }
+            return;
+        }
+    };
+    if k == 0 || index.nodes.is_empty() {
+        return;
+    }
+    let mut margin_m = if *reach_m > 0.0 {
+        1.05 * *reach_m
+    } else {
+        index.reach_guess_m(&group.bounds, k)
+    };
+    *reach_m = 0.0;
+    let mut open: Vec<usize> = (0..queries.len()).collect();
+    while !open.is_empty() {
+        candidates.gather(index, &group.bounds, margin_m);
+        let mut wanted_m: f64 = 0.0;
+        let mut left = 0;
+        for turn in 0..open.len() {
+            let at = open[turn];
+            let query = &queries[at];
+            match candidates.nearest::<L>(query, k) {
+                Search::Found(reach) => {
+                    found[at] = Found::take::<L>(candidates, query, reach);
+                    if reach.is_finite() {
+                        *reach_m = reach_m.max(reach);
+                    }
+                }
+                Search::Margin(enough_m) => {
+                    wanted_m = wanted_m.max(enough_m);
+                    open[left] = at;
+                    left += 1;
+                }
+            }
+        }
+        open.truncate(left);
+        // Where there are k within twice the margin, none but those are looked for.
+        margin_m = wanted_m.clamp(1.01 * margin_m, 2.0 * margin_m);
     }
 }

@@ -1,9 +1,10 @@
-//! Exact nearest neighbours: a balanced k-d tree whose nodes carry the bounding box of their
-//! points.
+//! Exact nearest neighbours: points sorted along a space-filling curve under a tree of boxes.
 //!
-//! The tree is laid out without pointers. Points are reordered so that every leaf is a run of
-//! 32 points (the last leaf may be shorter), and a subtree of L leaves occupies 2 L − 1
-//! consecutive nodes: its root, its left subtree of ⌊L/2⌋ leaves, its right subtree.
+//! Points are sorted by the keys of [`super::curve`]. A node of the tree is a run of points that
+//! agree in their leading bits, with the bounding box of these points; it is divided where the next
+//! bit changes, so that its halves never interlock, until no more than 16 points are left. Sorting
+//! takes the place of the selections by which a k-d tree is built, and costs a fraction of them.
+//! The children of node i are node i + 1 and the node that i names.
 //!
 //! Exactness needs no tolerance. Squared distances are computed as
 //! ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z², and the squared distance to a box by the same operations on
@@ -12,16 +13,21 @@
 //! farther than the k-th point found. Differences of f64 coordinates are rounded relative to the
 //! difference and not to the coordinates, so UTM-sized coordinates need no origin.
 
+use rayon::prelude::*;
+
+use super::curve::Grid;
+use super::nearest::Nearest;
 use crate::geometry::Vec3;
 
-/// Points in a leaf. With k = 50 on surface points, 8 to 64 measure within a tenth of each other.
-const LEAF: usize = 32;
+/// Most points in a leaf. With k = 50 on surface points, 8 to 32 measure within a tenth of each
+/// other.
+const LEAF: usize = 16;
 
 /// Subtrees with more points than this are built by another thread.
 const PARALLEL_BUILD: usize = 1 << 14;
 
 /// Axis-aligned bounding box.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Bounds {
     /// Smallest coordinates.
     pub(crate) low: Vec3,
@@ -30,19 +36,26 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    fn of(points: &[(Vec3, u32)]) -> Self {
-        let empty = Self {
-            low: Vec3::repeat(f64::INFINITY),
-            high: Vec3::repeat(f64::NEG_INFINITY),
-        };
-        points.iter().fold(empty, |bounds, (point, _)| Self {
+    /// The smallest box around `points`.
+    fn of(points: &[Vec3]) -> Self {
+        points.iter().fold(Self::nothing(), |bounds, point| Self {
             low: bounds.low.inf(point),
             high: bounds.high.sup(point),
         })
     }
 
-    fn widest_axis(&self) -> usize {
-        (self.high - self.low).imax()
+    fn nothing() -> Self {
+        Self {
+            low: Vec3::repeat(f64::INFINITY),
+            high: Vec3::repeat(f64::NEG_INFINITY),
+        }
+    }
+
+    fn with(&self, other: &Self) -> Self {
+        Self {
+            low: self.low.inf(&other.low),
+            high: self.high.sup(&other.high),
+        }
     }
 
     /// Squared distance from `query` to the nearest point of the box, 0 inside.
@@ -56,18 +69,59 @@ impl Bounds {
         }
         gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]
     }
+
+    /// Whether `point` lies in the closed box.
+    #[inline(always)]
+    pub(crate) fn holds(&self, point: &Vec3) -> bool {
+        // Without branches.
+        (0..3).fold(true, |inside, axis| {
+            inside & (point[axis] >= self.low[axis]) & (point[axis] <= self.high[axis])
+        })
+    }
+
+    /// How far `point` is from the nearest face, metres; negative outside.
+    #[inline(always)]
+    pub(crate) fn room(&self, point: &Vec3) -> f64 {
+        let (below, above) = (point - self.low, self.high - point);
+        below.min().min(above.min())
+    }
+
+    /// Whether the two boxes have a point in common.
+    #[inline]
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        (0..3).fold(true, |meets, axis| {
+            meets & (self.low[axis] <= other.high[axis]) & (self.high[axis] >= other.low[axis])
+        })
+    }
 }
 
-#[inline]
-fn squared_distance(a: &Vec3, b: &Vec3) -> f64 {
+/// ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z²
+#[inline(always)]
+pub(super) fn squared_distance(a: &Vec3, b: &Vec3) -> f64 {
     let (x, y, z) = (a.x - b.x, a.y - b.y, a.z - b.z);
     x * x + y * y + z * z
 }
 
+/// A run of points in the order of the curve.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    pub(super) bounds: Bounds,
+    pub(super) first: u32,
+    pub(super) end: u32,
+    /// The second child, counted from this node; 0 for a leaf.
+    second: u32,
+}
+
+impl Node {
+    pub(super) fn points(&self) -> std::ops::Range<usize> {
+        self.first as usize..self.end as usize
+    }
+}
+
 /// Finds neighbours among the points it was built from.
 ///
-/// Points must be finite: readers refuse others. A point with a NaN coordinate is never returned,
-/// and a NaN query has no neighbours.
+/// Points must be finite: readers refuse others. A point with a coordinate that is not is never
+/// returned, and a NaN query has no neighbours.
 ///
 /// ```
 /// use boresight::cloud::NeighbourIndex;
@@ -82,13 +136,11 @@ fn squared_distance(a: &Vec3, b: &Vec3) -> f64 {
 /// ```
 #[derive(Debug, Clone)]
 pub struct NeighbourIndex {
-    /// In leaf order.
-    points: Vec<Vec3>,
+    /// In the order of the curve; those that are not finite at the end, outside every node.
+    pub(super) points: Vec<Vec3>,
     /// Index that each of `points` had in the list the caller gave.
-    indices: Vec<u32>,
-    /// Where each point of the caller's list stands in `points`.
-    places: Vec<u32>,
-    nodes: Vec<Bounds>,
+    pub(super) indices: Vec<u32>,
+    pub(super) nodes: Vec<Node>,
 }
 
 impl NeighbourIndex {
@@ -96,30 +148,49 @@ impl NeighbourIndex {
     /// threads; the result does not depend on their number.
     ///
     /// # Panics
-    /// With more than 2³² points, which would occupy 100 GB.
+    /// With 2³² points or more, which would occupy 100 GB.
     pub fn new(points: &[Vec3]) -> Self {
+        let bounds = points
+            .par_chunks(PARALLEL_BUILD)
+            .map(|chunk| {
+                let finite = chunk.iter().filter(|point| is_finite(point));
+                finite.fold(Bounds::nothing(), |bounds, point| Bounds {
+                    low: bounds.low.inf(point),
+                    high: bounds.high.sup(point),
+                })
+            })
+            .reduce(Bounds::nothing, |a, b| a.with(&b));
+        Self::in_extent(points, &bounds.low, &bounds.high)
+    }
+
+    /// An index over part of a cloud whose extent is the box from `low` to `high` (metres). The
+    /// points stand in the order in which they stand in an index over the whole, so sums over
+    /// neighbours are the same to the last bit.
+    ///
+    /// # Panics
+    /// As [`NeighbourIndex::new`].
+    pub fn in_extent(points: &[Vec3], low: &Vec3, high: &Vec3) -> Self {
         assert!(
             u32::try_from(points.len()).is_ok(),
             "more points than u32 can count"
         );
-        let mut tagged: Vec<(Vec3, u32)> = points.iter().copied().zip(0u32..).collect();
-        let leaves = tagged.len().div_ceil(LEAF);
-        let nothing = Bounds {
-            low: Vec3::zeros(),
-            high: Vec3::zeros(),
+        let grid = Grid::over(low, high);
+        let mut keyed = grid.sorted(points);
+        let mut ordered: Vec<Vec3> = keyed
+            .par_iter()
+            .map(|(_, index)| points[*index as usize])
+            .collect();
+        let finite = keyed.partition_point(|(key, _)| *key < Grid::NOWHERE);
+        let run = Run {
+            keyed: &mut keyed[..finite],
+            ordered: &mut ordered[..finite],
+            first: 0,
+            all: points,
         };
-        let mut nodes = vec![nothing; (2 * leaves).saturating_sub(1)];
-        if leaves > 0 {
-            build(&mut tagged, &mut nodes, leaves);
-        }
-        let mut places = vec![0; tagged.len()];
-        for ((_, index), place) in tagged.iter().zip(0u32..) {
-            places[*index as usize] = place;
-        }
+        let nodes = run.nodes(&grid);
         Self {
-            places,
-            points: tagged.iter().map(|(point, _)| *point).collect(),
-            indices: tagged.iter().map(|(_, index)| *index).collect(),
+            points: ordered,
+            indices: keyed.par_iter().map(|(_, index)| *index).collect(),
             nodes,
         }
     }
@@ -134,14 +205,7 @@ impl NeighbourIndex {
         self.points.is_empty()
     }
 
-    /// The point that stood at `index` in the list the caller gave.
-    pub fn point(&self, index: u32) -> &Vec3 {
-        &self.points[self.places[index as usize] as usize]
-    }
-
     /// Every index once, in an order in which neighbours in the list are neighbours in space.
-    /// Queries in this order find their part of the tree in the cache and run several times faster
-    /// than in random order.
     pub fn spatial_order(&self) -> &[u32] {
         &self.indices
     }
@@ -149,14 +213,17 @@ impl NeighbourIndex {
     /// Replaces `into` by the indices of the `k` points nearest to `query` (one of which is the
     /// query where it belongs to the cloud), nearest first, of equal distances the smaller index
     /// first; all points where there are fewer than `k`.
+    ///
+    /// For the neighbours of many points, [`Self::surroundings`] and [`Self::nearest_of_all`] take
+    /// a fraction of the time.
     pub fn nearest(&self, query: &Vec3, k: usize, into: &mut Vec<u32>) {
         into.clear();
         let k = k.min(self.len());
-        if k == 0 {
+        if k == 0 || self.nodes.is_empty() {
             return;
         }
         let mut nearest = Nearest::new(query, k);
-        self.collect_nearest(&mut nearest, 0, 0, self.leaves());
+        self.collect_nearest(&mut nearest, 0);
         into.extend(nearest.finish());
     }
 
@@ -177,154 +244,218 @@ impl NeighbourIndex {
     }
 
     /// Hands every point to `each` that lies in a leaf whose box, and the boxes above it, `enter`
-    /// accepts; always in the same order.
+    /// accepts; in the order of the curve.
     pub(crate) fn visit(&self, enter: impl Fn(&Bounds) -> bool, mut each: impl FnMut(u32, &Vec3)) {
-        // The tree is balanced: its depth is below 32, and a depth-first search keeps one waiting
-        // sibling a level.
-        let mut waiting = [(0usize, 0usize, 0usize); 64];
-        let mut depth = 0;
-        if !self.is_empty() {
-            waiting[0] = (0, 0, self.leaves());
-            depth = 1;
-        }
+        self.visit_leaves(enter, |leaf| {
+            for at in leaf {
+                each(self.indices[at], &self.points[at]);
+            }
+        });
+    }
+
+    /// As [`Self::visit`], with the places of the leaf's points in `points` and `indices`.
+    #[inline(always)]
+    pub(super) fn visit_leaves(
+        &self,
+        enter: impl Fn(&Bounds) -> bool,
+        mut each: impl FnMut(std::ops::Range<usize>),
+    ) {
+        // A depth-first search keeps one waiting sibling a level: three grids of 63 bits and the
+        // halvings of points at one place.
+        let mut waiting = [0usize; 3 * 63 + 32];
+        let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
             depth -= 1;
-            let (node, first_leaf, leaves) = waiting[depth];
-            if !enter(&self.nodes[node]) {
+            let at = waiting[depth];
+            let node = &self.nodes[at];
+            if !enter(&node.bounds) {
                 continue;
             }
-            if leaves == 1 {
-                for at in self.leaf(first_leaf) {
-                    each(self.indices[at], &self.points[at]);
-                }
+            if node.second == 0 {
+                each(node.points());
             } else {
-                let left = leaves / 2;
-                waiting[depth] = (node + 2 * left, first_leaf + left, leaves - left);
-                waiting[depth + 1] = (node + 1, first_leaf, left);
+                waiting[depth] = at + node.second as usize;
+                waiting[depth + 1] = at + 1;
                 depth += 2;
             }
         }
     }
 
-    fn leaves(&self) -> usize {
-        self.len().div_ceil(LEAF)
+    /// How far around `group` the `k` nearest points of each of its points would lie if the points
+    /// covered their extent evenly as a surface, metres; never less than the gap between the two.
+    /// A first guess, above 0 unless the group holds all there is.
+    pub(super) fn reach_guess_m(&self, group: &Bounds, k: usize) -> f64 {
+        let Some(root) = self.nodes.first() else {
+            return 0.0;
+        };
+        let (low, high) = (&root.bounds.low, &root.bounds.high);
+        let gap = (group.low - high).sup(&(low - group.high)).max().max(0.0);
+        1.01 * gap + (high - low).norm() * (k as f64 / self.len() as f64).sqrt()
     }
 
-    fn leaf(&self, leaf: usize) -> std::ops::Range<usize> {
-        leaf * LEAF..((leaf + 1) * LEAF).min(self.len())
+    /// The largest nodes of no more than `most` points, in order: every point is in one of them.
+    pub(super) fn groups(&self, most: usize) -> Vec<&Node> {
+        let mut groups = Vec::new();
+        let mut at = 0;
+        while at < self.nodes.len() {
+            let node = &self.nodes[at];
+            if node.points().len() <= most || node.second == 0 {
+                groups.push(node);
+                at += self.nodes_below(at);
+            } else {
+                at += 1;
+            }
+        }
+        groups
     }
 
-    fn collect_nearest(&self, nearest: &mut Nearest, node: usize, first: usize, leaves: usize) {
-        if leaves == 1 {
-            let leaf = self.leaf(first);
+    /// Number of nodes of the subtree, its root included.
+    fn nodes_below(&self, mut at: usize) -> usize {
+        let root = at;
+        while self.nodes[at].second > 0 {
+            at += self.nodes[at].second as usize;
+        }
+        at + 1 - root
+    }
+
+    fn collect_nearest(&self, nearest: &mut Nearest, at: usize) {
+        let node = &self.nodes[at];
+        if node.second == 0 {
+            let leaf = node.points();
             nearest.offer(&self.points[leaf.clone()], &self.indices[leaf]);
             return;
         }
-        let left = leaves / 2;
-        let near = (node + 1, first, left);
-        let far = (node + 2 * left, first + left, leaves - left);
-        let to_near = self.nodes[near.0].squared_distance(&nearest.query);
-        let to_far = self.nodes[far.0].squared_distance(&nearest.query);
-        let ordered = if to_far < to_near {
-            [(to_far, far), (to_near, near)]
+        let (first, second) = (at + 1, at + node.second as usize);
+        let to_first = self.nodes[first].bounds.squared_distance(nearest.query());
+        let to_second = self.nodes[second].bounds.squared_distance(nearest.query());
+        let ordered = if to_second < to_first {
+            [(to_second, second), (to_first, first)]
         } else {
-            [(to_near, near), (to_far, far)]
+            [(to_first, first), (to_second, second)]
         };
-        for (distance, (node, first, leaves)) in ordered {
+        for (distance, child) in ordered {
             // A box exactly as far as the k-th point may hold a tie with a smaller index.
-            if distance <= nearest.limit {
-                self.collect_nearest(nearest, node, first, leaves);
+            if distance <= nearest.limit() {
+                self.collect_nearest(nearest, child);
             }
         }
     }
 }
 
-/// Orders the points into leaves and writes the boxes of this subtree.
-fn build(points: &mut [(Vec3, u32)], nodes: &mut [Bounds], leaves: usize) {
-    let bounds = Bounds::of(points);
-    let parallel = points.len() > PARALLEL_BUILD;
-    let (root, below) = nodes.split_at_mut(1);
-    root[0] = bounds;
-    if leaves == 1 {
-        return;
-    }
-    let left = leaves / 2;
-    let axis = bounds.widest_axis();
-    // The index makes the order total, so that duplicates split like any other points.
-    points.select_nth_unstable_by(left * LEAF, |(a, i), (b, j)| {
-        a[axis].total_cmp(&b[axis]).then(i.cmp(j))
-    });
-    let (left_points, right_points) = points.split_at_mut(left * LEAF);
-    let (left_nodes, right_nodes) = below.split_at_mut(2 * left - 1);
-    if parallel {
-        rayon::join(
-            || build(left_points, left_nodes, left),
-            || build(right_points, right_nodes, leaves - left),
-        );
-    } else {
-        build(left_points, left_nodes, left);
-        build(right_points, right_nodes, leaves - left);
-    }
+fn is_finite(point: &Vec3) -> bool {
+    point.iter().all(|x| x.is_finite())
 }
 
-/// The k nearest so far. Candidates pile up and are cut to the k best when twice as many have
-/// come, which costs a constant time each, where a heap costs log k.
-struct Nearest {
-    query: Vec3,
-    k: usize,
-    /// No point farther than this (squared) can be among the k nearest.
-    limit: f64,
-    /// Squared distance and, in the low 32 bits, index: the bits of non-negative f64 sort like the
-    /// numbers, and one integer compares without branches. Those from `filled` on are unused.
-    candidates: Vec<u128>,
-    filled: usize,
+/// Points on their way into a tree: a run of them in the order of the curve.
+struct Run<'a> {
+    /// Keys and indices.
+    keyed: &'a mut [(u64, u32)],
+    /// The points themselves.
+    ordered: &'a mut [Vec3],
+    /// Place of the run's first point.
+    first: u32,
+    /// What the indices count.
+    all: &'a [Vec3],
 }
 
-impl Nearest {
-    fn new(query: &Vec3, k: usize) -> Self {
-        Self {
-            query: *query,
-            k,
-            limit: f64::INFINITY,
-            candidates: vec![0; 2 * k + LEAF],
-            filled: 0,
+impl Run<'_> {
+    /// The nodes over the run, none over an empty one.
+    fn nodes(self, grid: &Grid) -> Vec<Node> {
+        let mut nodes = Vec::new();
+        if !self.keyed.is_empty() {
+            self.build(grid, &mut nodes);
         }
+        nodes
     }
 
-    fn offer(&mut self, points: &[Vec3], indices: &[u32]) {
-        for (point, &index) in points.iter().zip(indices) {
-            let distance = squared_distance(point, &self.query);
-            // Written in any case and kept by counting it: whether it is kept is as good as
-            // random, which would cost a mispredicted branch every other time.
-            self.candidates[self.filled] = u128::from(distance.to_bits()) << 32 | u128::from(index);
-            self.filled += usize::from(distance <= self.limit);
+    fn build(mut self, grid: &Grid, nodes: &mut Vec<Node>) {
+        let at = nodes.len();
+        let count = self.keyed.len();
+        nodes.push(Node {
+            bounds: Bounds::nothing(),
+            first: self.first,
+            end: self.first + count as u32,
+            second: 0,
+        });
+        if count <= LEAF {
+            if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+                self.sort_to_the_last(grid);
+            }
+            nodes[at].bounds = Bounds::of(self.ordered);
+            return;
         }
-        let full = if self.limit.is_finite() {
-            2 * self.k
-        } else {
-            self.k
+        let mut finer = *grid;
+        let mut differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
+        while differing == 0 {
+            let Some(inside) = finer.inside(&self.ordered[0]) else {
+                break;
+            };
+            finer = inside;
+            self.sort_by(&finer);
+            differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
+        }
+        // Points at one place are halved in the order of their indices.
+        let half = match differing.checked_ilog2() {
+            Some(bit) => self.keyed.partition_point(|(key, _)| key >> bit & 1 == 0),
+            None => count / 2,
         };
-        if self.filled >= full {
-            self.keep_k();
+        let (low, high) = self.split(half);
+        if count > PARALLEL_BUILD {
+            let (below, after) = rayon::join(|| low.nodes(&finer), || high.nodes(&finer));
+            nodes[at].second = 1 + below.len() as u32;
+            nodes.extend(below);
+            nodes.extend(after);
+        } else {
+            low.build(&finer, nodes);
+            nodes[at].second = (nodes.len() - at) as u32;
+            high.build(&finer, nodes);
         }
+        let other = nodes[at + nodes[at].second as usize].bounds;
+        nodes[at].bounds = nodes[at + 1].bounds.with(&other);
     }
 
-    fn keep_k(&mut self) {
-        if self.filled >= self.k {
-            let candidates = &mut self.candidates[..self.filled];
-            let (_, farthest, _) = candidates.select_nth_unstable(self.k - 1);
-            self.limit = f64::from_bits((*farthest >> 32) as u64);
-            self.filled = self.k;
-        }
+    fn split(self, half: usize) -> (Self, Self) {
+        let (keyed, keyed_after) = self.keyed.split_at_mut(half);
+        let (ordered, ordered_after) = self.ordered.split_at_mut(half);
+        let low = Self {
+            keyed,
+            ordered,
+            ..self
+        };
+        let high = Self {
+            keyed: keyed_after,
+            ordered: ordered_after,
+            first: self.first + half as u32,
+            all: self.all,
+        };
+        (low, high)
     }
 
-    /// Indices of the k nearest, nearest first.
-    fn finish(mut self) -> impl Iterator<Item = u32> {
-        self.keep_k();
-        self.candidates.truncate(self.filled);
-        self.candidates.sort_unstable();
-        self.candidates
-            .into_iter()
-            .map(|candidate| candidate as u32)
+    /// Sorts points of one cell by a grid inside it.
+    fn sort_by(&mut self, finer: &Grid) {
+        for ((key, _), point) in self.keyed.iter_mut().zip(&*self.ordered) {
+            *key = finer.key(point);
+        }
+        self.keyed.par_sort_unstable();
+        self.follow();
+    }
+
+    /// Sorts the few points of a leaf as they would be among more.
+    fn sort_to_the_last(&mut self, grid: &Grid) {
+        self.keyed.sort_by_key(|&(key, index)| {
+            let point = &self.all[index as usize];
+            let finer = grid.inside(point);
+            let finest = finer.and_then(|finer| finer.inside(point));
+            let [finer, finest] = [finer, finest].map(|grid| grid.map(|grid| grid.key(point)));
+            (key, finer, finest, index)
+        });
+        self.follow();
+    }
+
+    /// Puts the points in the order of the indices.
+    fn follow(&mut self) {
+        for (point, (_, index)) in self.ordered.iter_mut().zip(&*self.keyed) {
+            *point = self.all[*index as usize];
+        }
     }
 }

@@ -27,8 +27,8 @@
 //! ratios of √λᵢ and adds 0.001 to each denominator (its `scattering` is the sphericity of those);
 //! its eigenentropy adds 0.001 as well; its `Verticality` is this one, `VerticalityPGEOF` is not.
 
-use super::Surroundings;
-use crate::geometry::Vec3;
+use super::{Eigen, Surroundings};
+use crate::geometry::{Mat3, Vec3};
 
 /// Eigenvalues nearer to each other than this, relative to their sum, are equal: a few roundings.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
@@ -88,6 +88,11 @@ impl Feature {
         }
     }
 
+    /// Whether it takes more than the tensor's entries.
+    fn is_from_eigenvalues(self) -> bool {
+        !matches!(self, Self::Omnivariance | Self::Neighbours | Self::Radius)
+    }
+
     /// Names of its numbers, and what they are with units, in at most 32 ASCII characters each.
     pub fn columns(self) -> &'static [(&'static str, &'static str)] {
         match self {
@@ -144,8 +149,24 @@ pub struct Shape {
 impl Shape {
     /// The shape of a neighbourhood.
     pub fn of(surroundings: &Surroundings) -> Self {
+        Self::with(surroundings, &surroundings.tensor.eigen())
+    }
+
+    /// As [`Self::of`], but where none of `features` comes from the eigenvalues, those that do are
+    /// left NaN and their time is spared.
+    pub fn of_wanted(surroundings: &Surroundings, features: &[Feature]) -> Self {
+        if features.iter().any(|feature| feature.is_from_eigenvalues()) {
+            return Self::of(surroundings);
+        }
+        let unknown = Eigen {
+            values: Vec3::repeat(f64::NAN),
+            vectors: Mat3::repeat(f64::NAN),
+        };
+        Self::with(surroundings, &unknown)
+    }
+
+    fn with(surroundings: &Surroundings, eigen: &Eigen) -> Self {
         let tensor = &surroundings.tensor;
-        let eigen = tensor.eigen();
         let [first, second, third] = [eigen.values.x, eigen.values.y, eigen.values.z];
         let sum = first + second + third;
         // 0 / 0 makes NaN of every ratio where all points are in one place.

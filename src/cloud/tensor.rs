@@ -168,8 +168,9 @@ fn jacobi(mut a: Mat3) -> (Vec3, Mat3) {
             }
             // tan of the rotation: the smaller root of t² + 2 θ t − 1 = 0.
             let theta = (aqq - app) / (2.0 * off);
-            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-            let cosine = 1.0 / t.hypot(1.0);
+            // Where θ² overflows, t is 0, as it is but for rounding.
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let cosine = 1.0 / (t * t + 1.0).sqrt();
             let sine = t * cosine;
             a[(p, p)] = app - t * off;
             a[(q, q)] = aqq + t * off;

@@ -1,7 +1,18 @@
 //! How far apart two clouds are: M3C2 and its statistics.
 
+mod cells;
+mod cylinder;
+mod detection;
+mod groups;
 pub mod m3c2;
+mod moments;
+mod normals;
+mod search;
 pub mod statistics;
+pub mod student;
+mod sums;
+mod window;
 
-pub use m3c2::{CoreDistance, M3c2, core_points, m3c2};
+pub use m3c2::{CoreDistance, M3c2, Normals, core_indices, core_points, m3c2};
+pub use search::{IndexedClouds, reach_m};
 pub use statistics::{Histogram, Statistics};

@@ -5,13 +5,11 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::{Extras, Findings, Truth, analyse, clouds, page, result, stages, summary};
-use crate::comparison::{Statistics, core_points, m3c2};
 use crate::error::{Error, Result};
 use crate::format;
-use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::project::{ComparisonSettings, Project};
+use crate::project::Project;
 use crate::report;
 use crate::simulation::{self, Scenario};
 use crate::trajectory::Trajectory;
@@ -228,65 +226,6 @@ pub fn georeference(
             files.len()
         ),
         files,
-    })
-}
-
-/// M3C2 from `cloud` to `reference`.
-///
-/// # Errors
-/// Clouds that cannot be read or do not meet.
-pub fn compare(
-    cloud: &Path,
-    reference: &Path,
-    settings: &ComparisonSettings,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
-    let (compared, to) = (format::read_cloud(cloud)?, format::read_cloud(reference)?);
-    let core = core_points(&to.points, settings);
-    progress.begin("comparing the clouds (M3C2)", core.len() as u64);
-    let found = m3c2(
-        &to.points,
-        &compared.points,
-        &core,
-        None,
-        settings,
-        &Vec3::z(),
-        progress,
-    );
-    progress.end();
-    let found = found?;
-    let statistics = Statistics::of(&found)?;
-    let mut table = String::from(
-        "east_m,north_m,up_m,distance_m,level_of_detection_m,normal_x,normal_y,normal_z\n",
-    );
-    for core in &found.core {
-        let (p, n) = (&core.point, &core.normal);
-        table.push_str(&format!(
-            "{},{},{},{},{},{},{},{}\n",
-            p.x, p.y, p.z, core.distance_m, core.level_of_detection_m, n.x, n.y, n.z
-        ));
-    }
-    let path = staging.path("m3c2.csv");
-    std::fs::write(&path, table).map_err(|error| Error::io(&path, error))?;
-    staging.commit()?;
-    let millimetres = |metres: f64| format!("{:.2} mm", metres * 1e3);
-    let summary = format!(
-        "distance of the cloud from the reference (M3C2)\n  RMSE                 {}\n  mean                 \
-         {}\n  standard deviation   {}\n  median               {}\n  core points          {} of {} \
-         have a distance",
-        millimetres(statistics.rmse_m),
-        millimetres(statistics.mean_m),
-        millimetres(statistics.std_m),
-        millimetres(statistics.median_m),
-        statistics.n,
-        statistics.core_points
-    );
-    Ok(Outcome {
-        result: json!(statistics),
-        summary,
-        files: vec![options.out.join("m3c2.csv")],
     })
 }
 

@@ -1,6 +1,6 @@
 //! How well the clouds of one drive agree: with the reference, and scanner against scanner.
 
-use crate::comparison::{M3c2, Statistics, core_points, m3c2};
+use crate::comparison::{M3c2, Normals, Statistics, core_points, m3c2};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -132,9 +132,8 @@ impl Drive {
             reference,
             compared,
             core,
-            None,
+            Normals::UPWARDS,
             settings,
-            &Vec3::z(),
             progress,
         );
         progress.end();

@@ -187,12 +187,9 @@ fn at_once(
     let start = Instant::now();
     progress.begin("features", points);
     let index = NeighbourIndex::new(&cloud.points);
-    let rows = index.surroundings(
-        &cloud.points,
-        settings.neighbourhood,
-        progress,
-        |_, near| FeatureRow::of(&Shape::of(near)),
-    );
+    let rows = index.surroundings_of_all(&index, settings.neighbourhood, progress, |_, near| {
+        FeatureRow::of(&Shape::of_wanted(near, &settings.features))
+    });
     progress.end();
     drop(index);
     let features_s = start.elapsed().as_secs_f64();
@@ -248,7 +245,7 @@ fn by_tiles(
         settings.neighbourhood,
         tile_points,
         progress,
-        |near| FeatureRow::of(&Shape::of(near)),
+        |near| FeatureRow::of(&Shape::of_wanted(near, &settings.features)),
         |index, row| rows.put(index, &row),
     );
     progress.end();

@@ -1,10 +1,11 @@
 //! The stages in order: logs → trajectory → mounting → clouds → comparison → report.
 //!
-//! [`analyse`] is the whole program on one page; [`commands`] are its parts as the command line calls
-//! them.
+//! [`analyse`] is the whole program on one page; [`commands`] and [`mod@compare`] are its parts as the
+//! command line calls them.
 
 pub mod clouds;
 pub mod commands;
+pub mod compare;
 pub mod evaluate;
 pub mod features;
 pub mod logs;
@@ -13,6 +14,7 @@ pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
+pub mod thin;
 pub mod tile_store;
 pub mod tiled;
 pub mod verdicts;
@@ -30,12 +32,12 @@ use crate::project::{CalibrationSettings, Method, Project};
 use crate::report::{self, content::MountingKind};
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::{Solution, Trajectory};
-pub use commands::{
-    Options, Outcome, calibrate, compare, demo, georeference, run, simulate, trajectory,
-};
+pub use commands::{Options, Outcome, calibrate, demo, georeference, run, simulate, trajectory};
+pub use compare::{Comparison, NormalSource, compare};
 use evaluate::Drive;
 pub use features::{FeatureSettings, features};
 use stages::Poses;
+pub use thin::thin;
 
 /// What a simulated project knows beside its files.
 #[derive(Debug, Clone)]

@@ -56,7 +56,7 @@ pub struct TiledWork {
 ///
 /// # Errors
 /// A file of the store that cannot be read; what `take` refuses.
-pub fn surroundings<T: Send + Clone>(
+pub fn surroundings<T: Send + Sync + Clone>(
     store: &TileStore,
     of: Neighbourhood,
     most_points: usize,
@@ -88,7 +88,7 @@ pub fn surroundings<T: Send + Clone>(
 }
 
 /// Solves what it can of a tile and returns the rest.
-fn solve_tile<T: Send + Clone>(
+fn solve_tile<T: Send + Sync + Clone>(
     store: &TileStore,
     tile: usize,
     of: Neighbourhood,
@@ -177,7 +177,7 @@ fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
 }
 
 /// Solves points by visiting all tiles that their neighbours may lie in.
-fn solve_aside<T: Send + Clone>(
+fn solve_aside<T: Send + Sync + Clone>(
     store: &TileStore,
     aside: &[Pending],
     of: Neighbourhood,
@@ -230,8 +230,8 @@ fn solve_aside<T: Send + Clone>(
     Ok(())
 }
 
-/// An index over some points of a store, in the order of the cloud. Here the extent of the whole
-/// cloud is at hand (`store.extent()`), should the index need it to be that of one piece.
-fn index(points: &[Vec3], _store: &TileStore) -> NeighbourIndex {
-    NeighbourIndex::new(points)
+/// An index over some points of a store, whose order is that of an index over the whole cloud.
+fn index(points: &[Vec3], store: &TileStore) -> NeighbourIndex {
+    let (low, high) = store.extent();
+    NeighbourIndex::in_extent(points, &low, &high)
 }

@@ -14,8 +14,8 @@ pub use checked::{
     Scanner,
 };
 pub use settings::{
-    CalibrationSettings, ComparisonSettings, Constant, HeadingSettings, ImuNoise, Loss, Method,
-    Nodes, PoseLimits, PositionKind, PositionSettings, TrajectorySettings,
+    Aggregation, CalibrationSettings, ComparisonSettings, Constant, Detection, HeadingSettings,
+    ImuNoise, Loss, Method, Nodes, PoseLimits, PositionKind, PositionSettings, TrajectorySettings,
 };
 
 #[cfg(test)]

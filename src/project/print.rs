@@ -64,6 +64,10 @@ fn written(project: &Project) -> Written {
             cylinder_radius_m: Some(comparison.cylinder_radius_m),
             max_distance_m: Some(comparison.max_distance_m),
             registration_error_m: Some(comparison.registration_error_m),
+            aggregation: Some(comparison.aggregation),
+            detection: Some(comparison.detection),
+            one_sided: Some(comparison.one_sided),
+            min_points: Some(comparison.min_points),
         },
         ..Default::default()
     };

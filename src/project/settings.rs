@@ -259,6 +259,28 @@ impl Default for CalibrationSettings {
     }
 }
 
+/// What stands for the points of a cloud in a cylinder of M3C2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aggregation {
+    /// Mean and standard deviation.
+    #[default]
+    Mean,
+    /// Median and inter-quartile range.
+    Median,
+}
+
+/// Which distribution the level of detection of M3C2 takes its 97.5 % quantile from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Detection {
+    /// The normal distribution, with the quantile rounded to 1.96 as in the literature.
+    #[default]
+    Normal,
+    /// Student's t, which is right for few points too.
+    Student,
+}
+
 /// Settings of the M3C2 comparison. Radii are radii.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ComparisonSettings {
@@ -272,6 +294,14 @@ pub struct ComparisonSettings {
     pub max_distance_m: f64,
     /// Registration error added to the level of detection, metres.
     pub registration_error_m: f64,
+    /// What stands for the points in a cylinder.
+    pub aggregation: Aggregation,
+    /// How the level of detection is found.
+    pub detection: Detection,
+    /// Cylinders reach along the normal only, not against it: for both clouds.
+    pub one_sided: bool,
+    /// With fewer points of either cloud in a cylinder there is no distance; 1 or more.
+    pub min_points: u32,
 }
 
 impl Default for ComparisonSettings {
@@ -282,6 +312,10 @@ impl Default for ComparisonSettings {
             cylinder_radius_m: 0.02,
             max_distance_m: 0.1,
             registration_error_m: 0.0,
+            aggregation: Aggregation::Mean,
+            detection: Detection::Normal,
+            one_sided: false,
+            min_points: 1,
         }
     }
 }

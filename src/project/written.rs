@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::{Loss, Method, Nodes};
+use super::settings::{Aggregation, Detection, Loss, Method, Nodes};
 use super::shapes::{Files, Numbers, Tables};
 use crate::geometry::{BodyAxes, EulerConvention};
 use crate::sensor::VerticalAngle;
@@ -248,6 +248,14 @@ pub struct Comparison {
     pub max_distance_m: Option<f64>,
     /// Added to the level of detection.
     pub registration_error_m: Option<f64>,
+    /// `mean` (default) or `median`.
+    pub aggregation: Option<Aggregation>,
+    /// `normal` (default) or `student`.
+    pub detection: Option<Detection>,
+    /// Cylinders along the normal only.
+    pub one_sided: Option<bool>,
+    /// Of either cloud, for a distance.
+    pub min_points: Option<u32>,
 }
 
 /// `[[evaluation]]`

@@ -100,5 +100,12 @@ pub(super) fn comparison(
                 .registration_error_m
                 .unwrap_or(default.registration_error_m),
         )?,
+        aggregation: written.aggregation.unwrap_or(default.aggregation),
+        detection: written.detection.unwrap_or(default.detection),
+        one_sided: written.one_sided.unwrap_or(default.one_sided),
+        min_points: match written.min_points {
+            Some(0) => return Err(table.error("min_points", "min_points = 0", "1 or more")),
+            points => points.unwrap_or(default.min_points),
+        },
     })
 }

@@ -1,11 +1,21 @@
 //! Thinning on a voxel grid that is fixed in space.
 //!
 //! Voxel i along an axis is the half-open interval [i v, (i + 1) v) of the edge length v, so the
-//! same point falls into the same voxel whatever cloud it belongs to.
+//! same point falls into the same voxel whatever cloud it belongs to. Of the points in a voxel the
+//! one nearest to its centre is kept, of equals the first: whatever order and pieces a cloud comes
+//! in, what is kept of the parts holds what is kept of the whole.
+
+mod numbering;
+mod pieces;
+#[cfg(test)]
+mod tests;
+mod thinning;
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::hash::{BuildHasherDefault, Hasher};
+
+pub use pieces::Thinner;
+pub use thinning::{thin, thin_by};
 
 use crate::geometry::Vec3;
 
@@ -31,43 +41,6 @@ pub fn voxel_key(point: &Vec3, voxel_m: f64) -> VoxelKey {
 pub fn squared_distance_to_centre(point: &Vec3, voxel_m: f64) -> f64 {
     let offset = (point / voxel_m).map(|u| u - u.floor() - 0.5);
     offset.norm_squared()
-}
-
-/// Indices of one point for each occupied voxel of edge `voxel_m` (metres, positive): the point
-/// nearest to the voxel's centre, of equals the first. Ascending.
-///
-/// ```
-/// use boresight::cloud::voxel::thin;
-/// use boresight::geometry::Vec3;
-/// let points = [0.1, 0.6, 0.9, 1.2].map(|x| Vec3::new(x, 0.5, 0.5));
-/// assert_eq!(thin(&points, 1.0), [1, 3]);
-/// ```
-pub fn thin(points: &[Vec3], voxel_m: f64) -> Vec<u32> {
-    thin_by(points, voxel_m, |_| 0)
-}
-
-/// As [`thin`], for each group of points by itself: one point for each voxel and value of `group`,
-/// which is asked with the index of the point (for instance its scanner and pass).
-///
-/// Thinning across passes would hide the misfit between them, which is what calibration looks for.
-pub fn thin_by(points: &[Vec3], voxel_m: f64, group: impl Fn(usize) -> u64) -> Vec<u32> {
-    let mut best: VoxelMap<(VoxelKey, u64), (f64, u32)> = VoxelMap::default();
-    for ((at, point), index) in points.iter().enumerate().zip(0u32..) {
-        let distance = squared_distance_to_centre(point, voxel_m);
-        match best.entry((voxel_key(point, voxel_m), group(at))) {
-            Entry::Vacant(place) => {
-                place.insert((distance, index));
-            }
-            Entry::Occupied(mut place) => {
-                if distance < place.get().0 {
-                    place.insert((distance, index));
-                }
-            }
-        }
-    }
-    let mut kept: Vec<u32> = best.into_values().map(|(_, index)| index).collect();
-    kept.sort_unstable();
-    kept
 }
 
 /// Hashes the integers of voxel keys: each word is added to the state, which is multiplied by an

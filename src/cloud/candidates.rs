@@ -1,0 +1,355 @@
+//! Exact neighbours of many points that lie close together, from candidates they share.
+//!
+//! The neighbours of a point and of the point beside it are nearly the same. So the points of a
+//! small box of the index, a group, are served at once:
+//!
+//! 1. All points within a box that exceeds the group's by a margin are gathered, in the order of
+//!    the index, as f64 and as f32 relative to the middle of the box.
+//! 2. For each query the squared distances to all candidates are computed in f32. Counting how many
+//!    do not exceed a threshold costs one comparison a candidate, so a threshold is sought, from
+//!    that of the query before, that leaves all but a few of the k nearest below it and not many
+//!    more than k below a second one.
+//! 3. Rounding of the f32 distances is bounded, so a candidate below the lower threshold by more
+//!    than the bound is a neighbour, one above the upper by more than it is not. The few between
+//!    are sorted by their f64 distance, then index.
+//! 4. The neighbours are exact if the k-th distance does not reach the border of the gathered box.
+//!    Queries that fail this are asked again with the margin that their k-th distance demands.
+//!
+//! ## The bound of step 3
+//! Let d be the exact squared distance and d̃ the computed one, u = 2⁻²⁴ the unit of rounding of
+//! f32, and E the largest coordinate relative to the middle of the box. Rounding the
+//! coordinates and their difference makes each component of the difference wrong by at most
+//! 2uE + u|x| (1 + …), so the distance by at most √3 (2uE) + u√d, and squaring and summing add at most 4u
+//! relatively: |d̃ − d| ≤ 2√d · 2√3 uE + (2√3 uE)² + 7ud. [`Candidates::doubt`] takes about twice as
+//! much.
+
+use super::lanes::{Lanes, WORD};
+use super::neighbours::{Bounds, squared_distance};
+use super::{NeighbourIndex, StructureTensor};
+use crate::geometry::{Mat3, Vec3};
+
+/// Most candidates that may be left to f64 before the threshold is sought further.
+const UNDECIDED: usize = 8;
+
+/// Coordinates relative to the middle from which f64 decides alone, so that no square overflows
+/// f32, metres.
+const FARTHEST: f32 = 1e15;
+
+/// Squared distance of the mean, in variances, from which offsets are taken from the mean. Rounding
+/// costs the variances this factor at most.
+const FAR: f64 = 16.0;
+
+/// Points near a group of queries.
+#[derive(Debug, Default)]
+pub(super) struct Candidates {
+    /// x, y, z, 1.
+    points: Vec<[f64; 4]>,
+    indices: Vec<u32>,
+    /// Relative to `middle`; padded to whole words by points at infinity.
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    middle: Vec3,
+    /// Largest coordinate relative to `middle`.
+    extent: f32,
+    /// What was gathered; infinite where the cloud ends before.
+    region: Option<Bounds>,
+    squared: Vec<f32>,
+    /// One bit a candidate.
+    chosen: Vec<u64>,
+    undecided: Vec<(f64, u32, u32)>,
+    places: Vec<u32>,
+    /// k-th squared distance of the query before.
+    guess: f32,
+}
+
+/// What the search for the neighbours of one query ended with.
+pub(super) enum Search {
+    /// The neighbours are those chosen; distance of the farthest, metres, infinite where they are
+    /// fewer than k.
+    Found(f64),
+    /// More room is needed around the query: as much (metres) makes sure.
+    Margin(f64),
+}
+
+impl Candidates {
+    /// Takes the points of `index` in the box of `group` widened by `margin_m`.
+    #[inline(always)]
+    pub(super) fn gather(&mut self, index: &NeighbourIndex, group: &Bounds, margin_m: f64) {
+        let wide = Bounds {
+            low: group.low.add_scalar(-margin_m),
+            high: group.high.add_scalar(margin_m),
+        };
+        let mut filled = 0;
+        index.visit_leaves(
+            |bounds| bounds.meets(&wide),
+            |leaf| {
+                let end = filled + leaf.len();
+                if self.points.len() < end {
+                    self.points.resize(2 * end, [1.0; 4]);
+                    self.indices.resize(2 * end, 0);
+                }
+                for at in leaf {
+                    // Written in any case and kept by counting it, without a branch.
+                    let point = &index.points[at];
+                    self.points[filled] = [point.x, point.y, point.z, 1.0];
+                    self.indices[filled] = index.indices[at];
+                    filled += usize::from(wide.holds(point));
+                }
+            },
+        );
+        self.points.truncate(filled);
+        self.indices.truncate(filled);
+        let all = index.nodes.first().map(|root| root.bounds);
+        let clear = |end: f64, reached: bool| if reached { f64::INFINITY } else { end };
+        self.region = all.map(|all| Bounds {
+            low: Vec3::from_fn(|i, _| -clear(-wide.low[i], wide.low[i] <= all.low[i])),
+            high: Vec3::from_fn(|i, _| clear(wide.high[i], wide.high[i] >= all.high[i])),
+        });
+        self.middle = (group.low + group.high) / 2.0;
+        let padded = self.points.len().next_multiple_of(WORD);
+        let mut extent = 0.0f32;
+        for (axis, list) in [&mut self.x, &mut self.y, &mut self.z]
+            .into_iter()
+            .enumerate()
+        {
+            list.clear();
+            let middle = self.middle[axis];
+            list.extend(
+                self.points
+                    .iter()
+                    .map(|point| (point[axis] - middle) as f32),
+            );
+            extent = list.iter().fold(extent, |most, x| most.max(x.abs()));
+            list.resize(padded, f32::INFINITY);
+        }
+        self.extent = extent;
+        self.squared.resize(padded, 0.0);
+        self.chosen.resize(padded / WORD, 0);
+        self.squared.truncate(padded);
+        self.chosen.truncate(padded / WORD);
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// More than f32 can be wrong by for a squared distance near `squared`.
+    #[inline(always)]
+    fn doubt(&self, squared: f32) -> f32 {
+        const U: f32 = 1.0 / (1 << 24) as f32;
+        let place = 8.0 * U * self.extent;
+        2.0 * squared.sqrt() * place + place * place + 16.0 * U * squared
+    }
+
+    #[inline(always)]
+    fn measure(&mut self, query: &Vec3) {
+        let from = (query - self.middle).map(|x| x as f32);
+        let places = self.x.iter().zip(&self.y).zip(&self.z);
+        for (squared, ((x, y), z)) in self.squared.iter_mut().zip(places) {
+            let (x, y, z) = (x - from.x, y - from.y, z - from.z);
+            *squared = x * x + y * y + z * z;
+        }
+    }
+
+    /// Finds the `k` ≥ 1 nearest to `query`, leaving them chosen.
+    #[inline(always)]
+    pub(super) fn nearest<L: Lanes>(&mut self, query: &Vec3, k: usize) -> Search {
+        let region = self
+            .region
+            .as_ref()
+            .map_or(f64::INFINITY, |region| region.room(query));
+        if self.len() < k {
+            return if region == f64::INFINITY {
+                self.choose_all();
+                Search::Found(f64::INFINITY)
+            } else {
+                Search::Margin(f64::INFINITY)
+            };
+        }
+        let taken = if self.extent < FARTHEST {
+            self.measure(query);
+            let (sure, open) = self.bracket::<L>(k);
+            let least = sure - self.doubt(sure) * 2.0;
+            // Padding is at infinity.
+            let most = (open + self.doubt(open) * 2.0).min(f32::MAX);
+            self.split::<L>(least, most)
+        } else {
+            self.doubt_all()
+        };
+        for candidate in &mut self.undecided {
+            let [x, y, z, _] = self.points[candidate.1 as usize];
+            candidate.0 = squared_distance(&Vec3::new(x, y, z), query);
+            candidate.2 = self.indices[candidate.1 as usize];
+        }
+        insertion_sort(&mut self.undecided);
+        self.undecided.truncate(k - taken);
+        for &(_, at, _) in &self.undecided {
+            self.chosen[at as usize / WORD] |= 1 << (at as usize % WORD);
+        }
+        let farthest = self.undecided.last().map_or(f64::NAN, |last| last.0);
+        self.guess = farthest as f32;
+        // The room is right to a few roundings of the coordinates.
+        let reach = farthest.sqrt();
+        let enough = reach * (1.0 + 1e-12);
+        if enough < region || region == f64::INFINITY {
+            Search::Found(reach)
+        } else {
+            Search::Margin(enough)
+        }
+    }
+
+    /// Two thresholds: fewer than `k` do not exceed the first, at least `k` the second.
+    #[inline(always)]
+    fn bracket<L: Lanes>(&self, k: usize) -> (f32, f32) {
+        let (mut low, mut high) = ((0.0f32, 0usize), (f32::INFINITY, usize::MAX));
+        // No squared distance is below zero.
+        low.0 = -1.0;
+        let mut threshold = if self.guess > 0.0 {
+            self.guess
+        } else {
+            self.extent * self.extent / 16.0
+        };
+        for _ in 0..16 {
+            let count = L::count(&self.squared, threshold);
+            if count < k {
+                low = (threshold, count);
+            } else {
+                high = (threshold, count);
+            }
+            if high.1.saturating_sub(low.1) <= UNDECIDED {
+                break;
+            }
+            // On a surface the number grows with the square of the distance. Aimed a little to
+            // the other side, so that the bracket closes.
+            let aim = if count < k { k + 1 } else { k - 1 } as f32;
+            let next = threshold * (aim + 0.5) / (count as f32 + 0.5);
+            let inside = next > low.0 && next < high.0;
+            threshold = if inside {
+                next
+            } else if high.0.is_finite() {
+                0.5 * (low.0.max(0.0) + high.0)
+            } else {
+                4.0 * threshold
+            };
+        }
+        (low.0, high.0)
+    }
+
+    /// Chooses the candidates up to `least` and lists those up to `most`; how many were chosen.
+    #[inline(always)]
+    fn split<L: Lanes>(&mut self, least: f32, most: f32) -> usize {
+        self.undecided.clear();
+        let mut taken = 0;
+        let words = self.squared.as_chunks::<WORD>().0;
+        for (at, (word, chosen)) in words.iter().zip(&mut self.chosen).enumerate() {
+            let sure = L::up_to(word, least);
+            let mut open = L::up_to(word, most) & !sure;
+            *chosen = sure;
+            taken += sure.count_ones() as usize;
+            while open != 0 {
+                let bit = open.trailing_zeros();
+                open &= open - 1;
+                self.undecided.push((0.0, (at * WORD) as u32 + bit, 0));
+            }
+        }
+        taken
+    }
+
+    /// Chooses none and lists all; how many were chosen.
+    fn doubt_all(&mut self) -> usize {
+        self.chosen.fill(0);
+        self.undecided.clear();
+        let all = 0..self.len() as u32;
+        self.undecided.extend(all.map(|place| (0.0, place, 0)));
+        0
+    }
+
+    /// Chooses all.
+    fn choose_all(&mut self) {
+        self.doubt_all();
+        for &(_, at, _) in &self.undecided {
+            self.chosen[at as usize / WORD] |= 1 << (at as usize % WORD);
+        }
+    }
+
+    /// Finds the points within `radius_m` of `query`, leaving them chosen.
+    #[inline(always)]
+    pub(super) fn within<L: Lanes>(&mut self, query: &Vec3, radius_m: f64) {
+        let limit = radius_m * radius_m;
+        if self.extent < FARTHEST && radius_m < f64::from(FARTHEST) {
+            self.measure(query);
+            let rounded = limit as f32;
+            let doubt = 2.0 * self.doubt(rounded);
+            self.split::<L>(rounded - doubt, rounded + doubt);
+        } else {
+            self.doubt_all();
+        }
+        for &(_, at, _) in &self.undecided {
+            let [x, y, z, _] = self.points[at as usize];
+            let inside = squared_distance(&Vec3::new(x, y, z), query) <= limit;
+            self.chosen[at as usize / WORD] |= u64::from(inside) << (at as usize % WORD);
+        }
+    }
+
+    /// The indices of the chosen, in the order of the index.
+    #[inline(always)]
+    pub(super) fn chosen_indices<L: Lanes>(&mut self) -> Vec<u32> {
+        L::places(&self.chosen, &mut self.places);
+        let indices = self
+            .places
+            .iter()
+            .map(|&place| self.indices[place as usize]);
+        indices.collect()
+    }
+
+    /// The structure tensor of the chosen; see [`StructureTensor::from_points`].
+    #[inline(always)]
+    pub(super) fn tensor<L: Lanes>(&mut self, query: &Vec3) -> StructureTensor {
+        L::places(&self.chosen, &mut self.places);
+        if self.places.is_empty() {
+            return StructureTensor::from_points(&[]);
+        }
+        let n = self.places.len() as f64;
+        let mut centre = *query;
+        loop {
+            let [x, y, z] = L::moments(
+                &self.points,
+                &self.places,
+                &[centre.x, centre.y, centre.z, 0.0],
+            );
+            let mean = Vec3::new(x[3], y[3], z[3]) / n;
+            let second = Mat3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]) / n;
+            let covariance = second - mean * mean.transpose();
+            // Far from its neighbours, the square of their distance hides how they scatter.
+            if mean.norm_squared() > FAR * covariance.trace() && centre != centre + mean {
+                centre += mean;
+                continue;
+            }
+            return StructureTensor {
+                mean: centre + mean,
+                covariance,
+                count: self.places.len(),
+            };
+        }
+    }
+}
+
+/// Sorts the few that are left undecided, and hands what are more, points at one place for
+/// instance, to the library.
+#[inline(always)]
+fn insertion_sort(list: &mut [(f64, u32, u32)]) {
+    let before = |a: &(f64, u32, u32), b: &(f64, u32, u32)| (a.0, a.2) < (b.0, b.2);
+    if list.len() > 4 * UNDECIDED {
+        list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+        return;
+    }
+    for end in 1..list.len() {
+        let mut at = end;
+        while at > 0 && before(&list[at], &list[at - 1]) {
+            list.swap(at, at - 1);
+            at -= 1;
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Points along a space-filling curve: the order in which the neighbour index keeps them.
+//!
+//! Space is cut into cubes of the longest extent over 2²¹. The key of a cube interleaves the bits of
+//! its column, row and layer (Morton 1966), so that cubes which agree in their leading bits share
+//! an octant, and points sorted by key lie in memory as they lie in space. Points of one cube are
+//! told apart by keys of a grid inside it, 2²¹ times finer, and so on, but only where there are
+//! too many of them for one leaf.
+//!
+//! The order depends on the extent and on each point by itself, not on the other points: points of
+//! a part of a cloud, sorted in the extent of the whole, stand in the order they have in the whole.
+
+use rayon::prelude::*;
+
+use crate::geometry::Vec3;
+
+/// Points that are dealt into parcels at a time.
+const CHUNK: usize = 1 << 16;
+
+/// Leading bits by which points are dealt: 4096 parcels, of which a surface fills some hundreds.
+const PARCEL_BITS: u32 = 12;
+
+/// Bits an axis in a key.
+const BITS: u32 = 21;
+/// Cells along an axis.
+const CELLS: f64 = (1u32 << BITS) as f64;
+
+/// A cube cut into 2²¹ cells an axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    low: Vec3,
+    cells_per_m: f64,
+    /// Cubes around this one that it is a cell of.
+    depth: u32,
+    /// Bits of the largest key.
+    used_bits: u32,
+}
+
+impl Grid {
+    /// In place of the key of a point that is not finite.
+    pub(super) const NOWHERE: u64 = u64::MAX;
+
+    /// The grid over the box from `low` to `high` (metres).
+    pub(super) fn over(low: &Vec3, high: &Vec3) -> Self {
+        let mut grid = Self {
+            low: *low,
+            cells_per_m: CELLS / (high - low).max(),
+            depth: 0,
+            used_bits: 0,
+        };
+        grid.used_bits = u64::BITS - grid.key(high).leading_zeros();
+        grid
+    }
+
+    /// Keys of `points` with their indices, in ascending order; those of points that are not finite
+    /// at the end. Points are dealt into parcels by the leading bits of their keys, on all threads,
+    /// and the parcels sorted, which keeps each thread in its cache.
+    pub(super) fn sorted(&self, points: &[Vec3]) -> Vec<(u64, u32)> {
+        let parcels = 1 << PARCEL_BITS;
+        let parcel = |key: u64| {
+            if key == Self::NOWHERE {
+                parcels
+            } else {
+                (key >> self.used_bits.saturating_sub(PARCEL_BITS)) as usize
+            }
+        };
+        // Each chunk's keys by parcel, and where the parcels end.
+        let dealt: Vec<(Vec<(u64, u32)>, Vec<u32>)> = points
+            .par_chunks(CHUNK)
+            .enumerate()
+            .map(|(chunk, points)| {
+                let first = (chunk * CHUNK) as u32;
+                let keys: Vec<u64> = points
+                    .iter()
+                    .map(|point| self.key_or_nowhere(point))
+                    .collect();
+                let mut ends = vec![0u32; parcels + 1];
+                for &key in &keys {
+                    ends[parcel(key)] += 1;
+                }
+                let mut end = 0;
+                for count in &mut ends {
+                    let start = end;
+                    end += *count;
+                    *count = start;
+                }
+                let mut sorted = vec![(0, 0); keys.len()];
+                for (&key, index) in keys.iter().zip(first..) {
+                    let place = &mut ends[parcel(key)];
+                    sorted[*place as usize] = (key, index);
+                    *place += 1;
+                }
+                (sorted, ends)
+            })
+            .collect();
+        let sorted: Vec<Vec<(u64, u32)>> = (0..=parcels)
+            .into_par_iter()
+            .map(|parcel| {
+                let mut keyed: Vec<(u64, u32)> = Vec::new();
+                for (sorted, ends) in &dealt {
+                    let start = parcel.checked_sub(1).map_or(0, |before| ends[before]);
+                    keyed.extend(&sorted[start as usize..ends[parcel] as usize]);
+                }
+                if keyed.len() > CHUNK {
+                    keyed.par_sort_unstable();
+                } else {
+                    keyed.sort_unstable();
+                }
+                keyed
+            })
+            .collect();
+        sorted.concat()
+    }
+
+    #[inline(always)]
+    fn key_or_nowhere(&self, point: &Vec3) -> u64 {
+        if point.iter().all(|x| x.is_finite()) {
+            self.key(point)
+        } else {
+            Self::NOWHERE
+        }
+    }
+
+    /// Column, row and layer of the cell of `point`; the nearest cell for points outside, the first
+    /// where the grid has no size.
+    #[inline(always)]
+    fn cell(&self, point: &Vec3) -> [u32; 3] {
+        // `as` takes NaN (0 · ∞) to 0.
+        let at = |axis: usize| ((point[axis] - self.low[axis]) * self.cells_per_m) as u32;
+        [at(0), at(1), at(2)].map(|cell| cell.min((1 << BITS) - 1))
+    }
+
+    /// The key of `point`, below 2⁶³.
+    #[inline(always)]
+    pub(super) fn key(&self, point: &Vec3) -> u64 {
+        let [x, y, z] = self.cell(point).map(spread);
+        x | y << 1 | z << 2
+    }
+
+    /// The grid inside the cell of `point`, 2²¹ times finer; `None` where it would be finer than
+    /// the 53 bits of a coordinate.
+    pub(super) fn inside(&self, point: &Vec3) -> Option<Self> {
+        let cell = self.cell(point);
+        (self.depth < 2).then(|| Self {
+            low: Vec3::from_fn(|axis, _| self.low[axis] + f64::from(cell[axis]) / self.cells_per_m),
+            cells_per_m: self.cells_per_m * CELLS,
+            depth: self.depth + 1,
+            used_bits: 3 * BITS,
+        })
+    }
+}
+
+/// Puts two zeros before each of the 21 low bits.
+#[inline(always)]
+fn spread(cell: u32) -> u64 {
+    let mut x = u64::from(cell);
+    x = (x | x << 32) & 0x001F_0000_0000_FFFF;
+    x = (x | x << 16) & 0x001F_0000_FF00_00FF;
+    x = (x | x << 8) & 0x100F_00F0_0F00_F00F;
+    x = (x | x << 4) & 0x10C3_0C30_C30C_30C3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_interleave_the_bits_of_column_row_and_layer() {
+        let grid = Grid::over(&Vec3::zeros(), &Vec3::repeat(CELLS));
+        let slow = |cell: [u32; 3]| {
+            (0..BITS).fold(0u64, |key, bit| {
+                (0..3).fold(key, |key, axis| {
+                    key | u64::from(cell[axis] >> bit & 1) << (3 * bit + axis as u32)
+                })
+            })
+        };
+        for cell in [
+            [0, 0, 0],
+            [1, 2, 4],
+            [0x1F_FFFF, 0, 0x15_5555],
+            [1_234_567, 765_432, 2_000_000],
+        ] {
+            let centre = Vec3::from_fn(|axis, _| f64::from(cell[axis]) + 0.5);
+            assert_eq!(grid.key(&centre), slow(cell), "{cell:?}");
+        }
+    }
+
+    #[test]
+    fn a_finer_grid_tells_points_of_one_cell_apart() {
+        let grid = Grid::over(&Vec3::zeros(), &Vec3::repeat(1e7));
+        let (a, b) = (Vec3::new(3.0, 1.0, 2.0), Vec3::new(3.001, 1.0, 2.0));
+        assert_eq!(grid.key(&a), grid.key(&b));
+        let finer = grid.inside(&a).unwrap();
+        assert!(finer.key(&a) < finer.key(&b));
+    }
+}

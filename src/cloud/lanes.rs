@@ -1,0 +1,240 @@
+//! The inner loops of [`super::candidates`], in plain Rust and for 512-bit vectors.
+//!
+//! Three of them have instructions of their own in AVX-512 that no plain loop is compiled to:
+//! comparisons that set bits, lists of the bits that are set, and products of one point's
+//! coordinates with each other. Both find the same bits: no operation is fused or reordered.
+
+/// Numbers whose comparisons make one word of bits.
+pub(super) const WORD: usize = 64;
+
+/// Loops over candidates.
+pub(super) trait Lanes {
+    /// How many of `squared` do not exceed `threshold`.
+    fn count(squared: &[f32], threshold: f32) -> usize;
+
+    /// Which of a word of candidates do not exceed `threshold`, bit i for the i-th.
+    fn up_to(squared: &[f32; WORD], threshold: f32) -> u64;
+
+    /// Lists the places of the bits that are set, in ascending order.
+    fn places(words: &[u64], into: &mut Vec<u32>);
+
+    /// Σ d (dᵀ, 1) with d = point − centre over the points at `places`; the fourth coordinate of a
+    /// point is 1, of the centre 0. Points at even places of the list are summed by themselves.
+    fn moments(points: &[[f64; 4]], places: &[u32], centre: &[f64; 4]) -> [[f64; 4]; 3];
+}
+
+/// Loops that every machine runs, compiled for the vectors of the function they are inlined into.
+pub(super) struct Plain;
+
+impl Lanes for Plain {
+    #[inline(always)]
+    fn count(squared: &[f32], threshold: f32) -> usize {
+        let mut count = 0u32;
+        for squared in squared {
+            count += u32::from(*squared <= threshold);
+        }
+        count as usize
+    }
+
+    #[inline(always)]
+    fn up_to(squared: &[f32; WORD], threshold: f32) -> u64 {
+        let mut bits = 0;
+        for (at, squared) in squared.iter().enumerate() {
+            bits |= u64::from(*squared <= threshold) << at;
+        }
+        bits
+    }
+
+    #[inline(always)]
+    fn places(words: &[u64], into: &mut Vec<u32>) {
+        let count: u32 = words.iter().map(|word| word.count_ones()).sum();
+        into.resize(count as usize, 0);
+        let mut next = into.iter_mut();
+        for (at, &word) in words.iter().enumerate() {
+            let mut word = word;
+            while word != 0 {
+                if let Some(place) = next.next() {
+                    *place = (at * WORD) as u32 + word.trailing_zeros();
+                }
+                word &= word - 1;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn moments(points: &[[f64; 4]], places: &[u32], centre: &[f64; 4]) -> [[f64; 4]; 3] {
+        // Two sums side by side, since each addition waits for the one before.
+        let (mut even, mut odd) = ([0.0; 16], [0.0; 16]);
+        let (pairs, last) = places.as_chunks::<2>();
+        for [a, b] in pairs {
+            add_products(&mut even, &points[*a as usize], centre);
+            add_products(&mut odd, &points[*b as usize], centre);
+        }
+        for a in last {
+            add_products(&mut even, &points[*a as usize], centre);
+        }
+        let at = |row: usize, column: usize| even[4 * row + column] + odd[4 * row + column];
+        std::array::from_fn(|row| std::array::from_fn(|column| at(row, column)))
+    }
+}
+
+/// Adds d dᵀ. The last row, which is not needed, makes the products whole vectors.
+#[inline(always)]
+fn add_products(sums: &mut [f64; 16], point: &[f64; 4], centre: &[f64; 4]) {
+    let d: [f64; 4] = std::array::from_fn(|i| point[i] - centre[i]);
+    for (at, sum) in sums.iter_mut().enumerate() {
+        *sum += d[at / 4] * d[at % 4];
+    }
+}
+
+/// Loops for machines with AVX-512 (F, BW, DQ, VL); to be called from functions compiled for it.
+#[cfg(target_arch = "x86_64")]
+pub(super) struct Avx512;
+
+// SAFETY, for every block: `Avx512` is named only in functions that run where the machine has the
+// instructions. Loads and stores are unaligned and stay inside the arrays they are given.
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)]
+impl Lanes for Avx512 {
+    #[inline(always)]
+    fn count(squared: &[f32], threshold: f32) -> usize {
+        use std::arch::x86_64::*;
+        let (chunks, rest) = squared.as_chunks::<16>();
+        let counted = unsafe {
+            let threshold = _mm512_set1_ps(threshold);
+            let one = _mm512_set1_epi32(1);
+            let mut counts = _mm512_setzero_si512();
+            for chunk in chunks {
+                let below = _mm512_cmple_ps_mask(_mm512_loadu_ps(chunk.as_ptr()), threshold);
+                counts = _mm512_mask_add_epi32(counts, below, counts, one);
+            }
+            _mm512_reduce_add_epi32(counts) as usize
+        };
+        counted + Plain::count(rest, threshold)
+    }
+
+    #[inline(always)]
+    fn up_to(squared: &[f32; WORD], threshold: f32) -> u64 {
+        use std::arch::x86_64::*;
+        let mut bits = 0;
+        for (at, chunk) in squared.as_chunks::<16>().0.iter().enumerate() {
+            let below = unsafe {
+                _mm512_cmple_ps_mask(_mm512_loadu_ps(chunk.as_ptr()), _mm512_set1_ps(threshold))
+            };
+            bits |= u64::from(below) << (16 * at);
+        }
+        bits
+    }
+
+    #[inline(always)]
+    fn places(words: &[u64], into: &mut Vec<u32>) {
+        use std::arch::x86_64::*;
+        let mut filled = 0;
+        // Whole vectors are written.
+        into.resize(words.len() * WORD + 16, 0);
+        for (at, &word) in words.iter().enumerate() {
+            for part in 0..4 {
+                let bits = (word >> (16 * part)) as u16;
+                let first = (at * WORD) as i32 + 16 * part;
+                let sixteen = &mut into[filled..filled + 16];
+                unsafe {
+                    let all =
+                        _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+                    let places = _mm512_add_epi32(all, _mm512_set1_epi32(first));
+                    let listed = _mm512_maskz_compress_epi32(bits, places);
+                    _mm512_storeu_si512(sixteen.as_mut_ptr().cast(), listed);
+                }
+                filled += bits.count_ones() as usize;
+            }
+        }
+        into.truncate(filled);
+    }
+
+    #[inline(always)]
+    fn moments(points: &[[f64; 4]], places: &[u32], centre: &[f64; 4]) -> [[f64; 4]; 3] {
+        use std::arch::x86_64::*;
+        let mut sums = [[0.0; 8]; 2];
+        let mut third = [[0.0; 4]; 2];
+        unsafe {
+            let rows = _mm512_setr_epi64(0, 0, 0, 0, 1, 1, 1, 1);
+            let centre = _mm256_loadu_pd(centre.as_ptr());
+            // First and second row, and third, of even and odd points.
+            let mut upper = [_mm512_setzero_pd(); 2];
+            let mut lower = [_mm256_setzero_pd(); 2];
+            // Without closures, which would not be compiled for these instructions.
+            for pair in 0..places.len().div_ceil(2) {
+                for side in 0..2 {
+                    let Some(&place) = places.get(2 * pair + side) else {
+                        break;
+                    };
+                    let point = &points[place as usize];
+                    let d = _mm256_sub_pd(_mm256_loadu_pd(point.as_ptr()), centre);
+                    let twice = _mm512_broadcast_f64x4(d);
+                    let factors = _mm512_permutexvar_pd(rows, twice);
+                    upper[side] = _mm512_add_pd(upper[side], _mm512_mul_pd(factors, twice));
+                    let z = _mm256_permute4x64_pd::<0b10_10_10_10>(d);
+                    lower[side] = _mm256_add_pd(lower[side], _mm256_mul_pd(z, d));
+                }
+            }
+            for side in 0..2 {
+                _mm512_storeu_pd(sums[side].as_mut_ptr(), upper[side]);
+                _mm256_storeu_pd(third[side].as_mut_ptr(), lower[side]);
+            }
+        }
+        let [even, odd] = &sums;
+        [
+            std::array::from_fn(|i| even[i] + odd[i]),
+            std::array::from_fn(|i| even[4 + i] + odd[4 + i]),
+            std::array::from_fn(|i| third[0][i] + third[1][i]),
+        ]
+    }
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use crate::cloud::vectors::Width;
+
+    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,popcnt")]
+    fn wide(squared: &[f32], points: &[[f64; 4]]) -> (Vec<u64>, usize, Vec<u32>, [[f64; 4]; 3]) {
+        all::<Avx512>(squared, points)
+    }
+
+    #[inline(always)]
+    fn all<L: Lanes>(
+        squared: &[f32],
+        points: &[[f64; 4]],
+    ) -> (Vec<u64>, usize, Vec<u32>, [[f64; 4]; 3]) {
+        let words = squared.as_chunks::<WORD>().0.iter();
+        let words: Vec<u64> = words.map(|word| L::up_to(word, 0.5)).collect();
+        let mut places = Vec::new();
+        L::places(&words, &mut places);
+        let sums = L::moments(points, &places, &[0.1, 0.2, 0.3, 0.0]);
+        (words, L::count(squared, 0.5), places, sums)
+    }
+
+    #[test]
+    fn wide_and_plain_loops_find_the_same_bits() {
+        if Width::here() != Width::Avx512 {
+            println!("skipped: the machine has no AVX-512");
+            return;
+        }
+        for seed in 0..20u32 {
+            let n = 64 * (1 + seed as usize % 5);
+            let noise = |i: usize| {
+                f64::from((i as u32 + seed).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24)
+            };
+            let mut squared: Vec<f32> = (0..n).map(|i| noise(i) as f32).collect();
+            squared[n / 2] = 0.5;
+            squared[n / 3] = f32::NAN;
+            squared[n - 1] = f32::INFINITY;
+            let points: Vec<[f64; 4]> = (0..n)
+                .map(|i| [noise(3 * i), noise(3 * i + 1), noise(3 * i + 2), 1.0])
+                .collect();
+            // SAFETY: the machine has AVX-512.
+            #[allow(unsafe_code)]
+            let wide = unsafe { wide(&squared, &points) };
+            assert_eq!(wide, all::<Plain>(&squared, &points));
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! The k nearest of the points shown so far.
+
+use super::neighbours::squared_distance;
+use crate::geometry::Vec3;
+
+/// Candidates pile up and are cut to the k best when twice as many have come, which costs a
+/// constant time each, where a heap costs log k.
+pub(super) struct Nearest {
+    query: Vec3,
+    k: usize,
+    limit: f64,
+    /// Squared distance and, in the low 32 bits, index: the bits of non-negative f64 sort like the
+    /// numbers, and one integer compares without branches. Those from `filled` on are unused.
+    candidates: Vec<u128>,
+    filled: usize,
+}
+
+impl Nearest {
+    /// For the `k` points nearest to `query`.
+    pub(super) fn new(query: &Vec3, k: usize) -> Self {
+        Self {
+            query: *query,
+            k,
+            limit: f64::INFINITY,
+            candidates: Vec::with_capacity(2 * k),
+            filled: 0,
+        }
+    }
+
+    pub(super) fn query(&self) -> &Vec3 {
+        &self.query
+    }
+
+    /// No point farther than this (squared) can be among the k nearest.
+    pub(super) fn limit(&self) -> f64 {
+        self.limit
+    }
+
+    /// Shows points with their indices.
+    pub(super) fn offer(&mut self, points: &[Vec3], indices: &[u32]) {
+        if self.candidates.len() < self.filled + points.len() {
+            self.candidates.resize(self.filled + points.len(), 0);
+        }
+        for (point, &index) in points.iter().zip(indices) {
+            let distance = squared_distance(point, &self.query);
+            // Written in any case and kept by counting it: whether it is kept is as good as
+            // random, which would cost a mispredicted branch every other time.
+            self.candidates[self.filled] = u128::from(distance.to_bits()) << 32 | u128::from(index);
+            self.filled += usize::from(distance <= self.limit);
+        }
+        let full = if self.limit.is_finite() {
+            2 * self.k
+        } else {
+            self.k
+        };
+        if self.filled >= full {
+            self.keep_k();
+        }
+    }
+
+    fn keep_k(&mut self) {
+        if self.filled >= self.k {
+            let candidates = &mut self.candidates[..self.filled];
+            let (_, farthest, _) = candidates.select_nth_unstable(self.k - 1);
+            self.limit = f64::from_bits((*farthest >> 32) as u64);
+            self.filled = self.k;
+        }
+    }
+
+    /// Indices of the k nearest, nearest first.
+    pub(super) fn finish(mut self) -> impl Iterator<Item = u32> {
+        self.keep_k();
+        self.candidates.truncate(self.filled);
+        self.candidates.sort_unstable();
+        self.candidates
+            .into_iter()
+            .map(|candidate| candidate as u32)
+    }
+}

@@ -1,0 +1,242 @@
+//! Points sorted into the cells of a cubic lattice that is fixed in space.
+//!
+//! Four cells along each axis make a block. Points are stored block by block, within a block cell
+//! by cell, within a cell in the order of the cloud: what a part of space holds, and in which order,
+//! does not depend on what lies elsewhere. A search that reaches no farther than a block from its
+//! query needs the block of the query and the 26 around it.
+
+use crate::cloud::voxel::{VoxelKey, VoxelMap};
+use crate::geometry::Vec3;
+
+/// Cells along a block's edge.
+pub(super) const SIDE: i64 = 4;
+
+/// Binary digits of a place in a block, for one axis.
+const BITS: u32 = SIDE.trailing_zeros();
+
+/// Cells of a block.
+const CELLS: usize = (SIDE * SIDE * SIDE) as usize;
+
+/// Coordinates beyond this many blocks from the origin are too coarse, as numbers, to be sorted into
+/// cells: at a block of a centimetre, twenty times the way to the moon.
+const FARTHEST: f64 = 1e12;
+
+/// The lattice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lattice {
+    /// Edge of a cell, metres.
+    pub(super) cell_m: f64,
+    per_metre: f64,
+    farthest_m: f64,
+}
+
+impl Lattice {
+    /// A lattice for searches that reach as far as `reach_m` from their queries.
+    pub(super) fn reaching(reach_m: f64) -> Self {
+        // The room keeps what rounding moves into the next cell within the next block.
+        let block_m = 1.001 * reach_m;
+        let cell_m = block_m / SIDE as f64;
+        Self {
+            cell_m,
+            per_metre: 1.0 / cell_m,
+            farthest_m: FARTHEST * block_m,
+        }
+    }
+
+    /// Whether `point` is finite and not too far to have a cell.
+    pub(super) fn holds(&self, point: &Vec3) -> bool {
+        // False for NaN.
+        point.iter().all(|x| x.abs() < self.farthest_m)
+    }
+
+    /// Column, row and layer of the cell of a point that the lattice holds.
+    #[inline]
+    pub(super) fn cell(&self, point: &Vec3) -> VoxelKey {
+        [point.x, point.y, point.z].map(|x| self.index(x))
+    }
+
+    /// Index of the interval that holds `x` along any axis.
+    #[inline]
+    pub(super) fn index(&self, x: f64) -> i64 {
+        let scaled = x * self.per_metre;
+        let truncated = scaled as i64;
+        truncated - i64::from(scaled < truncated as f64)
+    }
+
+    /// Lower end of interval `index`, metres.
+    #[inline]
+    pub(super) fn low(&self, index: i64) -> f64 {
+        index as f64 * self.cell_m
+    }
+
+    /// More than rounding can shift a cell's border from its place, at coordinates like those of
+    /// `point`, metres.
+    #[inline]
+    pub(super) fn rounding(&self, point: &Vec3) -> f64 {
+        1e-15 * point.amax() + 1e-12 * self.cell_m
+    }
+}
+
+/// The block of a cell.
+#[inline]
+pub(super) fn block_of(cell: VoxelKey) -> VoxelKey {
+    cell.map(|index| index >> BITS)
+}
+
+/// The place of a cell in its block: layer, row and column, the last changes fastest.
+#[inline]
+fn place_of(cell: VoxelKey) -> u16 {
+    let [x, y, z] = cell.map(|index| (index & (SIDE - 1)) as u16);
+    (z << (2 * BITS)) | (y << BITS) | x
+}
+
+/// A run of points in one cell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Run {
+    /// Column, row and layer of the cell in its block.
+    pub(super) place: [usize; 3],
+    pub(super) first: u32,
+    pub(super) count: u32,
+}
+
+/// The points of a cloud, sorted.
+#[derive(Debug, Clone)]
+pub(super) struct Cells {
+    pub(super) lattice: Lattice,
+    /// Which of the occupied cells belong to each block: from the first to before the second.
+    blocks: VoxelMap<VoxelKey, (u32, u32)>,
+    /// The occupied cells: place in the block, and where their points begin; at the end one more.
+    occupied: Vec<(u16, u32)>,
+    pub(super) x: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) z: Vec<f64>,
+}
+
+impl Cells {
+    /// Sorts `points`; those that `lattice` does not hold are left out.
+    ///
+    /// # Panics
+    /// With more than 2³² points, which would occupy 100 GB.
+    pub(super) fn new(points: &[Vec3], lattice: Lattice) -> Self {
+        assert!(
+            u32::try_from(points.len()).is_ok(),
+            "more points than u32 can count"
+        );
+        // The block of each point, numbered as they come, and the cell in it.
+        let mut numbers: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+        let mut counts: Vec<u32> = Vec::new();
+        let mut last = ([i64::MAX; 3], 0);
+        let mut of_point: Vec<(u32, u16)> = Vec::with_capacity(points.len());
+        for point in points {
+            if !lattice.holds(point) {
+                of_point.push((u32::MAX, 0));
+                continue;
+            }
+            let cell = lattice.cell(point);
+            let key = block_of(cell);
+            if key != last.0 {
+                let next = counts.len() as u32;
+                let number = *numbers.entry(key).or_insert(next);
+                if number == next {
+                    counts.push(0);
+                }
+                last = (key, number);
+            }
+            counts[last.1 as usize] += 1;
+            of_point.push((last.1, place_of(cell)));
+        }
+        // Where each block begins, then ends.
+        let mut ends: Vec<u32> = counts
+            .iter()
+            .scan(0, |sum, count| {
+                let begin = *sum;
+                *sum += count;
+                Some(begin)
+            })
+            .collect();
+        let total = counts.iter().map(|&count| count as usize).sum();
+        let mut in_blocks = vec![(0u32, 0u16); total];
+        for (&(number, place), index) in of_point.iter().zip(0u32..) {
+            if number != u32::MAX {
+                let end = &mut ends[number as usize];
+                in_blocks[*end as usize] = (index, place);
+                *end += 1;
+            }
+        }
+        drop(of_point);
+        let mut cells = Self {
+            lattice,
+            blocks: VoxelMap::default(),
+            occupied: Vec::new(),
+            x: Vec::with_capacity(total),
+            y: Vec::with_capacity(total),
+            z: Vec::with_capacity(total),
+        };
+        let mut sorted = Vec::new();
+        let mut cells_of = Vec::with_capacity(counts.len());
+        for (&end, &count) in ends.iter().zip(&counts) {
+            sort_by_place(
+                &in_blocks[(end - count) as usize..end as usize],
+                &mut sorted,
+            );
+            let first = cells.occupied.len() as u32;
+            let mut before = u16::MAX;
+            for &(index, place) in &sorted {
+                if place != before {
+                    cells.occupied.push((place, cells.x.len() as u32));
+                    before = place;
+                }
+                let point = &points[index as usize];
+                cells.x.push(point.x);
+                cells.y.push(point.y);
+                cells.z.push(point.z);
+            }
+            cells_of.push((first, cells.occupied.len() as u32));
+        }
+        cells.occupied.push((0, total as u32));
+        cells.blocks = numbers
+            .into_iter()
+            .map(|(key, number)| (key, cells_of[number as usize]))
+            .collect();
+        cells
+    }
+
+    /// Hands the points of a block to `each`, cell by cell.
+    pub(super) fn runs(&self, block: VoxelKey, mut each: impl FnMut(Run)) {
+        let Some(&(begin, end)) = self.blocks.get(&block) else {
+            return;
+        };
+        for pair in self.occupied[begin as usize..=end as usize].windows(2) {
+            let (place, first) = pair[0];
+            let digit = |axis: u32| usize::from(place >> (axis * BITS)) & (SIDE as usize - 1);
+            each(Run {
+                place: [digit(0), digit(1), digit(2)],
+                first,
+                count: pair[1].1 - first,
+            });
+        }
+    }
+}
+
+/// Replaces `sorted` by `points` in ascending order of places, those of a place in their order.
+fn sort_by_place(points: &[(u32, u16)], sorted: &mut Vec<(u32, u16)>) {
+    sorted.clear();
+    if points.len() < 24 {
+        sorted.extend_from_slice(points);
+        sorted.sort_by_key(|(_, place)| *place);
+        return;
+    }
+    let mut begins = [0u32; CELLS + 1];
+    for (_, place) in points {
+        begins[usize::from(*place) + 1] += 1;
+    }
+    for i in 0..CELLS {
+        begins[i + 1] += begins[i];
+    }
+    sorted.resize(points.len(), (0, 0));
+    for point in points {
+        let begin = &mut begins[usize::from(point.1)];
+        sorted[*begin as usize] = *point;
+        *begin += 1;
+    }
+}

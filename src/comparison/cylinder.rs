@@ -1,0 +1,188 @@
+//! The cylinder around a core point.
+
+use super::window::Window;
+use crate::cloud::NeighbourIndex;
+use crate::cloud::neighbours::Bounds;
+use crate::cloud::vectors::with_widest_vectors;
+use crate::geometry::Vec3;
+use crate::project::ComparisonSettings;
+
+/// Closed at its side. Open at its ends, closed at the core point where it is one-sided.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cylinder {
+    centre: Vec3,
+    axis: Vec3,
+    radius_m: f64,
+    half_length_m: f64,
+    one_sided: bool,
+    /// Smallest height.
+    lowest_m: f64,
+}
+
+/// Half the length of the cylinders, metres.
+pub(super) fn half_length_m(settings: &ComparisonSettings) -> f64 {
+    settings.max_distance_m.max(settings.cylinder_radius_m)
+}
+
+impl Cylinder {
+    pub(super) fn new(centre: Vec3, axis: Vec3, settings: &ComparisonSettings) -> Self {
+        Self {
+            centre,
+            axis,
+            radius_m: settings.cylinder_radius_m,
+            half_length_m: half_length_m(settings),
+            one_sided: settings.one_sided,
+            lowest_m: if settings.one_sided {
+                0.0
+            } else {
+                f64::NEG_INFINITY
+            },
+        }
+    }
+
+    /// Whether the box may hold points of the cylinder: false only where surely none is inside,
+    /// with room for the rounding of the test itself.
+    fn may_meet(&self, bounds: &Bounds) -> bool {
+        const ROOM: f64 = 1.0 + 1e-12;
+        let middle = ((bounds.low - self.centre) + (bounds.high - self.centre)) / 2.0;
+        let half = (bounds.high - bounds.low) / 2.0;
+        let rounding = 1e-12 * (middle.norm() + half.norm());
+        let along = middle.dot(&self.axis);
+        let half_along = half.dot(&self.axis.abs());
+        if along.abs() > (half_along + self.half_length_m) * ROOM + rounding {
+            return false;
+        }
+        let across = (middle - self.axis * along).norm();
+        across <= (half.norm() + self.radius_m) * ROOM + rounding
+    }
+
+    /// Replaces `heights` by those of the points of `cloud` inside, along the axis from the centre,
+    /// metres.
+    pub(super) fn heights_in_tree(&self, cloud: &NeighbourIndex, heights: &mut Heights) {
+        heights.clear();
+        cloud.visit(
+            |bounds| self.may_meet(bounds),
+            |_, point| {
+                let (height, inside) = self.place([point.x, point.y, point.z]);
+                if inside {
+                    heights.push(height);
+                }
+            },
+        );
+        // The order of points in a tree hangs on all of its points; sums must not.
+        heights.heights[..heights.filled].sort_unstable_by(f64::total_cmp);
+    }
+
+    /// As [`Self::heights_in_tree`], of the points in a window that holds all of the cylinder.
+    pub(super) fn heights_in_window(&self, window: &Window, heights: &mut Heights) {
+        // No more than this from the centre, along each coordinate, to the one side and the other.
+        let (ends, sides) = (
+            self.axis * self.half_length_m,
+            self.axis
+                .map(|x| self.radius_m * (1.0 - x * x).max(0.0).sqrt() * (1.0 + 1e-12)),
+        );
+        let beyond = ends.sup(&Vec3::zeros());
+        let below = ends.inf(&Vec3::zeros());
+        let (low, high) = if self.one_sided {
+            (below - sides, beyond + sides)
+        } else {
+            (-ends.abs() - sides, ends.abs() + sides)
+        };
+        heights.clear();
+        window.in_box(&(self.centre + low), &(self.centre + high), |points| {
+            heights.add(points, self);
+        });
+    }
+
+    /// The height of a point along the axis, and whether it lies inside.
+    #[inline(always)]
+    fn place(&self, point: [f64; 3]) -> (f64, bool) {
+        let [x, y, z] = [
+            point[0] - self.centre.x,
+            point[1] - self.centre.y,
+            point[2] - self.centre.z,
+        ];
+        let axis = &self.axis;
+        let height = x * axis.x + y * axis.y + z * axis.z;
+        let across = [
+            x - height * axis.x,
+            y - height * axis.y,
+            z - height * axis.z,
+        ];
+        let squared = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
+        // All of them in any case: branches would be mispredicted.
+        let inside = (height.abs() < self.half_length_m)
+            & (height >= self.lowest_m)
+            & (squared <= self.radius_m * self.radius_m);
+        (height, inside)
+    }
+}
+
+/// Heights of points along the axis of a cylinder, and a weight for each: 1 inside, and 0 for both
+/// outside.
+#[derive(Debug, Default)]
+pub(super) struct Heights {
+    heights: Vec<f64>,
+    weights: Vec<f64>,
+    filled: usize,
+}
+
+impl Heights {
+    fn clear(&mut self) {
+        self.filled = 0;
+    }
+
+    fn add(&mut self, points: [&[f64]; 3], cylinder: &Cylinder) {
+        let end = self.filled + points[0].len();
+        if self.heights.len() < end {
+            self.heights.resize(2 * end, 0.0);
+            self.weights.resize(2 * end, 0.0);
+        }
+        let range = self.filled..end;
+        place_all(
+            points,
+            cylinder,
+            &mut self.heights[range.clone()],
+            &mut self.weights[range],
+        );
+        self.filled = end;
+    }
+
+    fn push(&mut self, height: f64) {
+        self.heights.truncate(self.filled);
+        self.weights.truncate(self.filled);
+        self.heights.push(height);
+        self.weights.push(1.0);
+        self.filled += 1;
+    }
+
+    /// Heights and weights.
+    pub(super) fn weighted(&self) -> (&[f64], &[f64]) {
+        (&self.heights[..self.filled], &self.weights[..self.filled])
+    }
+}
+
+with_widest_vectors! {
+    /// Writes height and weight of every point.
+    fn place_all(points: [&[f64]; 3], cylinder: &Cylinder, heights: &mut [f64], weights: &mut [f64])
+        = write_places
+}
+
+#[inline(always)]
+fn write_places(
+    [x, y, z]: [&[f64]; 3],
+    cylinder: &Cylinder,
+    heights: &mut [f64],
+    weights: &mut [f64],
+) {
+    let count = x.len();
+    let (y, z) = (&y[..count], &z[..count]);
+    let (heights, weights) = (&mut heights[..count], &mut weights[..count]);
+    let cylinder = *cylinder;
+    for at in 0..count {
+        let (height, inside) = cylinder.place([x[at], y[at], z[at]]);
+        let inside = u64::from(inside).wrapping_neg();
+        heights[at] = f64::from_bits(height.to_bits() & inside);
+        weights[at] = f64::from_bits(1f64.to_bits() & inside);
+    }
+}

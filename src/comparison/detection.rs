@@ -1,0 +1,171 @@
+//! What stands for the points of a cylinder, and from which distance on a change is detected.
+
+use super::{student, sums};
+use crate::project::{Aggregation, ComparisonSettings, Detection};
+
+/// 97.5 % quantile of the normal distribution, as the literature rounds it.
+const QUANTILE_95: f64 = 1.96;
+
+/// The points of one cloud in a cylinder, summed up by their heights along its axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sample {
+    pub(super) count: u32,
+    /// Mean or median, metres; NaN without points.
+    pub(super) middle: f64,
+    /// Square of the standard deviation (divided by n − 1) or of the inter-quartile range, square
+    /// metres; NaN for fewer than two points.
+    pub(super) variance: f64,
+}
+
+impl Sample {
+    /// Of no points.
+    pub(super) const NONE: Self = Self {
+        count: 0,
+        middle: f64::NAN,
+        variance: f64::NAN,
+    };
+
+    /// Sums up those of `heights` that `weights` give 1 and not 0, in lists as long as each other.
+    /// `sorted` is for passing use.
+    pub(super) fn of(
+        heights: &[f64],
+        weights: &[f64],
+        aggregation: Aggregation,
+        sorted: &mut Vec<f64>,
+    ) -> Self {
+        let (count, middle, variance) = match aggregation {
+            Aggregation::Mean => {
+                // 0/0 is the NaN that the mean of no points should be.
+                let [n, sum] = sums::both(weights, heights);
+                let mean = sum / n;
+                (
+                    n,
+                    mean,
+                    sums::squares_about(mean, heights, weights) / (n - 1.0),
+                )
+            }
+            Aggregation::Median => {
+                let inside = heights
+                    .iter()
+                    .zip(weights)
+                    .filter(|(_, weight)| **weight > 0.0);
+                sorted.clear();
+                sorted.extend(inside.map(|(height, _)| *height));
+                sorted.sort_unstable_by(f64::total_cmp);
+                let range = quartile(sorted, 3) - quartile(sorted, 1);
+                (sorted.len() as f64, quartile(sorted, 2), range * range)
+            }
+        };
+        Self {
+            count: count as u32,
+            middle,
+            variance: if count < 2.0 { f64::NAN } else { variance },
+        }
+    }
+
+    fn variance_of_middle(&self) -> f64 {
+        self.variance / f64::from(self.count)
+    }
+}
+
+/// The value that `quarters` quarters of `sorted` lie below: where this cuts between two of them
+/// their mean, else the one it cuts through (definition 2 of Hyndman and Fan 1996). NaN without
+/// values.
+fn quartile(sorted: &[f64], quarters: usize) -> f64 {
+    let cut = quarters * sorted.len();
+    if sorted.is_empty() {
+        f64::NAN
+    } else if cut.is_multiple_of(4) {
+        (sorted[cut / 4 - 1] + sorted[cut / 4]) / 2.0
+    } else {
+        sorted[cut / 4]
+    }
+}
+
+/// The level of detection at 95 %, metres, as [`super::m3c2`] defines it; NaN where a sample has
+/// fewer than two points or fewer than the settings ask for.
+pub(super) fn level_of_detection(
+    reference: &Sample,
+    compared: &Sample,
+    settings: &ComparisonSettings,
+) -> f64 {
+    if reference.count.min(compared.count) < settings.min_points.max(2) {
+        return f64::NAN;
+    }
+    let (a, b) = (
+        reference.variance_of_middle(),
+        compared.variance_of_middle(),
+    );
+    let sampling = (a + b).sqrt();
+    let registration = settings.registration_error_m;
+    match settings.detection {
+        Detection::Normal => QUANTILE_95 * (sampling + registration),
+        Detection::Student => {
+            let drawn = if sampling > 0.0 {
+                let (share_a, share_b) = (a / (a + b), b / (a + b));
+                let freedom = 1.0
+                    / (share_a * share_a / f64::from(reference.count - 1)
+                        + share_b * share_b / f64::from(compared.count - 1));
+                student::quantile_97_5(freedom) * sampling
+            } else {
+                0.0
+            };
+            drawn + student::NORMAL_97_5 * registration
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quartiles_cut_or_lie_between() {
+        let values = [1.0, 2.0, 4.0, 8.0, 16.0];
+        // Positions by hand: n = 4 cuts between, n = 5 cuts through, n = 1 is the value itself.
+        let quartiles = |n: usize| [1, 2, 3].map(|quarters| quartile(&values[..n], quarters));
+        assert_eq!(quartiles(1), [1.0, 1.0, 1.0]);
+        assert_eq!(quartiles(2), [1.0, 1.5, 2.0]);
+        assert_eq!(quartiles(3), [1.0, 2.0, 4.0]);
+        assert_eq!(quartiles(4), [1.5, 3.0, 6.0]);
+        assert_eq!(quartiles(5), [2.0, 4.0, 8.0]);
+        assert!(quartile(&[], 2).is_nan());
+    }
+
+    fn sample(heights: &[f64]) -> Sample {
+        Sample::of(
+            heights,
+            &vec![1.0; heights.len()],
+            Aggregation::Mean,
+            &mut vec![],
+        )
+    }
+
+    #[test]
+    fn student_widens_the_level_of_detection_of_few_points() {
+        let settings = |detection| ComparisonSettings {
+            registration_error_m: 0.5,
+            detection,
+            ..ComparisonSettings::default()
+        };
+        let (normal, student) = (settings(Detection::Normal), settings(Detection::Student));
+        // Variances 2 and 8 of three points each: 10/3 of the difference of the means, with
+        // ν = (2/3 + 8/3)² / ((2/3)²/2 + (8/3)²/2) = 50/17.
+        let s = 2f64.sqrt();
+        let (a, b) = (sample(&[-s, 0.0, s]), sample(&[-2.0 * s, 0.0, 2.0 * s]));
+        let sampling = (10.0f64 / 3.0).sqrt();
+        let found = level_of_detection(&a, &b, &normal);
+        assert!((found - 1.96 * (sampling + 0.5)).abs() < 1e-14);
+        // scipy.stats.t.ppf(0.975, 50 / 17)
+        let expected = 3.218_758_614_532 * sampling + student::NORMAL_97_5 * 0.5;
+        let found = level_of_detection(&a, &b, &student);
+        assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+        // Without spread nothing is left to chance but the registration.
+        let flat = sample(&[1.0, 1.0]);
+        let found = level_of_detection(&flat, &flat, &student);
+        assert_eq!(found, student::NORMAL_97_5 * 0.5);
+        let single = sample(&[1.0]);
+        assert!(level_of_detection(&flat, &single, &student).is_nan());
+        assert!(level_of_detection(&single, &flat, &normal).is_nan());
+    }
+}

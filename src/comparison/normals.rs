@@ -1,0 +1,99 @@
+//! Normals at core points.
+
+use super::moments::Offsets;
+use super::window::Window;
+use crate::cloud::StructureTensor;
+use crate::geometry::Vec3;
+
+/// The direction of `vector`, all NaN where it has none.
+pub(super) fn unit(vector: &Vec3) -> Vec3 {
+    let norm = vector.norm();
+    // The squares of components outside this range overflow or vanish.
+    if (1e-140..1e140).contains(&norm) {
+        return vector / norm;
+    }
+    let largest = vector.amax();
+    if largest > 0.0 && vector.iter().all(|component| component.is_finite()) {
+        (vector / largest).normalize()
+    } else {
+        Vec3::repeat(f64::NAN)
+    }
+}
+
+/// What is left of the scale of a neighbourhood's covariance after one pass, at most, before its
+/// normal is taken from two passes over the points.
+const TWO_PASSES_BELOW: f64 = 0.01;
+
+/// The normal of the most planar of the neighbourhoods of `point` with these radii, on the side of
+/// `orientation`, and its radius. `None` where none of them has three points that span a plane.
+pub(super) fn most_planar(
+    window: &Window,
+    point: &Vec3,
+    radii: &[f64],
+    orientation: &Vec3,
+    offsets: &mut Offsets,
+) -> Option<(Vec3, f64)> {
+    let mut best: Option<(f64, Vec3, f64)> = None;
+    for &radius in radii {
+        offsets.clear();
+        window.in_ball(point, radius, |points| {
+            offsets.add(points, point, radius * radius);
+        });
+        let tensor = offsets.tensor(point);
+        if tensor.count < 3 {
+            continue;
+        }
+        let mut eigen = tensor.eigen();
+        // The rounding of sums of squares is relative to the square of the radius; the normal of a
+        // surface hangs on the difference of these two, which is about a quarter of that.
+        if eigen.values.y - eigen.values.z < TWO_PASSES_BELOW * radius * radius {
+            let near = points_in_ball(window, point, radius);
+            eigen = StructureTensor::from_points(&near).eigen();
+        }
+        let planarity = eigen.planarity();
+        if planarity > best.map_or(0.0, |(most, _, _)| most) {
+            best = Some((planarity, eigen.vectors.column(2).into_owned(), radius));
+        }
+    }
+    best.map(|(_, normal, radius)| {
+        let turned = if normal.dot(orientation) < 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        (turned, radius)
+    })
+}
+
+fn points_in_ball(window: &Window, centre: &Vec3, radius: f64) -> Vec<Vec3> {
+    let mut near = Vec::new();
+    window.in_ball(centre, radius, |[x, y, z]| {
+        let points = x.iter().zip(y).zip(z);
+        let points = points.map(|((x, y), z)| Vec3::new(*x, *y, *z));
+        near.extend(points.filter(|point| (point - centre).norm_squared() <= radius * radius));
+    });
+    near
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_of_any_length_become_units() {
+        for scale in [1e-310, 1e-200, 1e-3, 1.0, 1e200, 1e308] {
+            let found = unit(&(Vec3::new(0.3, -0.4, 0.0) * scale));
+            assert!(
+                (found - Vec3::new(0.6, -0.8, 0.0)).norm() < 1e-12,
+                "{scale}: {found}"
+            );
+        }
+        for none in [
+            Vec3::zeros(),
+            Vec3::new(f64::NAN, 1.0, 0.0),
+            Vec3::new(f64::INFINITY, 1.0, 0.0),
+        ] {
+            assert!(unit(&none).iter().all(|x| x.is_nan()));
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Core points of a comparison, perhaps with their normals.
+
+use std::path::Path;
+
+use super::table::{Columns, Table, header_names};
+use super::{Format, read_cloud};
+use crate::error::Result;
+use crate::geometry::Vec3;
+
+const WITH_NORMALS: Columns = Columns {
+    needed: &[
+        "east_m", "north_m", "up_m", "normal_x", "normal_y", "normal_z",
+    ],
+    optional: &[],
+};
+
+/// Core points and their normals.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CorePoints {
+    /// East, north, up, metres.
+    pub points: Vec<Vec3>,
+    /// As written in the file, of any length, one for each point; empty where it has none.
+    pub normals: Vec<Vec3>,
+}
+
+/// Reads core points: any cloud that [`read_cloud`] reads. A native table with the columns `normal_x`,
+/// `normal_y`, `normal_z` gives their normals too.
+///
+/// # Errors
+/// Those of [`read_cloud`]; a table with one or two of the three columns.
+pub fn read_core_points(path: &Path) -> Result<CorePoints> {
+    let is_table = matches!(super::detect(path), Ok(Format::CloudCsv));
+    let components = &WITH_NORMALS.needed[3..];
+    let has_normals = is_table
+        && header_names(path)?
+            .iter()
+            .any(|name| components.contains(&name.as_str()));
+    if !has_normals {
+        return Ok(CorePoints {
+            points: read_cloud(path)?.points,
+            normals: Vec::new(),
+        });
+    }
+    let mut table = Table::open(path, &WITH_NORMALS)?;
+    let mut core = CorePoints::default();
+    let mut row = [0.0; 6];
+    while table.next_row(&mut row)? {
+        core.points.push(Vec3::new(row[0], row[1], row[2]));
+        core.normals.push(Vec3::new(row[3], row[4], row[5]));
+    }
+    if core.points.is_empty() {
+        return Err(super::nothing_in(path, "point"));
+    }
+    Ok(core)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<CorePoints> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("core.csv");
+        std::fs::write(&path, text).unwrap();
+        read_core_points(&path)
+    }
+
+    #[test]
+    fn tables_carry_normals_or_not() {
+        let core = read("normal_z,north_m,east_m,up_m,normal_x,normal_y\n1,2,3,4,5,6\n").unwrap();
+        assert_eq!(core.points, [Vec3::new(3.0, 2.0, 4.0)]);
+        assert_eq!(core.normals, [Vec3::new(5.0, 6.0, 1.0)]);
+        let core = read("east_m,north_m,up_m\n1,2,3\n").unwrap();
+        assert_eq!(core.points, [Vec3::new(1.0, 2.0, 3.0)]);
+        assert!(core.normals.is_empty());
+        let missing = read("east_m,north_m,up_m,normal_x\n1,2,3,4\n").unwrap_err();
+        assert!(missing.to_string().contains("normal_y"), "{missing}");
+        let infinite = read("east_m,north_m,up_m,normal_x,normal_y,normal_z\n1,2,3,nan,0,0\n");
+        assert!(infinite.unwrap_err().to_string().contains("line 2"));
+        assert!(read("east_m,north_m,up_m,normal_x,normal_y,normal_z\n").is_err());
+    }
+}
