@@ -127,7 +127,9 @@ fn write_surface(path: &Path, n: usize) {
             Vec3::new(5000.0 + x, 7000.0 + y, 100.0 + z)
         })
         .collect();
+    // Far beside, and high above the middle, where every tile is left behind.
     points.push(Vec3::new(9000.0, 7000.0, 150.0));
+    points.push(Vec3::new(5010.0, 7002.5, 150.0));
     let cloud = PointCloud {
         time_s: (0..points.len()).map(|i| i as f64 * 0.001).collect(),
         intensity: (0..points.len()).map(|i| (i % 999) as f32).collect(),
@@ -178,19 +180,23 @@ fn bytes_do_not_depend_on_tiles_or_threads() {
         assert_eq!(run.code, 0, "{}", run.err);
         assert_eq!(names(&out), ["log.txt", "surface-features.laz"]);
         let result: serde_json::Value = serde_json::from_str(&run.out).unwrap();
-        assert_eq!(result["points"], 90_001);
+        assert_eq!(result["points"], 90_002);
         for stage in ["read", "features", "write"] {
             assert!(result["stages"][stage]["seconds"].is_number());
         }
         let bytes = fs::read(out.join("surface-features.laz")).unwrap();
-        (bytes, result["tiles"].as_u64().unwrap())
+        let number = |name: &str| result[name].as_u64().unwrap();
+        (bytes, number("tiles"), number("points_beyond_halo"))
     };
-    let (one, tiles) = run("one", &["--threads", "1"]);
+    let (one, tiles, _) = run("one", &["--threads", "1"]);
     assert_eq!(tiles, 1);
-    let (two, _) = run("two", &["--threads", "2"]);
+    let (two, _, _) = run("two", &["--threads", "2"]);
     assert!(one == two, "threads change bytes");
-    let (tiled, tiles) = run("tiled", &["--threads", "2", "--memory-mb", "1"]);
-    assert!(tiles > 4, "{tiles} tiles");
+    let (tiled, tiles, beyond) = run("tiled", &["--threads", "2", "--memory-mb", "1"]);
+    assert!(
+        tiles > 4 && beyond > 0,
+        "{tiles} tiles, {beyond} points beyond their halo"
+    );
     assert!(one == tiled, "tiles change bytes");
 }
 

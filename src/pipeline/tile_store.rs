@@ -83,22 +83,25 @@ impl TileStore {
         Ok(store)
     }
 
-    /// Writes the stream as it comes, and returns how many points there are and an even sample:
-    /// every n-th point, n a power of two.
+    /// Writes the stream as it comes, and returns how many points there are and an even sample of
+    /// them: those with a hash of their place below a bound that halves whenever there are too
+    /// many. Every n-th point would be the same few columns of every profile.
     fn gather(&mut self, whole: &Path, stream: &mut Stream<'_>) -> Result<(u64, Vec<[f64; 2]>)> {
         let file = File::create(whole).map_err(|e| Error::io(whole, e))?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
-        let (mut count, mut step) = (0u64, 1u64);
+        let (mut count, mut bound) = (0u64, u64::MAX);
         let mut sample = Vec::new();
         stream(&mut |points| {
             for point in points {
                 self.low = self.low.inf(point);
                 self.high = self.high.sup(point);
-                if count.is_multiple_of(step) {
-                    sample.push([point.x, point.y]);
-                    if sample.len() >= MOST_SAMPLED {
-                        sample = sample.iter().copied().step_by(2).collect();
-                        step *= 2;
+                // Multiples of the golden ratio are spread evenly over [0, 2⁶⁴).
+                let hash = count.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                if hash <= bound {
+                    sample.push((hash, [point.x, point.y]));
+                    if sample.len() > MOST_SAMPLED {
+                        bound /= 2;
+                        sample.retain(|(hash, _)| *hash <= bound);
                     }
                 }
                 count += 1;
@@ -110,7 +113,7 @@ impl TileStore {
             Ok(())
         })?;
         out.flush().map_err(|e| Error::io(whole, e))?;
-        Ok((count, sample))
+        Ok((count, sample.into_iter().map(|(_, place)| place).collect()))
     }
 
     /// Sorts what was gathered into the files of the tiles.

@@ -308,3 +308,54 @@ fn what_cannot_be_written_is_named() {
     let error = copy_las(&path("a.las"), &path("b.laz"), &[], &mut refuse, &Silent).unwrap_err();
     assert!(error.to_string().starts_with("enough"));
 }
+
+/// A file without points, with this header.
+fn write_header(path: &Path, builder: las::Builder) {
+    let file = std::fs::File::create(path).unwrap();
+    let header = builder.into_header().unwrap();
+    let mut writer = las::Writer::new(std::io::BufWriter::new(file), header).unwrap();
+    writer.close().unwrap();
+}
+
+#[test]
+fn inputs_that_cannot_be_copied_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("a.las"), folder.path().join("b.las"));
+    let refused = || {
+        let mut row = |_: u64, _: &mut [f64]| Ok(true);
+        copy_las(&input, &output, &dimensions(), &mut row, &Silent)
+            .unwrap_err()
+            .to_string()
+    };
+    let mut waveforms = las::Builder::from((1, 4));
+    waveforms.point_format = las::point::Format::new(4).unwrap();
+    write_header(&input, waveforms);
+    assert!(refused().contains("points with waveforms"), "{}", refused());
+
+    write_header(&input, las::Builder::from((1, 4)));
+    assert!(refused().contains("no point"), "{}", refused());
+
+    // Its extra bytes are described as eight, its points have two.
+    let mut described = vec![0; 192];
+    described[2] = 10;
+    described[4..8].copy_from_slice(b"long");
+    let mut builder = las::Builder::from((1, 4));
+    builder.point_format.extra_bytes = 2;
+    builder.vlrs.push(vlr("LASF_Spec", 4, described));
+    let header = builder.into_header().unwrap();
+    let file = std::fs::File::create(&input).unwrap();
+    let points = las::PointDataBuilder::new()
+        .for_header(&header)
+        .build_from_bytes(vec![0; usize::from(header.point_format().len())])
+        .unwrap();
+    let mut writer = las::Writer::new(std::io::BufWriter::new(file), header).unwrap();
+    writer.write_points(&points).unwrap();
+    writer.close().unwrap();
+    drop(writer);
+    assert!(
+        refused().contains("`long` at bytes 0 to 8"),
+        "{}",
+        refused()
+    );
+    assert!(!output.exists());
+}
