@@ -27,6 +27,7 @@
 //! than all those beyond t, so it is one of the k nearest; and likewise above.
 
 use std::cell::Cell;
+use std::ops::Range;
 
 use super::lanes::{Lanes, WORD};
 use super::neighbours::{Bounds, squared_distance};
@@ -59,6 +60,8 @@ pub(super) struct Candidates {
     extent: f32,
     /// What was gathered; infinite where the cloud ends before.
     region: Option<Bounds>,
+    /// Where the gathered leaves stand in the index.
+    runs: Vec<Range<usize>>,
     squared: Vec<f32>,
     /// One bit a candidate.
     chosen: Vec<u64>,
@@ -78,8 +81,8 @@ pub(super) enum Search {
 }
 
 impl Candidates {
-    /// Takes the points of `index` in the box of `group` widened by `margin_m`; false where they
-    /// are more than `most`, and then not to be searched.
+    /// Takes the points of `index` in the box of `group` widened by `margin_m`; false where the
+    /// leaves that meet it hold more than `most`, and then there is nothing to be searched.
     #[inline(always)]
     pub(super) fn gather(
         &mut self,
@@ -92,31 +95,35 @@ impl Candidates {
             low: group.low.add_scalar(-margin_m),
             high: group.high.add_scalar(margin_m),
         };
-        let mut filled = 0;
-        let too_many = Cell::new(false);
+        // Points are copied outside the closure, which is not compiled for the wide vectors.
+        let found = Cell::new(0);
+        self.runs.clear();
         index.visit_leaves(
-            |bounds| bounds.meets(&wide) && !too_many.get(),
+            |bounds| found.get() <= most && bounds.meets(&wide),
             |leaf| {
-                let end = filled + leaf.len();
-                if self.points.len() < end {
-                    self.points.resize(2 * end, [1.0; 4]);
-                    self.indices.resize(2 * end, 0);
-                }
-                for at in leaf {
-                    // Written in any case and kept by counting it, without a branch.
-                    let point = &index.points[at];
-                    self.points[filled] = [point.x, point.y, point.z, 1.0];
-                    self.indices[filled] = index.indices[at];
-                    filled += usize::from(wide.holds(point));
-                }
-                too_many.set(filled > most);
+                found.set(found.get() + leaf.len());
+                self.runs.push(leaf);
             },
         );
-        self.points.truncate(filled);
-        self.indices.truncate(filled);
-        if too_many.get() {
+        if found.get() > most {
             return false;
         }
+        if self.points.len() < found.get() {
+            self.points.resize(found.get(), [1.0; 4]);
+            self.indices.resize(found.get(), 0);
+        }
+        let mut filled = 0;
+        for run in &self.runs {
+            let points = index.points[run.clone()].iter();
+            for (point, &at) in points.zip(&index.indices[run.clone()]) {
+                // Written in any case and kept by counting it, without a branch.
+                self.points[filled] = [point.x, point.y, point.z, 1.0];
+                self.indices[filled] = at;
+                filled += usize::from(wide.holds(point));
+            }
+        }
+        self.points.truncate(filled);
+        self.indices.truncate(filled);
         let all = index.nodes.first().map(|root| root.bounds);
         let clear = |end: f64, reached: bool| if reached { f64::INFINITY } else { end };
         self.region = all.map(|all| Bounds {

@@ -92,7 +92,8 @@ fn add_products(sums: &mut [f64; 16], point: &[f64; 4], centre: &[f64; 4]) {
 pub(super) struct Avx512;
 
 // SAFETY, for every block: `Avx512` is named only in functions that run where the machine has the
-// instructions. Loads and stores are unaligned and stay inside the arrays they are given.
+// instructions. Loads and stores are unaligned and stay inside the arrays they are given, or the room
+// reserved in them, of which what was written becomes part.
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 impl Lanes for Avx512 {
@@ -130,24 +131,25 @@ impl Lanes for Avx512 {
     fn places(words: &[u64], into: &mut Vec<u32>) {
         use std::arch::x86_64::*;
         let mut filled = 0;
-        // Whole vectors are written.
-        into.resize(words.len() * WORD + 16, 0);
-        for (at, &word) in words.iter().enumerate() {
-            for part in 0..4 {
-                let bits = (word >> (16 * part)) as u16;
-                let first = (at * WORD) as i32 + 16 * part;
-                let sixteen = &mut into[filled..filled + 16];
-                unsafe {
-                    let all =
-                        _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-                    let places = _mm512_add_epi32(all, _mm512_set1_epi32(first));
+        into.clear();
+        // Whole vectors are written: room for one behind the last.
+        into.reserve(words.len() * WORD + 16);
+        unsafe {
+            let out = into.as_mut_ptr();
+            let sixteen = _mm512_set1_epi32(16);
+            let mut places =
+                _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            for &word in words {
+                for part in 0..4 {
+                    let bits = (word >> (16 * part)) as u16;
                     let listed = _mm512_maskz_compress_epi32(bits, places);
-                    _mm512_storeu_si512(sixteen.as_mut_ptr().cast(), listed);
+                    _mm512_storeu_si512(out.add(filled).cast(), listed);
+                    filled += bits.count_ones() as usize;
+                    places = _mm512_add_epi32(places, sixteen);
                 }
-                filled += bits.count_ones() as usize;
             }
+            into.set_len(filled);
         }
-        into.truncate(filled);
     }
 
     #[inline(always)]

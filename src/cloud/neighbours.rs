@@ -2,7 +2,7 @@
 //!
 //! Points are sorted by the keys of [`super::curve`]. A node of the tree is a run of points that
 //! agree in their leading bits, with the bounding box of these points; it is divided where the next
-//! bit changes, so that its halves never interlock, until no more than 16 points are left. Sorting
+//! bit changes, so that its halves never interlock, until no more than 32 points are left. Sorting
 //! takes the place of the selections by which a k-d tree is built, and costs a fraction of them.
 //! The children of node i are node i + 1 and the node that i names.
 //!
@@ -19,9 +19,9 @@ use super::curve::Grid;
 use super::nearest::Nearest;
 use crate::geometry::Vec3;
 
-/// Most points in a leaf. With k = 50 on surface points, 8 to 32 measure within a tenth of each
+/// Most points in a leaf. With k = 50 on surface points, 8 to 64 measure within a tenth of each
 /// other.
-const LEAF: usize = 16;
+const LEAF: usize = 32;
 
 /// Subtrees with more points than this are built by another thread.
 const PARALLEL_BUILD: usize = 1 << 14;
