@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::candidates::{Candidates, Search};
 use super::lanes::{Lanes, Plain};
-use super::neighbours::Node;
+use super::neighbours::Bounds;
 use super::vectors::with_widest_vectors;
 use super::{NeighbourIndex, StructureTensor};
 use crate::geometry::Vec3;
@@ -130,22 +130,19 @@ impl NeighbourIndex {
             .par_chunks(CHUNK)
             .flat_map_iter(|groups| {
                 let mut values = Vec::new();
-                let mut candidates = Candidates::default();
+                let mut scratch = Scratch::default();
                 let mut found = Vec::new();
-                let mut reach_m = 0.0;
                 for group in groups {
                     found.clear();
                     found.resize(group.points().len(), nothing.clone());
                     let queries = &queries.points[group.points()];
-                    solve_group(
-                        self,
-                        group,
+                    let task = Group {
+                        index: self,
+                        bounds: group.bounds,
                         queries,
                         of,
-                        &mut candidates,
-                        &mut reach_m,
-                        &mut found,
-                    );
+                    };
+                    solve_group(&task, &mut scratch, &mut found);
                     values.extend(each(group.points(), &found));
                     progress.advance(queries.len() as u64);
                 }
@@ -179,70 +176,65 @@ impl Take for Vec<u32> {
     }
 }
 
-/// As [`solve`], compiled for the widest vectors of this machine; see [`super::vectors`].
-fn solve_group<Found: Take>(
-    index: &NeighbourIndex,
-    group: &Node,
-    queries: &[Vec3],
+/// Queries that lie close together, and what they ask for.
+struct Group<'a> {
+    index: &'a NeighbourIndex,
+    /// Box around the queries.
+    bounds: Bounds,
+    queries: &'a [Vec3],
     of: Neighbourhood,
-    candidates: &mut Candidates,
-    reach_m: &mut f64,
-    found: &mut [Found],
-) {
+}
+
+/// What is kept from group to group.
+#[derive(Default)]
+struct Scratch {
+    candidates: Candidates,
+    /// How far the neighbours of the group before reached, metres; 0 where that is not known.
+    reach_m: f64,
+}
+
+/// As [`solve`], compiled for the widest vectors of this machine; see [`super::vectors`].
+fn solve_group<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found]) {
     #[cfg(target_arch = "x86_64")]
     {
         use super::lanes::Avx512;
         use super::vectors::Width;
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt")]
-        fn with_avx512<Found: Take>(
-            index: &NeighbourIndex,
-            group: &Node,
-            queries: &[Vec3],
-            of: Neighbourhood,
-            candidates: &mut Candidates,
-            reach_m: &mut f64,
-            found: &mut [Found],
-        ) {
-            solve::<Avx512, Found>(index, group, queries, of, candidates, reach_m, found);
+        fn with_avx512<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found]) {
+            solve::<Avx512, Found>(group, scratch, found);
         }
         if Width::here() == Width::Avx512 {
             // SAFETY: the machine has what the function was compiled for.
             #[allow(unsafe_code)]
-            return unsafe { with_avx512(index, group, queries, of, candidates, reach_m, found) };
+            return unsafe { with_avx512(group, scratch, found) };
         }
     }
-    solve_plain(index, group, queries, of, candidates, reach_m, found);
+    solve_plain(group, scratch, found);
 }
 
 with_widest_vectors! {
-    fn solve_plain<Found: Take>(
-        index: &NeighbourIndex,
-        group: &Node,
-        queries: &[Vec3],
-        of: Neighbourhood,
-        candidates: &mut Candidates,
-        reach_m: &mut f64,
-        found: &mut [Found],
-    ) = solve::<Plain, Found>
+    fn solve_plain<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found])
+        = solve::<Plain, Found>
 }
 
-/// Finds the neighbours of the `queries` of a `group`. Written without closures, which would not be
-/// compiled for the wide vectors. `reach_m` is how far those of the group
-/// before reached, and then how far these do.
+/// Finds the neighbours of the queries of a group. Written without closures, which would not be
+/// compiled for the wide vectors.
 #[inline(always)]
-fn solve<L: Lanes, Found: Take>(
-    index: &NeighbourIndex,
-    group: &Node,
-    queries: &[Vec3],
-    of: Neighbourhood,
-    candidates: &mut Candidates,
-    reach_m: &mut f64,
-    found: &mut [Found],
-) {
+fn solve<L: Lanes, Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found]) {
+    let &Group {
+        index,
+        ref bounds,
+        queries,
+        of,
+    } = group;
+    let Scratch {
+        candidates,
+        reach_m,
+    } = scratch;
     let k = match of {
         Neighbourhood::Nearest(k) => k,
         Neighbourhood::Within(radius) => {
-            candidates.gather(index, &group.bounds, radius * (1.0 + 1e-12), usize::MAX);
+            candidates.gather(index, bounds, radius * (1.0 + 1e-12), usize::MAX);
             for (query, found) in queries.iter().zip(found) {
                 candidates.within::<L>(query, radius);
                 *found = Found::take::<L>(candidates, query, radius);
@@ -268,7 +260,7 @@ fn solve<L: Lanes, Found: Take>(
     *reach_m = 0.0;
     let mut open: Vec<usize> = (0..queries.len()).collect();
     while !open.is_empty() {
-        if !candidates.gather(index, &group.bounds, margin_m, most) {
+        if !candidates.gather(index, bounds, margin_m, most) {
             if !is_first_known {
                 is_first_known = true;
                 margin_m = enough_for_first();
