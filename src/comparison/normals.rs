@@ -1,6 +1,6 @@
 //! Normals at core points.
 
-use super::moments::tensor_in_ball;
+use super::moments::Offsets;
 use super::window::Window;
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
@@ -31,10 +31,12 @@ pub(super) fn most_planar(
     point: &Vec3,
     radii: &[f64],
     orientation: &Vec3,
+    offsets: &mut Offsets,
 ) -> Option<(Vec3, f64)> {
     let mut best: Option<(f64, Vec3, f64)> = None;
     for &radius in radii {
-        let tensor = tensor_in_ball(window, point, radius);
+        offsets.fill(window, point, radius);
+        let tensor = offsets.tensor(point);
         if tensor.count < 3 {
             continue;
         }

@@ -7,6 +7,7 @@ use super::cylinder::{self, Cylinder, Heights};
 use super::detection::{Sample, level_of_detection};
 use super::groups::{Groups, box_around};
 use super::m3c2::{CoreDistance, M3c2, Normals, check, check_core, empty};
+use super::moments::Offsets;
 use super::normals;
 use super::window::Window;
 use crate::cloud::NeighbourIndex;
@@ -173,13 +174,13 @@ impl IndexedClouds {
         Groups::new(core, &cells.lattice).map(
             core.len(),
             none,
-            |window: &mut Window, block, indices| {
+            |(window, offsets): &mut (Window, Offsets), block, indices| {
                 let (low, high) = box_around(core, indices, widest);
                 window.gather(cells, block, (&low, &high));
                 progress.advance((indices.len() / 2) as u64);
                 let find = |&at: &u32| {
                     let point = &core[at as usize];
-                    normals::most_planar(window, point, radii, orientation).unwrap_or(none)
+                    normals::most_planar(window, point, radii, orientation, offsets).unwrap_or(none)
                 };
                 indices.iter().map(find).collect()
             },

@@ -8,6 +8,26 @@ use crate::cloud::vectors::with_widest_vectors;
 const LANES: usize = 32;
 
 with_widest_vectors! {
+    /// Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz of lists of the same length.
+    pub(super) fn moments(x: &[f64], y: &[f64], z: &[f64]) -> [f64; 9] = add_moments
+}
+
+#[inline(always)]
+fn add_moments(x: &[f64], y: &[f64], z: &[f64]) -> [f64; 9] {
+    [
+        total(x),
+        total(y),
+        total(z),
+        total_product(x, x),
+        total_product(x, y),
+        total_product(x, z),
+        total_product(y, y),
+        total_product(y, z),
+        total_product(z, z),
+    ]
+}
+
+with_widest_vectors! {
     /// Σa and Σb.
     pub(super) fn both(a: &[f64], b: &[f64]) -> [f64; 2] = add_both
 }
@@ -55,6 +75,22 @@ fn total(a: &[f64]) -> f64 {
     together(sums)
 }
 
+#[inline(always)]
+fn total_product(a: &[f64], b: &[f64]) -> f64 {
+    let (a, a_rest) = a.as_chunks::<LANES>();
+    let (b, b_rest) = b.as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    for ((sum, a), b) in sums.iter_mut().zip(a_rest).zip(b_rest) {
+        *sum += a * b;
+    }
+    together(sums)
+}
+
 /// The sum of sums, halves added to halves.
 #[inline(always)]
 fn together(mut sums: [f64; LANES]) -> f64 {
@@ -79,10 +115,22 @@ mod tests {
             let list = |k: i32| -> Vec<f64> {
                 (0..n as i32).map(|i| f64::from((k * i) % 7 - 3)).collect()
             };
-            let [x, y] = [list(3), list(5)];
+            let [x, y, z] = [list(3), list(5), list(11)];
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
             let ones = vec![1.0; n];
-            assert_eq!(both(&x, &y), [dot(&x, &ones), dot(&y, &ones)]);
+            let expected = [
+                dot(&x, &ones),
+                dot(&y, &ones),
+                dot(&z, &ones),
+                dot(&x, &x),
+                dot(&x, &y),
+                dot(&x, &z),
+                dot(&y, &y),
+                dot(&y, &z),
+                dot(&z, &z),
+            ];
+            assert_eq!(moments(&x, &y, &z), expected);
+            assert_eq!(both(&x, &y), [expected[0], expected[1]]);
             let weights: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i % 3 > 0))).collect();
             let about: Vec<f64> = x.iter().zip(&weights).map(|(x, w)| (x - 2.0) * w).collect();
             assert_eq!(squares_about(2.0, &x, &weights), dot(&about, &about));
