@@ -2,7 +2,7 @@
 //! tensors.
 //!
 //! Queries are taken in groups, the small boxes of an index over the queries, and each group is
-//! served from candidates gathered once ([`super::candidates`]).
+//! served from candidates gathered once (`candidates.rs`).
 
 use rayon::prelude::*;
 

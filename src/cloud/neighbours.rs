@@ -1,6 +1,6 @@
 //! Exact nearest neighbours: points sorted along a space-filling curve under a tree of boxes.
 //!
-//! Points are sorted by the keys of [`super::curve`]. A node of the tree is a run of points that
+//! Points are sorted by the keys of `curve.rs`. A node of the tree is a run of points that
 //! agree in their leading bits, with the bounding box of these points; it is divided where the next
 //! bit changes, so that its halves never interlock, until no more than 32 points are left. Sorting
 //! takes the place of the selections by which a k-d tree is built, and costs a fraction of them.
