@@ -7,21 +7,21 @@
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
-use boresight::project::{
-    Constant, HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings,
-};
+use boresight::project::Constant;
 use boresight::simulation::{
     Drive, Scenario, Scene, simulate_heading, simulate_imu, simulate_prism,
 };
-use boresight::trajectory::{Estimate, MotionLogs, PoseGradient, estimate};
+use boresight::trajectory::{Estimate, MotionLogs, estimate};
 use boresight::{Error, Result};
-use nalgebra::DVector;
 use std::collections::BTreeMap;
+
+#[path = "../tests/common/consistency.rs"]
+mod consistency;
+use consistency::{settings_of, squares};
 
 const EPOCHS: usize = 20;
 const LATENCY_S: f64 = 0.03;
 const OFFSET_DEG: f64 = 1.5;
-const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// Errors of a constant in standard deviations.
 #[derive(Default)]
@@ -52,7 +52,9 @@ fn main() -> Result<()> {
         let nodes = plain.trajectory.nodes().len();
         for epoch in 0..EPOCHS {
             let node = (2 * epoch + 1) * nodes / (2 * EPOCHS);
-            for (sum, square) in sums.iter_mut().zip(squares(&plain, &truth, node)?) {
+            let squares = squares(&plain, &truth, node)
+                .ok_or_else(|| Error::data("a covariance is not positive", "report this"))?;
+            for (sum, square) in sums.iter_mut().zip(squares) {
                 sum[epoch] += square / drives as f64;
             }
         }
@@ -129,25 +131,11 @@ fn run(
     drive: &Drive,
     index: usize,
     estimated: Vec<Constant>,
-) -> Result<(Estimate, Vec<(Rotation, Vec3)>)> {
+) -> Result<(Estimate, Vec<(Vec3, Rotation)>)> {
     let imu = simulate_imu(scenario, drive, index);
     let positions = [simulate_prism(scenario, drive, index)];
     let heading = simulate_heading(scenario, drive, index);
-    let noise = &scenario.imu;
-    let root = noise.bias_time_s.sqrt();
-    let micro_g = 1e-6 * STANDARD_GRAVITY;
-    let mut settings = TrajectorySettings::new(
-        scenario.body,
-        ImuNoise {
-            gyro_density: noise.gyro_noise_deg_sqrt_h.to_radians() / 60.0,
-            accel_density: noise.accel_noise_ug_sqrt_hz * micro_g,
-            gyro_bias_walk: noise.gyro_bias_instability_deg_h.to_radians() / 3600.0 / root,
-            accel_bias_walk: noise.accel_bias_instability_ug * micro_g / root,
-        },
-        PositionSettings::prism(scenario.prism.sigma_m, scenario.lever_arm_m()),
-        HeadingSettings::aligned(scenario.heading.sigma_deg.to_radians()),
-    );
-    settings.gravity_m_s2 = scenario.gravity_m_s2;
+    let mut settings = settings_of(scenario);
     settings.estimate = estimated;
     let logs = MotionLogs {
         imu: &imu.samples,
@@ -156,35 +144,7 @@ fn run(
     };
     let poses = imu.truth.iter().map(|r| {
         let pose = r.world_from_body;
-        (pose.rotation, pose.translation.vector)
+        (pose.translation.vector, pose.rotation)
     });
     Ok((estimate(&logs, &settings, &Silent)?, poses.collect()))
-}
-
-/// eᵀ Σ⁻¹ e of position, tilt and yaw of a node.
-fn squares(found: &Estimate, truth: &[(Rotation, Vec3)], node: usize) -> Result<[f64; 3]> {
-    let pose = found.trajectory.nodes()[node].world_from_body;
-    let (rotation, position) = &truth[node];
-    let turn = (pose.rotation * rotation.inverse()).scaled_axis();
-    let shift = pose.translation.vector - position;
-    // δp in the world; the rotation about the world's axes is world_from_body δφ.
-    let r = pose.rotation.to_rotation_matrix();
-    let mut gradient = PoseGradient::new(6, found.covariance.nodes());
-    let block = gradient.block_mut(node);
-    for axis in 0..3 {
-        block[axis * 6 + 3 + axis] = 1.0;
-        for column in 0..3 {
-            block[(3 + axis) * 6 + column] = r[(axis, column)];
-        }
-    }
-    let covariance = found.covariance.of_functional(&gradient);
-    let error = DVector::from_vec(vec![shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]);
-    let square = |from: usize, count: usize| {
-        let e = error.rows(from, count).into_owned();
-        let c = covariance.view((from, from), (count, count)).into_owned();
-        c.cholesky()
-            .map(|c| e.dot(&c.solve(&e)))
-            .ok_or_else(|| Error::data("a covariance is not positive", "report this"))
-    };
-    Ok([square(0, 3)?, square(3, 2)?, square(5, 1)?])
 }

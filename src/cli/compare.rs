@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Context, beside};
+use super::{Context, out_folder};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::pipeline::{self, Comparison, NormalSource, Outcome};
@@ -72,10 +72,7 @@ pub(super) struct Compare {
 
 impl Compare {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        let out = match &self.out {
-            Some(out) => out.clone(),
-            None => beside(&self.cloud),
-        };
+        let out = out_folder(&self.out, &self.cloud);
         let comparison = Comparison {
             cloud: self.cloud.clone(),
             reference: self.reference.clone(),

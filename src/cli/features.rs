@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::compare::positive;
-use super::{Context, beside};
+use super::{Context, out_folder};
 use crate::cloud::Neighbourhood;
 use crate::cloud::shape::Feature;
 use crate::error::Result;
@@ -45,10 +45,7 @@ enum Chosen {
 
 impl Features {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        let out = match &self.out {
-            Some(out) => out.clone(),
-            None => beside(&self.cloud),
-        };
+        let out = out_folder(&self.out, &self.cloud);
         let settings = self.settings();
         context.logged(&out, |options| {
             pipeline::features(&self.cloud, &settings, options, &context.terminal)

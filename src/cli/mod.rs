@@ -105,10 +105,7 @@ impl Context {
     ) -> Result<Outcome> {
         let project = Project::read(&on.project)?;
         project.check_files()?;
-        let out = match &on.out {
-            Some(out) => out.clone(),
-            None => beside(&on.project),
-        };
+        let out = out_folder(&on.out, &on.project);
         self.logged(&out, |options| stage(&project, options, &self.terminal))
     }
 
@@ -132,9 +129,9 @@ impl Context {
     }
 }
 
-/// The folder `out` beside `file`.
-fn beside(file: &Path) -> PathBuf {
-    file.with_file_name("out")
+/// The folder that was asked for, or `out` beside `file`.
+fn out_folder(asked: &Option<PathBuf>, file: &Path) -> PathBuf {
+    asked.clone().unwrap_or_else(|| file.with_file_name("out"))
 }
 
 /// Runs the command line and maps the outcome to an exit code.

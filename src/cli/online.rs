@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Context, OnProject, beside};
+use super::{Context, OnProject, out_folder};
 use crate::error::Result;
 use crate::pipeline::Outcome;
 use crate::pipeline::online::{Source, online};
@@ -37,7 +37,7 @@ impl OnlineFlags {
         if !self.stdin {
             project.check_files()?;
         }
-        let out = on.out.clone().unwrap_or_else(|| beside(&on.project));
+        let out = out_folder(&on.out, &on.project);
         let mut rows = std::io::stdout();
         let mut lines = std::io::stdin().lock();
         let source = if self.stdin {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::compare::positive;
-use super::{Context, beside};
+use super::{Context, out_folder};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -25,10 +25,7 @@ pub(super) struct Thin {
 
 impl Thin {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        let out = match &self.out {
-            Some(out) => out.clone(),
-            None => beside(&self.cloud),
-        };
+        let out = out_folder(&self.out, &self.cloud);
         context.logged(&out, |options| {
             pipeline::thin(&self.cloud, self.voxel_m, options, &context.terminal)
         })

@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, is_finite};
 
 /// Points that are dealt into parcels at a time.
 const CHUNK: usize = 1 << 16;
@@ -119,7 +119,7 @@ impl Grid {
 
     #[inline(always)]
     fn key_or_nowhere(&self, point: &Vec3) -> u64 {
-        if point.iter().all(|x| x.is_finite()) {
+        if is_finite(point) {
             self.key(point)
         } else {
             Self::NOWHERE

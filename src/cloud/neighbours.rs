@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::curve::Grid;
 use super::nearest::Nearest;
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, is_finite};
 
 /// Most points in a leaf. With k = 50 on surface points, 8 to 64 measure within a tenth of each
 /// other.
@@ -37,8 +37,9 @@ pub(crate) struct Bounds {
 
 impl Bounds {
     /// The smallest box around `points`.
-    fn of(points: &[Vec3]) -> Self {
-        points.iter().fold(Self::nothing(), |bounds, point| Self {
+    fn of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
+        let points = points.into_iter();
+        points.fold(Self::nothing(), |bounds, point| Self {
             low: bounds.low.inf(point),
             high: bounds.high.sup(point),
         })
@@ -152,13 +153,7 @@ impl NeighbourIndex {
     pub fn new(points: &[Vec3]) -> Self {
         let bounds = points
             .par_chunks(PARALLEL_BUILD)
-            .map(|chunk| {
-                let finite = chunk.iter().filter(|point| is_finite(point));
-                finite.fold(Bounds::nothing(), |bounds, point| Bounds {
-                    low: bounds.low.inf(point),
-                    high: bounds.high.sup(point),
-                })
-            })
+            .map(|chunk| Bounds::of(chunk.iter().filter(|point| is_finite(point))))
             .reduce(Bounds::nothing, |a, b| a.with(&b));
         Self::in_extent(points, &bounds.low, &bounds.high)
     }
@@ -222,7 +217,7 @@ impl NeighbourIndex {
     }
 
     /// The `k` nearest points, nearest first: squared distance, index, place in `points`.
-    pub(super) fn find_nearest(
+    pub(crate) fn find_nearest(
         &self,
         query: &Vec3,
         k: usize,
@@ -338,10 +333,6 @@ impl NeighbourIndex {
     }
 }
 
-fn is_finite(point: &Vec3) -> bool {
-    point.iter().all(|x| x.is_finite())
-}
-
 /// Points on their way into a tree: a run of them in the order of the curve.
 struct Run<'a> {
     /// Keys and indices.
@@ -377,7 +368,7 @@ impl Run<'_> {
             if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
                 self.sort_to_the_last(grid);
             }
-            nodes[at].bounds = Bounds::of(self.ordered);
+            nodes[at].bounds = Bounds::of(&*self.ordered);
             return;
         }
         let mut finer = *grid;

@@ -3,7 +3,7 @@
 use super::moments::Offsets;
 use super::window::Window;
 use crate::cloud::StructureTensor;
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, is_finite};
 
 /// The direction of `vector`, all NaN where it has none.
 pub(super) fn unit(vector: &Vec3) -> Vec3 {
@@ -13,7 +13,7 @@ pub(super) fn unit(vector: &Vec3) -> Vec3 {
         return vector / norm;
     }
     let largest = vector.amax();
-    if largest > 0.0 && vector.iter().all(|component| component.is_finite()) {
+    if largest > 0.0 && is_finite(vector) {
         (vector / largest).normalize()
     } else {
         Vec3::repeat(f64::NAN)

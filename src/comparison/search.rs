@@ -12,7 +12,7 @@ use super::normals;
 use super::window::Window;
 use crate::cloud::NeighbourIndex;
 use crate::error::{Error, Result};
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, is_finite};
 use crate::progress::Progress;
 use crate::project::ComparisonSettings;
 
@@ -270,10 +270,6 @@ fn summed_up(
         compared_count: compared.count,
         ..CoreDistance::unknown()
     }
-}
-
-fn is_finite(point: &Vec3) -> bool {
-    point.iter().all(|x| x.is_finite())
 }
 
 /// Buffers that are used again from group to group.

@@ -26,6 +26,12 @@ pub fn transform(pose: &Pose, x: &Vec3) -> Vec3 {
     pose.rotation * x + pose.translation.vector
 }
 
+/// Whether no component of `x` is infinite or NaN.
+#[inline]
+pub(crate) fn is_finite(x: &Vec3) -> bool {
+    x.iter().all(|component| component.is_finite())
+}
+
 /// The pose with this rotation and translation (metres).
 pub fn pose(rotation: Rotation, translation: Vec3) -> Pose {
     Pose::from_parts(translation.into(), rotation)

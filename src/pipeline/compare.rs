@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::memory::Budget;
 use super::{Options, Outcome};
 use crate::comparison::{IndexedClouds, Normals, Statistics, core_points};
 use crate::error::{Error, Result};
@@ -62,10 +63,6 @@ pub enum NormalSource {
 const BYTES_A_POINT: u64 = 160;
 /// A tile's points come with those of its halo, and those of the other cloud.
 const BYTES_A_TILE_POINT: u64 = 4 * BYTES_A_POINT;
-/// What the program takes before it has read a point, and buffers of files, bytes.
-const BYTES_BEFORE: u64 = 150 << 20;
-/// The least number of points in a tile: with fewer, halos outweigh tiles.
-const LEAST_TILE: u64 = 20_000;
 
 /// M3C2 from one cloud to the other: statistics, a table of the core points (`m3c2.csv`), and the
 /// same as a cloud with extra dimensions (`m3c2.laz`).
@@ -79,8 +76,7 @@ pub fn compare(
 ) -> Result<Outcome> {
     let settings = &comparison.settings;
     let staging = Staging::new(&options.out)?;
-    let memory = comparison.memory_bytes.unwrap_or_else(default_memory);
-    let usable = memory.saturating_sub(BYTES_BEFORE);
+    let budget = Budget::new(comparison.memory_bytes);
     let clouds = [&comparison.cloud, &comparison.reference];
     let mut points = 0;
     for cloud in clouds {
@@ -90,9 +86,9 @@ pub fn compare(
     let start = Instant::now();
     let core = comparison.core.as_deref().map(format::read_core_points);
     let core = core.transpose()?;
-    let mut tiled = if points > usable / BYTES_A_POINT {
+    let mut tiled = if points > budget.points(BYTES_A_POINT) {
         let normals = normals_of(comparison, core.as_ref(), progress);
-        let tile_points = (usable / BYTES_A_TILE_POINT).clamp(LEAST_TILE, 1 << 30) as usize;
+        let tile_points = budget.tile_points(BYTES_A_TILE_POINT);
         tiled::compare(
             comparison,
             core.as_ref(),
@@ -122,7 +118,7 @@ pub fn compare(
         "write": seconds(start.elapsed().as_secs_f64()),
     });
     result["tiles"] = json!(tiled.tiles);
-    result["memory_bytes"] = json!(memory);
+    result["memory_bytes"] = json!(budget.bytes);
     result["peak_memory_bytes"] = json!(super::peak_memory_bytes());
     Ok(Outcome {
         result,
@@ -173,19 +169,6 @@ fn at_once(
         index_s,
         compare_s: start.elapsed().as_secs_f64(),
     })
-}
-
-/// Half of the memory that is free.
-fn default_memory() -> u64 {
-    let free = || {
-        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-        let mut lines = text.lines();
-        let line = lines.find(|line| line.starts_with("MemAvailable:"))?;
-        let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-        Some(kilobytes * 1024)
-    };
-    // Four gigabytes where the system does not tell.
-    free().unwrap_or(4 << 30) / 2
 }
 
 fn normals_of<'a>(

@@ -7,13 +7,13 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::memory::Budget;
 use super::tile_store::TileStore;
 use super::{Options, Outcome, peak_memory_bytes, tiled};
-use crate::cloud::shape::{Feature, Shape};
+use crate::cloud::shape::Feature;
 use crate::cloud::{NeighbourIndex, Neighbourhood, PointCloud};
 use crate::error::{Error, Location, Result};
 use crate::format::{self, ExtraDimension, ExtraKind};
-use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
 use rows::{FeatureRow, RowStore};
@@ -23,12 +23,6 @@ use rows::{FeatureRow, RowStore};
 const BYTES_A_POINT: u64 = 300;
 /// Of a tile's points with halo there may be twice as many as of its own.
 const BYTES_A_TILE_POINT: u64 = 2 * BYTES_A_POINT;
-/// What the program takes before it has read a point, and buffers of files, bytes.
-const BYTES_BEFORE: u64 = 150 << 20;
-/// The least number of points in a tile: with fewer, halos outweigh tiles.
-const LEAST_TILE: u64 = 20_000;
-/// Memory where the system does not tell how much there is, bytes.
-const MEMORY_UNKNOWN: u64 = 4 << 30;
 
 /// What to compute and how.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,10 +86,9 @@ pub fn features(
             "name another folder with --out",
         ));
     }
-    let memory = settings.memory_bytes.unwrap_or_else(default_memory);
-    let usable = memory.saturating_sub(BYTES_BEFORE);
-    let in_one_piece = (usable / BYTES_A_POINT).min(u64::from(u32::MAX));
-    let tile_points = (usable / BYTES_A_TILE_POINT).clamp(LEAST_TILE, 1 << 30) as usize;
+    let budget = Budget::new(settings.memory_bytes);
+    let in_one_piece = budget.points(BYTES_A_POINT).min(u64::from(u32::MAX));
+    let tile_points = budget.tile_points(BYTES_A_TILE_POINT);
     let staging = Staging::new(&options.out)?;
     let output = staging.path(&name);
     let work = match format::points_named(cloud)? {
@@ -126,7 +119,7 @@ pub fn features(
     }?;
     warn_of_few(&work, settings, progress);
     staging.commit()?;
-    Ok(answer(&work, settings, memory, target))
+    Ok(answer(&work, settings, budget.bytes, target))
 }
 
 /// Where the points come from, and again when they are written.
@@ -155,7 +148,7 @@ impl Input<'_> {
         let start = Instant::now();
         let dimensions = dimensions(features);
         let mut fill = |index: u64, values: &mut [f64]| {
-            row(index)?.select(features, values);
+            row(index)?.fill(features, values);
             Ok(true)
         };
         progress.begin("writing the features", self.len());
@@ -188,7 +181,7 @@ fn at_once(
     progress.begin("features", points);
     let index = NeighbourIndex::new(&cloud.points);
     let rows = index.surroundings_of_all(&index, settings.neighbourhood, progress, |_, near| {
-        FeatureRow::of(&Shape::of_wanted(near, &settings.features))
+        FeatureRow::of(near, &settings.features)
     });
     progress.end();
     drop(index);
@@ -220,19 +213,11 @@ fn by_tiles(
 ) -> Result<Work> {
     let start = Instant::now();
     progress.begin("sorting the cloud into tiles", input.len());
-    let store = TileStore::write(
-        &staging.path("tiles"),
-        tile_points,
-        &mut |each| match input {
-            Input::File(path, _) => format::stream_points(path, progress, each),
-            Input::Memory(cloud) => {
-                cloud.points.chunks(100_000).try_for_each(|chunk: &[Vec3]| {
-                    progress.advance(chunk.len() as u64);
-                    each(chunk)
-                })
-            }
-        },
-    );
+    let folder = staging.path("tiles");
+    let store = match input {
+        Input::File(path, _) => TileStore::of_file(&folder, tile_points, path, progress),
+        Input::Memory(cloud) => TileStore::of_points(&folder, tile_points, &cloud.points, progress),
+    };
     progress.end();
     let store = store?;
     let read_s = start.elapsed().as_secs_f64();
@@ -245,7 +230,7 @@ fn by_tiles(
         settings.neighbourhood,
         tile_points,
         progress,
-        |near| FeatureRow::of(&Shape::of_wanted(near, &settings.features)),
+        |near| FeatureRow::of(near, &settings.features),
         |index, row| rows.put(index, &row),
     );
     progress.end();
@@ -307,19 +292,6 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
         (Ok(a), Ok(b)) => a == b,
         _ => false,
     }
-}
-
-/// Half of the memory that is free.
-fn default_memory() -> u64 {
-    let free = || {
-        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-        let line = text
-            .lines()
-            .find(|line| line.starts_with("MemAvailable:"))?;
-        let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-        Some(kilobytes * 1024)
-    };
-    free().unwrap_or(MEMORY_UNKNOWN) / 2
 }
 
 fn warn_of_few(work: &Work, settings: &FeatureSettings, progress: &dyn Progress) {

@@ -9,6 +9,7 @@ pub mod compare;
 pub mod evaluate;
 pub mod features;
 pub mod logs;
+mod memory;
 pub mod online;
 pub mod page;
 pub mod result;
@@ -36,6 +37,7 @@ pub use commands::{Options, Outcome, calibrate, demo, georeference, run, simulat
 pub use compare::{Comparison, NormalSource, compare};
 use evaluate::Drive;
 pub use features::{FeatureSettings, features};
+pub use memory::peak_memory_bytes;
 use stages::Poses;
 pub use thin::thin;
 
@@ -423,12 +425,4 @@ pub fn write_trajectory(path: &Path, trajectory: &Trajectory, origin_m: &Vec3) -
         .iter_mut()
         .for_each(|node| node.world_from_body.translation.vector += origin_m);
     format::write_trajectory(path, &nodes)
-}
-
-/// The most memory this process has held, bytes, where the system tells.
-pub fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kilobytes * 1024)
 }

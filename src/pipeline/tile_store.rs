@@ -21,7 +21,9 @@ use rayon::prelude::*;
 
 use crate::cloud::tiles::{Rectangle, Tiles};
 use crate::error::{Error, Result};
+use crate::format;
 use crate::geometry::Vec3;
+use crate::progress::Progress;
 
 /// Bytes of a point in a file: index and three coordinates.
 const RECORD: usize = 32;
@@ -29,6 +31,9 @@ const RECORD: usize = 32;
 const MOST_SAMPLED: usize = 1 << 18;
 /// Memory for what waits to be written, bytes.
 const BUFFERS: usize = 64 << 20;
+
+/// Points in memory that are handed on at a time.
+const CHUNK: usize = 100_000;
 
 /// Hands a cloud to whoever asks for it, in chunks and in its order.
 pub type Stream<'a> = dyn FnMut(&mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> + 'a;
@@ -81,6 +86,39 @@ impl TileStore {
         store.spread(&whole)?;
         fs::remove_file(&whole).map_err(|e| Error::io(&whole, e))?;
         Ok(store)
+    }
+
+    /// As [`Self::write`], of the points of a LAS or LAZ file. `progress` advances by one for each.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a folder that cannot be written.
+    pub fn of_file(
+        folder: &Path,
+        most_points: usize,
+        cloud: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        Self::write(folder, most_points, &mut |each| {
+            format::stream_points(cloud, progress, each)
+        })
+    }
+
+    /// As [`Self::write`], of points in memory. `progress` advances by one for each.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn of_points(
+        folder: &Path,
+        most_points: usize,
+        points: &[Vec3],
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        Self::write(folder, most_points, &mut |each| {
+            points.chunks(CHUNK).try_for_each(|chunk| {
+                progress.advance(chunk.len() as u64);
+                each(chunk)
+            })
+        })
     }
 
     /// Writes the stream as it comes, and returns how many points there are and an even sample of

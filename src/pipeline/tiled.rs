@@ -206,13 +206,11 @@ fn solve_aside<T: Send + Sync + Clone>(
             .par_iter()
             .zip(&mut best)
             .filter(|(pending, best)| matters((pending, best)))
-            .for_each_init(Vec::new, |near, (pending, best)| {
-                index.nearest(&pending.point, k, near);
-                best.extend(near.iter().map(|&at| {
-                    let point = loaded.points[at as usize];
-                    let d = point - pending.point;
-                    let squared = d.x * d.x + d.y * d.y + d.z * d.z;
-                    (squared, loaded.indices[at as usize], point)
+            .for_each(|(pending, best)| {
+                let near = index.find_nearest(&pending.point, k);
+                best.extend(near.map(|(squared, at, _)| {
+                    let at = at as usize;
+                    (squared, loaded.indices[at], loaded.points[at])
                 }));
                 best.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 best.truncate(k);

@@ -4,7 +4,7 @@
 use super::gaps::{SHORTEST_IMU_INTERVAL_S, bridge, bridge_noise, median_interval_s};
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Result};
-use crate::geometry::{Mat3, Vec3};
+use crate::geometry::{Mat3, is_finite};
 use crate::project::{ImuNoise, TrajectorySettings};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
 
@@ -85,7 +85,7 @@ impl Streams {
         check_settings(logs, settings)?;
         let names = Names(settings);
         check_values("IMU log", logs.imu, |s| {
-            all_finite(&s.gyro_rad_s) && all_finite(&s.accel_m_s2)
+            is_finite(&s.gyro_rad_s) && is_finite(&s.accel_m_s2)
         })?;
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let name = names.log(Stream::Position(sensor));
@@ -174,10 +174,6 @@ impl Names<'_> {
     }
 }
 
-fn all_finite(v: &Vec3) -> bool {
-    v.iter().all(|x| x.is_finite())
-}
-
 fn is_sigma(sigma: Option<f64>) -> bool {
     sigma.is_none_or(|s| s.is_finite() && s > 0.0)
 }
@@ -185,7 +181,7 @@ fn is_sigma(sigma: Option<f64>) -> bool {
 /// Whether a fix holds a position, and a covariance where it gives one.
 pub(super) fn check_value_of_fix(fix: &PositionFix) -> bool {
     let covariance = |c: &Mat3| c.cholesky().is_some() && c.iter().all(|x| x.is_finite());
-    all_finite(&fix.position_m) && fix.covariance_m2.as_ref().is_none_or(covariance)
+    is_finite(&fix.position_m) && fix.covariance_m2.as_ref().is_none_or(covariance)
 }
 
 /// Whether a heading holds angles, and standard deviations where it gives them.

@@ -2,6 +2,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/consistency.rs"]
+mod consistency;
 mod constants;
 mod faults;
 mod faulty;

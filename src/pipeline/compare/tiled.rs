@@ -140,23 +140,19 @@ fn store(
     tile_points: usize,
     progress: &dyn Progress,
 ) -> Result<TileStore> {
-    if let Some(points) = format::points_named(cloud)? {
-        progress.begin("sorting a cloud into tiles", points);
-        let store = TileStore::write(folder, tile_points, &mut |each| {
-            format::stream_points(cloud, progress, each)
-        });
-        progress.end();
-        return store;
-    }
     // Other formats are read whole.
-    let points = format::read_cloud(cloud)?.points;
-    progress.begin("sorting a cloud into tiles", points.len() as u64);
-    let store = TileStore::write(folder, tile_points, &mut |each| {
-        points.chunks(100_000).try_for_each(|chunk: &[Vec3]| {
-            progress.advance(chunk.len() as u64);
-            each(chunk)
-        })
-    });
+    let (count, points) = match format::points_named(cloud)? {
+        Some(count) => (count, None),
+        None => {
+            let points = format::read_cloud(cloud)?.points;
+            (points.len() as u64, Some(points))
+        }
+    };
+    progress.begin("sorting a cloud into tiles", count);
+    let store = match points {
+        Some(points) => TileStore::of_points(folder, tile_points, &points, progress),
+        None => TileStore::of_file(folder, tile_points, cloud, progress),
+    };
     progress.end();
     store
 }

@@ -3,90 +3,71 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::cloud::Surroundings;
 use crate::cloud::shape::{Feature, Shape};
 use crate::error::{Error, Result};
 use crate::pipeline::tile_store::{Appender, number, read_records};
 
-/// Columns of all features but the number of neighbours.
-const NUMBERS: usize = 13;
+/// Columns of all features.
+const COLUMNS: usize = 14;
 /// Bytes of a row on disk, after the place of its point.
-const RECORD: usize = 4 * NUMBERS + 4;
+const RECORD: usize = 4 * COLUMNS;
 
-/// All features of a point, rounded as they are written.
+/// The features that were chosen, of one point, rounded as they are written.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FeatureRow {
-    /// In the order of [`Feature::ALL`].
-    numbers: [f32; NUMBERS],
-    neighbours: u32,
-}
-
-/// The features whose columns `numbers` holds.
-fn numbered() -> impl Iterator<Item = Feature> {
-    Feature::ALL
-        .into_iter()
-        .filter(|feature| *feature != Feature::Neighbours)
+    /// Their columns in the order chosen: the bits of an f32, or the number of neighbours.
+    words: [u32; COLUMNS],
 }
 
 impl FeatureRow {
-    pub(super) fn of(shape: &Shape) -> Self {
-        let mut numbers = [f32::NAN; NUMBERS];
-        let columns = numbered().flat_map(|feature| {
-            let values = shape.values(feature);
-            values.into_iter().take(feature.columns().len())
-        });
-        for (place, value) in numbers.iter_mut().zip(columns) {
-            *place = value as f32;
-        }
-        Self {
-            numbers,
-            neighbours: u32::try_from(shape.neighbours).unwrap_or(u32::MAX),
-        }
+    pub(super) fn of(near: &Surroundings, features: &[Feature]) -> Self {
+        Self::of_shape(&Shape::of_wanted(near, features), features)
     }
 
-    /// Fills the columns of `features`.
-    pub(super) fn select(&self, features: &[Feature], values: &mut [f64]) {
-        let mut places = values.iter_mut();
-        for feature in features {
-            if *feature == Feature::Neighbours {
-                if let Some(place) = places.next() {
-                    *place = f64::from(self.neighbours);
-                }
-                continue;
-            }
-            let first: usize = numbered()
-                .take_while(|other| other != feature)
-                .map(|other| other.columns().len())
-                .sum();
-            let numbers = &self.numbers[first..first + feature.columns().len()];
+    fn of_shape(shape: &Shape, features: &[Feature]) -> Self {
+        let mut words = [0; COLUMNS];
+        let mut places = words.iter_mut();
+        for &feature in features {
             // The shorter one first: it must not take a place for a number it does not have.
-            for (number, place) in numbers.iter().zip(&mut places) {
-                *place = f64::from(*number);
+            let values = shape.values(feature).into_iter();
+            for (value, place) in values.take(feature.columns().len()).zip(&mut places) {
+                *place = match feature {
+                    Feature::Neighbours => value as u32,
+                    _ => (value as f32).to_bits(),
+                };
             }
+        }
+        Self { words }
+    }
+
+    /// Fills the columns of `features`, which are those that the row was made of.
+    pub(super) fn fill(&self, features: &[Feature], values: &mut [f64]) {
+        let columns = features
+            .iter()
+            .flat_map(|feature| feature.columns().iter().map(move |_| feature));
+        for ((value, &word), feature) in values.iter_mut().zip(&self.words).zip(columns) {
+            *value = match feature {
+                Feature::Neighbours => f64::from(word),
+                _ => f64::from(f32::from_bits(word)),
+            };
         }
     }
 
     fn to_bytes(self) -> [u8; RECORD] {
         let mut bytes = [0; RECORD];
-        let numbers = self.numbers.iter().map(|number| number.to_le_bytes());
-        let words = numbers.chain([self.neighbours.to_le_bytes()]);
-        let (places, _) = bytes.as_chunks_mut::<4>();
-        for (place, word) in places.iter_mut().zip(words) {
-            *place = word;
+        for (place, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(self.words) {
+            *place = word.to_le_bytes();
         }
         bytes
     }
 
     fn from_bytes(bytes: &[u8]) -> Self {
-        let (words, _) = bytes.as_chunks::<4>();
-        let mut numbers = [0.0; NUMBERS];
-        for (number, word) in numbers.iter_mut().zip(words) {
-            *number = f32::from_le_bytes(*word);
+        let mut words = [0; COLUMNS];
+        for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
+            *word = u32::from_le_bytes(*bytes);
         }
-        let last = words.get(NUMBERS).copied().unwrap_or_default();
-        Self {
-            numbers,
-            neighbours: u32::from_le_bytes(last),
-        }
+        Self { words }
     }
 }
 
@@ -163,8 +144,7 @@ impl SortedRows {
         self.rows.resize(
             expected as usize,
             FeatureRow {
-                numbers: [f32::NAN; NUMBERS],
-                neighbours: 0,
+                words: [0; COLUMNS],
             },
         );
         read_records::<{ RECORD + 8 }>(&path(&self.folder, file), |record| {
@@ -197,19 +177,29 @@ impl Drop for SortedRows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::StructureTensor;
+    use crate::geometry::Vec3;
 
     fn row(i: u32) -> FeatureRow {
-        let numbers = std::array::from_fn(|at| (i * 20 + at as u32) as f32);
         FeatureRow {
-            numbers,
-            neighbours: 7 * i,
+            words: std::array::from_fn(|at| i * 20 + at as u32),
         }
     }
 
     #[test]
     fn columns_count_as_many_as_features_have() {
-        let columns: usize = numbered().map(|feature| feature.columns().len()).sum();
-        assert_eq!(columns, NUMBERS);
+        let columns = Feature::ALL.map(|feature| feature.columns().len());
+        assert_eq!(columns.iter().sum::<usize>(), COLUMNS);
+        let shape = Shape {
+            normal: Vec3::new(69.0, 70.0, 71.0),
+            neighbours: 21,
+            omnivariance_m2: 60.0,
+            radius_m: 72.0,
+            ..Shape::of(&Surroundings {
+                tensor: StructureTensor::from_points(&[]),
+                reach_m: 0.0,
+            })
+        };
         let mut values = [0.0; 6];
         let chosen = [
             Feature::Normal,
@@ -217,7 +207,7 @@ mod tests {
             Feature::Omnivariance,
             Feature::Radius,
         ];
-        row(3).select(&chosen, &mut values);
+        FeatureRow::of_shape(&shape, &chosen).fill(&chosen, &mut values);
         assert_eq!(values, [69.0, 70.0, 71.0, 21.0, 60.0, 72.0]);
     }
 

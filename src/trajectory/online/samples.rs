@@ -1,14 +1,14 @@
 //! IMU samples as they come: gaps bridged, their noise known from the scatter so far.
 
 use super::running::Running;
-use crate::geometry::Vec3;
+use crate::geometry::{self, Vec3};
 use crate::project::ImuNoise;
 use crate::sensor::ImuSample;
 use crate::trajectory::gaps::{GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples};
 
 pub(super) fn is_finite(sample: &ImuSample) -> bool {
-    let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
-    sample.time_s.is_finite() && finite(&sample.gyro_rad_s) && finite(&sample.accel_m_s2)
+    let vectors = [&sample.gyro_rad_s, &sample.accel_m_s2];
+    sample.time_s.is_finite() && vectors.into_iter().all(geometry::is_finite)
 }
 
 /// Mean and scatter of rates and forces so far (Welford 1962).
