@@ -7,10 +7,10 @@
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
-use boresight::project::Constant;
 use boresight::simulation::{
     Drive, Scenario, Scene, simulate_heading, simulate_imu, simulate_prism,
 };
+use boresight::trajectory::Constant;
 use boresight::trajectory::{Estimate, MotionLogs, estimate};
 use boresight::{Error, Result};
 use std::collections::BTreeMap;

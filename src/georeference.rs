@@ -4,8 +4,8 @@ use std::fmt;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, Vec3, transform};
-use crate::project::PoseLimits;
 use crate::sensor::{ScanPoint, check_overlap};
+use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
 
 /// Points that no pose is good enough for: the project bounds the sigmas of poses.

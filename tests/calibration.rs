@@ -5,12 +5,13 @@
 use std::sync::OnceLock;
 
 use boresight::calibration::Calibration;
+use boresight::calibration::{CalibrationSettings, Method};
 use boresight::format;
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{EulerConvention, Pose, Vec3};
 use boresight::pipeline::stages::{self, Poses};
 use boresight::progress::Silent;
-use boresight::project::{CalibrationSettings, Method, Project};
+use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
 use boresight::trajectory::Trajectory;
 use tempfile::TempDir;

@@ -6,10 +6,10 @@ mod common;
 #[path = "common/kernels.rs"]
 mod kernels;
 
+use boresight::comparison::ComparisonSettings;
 use boresight::comparison::{CoreDistance, M3c2, Normals, Statistics, core_points, m3c2};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
-use boresight::project::ComparisonSettings;
 use common::shared_data;
 use kernels::{naive_covariance, read_las, read_table};
 use rand::{RngExt, SeedableRng};

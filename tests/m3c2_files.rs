@@ -5,11 +5,11 @@
 use std::path::{Path, PathBuf};
 
 use boresight::cloud::PointCloud;
+use boresight::comparison::ComparisonSettings;
 use boresight::format;
 use boresight::geometry::Vec3;
 use boresight::pipeline::{Comparison, NormalSource, Options, compare};
 use boresight::progress::Silent;
-use boresight::project::ComparisonSettings;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;

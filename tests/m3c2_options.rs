@@ -7,10 +7,10 @@
 #[allow(dead_code)]
 mod kernels;
 
+use boresight::comparison::{Aggregation, ComparisonSettings, Detection};
 use boresight::comparison::{IndexedClouds, Normals, m3c2, reach_m, student};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
-use boresight::project::{Aggregation, ComparisonSettings, Detection};
 use kernels::{naive_covariance, read_table};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -13,6 +13,7 @@ pub mod observability;
 pub mod paper;
 pub mod parameters;
 pub mod sample;
+mod settings;
 #[cfg(test)]
 mod small_case;
 pub mod uncertainty;
@@ -26,13 +27,13 @@ pub use adjust::Ending;
 pub use constancy::Constancy;
 pub use parameters::Mounting;
 pub use sample::{ScannerSample, sample_profiles};
+pub use settings::{CalibrationSettings, Method, PARAMETER_NAMES};
 pub use uncertainty::PoseUncertainty;
 
 use crate::cloud::voxel;
 use crate::error::{Error, Result};
 use crate::geometry::{EulerConvention, Pose, Vec3, so3};
 use crate::progress::Progress;
-use crate::project::{CalibrationSettings, Method, PARAMETER_NAMES};
 use crate::trajectory::Trajectory;
 use adjust::{ScaleResult, ScaleSettings};
 use neighbourhoods::ScaleCloud;

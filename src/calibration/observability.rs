@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::cost::NormalEquations;
 use super::parameters::{Mounting, euler_jacobian_body};
+use crate::calibration::PARAMETER_NAMES;
 use crate::geometry::EulerConvention;
-use crate::project::PARAMETER_NAMES;
 
 /// A rotation counts as the shift it causes at this distance, metres: the working range of a
 /// close-range scanner.

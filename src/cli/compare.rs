@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use super::{Context, out_folder};
+use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::pipeline::{self, Comparison, NormalSource, Outcome};
-use crate::project::{Aggregation, ComparisonSettings, Detection};
 
 /// Measure the distances between two clouds along their normals (M3C2)
 ///

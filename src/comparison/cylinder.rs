@@ -4,8 +4,8 @@ use super::window::{Between, Window};
 use crate::cloud::NeighbourIndex;
 use crate::cloud::neighbours::Bounds;
 use crate::cloud::vectors::with_widest_vectors;
+use crate::comparison::ComparisonSettings;
 use crate::geometry::Vec3;
-use crate::project::ComparisonSettings;
 
 /// Closed at its side. Open at its ends, closed at the core point where it is one-sided.
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! What stands for the points of a cylinder, and from which distance on a change is detected.
 
 use super::{student, sums};
-use crate::project::{Aggregation, ComparisonSettings, Detection};
+use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 
 /// 97.5 % quantile of the normal distribution, as the literature rounds it.
 const QUANTILE_95: f64 = 1.96;

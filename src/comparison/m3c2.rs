@@ -40,10 +40,10 @@
 use super::normals;
 use super::search::IndexedClouds;
 use crate::cloud::voxel;
+use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
-use crate::project::ComparisonSettings;
 
 /// What was found at one core point.
 ///

@@ -8,6 +8,7 @@ pub mod m3c2;
 mod moments;
 mod normals;
 mod search;
+mod settings;
 pub mod statistics;
 pub mod student;
 mod sums;
@@ -15,4 +16,5 @@ mod window;
 
 pub use m3c2::{CoreDistance, M3c2, Normals, core_indices, core_points, m3c2};
 pub use search::{IndexedClouds, reach_m};
+pub use settings::{Aggregation, ComparisonSettings, Detection};
 pub use statistics::{Histogram, Statistics};

@@ -11,10 +11,10 @@ use super::moments::Offsets;
 use super::normals;
 use super::window::Window;
 use crate::cloud::NeighbourIndex;
+use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::geometry::{Vec3, is_finite};
 use crate::progress::Progress;
-use crate::project::ComparisonSettings;
 
 /// Cylinders longer than this many radii to one side are searched for in trees: blocks as large as
 /// they are long would hold too much beside them.

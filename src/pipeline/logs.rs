@@ -3,9 +3,10 @@
 use crate::error::Result;
 use crate::format;
 use crate::progress::Progress;
-use crate::project::{LogFile, Logs, PositionLog, Project, TrajectorySettings};
+use crate::project::{LogFile, Logs, PositionLog, Project};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, RejectedRow};
 use crate::trajectory::MotionLogs;
+use crate::trajectory::TrajectorySettings;
 
 /// Rejected rows of one log that are told one by one; all of them are in the results.
 const ROWS_TOLD: usize = 20;

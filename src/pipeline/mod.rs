@@ -24,12 +24,13 @@ use std::path::Path;
 use std::time::Instant;
 
 use crate::calibration::Calibration;
+use crate::calibration::{CalibrationSettings, Method};
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::{Pose, Vec3};
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::project::{CalibrationSettings, Method, Project};
+use crate::project::Project;
 use crate::report::{self, content::MountingKind};
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::{Solution, Trajectory};

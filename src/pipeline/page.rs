@@ -4,8 +4,9 @@ use super::evaluate::{Against, Agreement, Drive};
 use super::stages::Poses;
 use super::{Extras, Findings, Track, verdicts};
 use crate::calibration::Calibration;
+use crate::calibration::Method;
 use crate::geometry::{Pose, Vec3, so3};
-use crate::project::{Method, Motion, Project};
+use crate::project::{Motion, Project};
 use crate::report::content::{
     Content, CorrelationMatrix, CostMeasure, DistanceMap, DistanceRow, DistanceStatistics,
     DriveTrack, Fact, MapPanel, MapPoint, MethodRun, MountingEstimate, MountingKind, MountingTable,

@@ -1,6 +1,7 @@
 //! Each stage as a function of the project and what came before.
 
 use super::logs::DriveLogs;
+use crate::calibration::CalibrationSettings;
 use crate::calibration::{
     Calibration, Input, Mounting, PoseUncertainty, ScannerSample, calibrate, sample_profiles,
 };
@@ -9,7 +10,7 @@ use crate::format;
 use crate::geometry::{Pose, Vec3, transform};
 use crate::georeference::Refused;
 use crate::progress::Progress;
-use crate::project::{CalibrationSettings, Logs, Motion, PosesFile, Project, Scanner};
+use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
 use std::time::Instant;

@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::settings::{CalibrationSettings, ComparisonSettings, PoseLimits, TrajectorySettings};
 use super::source::Source;
 use super::{files, print, resolve};
+use crate::calibration::CalibrationSettings;
+use crate::comparison::ComparisonSettings;
 use crate::error::Result;
 use crate::geometry::{BodyAxes, EulerConvention, Pose, Vec3};
 use crate::sensor::Observations;
-
-/// Names of the six parameters of a mounting, in the order of [`Scanner::fixed`].
-pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
+use crate::trajectory::{PoseLimits, TrajectorySettings};
 
 /// One drive, its sensors and what is to be done with them.
 #[derive(Debug, Clone, PartialEq)]

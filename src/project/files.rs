@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::checked::{Evaluation, Motion, Project};
-use super::settings::PositionKind;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
+use crate::trajectory::PositionKind;
 
 /// See [`Project::check_files`].
 pub(super) fn check(project: &Project) -> Result<()> {

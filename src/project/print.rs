@@ -1,15 +1,16 @@
 //! From the checked project back to a file that reads the same.
 
-use super::checked::{Logs, Motion, PARAMETER_NAMES, PosesFile, PositionLog, Project, Scanner};
+use super::checked::{Logs, Motion, PosesFile, PositionLog, Project, Scanner};
 use super::resolve::{
     accel_bias_walk, accel_density, arcsec_to_radians, gyro_bias_walk, gyro_density,
 };
-use super::settings::{PositionKind, PositionSettings, TrajectorySettings};
 use super::shapes::{Files, Numbers};
 use super::written::{self, ObservationKind, Written};
+use crate::calibration::PARAMETER_NAMES;
 use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::sensor::Observations;
+use crate::trajectory::{PositionKind, PositionSettings, TrajectorySettings};
 
 /// See [`Project::to_toml`].
 pub(super) fn project(project: &Project) -> Result<String> {

@@ -6,10 +6,12 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::{Aggregation, Detection, Loss, Method, Nodes};
 use super::shapes::{Files, Numbers, Tables};
+use crate::calibration::Method;
+use crate::comparison::{Aggregation, Detection};
 use crate::geometry::{BodyAxes, EulerConvention};
 use crate::sensor::VerticalAngle;
+use crate::trajectory::{Loss, Nodes};
 
 /// The whole file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

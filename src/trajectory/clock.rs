@@ -9,8 +9,8 @@ use super::constants::Constants;
 use super::graph::{Graph, State};
 use super::robust::{cautious_weights, set_weights, squares};
 use super::streams::{ClockCorrection, MotionLogs, Stream, Streams};
-use crate::project::TrajectorySettings;
 use crate::sensor::Timed;
+use crate::trajectory::TrajectorySettings;
 
 /// An interval is unlike the others below and above these shares of the median.
 const USUAL_INTERVALS: std::ops::Range<f64> = 0.4..1.6;

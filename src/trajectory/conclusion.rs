@@ -13,8 +13,8 @@ use super::solution::{
 use super::streams::{Names, Stream};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::project::{Constant, TrajectorySettings};
 use crate::sensor::PoseRecord;
+use crate::trajectory::{Constant, TrajectorySettings};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 use super::clock::Trace;
 use super::factors::PositionColumns;
 use super::streams::{ClockCorrection, Names, Stream, Streams};
-use crate::project::{Constant, TrajectorySettings};
+use crate::trajectory::{Constant, TrajectorySettings};
 
 /// One scalar unknown.
 #[derive(Debug, Clone, PartialEq)]

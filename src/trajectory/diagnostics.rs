@@ -4,7 +4,7 @@ use super::chain::{ChainFactor, STEP};
 use super::factors::{Quantity, Row, Rows};
 use super::graph::{Graph, State};
 use super::solution::{Rejection, RejectionReason, Residual, SensorDiagnostics, Tally};
-use crate::project::TrajectorySettings;
+use crate::trajectory::TrajectorySettings;
 use nalgebra::DMatrix;
 
 /// The joint covariance of what a step touches.

@@ -15,7 +15,7 @@ use super::streams::{ClockCorrection, MotionLogs, Names, Stream, Streams};
 use super::timeline::Timeline;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::project::{Constant, TrajectorySettings};
+use crate::trajectory::{Constant, TrajectorySettings};
 
 /// A clock correction that moves by more than this is applied to the records, which may then lie
 /// between other nodes, seconds.

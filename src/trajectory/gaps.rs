@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::project::ImuNoise;
 use crate::sensor::ImuSample;
+use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
 pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;

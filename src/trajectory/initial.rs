@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::geometry::heading::{heading_rad, wrap};
 use crate::geometry::so3::exp;
 use crate::geometry::{Rotation, Vec3};
-use crate::project::TrajectorySettings;
 use crate::sensor::ImuBias;
+use crate::trajectory::TrajectorySettings;
 
 /// Fixes either side of a local parabola's middle.
 const PARABOLA_REACH: usize = 2;

@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, Rotation, Vec3};
-use crate::project::PoseLimits;
 use crate::sensor::PoseRecord;
+use crate::trajectory::PoseLimits;
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///

@@ -18,6 +18,7 @@ mod preintegration;
 mod recovery;
 mod rest;
 mod robust;
+mod settings;
 mod solution;
 mod streams;
 mod timeline;
@@ -26,6 +27,10 @@ pub use covariance::{PoseGradient, PosteriorCovariance};
 pub use estimate::{Estimate, estimate};
 pub use interpolate::{PoseCursor, Trajectory};
 pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
+pub use settings::{
+    Constant, HeadingSettings, ImuNoise, Loss, Nodes, PoseLimits, PositionKind, PositionSettings,
+    TrajectorySettings,
+};
 pub use solution::{
     ClockJump, EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics,
     Solution, StopReason,

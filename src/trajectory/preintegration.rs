@@ -3,8 +3,8 @@
 
 use crate::geometry::so3::{exp, hat, right_jacobian};
 use crate::geometry::{Mat3, Rotation, Vec3};
-use crate::project::ImuNoise;
 use crate::sensor::ImuBias;
+use crate::trajectory::ImuNoise;
 
 pub(super) type Mat9 = nalgebra::SMatrix<f64, 9, 9>;
 pub(super) type Mat9x6 = nalgebra::SMatrix<f64, 9, 6>;

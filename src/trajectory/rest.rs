@@ -3,7 +3,7 @@
 use super::streams::Streams;
 use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
-use crate::project::TrajectorySettings;
+use crate::trajectory::TrajectorySettings;
 
 /// Blocks looked at, seconds.
 pub(super) const REST_BLOCK_S: f64 = 1.0;

@@ -11,7 +11,7 @@ use super::chain::ChainFactor;
 use super::diagnostics::{chi_square, imu_median_component, imu_variance_component};
 use super::graph::{Ended, Graph, MOST_ITERATIONS, State};
 use crate::progress::Progress;
-use crate::project::{Loss, TrajectorySettings};
+use crate::trajectory::{Loss, TrajectorySettings};
 use std::collections::HashMap;
 
 /// The limit of the test as a standard normal: 1 good record in 10,000 passes it.

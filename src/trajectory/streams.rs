@@ -5,8 +5,8 @@ use super::gaps::{SHORTEST_IMU_INTERVAL_S, bridge, bridge_noise, median_interval
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, is_finite};
-use crate::project::{ImuNoise, TrajectorySettings};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
+use crate::trajectory::{ImuNoise, TrajectorySettings};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
 pub(super) const FEWEST_FIXES: usize = 5;

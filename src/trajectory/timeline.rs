@@ -6,7 +6,7 @@
 
 use super::chain::ChainLayout;
 use super::streams::Streams;
-use crate::project::Nodes;
+use crate::trajectory::Nodes;
 
 /// Longest time that one bias is held, and longest step: where the prism is out, biases still walk.
 pub(super) const LONGEST_STEP_S: f64 = 1.0;

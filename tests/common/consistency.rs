@@ -1,9 +1,9 @@
 //! Simulated drives with settings that know their sensors, and errors beside their covariances.
 
 use boresight::geometry::{Rotation, Vec3};
-use boresight::project::{HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings};
 use boresight::simulation::Scenario;
 use boresight::trajectory::{Estimate, PoseGradient};
+use boresight::trajectory::{HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings};
 use nalgebra::DVector;
 
 const STANDARD_GRAVITY: f64 = 9.806_65;

@@ -6,8 +6,8 @@ use super::twin::twin;
 use super::{Logs, rms};
 use boresight::geometry::heading::wrap;
 use boresight::geometry::{Rotation, Vec3};
-use boresight::project::Constant;
 use boresight::simulation::{Drive, Scenario, Scene};
+use boresight::trajectory::Constant;
 use boresight::trajectory::{Estimate, EstimatedConstant};
 
 /// Of some tens of draws, none is further off than this in one of a few hundred runs.

@@ -4,7 +4,7 @@
 
 use super::faulty::{Faulty, Marked, judge};
 use super::rover::{simulated, slow_rover};
-use boresight::project::Loss;
+use boresight::trajectory::Loss;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;

@@ -19,8 +19,8 @@ mod twin;
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
-use boresight::project::TrajectorySettings;
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
+use boresight::trajectory::TrajectorySettings;
 use boresight::trajectory::{Estimate, MotionLogs, estimate};
 use nalgebra::Quaternion;
 use std::path::Path;

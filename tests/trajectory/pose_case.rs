@@ -3,9 +3,11 @@
 use super::{Logs, common, json_number, numbers, quaternion, rms, vec3};
 use boresight::geometry::heading::wrap;
 use boresight::geometry::{BodyAxes, Vec3};
-use boresight::project::{HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings};
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
 use boresight::trajectory::{Estimate, PoseGradient};
+use boresight::trajectory::{
+    HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
+};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::time::Instant;

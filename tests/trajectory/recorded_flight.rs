@@ -3,11 +3,11 @@
 use super::{Logs, common, quantile, quaternion, rms, vec3};
 use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
-use boresight::project::{
-    Constant, HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
-};
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
 use boresight::trajectory::Estimate;
+use boresight::trajectory::{
+    Constant, HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;

@@ -3,8 +3,10 @@
 use super::Logs;
 use boresight::geometry::heading::{heading_rad, wrap};
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
-use boresight::project::{HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings};
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
+use boresight::trajectory::{
+    HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
+};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

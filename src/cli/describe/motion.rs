@@ -1,10 +1,9 @@
 //! Logs, poses and the bounds on their sigmas, in words.
 
 use super::{Lines, degrees, millimetres, short, vector};
-use crate::project::{
-    Logs, Loss, Nodes, PoseLimits, PosesFile, PositionKind, PositionLog, PositionSettings,
-};
+use crate::project::{Logs, PosesFile, PositionLog};
 use crate::sensor::{Observations, TotalStation, VerticalAngle};
+use crate::trajectory::{Loss, Nodes, PoseLimits, PositionKind, PositionSettings};
 
 pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
     let settings = &logs.settings;

@@ -2,8 +2,8 @@
 
 use super::table::Table;
 use crate::error::Result;
-use crate::project::settings::{Constant, PositionKind, PositionSettings};
 use crate::project::source::nearest;
+use crate::trajectory::{Constant, PositionKind, PositionSettings};
 
 /// The constants that `estimate` names, in its order, each once.
 pub(super) fn constants(

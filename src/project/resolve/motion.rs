@@ -6,9 +6,9 @@ use super::table::Table;
 use super::{estimate, positions};
 use crate::error::Result;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
-use crate::project::settings::{HeadingSettings, ImuNoise, PoseLimits, TrajectorySettings};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
+use crate::trajectory::{HeadingSettings, ImuNoise, PoseLimits, TrajectorySettings};
 
 /// Standard gravity, the g of datasheets, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;

@@ -5,11 +5,11 @@ use super::table::Table;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::project::checked::{LogFile, PositionLog};
-use crate::project::settings::{PositionKind, PositionSettings};
 use crate::project::shapes::Numbers;
 use crate::project::source::Source;
 use crate::project::written::{self, ObservationKind, Written};
 use crate::sensor::{Observations, TotalStation};
+use crate::trajectory::{PositionKind, PositionSettings};
 
 /// What the constants of other sensors are called: `heading.time_offset`.
 const TAKEN: [&str; 4] = ["frame", "heading", "imu", "trajectory"];

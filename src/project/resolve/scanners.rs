@@ -1,10 +1,11 @@
 //! Scanners and evaluations, and what their names must be.
 
 use super::table::Table;
+use crate::calibration::PARAMETER_NAMES;
 use crate::error::Result;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{EulerConvention, Rotation, pose};
-use crate::project::checked::{Evaluation, PARAMETER_NAMES, Scanner};
+use crate::project::checked::{Evaluation, Scanner};
 use crate::project::source::{Source, nearest};
 use crate::project::written;
 

@@ -1,8 +1,9 @@
 //! Calibration and comparison.
 
 use super::table::Table;
+use crate::calibration::CalibrationSettings;
+use crate::comparison::ComparisonSettings;
 use crate::error::Result;
-use crate::project::settings::{CalibrationSettings, ComparisonSettings};
 use crate::project::source::Source;
 use crate::project::written;
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::geometry::so3::exp;
-use crate::project::ImuNoise;
 use crate::sensor::{ImuBias, ImuSample};
+use crate::trajectory::ImuNoise;
 use crate::trajectory::preintegration::Preintegrated;
 
 const GRAVITY: f64 = 9.81;

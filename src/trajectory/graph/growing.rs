@@ -6,8 +6,8 @@
 use super::Graph;
 use super::adjustment::{PRIOR_SIGMA, per_unknown};
 use crate::error::{Error, Result};
-use crate::project::TrajectorySettings;
 use crate::sensor::{HeadingFix, ImuBias, ImuSample, PositionFix};
+use crate::trajectory::TrajectorySettings;
 use crate::trajectory::chain::{Border, ChainLayout, PriorSystem, StepSystem};
 use crate::trajectory::constants::Constants;
 use crate::trajectory::factors::{ImuFactor, NodeState, RestFactor};
@@ -62,7 +62,7 @@ impl Graph {
     }
 
     /// Noise of samples that bridge gaps from now on.
-    pub fn set_bridge_noise(&mut self, noise: crate::project::ImuNoise) {
+    pub fn set_bridge_noise(&mut self, noise: crate::trajectory::ImuNoise) {
         self.bridge_noise = noise;
     }
 

@@ -1,6 +1,6 @@
 //! The innovation test: does a record fit what all before it predict?
 
-use crate::project::Loss;
+use crate::trajectory::Loss;
 use crate::trajectory::chain::{NODE, TAIL};
 use crate::trajectory::diagnostics::chi_square;
 use crate::trajectory::factors::Rows;

@@ -22,8 +22,8 @@ use super::streams::{
 };
 use super::timeline::{LONGEST_STEP_S, SAME_INSTANT_S};
 use crate::error::{Error, Result};
-use crate::project::{Nodes, TrajectorySettings};
 use crate::sensor::{HeadingFix, ImuSample, PoseRecord, PositionFix};
+use crate::trajectory::{Nodes, TrajectorySettings};
 use running::Running;
 use samples::Scatter;
 use std::collections::VecDeque;

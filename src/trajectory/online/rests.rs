@@ -1,6 +1,6 @@
 //! Rests, seen block by block while the drive goes on.
 
-use crate::project::TrajectorySettings;
+use crate::trajectory::TrajectorySettings;
 use crate::trajectory::rest::{REST_BLOCK_S, REST_BLOCKS, Rest, checked, still};
 use crate::trajectory::streams::Streams;
 

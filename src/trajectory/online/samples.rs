@@ -2,8 +2,8 @@
 
 use super::running::Running;
 use crate::geometry::{self, Vec3};
-use crate::project::ImuNoise;
 use crate::sensor::ImuSample;
+use crate::trajectory::ImuNoise;
 use crate::trajectory::gaps::{GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples};
 
 pub(super) fn is_finite(sample: &ImuSample) -> bool {

@@ -17,8 +17,8 @@ use super::timeline::{Timeline, starts};
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
 use crate::geometry::{Mat3, Vec3};
-use crate::project::{ImuNoise, TrajectorySettings};
 use crate::sensor::{HeadingFix, ImuBias, ImuSample, PositionFix};
+use crate::trajectory::{ImuNoise, TrajectorySettings};
 use rayon::prelude::*;
 
 /// All unknowns.

@@ -4,12 +4,11 @@ mod motion;
 
 use std::path::{Path, PathBuf};
 
+use crate::calibration::{CalibrationSettings, Method, PARAMETER_NAMES};
+use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyAxes, EulerConvention, Vec3};
-use crate::project::{
-    Aggregation, CalibrationSettings, ComparisonSettings, Detection, Method, Motion,
-    PARAMETER_NAMES, Project, Scanner,
-};
+use crate::project::{Motion, Project, Scanner};
 
 /// Everything about `project` as text.
 pub(super) fn project(project: &Project) -> String {

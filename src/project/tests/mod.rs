@@ -3,9 +3,12 @@ mod mistakes;
 use std::path::{Path, PathBuf};
 
 use super::*;
+use crate::calibration::{CalibrationSettings, Method};
+use crate::comparison::ComparisonSettings;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyAxes, EulerConvention, Vec3};
 use crate::sensor::{Observations, VerticalAngle};
+use crate::trajectory::{Constant, Loss, Nodes, PositionKind};
 
 /// The example of the documentation.
 const EXAMPLE: &str = r#"[frame]
@@ -372,7 +375,7 @@ proptest::proptest! {
 }
 
 /// The README of the package.
-const README: &str = include_str!("../../README.md");
+const README: &str = include_str!("../../../README.md");
 
 #[test]
 fn the_project_of_the_readme_is_understood() {

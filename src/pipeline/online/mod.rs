@@ -16,8 +16,9 @@ use crate::format;
 use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::project::{Logs, Motion, Project, TrajectorySettings};
+use crate::project::{Logs, Motion, Project};
 use crate::sensor::{HeadingFix, ImuSample, PoseRecord, PositionFix};
+use crate::trajectory::TrajectorySettings;
 use crate::trajectory::{Jump, Online, OnlineOptions, Update};
 
 /// Where the records come from.

@@ -1,4 +1,4 @@
-//! What each stage needs to know, checked and in SI units.
+//! What the trajectory needs to know beside the logs, in SI units.
 
 use crate::geometry::{BodyAxes, Vec3};
 
@@ -52,8 +52,7 @@ pub struct PositionSettings {
     /// The prism or antenna in the body frame, metres.
     pub lever_arm_m: Vec3,
     /// The total station in the world frame where it is known, metres: the incidence-dependent
-    /// bias of a 360° prism needs the line of sight. In a [`Project`](super::Project) the origin is
-    /// not subtracted; where the logs are read it is, as from the positions.
+    /// bias of a 360° prism needs the line of sight.
     pub station_m: Option<Vec3>,
     /// What large residuals count.
     pub loss: Loss,
@@ -217,105 +216,6 @@ impl PoseLimits {
         Self {
             position_m: self.position_m.or(other.position_m),
             rotation_rad: self.rotation_rad.or(other.rotation_rad),
-        }
-    }
-}
-
-/// How the mounting is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// Reweighted least squares with analytic derivatives, one point a voxel, scanner and pass.
-    #[default]
-    Reweighted,
-    /// As the paper: numeric Jacobian of the omnivariances, one point a voxel, Gauss-Newton.
-    Paper,
-}
-
-/// Settings of the calibration.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CalibrationSettings {
-    /// Coarse to fine, metres.
-    pub voxel_sizes_m: Vec<f64>,
-    /// Neighbours in each neighbourhood (k).
-    pub neighbours: usize,
-    /// How.
-    pub method: Method,
-    /// Most iterations a scale.
-    pub max_iterations: usize,
-    /// A point of the same scanner and voxel this much later belongs to another pass, seconds.
-    pub pass_gap_s: f64,
-}
-
-impl Default for CalibrationSettings {
-    fn default() -> Self {
-        Self {
-            voxel_sizes_m: vec![0.05, 0.04, 0.03, 0.02, 0.01, 0.005],
-            neighbours: 50,
-            method: Method::Reweighted,
-            max_iterations: 50,
-            pass_gap_s: 3.0,
-        }
-    }
-}
-
-/// What stands for the points of a cloud in a cylinder of M3C2.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Aggregation {
-    /// Mean and standard deviation.
-    #[default]
-    Mean,
-    /// Median and inter-quartile range.
-    Median,
-}
-
-/// Which distribution the level of detection of M3C2 takes its 97.5 % quantile from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Detection {
-    /// The normal distribution, with the quantile rounded to 1.96 as in the literature.
-    #[default]
-    Normal,
-    /// Student's t, which is right for few points too.
-    Student,
-}
-
-/// Settings of the M3C2 comparison. Radii are radii.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ComparisonSettings {
-    /// Core points are thinned to this spacing, metres.
-    pub core_spacing_m: f64,
-    /// Radii of the neighbourhoods for normals; the most planar one counts, metres.
-    pub normal_radii_m: Vec<f64>,
-    /// Radius of the cylinder, metres.
-    pub cylinder_radius_m: f64,
-    /// Half length of the cylinder, metres.
-    pub max_distance_m: f64,
-    /// Registration error added to the level of detection, metres.
-    pub registration_error_m: f64,
-    /// What stands for the points in a cylinder.
-    pub aggregation: Aggregation,
-    /// How the level of detection is found.
-    pub detection: Detection,
-    /// Cylinders reach along the normal only, not against it: for both clouds.
-    pub one_sided: bool,
-    /// With fewer points of either cloud in a cylinder there is no distance; 1 or more.
-    pub min_points: u32,
-}
-
-impl Default for ComparisonSettings {
-    fn default() -> Self {
-        Self {
-            core_spacing_m: 0.02,
-            normal_radii_m: vec![0.04],
-            cylinder_radius_m: 0.02,
-            max_distance_m: 0.1,
-            registration_error_m: 0.0,
-            aggregation: Aggregation::Mean,
-            detection: Detection::Normal,
-            one_sided: false,
-            min_points: 1,
         }
     }
 }

@@ -11,13 +11,13 @@ use serde_json::json;
 
 use super::memory::Budget;
 use super::{Options, Outcome};
+use crate::comparison::{Aggregation, ComparisonSettings};
 use crate::comparison::{IndexedClouds, Normals, Statistics, core_points};
 use crate::error::{Error, Result};
 use crate::format::{self, CorePoints};
 use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::project::{Aggregation, ComparisonSettings};
 use tiled::Tiled;
 
 /// What to compare, and how.
