@@ -144,7 +144,7 @@ fn run(
     };
     let poses = imu.truth.iter().map(|r| {
         let pose = r.world_from_body;
-        (pose.translation.vector, pose.rotation)
+        (pose.translation_m, pose.rotation)
     });
     Ok((estimate(&logs, &settings, &Silent)?, poses.collect()))
 }

@@ -73,7 +73,7 @@ fn pose_errors(poses: &Poses, exact: &Poses) {
         let (Some(truth), Some(sigma)) = (exact.trajectory.pose_at(node.time_s), node.sigma) else {
             continue;
         };
-        let shift = node.world_from_body.translation.vector - truth.translation.vector;
+        let shift = node.world_from_body.translation_m - truth.translation_m;
         let turn = so3::log(&(node.world_from_body.rotation * truth.rotation.inverse()));
         for axis in 0..3 {
             for (row, error, sigma) in [
@@ -112,8 +112,8 @@ fn judge(seed: u64, name: &str, calibration: &Calibration) -> (usize, usize) {
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {
         let sigmas = calibration.sigmas(scanner, convention);
         let found = &mounting.body_from_scanner;
-        let shift = found.translation.vector - truth[scanner].translation.vector;
-        let angles = |pose: &boresight::geometry::Pose| {
+        let shift = found.translation_m - truth[scanner].translation_m;
+        let angles = |pose: &boresight::geometry::BodyFromScanner| {
             boresight::geometry::euler::euler_deg_from_rotation(convention, &pose.rotation)
         };
         let (a, b) = (angles(found), angles(&truth[scanner]));

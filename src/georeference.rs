@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Pose, Vec3, transform};
+use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use crate::sensor::{ScanPoint, check_overlap};
 use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
@@ -52,9 +52,9 @@ impl fmt::Display for Refused {
 pub struct Georeferencer<'a> {
     trajectory: &'a Trajectory,
     cursor: PoseCursor<'a>,
-    body_from_scanner: Pose,
+    body_from_scanner: BodyFromScanner,
     time_offset_s: f64,
-    last: Option<(f64, Option<Pose>)>,
+    last: Option<(f64, Option<WorldFromBody>)>,
     read: u64,
     outside: u64,
     refused: Refused,
@@ -66,7 +66,11 @@ pub struct Georeferencer<'a> {
 impl<'a> Georeferencer<'a> {
     /// For a scanner mounted at `body_from_scanner` whose times become the trajectory's by adding
     /// `time_offset_s`.
-    pub fn new(trajectory: &'a Trajectory, body_from_scanner: Pose, time_offset_s: f64) -> Self {
+    pub fn new(
+        trajectory: &'a Trajectory,
+        body_from_scanner: BodyFromScanner,
+        time_offset_s: f64,
+    ) -> Self {
         Self {
             trajectory,
             cursor: trajectory.cursor(),
@@ -88,7 +92,7 @@ impl<'a> Georeferencer<'a> {
     /// trajectory's span, where there is no pose and nothing is extrapolated, and where the pose
     /// is known less well than the trajectory's limits demand.
     #[inline]
-    pub fn body_at(&mut self, point: &ScanPoint) -> (f64, Option<Pose>) {
+    pub fn body_at(&mut self, point: &ScanPoint) -> (f64, Option<WorldFromBody>) {
         let time_s = point.time_s + self.time_offset_s;
         let pose = match self.last {
             Some((at, pose)) if at == time_s => pose,
@@ -171,12 +175,7 @@ impl<'a> Georeferencer<'a> {
     #[inline]
     pub fn place(&mut self, point: &ScanPoint) -> Option<Vec3> {
         let (_, world_from_body) = self.body_at(point);
-        world_from_body.map(|pose| {
-            transform(
-                &pose,
-                &transform(&self.body_from_scanner, &point.position_m),
-            )
-        })
+        world_from_body.map(|pose| pose.map(&self.body_from_scanner.map(&point.position_m)))
     }
 }
 
@@ -191,7 +190,7 @@ mod tests {
         // The body turns a quarter about z at (10, 0, 2); the scanner sits 1 m ahead.
         let record = |time_s: f64| PoseRecord {
             time_s,
-            world_from_body: crate::geometry::pose(
+            world_from_body: WorldFromBody::new(
                 Rotation::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2),
                 Vec3::new(10.0, 0.0, 2.0),
             ),
@@ -200,7 +199,7 @@ mod tests {
             sigma: None,
         };
         let trajectory = Trajectory::new(vec![record(0.0), record(1.0)]).expect("two nodes");
-        let mounting = crate::geometry::pose(Rotation::identity(), Vec3::new(1.0, 0.0, 0.0));
+        let mounting = BodyFromScanner::new(Rotation::identity(), Vec3::new(1.0, 0.0, 0.0));
         let mut place = Georeferencer::new(&trajectory, mounting, 0.5);
         let point = |time_s: f64| ScanPoint {
             time_s,
@@ -221,7 +220,7 @@ mod tests {
     fn what_is_refused_is_counted_with_its_times() {
         let node = |time_s: f64, sigma: f64| PoseRecord {
             time_s,
-            world_from_body: Pose::identity(),
+            world_from_body: WorldFromBody::identity(),
             velocity_m_s: None,
             bias: None,
             sigma: Some(crate::sensor::PoseSigma {
@@ -237,7 +236,7 @@ mod tests {
         };
         let trajectory = Trajectory::new(nodes.collect()).unwrap();
         let trajectory = trajectory.with_limits(limits).unwrap();
-        let mut place = Georeferencer::new(&trajectory, Pose::identity(), 0.0);
+        let mut place = Georeferencer::new(&trajectory, BodyFromScanner::identity(), 0.0);
         let at = |time_s: f64| ScanPoint {
             time_s,
             position_m: Vec3::x(),
@@ -254,7 +253,7 @@ mod tests {
             "16 points from 2.000 s to 3.750 s, from 6.000 s to 7.750 s, whose poses have sigmas \
              above 0.1 m (max_sigma_position_m)"
         );
-        let mut place = Georeferencer::new(&trajectory, Pose::identity(), 0.0);
+        let mut place = Georeferencer::new(&trajectory, BodyFromScanner::identity(), 0.0);
         place.place(&at(2.5));
         let error = place.check("left").unwrap_err().to_string();
         assert!(

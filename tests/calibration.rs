@@ -8,7 +8,7 @@ use boresight::calibration::Calibration;
 use boresight::calibration::{CalibrationSettings, Method};
 use boresight::format;
 use boresight::geometry::euler::euler_deg_from_rotation;
-use boresight::geometry::{EulerConvention, Pose, Vec3};
+use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
 use boresight::pipeline::stages::{self, Poses};
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -23,7 +23,7 @@ struct Case {
     reference: Vec<Vec3>,
     own: Poses,
     exact: Poses,
-    truth: Vec<Pose>,
+    truth: Vec<BodyFromScanner>,
 }
 
 fn case() -> &'static Case {
@@ -58,8 +58,9 @@ fn calibrate(poses: &Poses, reference: &[Vec3], settings: &CalibrationSettings) 
 fn errors(found: &Calibration, scanner: usize) -> [f64; 6] {
     let pose = &found.mountings[scanner].body_from_scanner;
     let truth = &case().truth[scanner];
-    let shift = pose.translation.vector - truth.translation.vector;
-    let angles = |pose: &Pose| euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation);
+    let shift = pose.translation_m - truth.translation_m;
+    let angles =
+        |pose: &BodyFromScanner| euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation);
     let (a, b) = (angles(pose), angles(truth));
     [
         shift.x,
@@ -142,7 +143,7 @@ fn without_a_reference_the_common_height_is_named_and_held() {
     assert_eq!(found.sigmas(0, EulerConvention::Bonn)[2], None);
     assert_honest(&found, "no reference");
     // The mean height stays where the user put it; the difference is found.
-    let height = |pose: &Pose| pose.translation.vector.z;
+    let height = |pose: &BodyFromScanner| pose.translation_m.z;
     let (left, right) = (&found.mountings[0], &found.mountings[1]);
     let mean = 0.5 * (height(&left.body_from_scanner) + height(&right.body_from_scanner));
     assert!(
@@ -167,7 +168,7 @@ fn the_height_of_a_single_scanner_is_not_invented_either() {
     let found = stages::calibration(&project, settings, &case.own, &samples, &[], &Silent).unwrap();
     assert_eq!(found.observability.free[0].words, "the height of `left`");
     assert_eq!(found.unobservable(0), ["tz"]);
-    let height = found.mountings[0].body_from_scanner.translation.z;
+    let height = found.mountings[0].body_from_scanner.translation_m.z;
     assert!((height - 0.5).abs() < 1e-6, "held at 0.5 m, found {height}");
 }
 
@@ -191,10 +192,12 @@ fn held_parameters_stay_to_the_last_bit() {
             &before.body_from_scanner,
             &found.mountings[scanner].body_from_scanner,
         );
-        assert_eq!(a.translation.x, b.translation.x);
-        assert_eq!(a.translation.z, b.translation.z);
-        assert_ne!(a.translation.y, b.translation.y);
-        let angle = |pose: &Pose| euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation)[1];
+        assert_eq!(a.translation_m.x, b.translation_m.x);
+        assert_eq!(a.translation_m.z, b.translation_m.z);
+        assert_ne!(a.translation_m.y, b.translation_m.y);
+        let angle = |pose: &BodyFromScanner| {
+            euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation)[1]
+        };
         assert!((angle(a) - angle(b)).abs() < 1e-9);
         let sigmas = found.sigmas(scanner, EulerConvention::Bonn);
         let held: Vec<bool> = sigmas.iter().map(Option::is_none).collect();

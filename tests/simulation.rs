@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use boresight::format;
-use boresight::geometry::{BodyAxes, transform};
+use boresight::geometry::BodyAxes;
 use boresight::progress::Silent;
 use boresight::simulation::{Drive, Profiler, Scenario, Scene, Surface, simulate};
 
@@ -99,7 +99,7 @@ fn recorded_points_lie_on_the_scene_when_truth_places_them() {
             while reader.next_chunk(&mut chunk).unwrap() {
                 for point in &chunk {
                     let pose = truth.pose_at(point.time_s).unwrap() * body_from_scanner;
-                    let distance = scene.distance_m(&transform(&pose, &point.position_m));
+                    let distance = scene.distance_m(&pose.map(&point.position_m));
                     squares += distance * distance;
                     worst = worst.max(distance);
                     count += 1;
@@ -148,8 +148,7 @@ fn every_board_is_scanned_twice_in_different_headings_in_every_drive() {
                         last = time_s;
                         let pose =
                             drive.at(time_s).world_from_body * scenario.true_mountings()[scanner];
-                        let [u, v, w] =
-                            scene.boards[board].coordinates_m(&transform(&pose, &ray.point_m));
+                        let [u, v, w] = scene.boards[board].coordinates_m(&pose.map(&ray.point_m));
                         assert!(w.abs() < 1e-9);
                         let (times, extent) = passes.last_mut().unwrap();
                         times.push(time_s);
@@ -201,7 +200,7 @@ fn the_boards_are_covered_at_five_millimetres_by_the_demo() {
             let pose = drive.at(profiler.time_s(scanner, k)).world_from_body * body_from_scanner;
             for ray in profiler.ideal(scanner, k).iter().flatten() {
                 if let Surface::Board(b) = ray.hit.surface {
-                    let [u, v, _] = scene.boards[b].coordinates_m(&transform(&pose, &ray.point_m));
+                    let [u, v, _] = scene.boards[b].coordinates_m(&pose.map(&ray.point_m));
                     let cell = |c: f64| (((c + 0.5) * 200.0) as usize).min(199);
                     cells[b][cell(v) * 200 + cell(u)] = true;
                 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use boresight::calibration::Calibration;
 use boresight::cloud::NeighbourIndex;
-use boresight::geometry::{Pose, Vec3, pose, so3};
+use boresight::geometry::{BodyFromScanner, Vec3, so3};
 use boresight::pipeline::{clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -66,19 +66,19 @@ fn calibrated(project: &Project) -> Calibration {
     .unwrap()
 }
 
-fn rotation_deg(found: &Pose) -> Vec3 {
+fn rotation_deg(found: &BodyFromScanner) -> Vec3 {
     so3::log(&found.rotation).map(f64::to_degrees)
 }
 
 /// Largest difference to the known rotation on any axis, degrees.
-fn off_deg(found: &Pose) -> f64 {
+fn off_deg(found: &BodyFromScanner) -> f64 {
     (rotation_deg(found) - Vec3::from(KNOWN_DEG)).amax()
 }
 
 /// Median distance from a point of the second pass, which has 6,401 points, to the nearest of the
 /// first, which has 20,013, metres. From there the known rotation gives 0.554 m → 0.0455 m; the
 /// other way round the sparse pass's own spacing, 0.066 m, would be all that is seen.
-fn gap_m(project: &Project, mounting: &Pose) -> f64 {
+fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
     let poses = stages::poses(project, &Silent).unwrap();
     let trajectory = &poses.trajectory;
     let kept = clouds::stream(project, trajectory, &[*mounting], None, &Silent).unwrap();
@@ -107,7 +107,10 @@ fn from_zero_the_rotation_is_found_and_the_passes_meet() {
     let project = project(&laz, Vec3::zeros(), folder.path());
     let found = calibrated(&project);
     let pose = found.mountings[0].body_from_scanner;
-    let (before, after) = (gap_m(&project, &Pose::identity()), gap_m(&project, &pose));
+    let (before, after) = (
+        gap_m(&project, &BodyFromScanner::identity()),
+        gap_m(&project, &pose),
+    );
     println!(
         "rotation vector {:?}°, gap {before:.3} m → {after:.3} m, sigmas {:?} rad",
         rotation_deg(&pose).as_slice(),
@@ -115,11 +118,7 @@ fn from_zero_the_rotation_is_found_and_the_passes_meet() {
     );
     assert!(found.converged);
     assert!(off_deg(&pose) < 0.2, "{}", rotation_deg(&pose));
-    assert_eq!(
-        pose.translation.vector,
-        Vec3::zeros(),
-        "the lever arm is held"
-    );
+    assert_eq!(pose.translation_m, Vec3::zeros(), "the lever arm is held");
     assert!(before > 0.3 && after <= 0.05, "gap {before} m → {after} m");
 }
 
@@ -154,7 +153,7 @@ fn poses_beside_points_lead_back_to_the_points() {
     let folder = tempfile::tempdir().unwrap();
     let project = project(&laz, Vec3::zeros(), folder.path());
     let poses = stages::poses(&project, &Silent).unwrap();
-    let identity = pose(boresight::geometry::Rotation::identity(), Vec3::zeros());
+    let identity = BodyFromScanner::new(boresight::geometry::Rotation::identity(), Vec3::zeros());
     let kept = clouds::stream(&project, &poses.trajectory, &[identity], None, &Silent).unwrap();
     let placed = clouds::place(&project, &poses.trajectory, &[identity], &kept);
     let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&laz)

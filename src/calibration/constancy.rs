@@ -186,9 +186,9 @@ fn strongest_correlation(
 fn motion_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; 4]> {
     let pose = trajectory.pose_at(time_s)?;
     let half_s = BLOCK_S / 4.0;
-    let before = trajectory.pose_at(time_s - half_s)?.translation.vector;
-    let after = trajectory.pose_at(time_s + half_s)?.translation.vector;
-    let here = pose.translation.vector;
+    let before = trajectory.pose_at(time_s - half_s)?.translation_m;
+    let after = trajectory.pose_at(time_s + half_s)?.translation_m;
+    let here = pose.translation_m;
     let acceleration = (after - here * 2.0 + before) / (half_s * half_s);
     let up = pose.rotation.inverse() * Vec3::z();
     Some([

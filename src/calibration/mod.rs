@@ -32,7 +32,7 @@ pub use uncertainty::PoseUncertainty;
 
 use crate::cloud::voxel;
 use crate::error::{Error, Result};
-use crate::geometry::{EulerConvention, Pose, Vec3, so3};
+use crate::geometry::{BodyFromScanner, EulerConvention, Vec3, so3};
 use crate::progress::Progress;
 use crate::trajectory::Trajectory;
 use adjust::{ScaleResult, ScaleSettings};
@@ -259,7 +259,7 @@ fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
         .zip(to)
         .flat_map(|(from, to)| {
             let (from, to) = (&from.body_from_scanner, &to.body_from_scanner);
-            let shift: Vec3 = to.translation.vector - from.translation.vector;
+            let shift: Vec3 = to.translation_m - from.translation_m;
             let turn = so3::log(&(to.rotation * from.rotation.inverse()));
             [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
         })
@@ -366,7 +366,7 @@ impl Calibration {
     }
 
     /// Poses of the scanners on the body.
-    pub fn poses(&self) -> Vec<Pose> {
+    pub fn poses(&self) -> Vec<BodyFromScanner> {
         self.mountings
             .iter()
             .map(|mounting| mounting.body_from_scanner)

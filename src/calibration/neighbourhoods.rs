@@ -69,7 +69,7 @@ impl ScaleCloud {
                     time_s: point.time_s,
                     position_m: point.position_m,
                     world_from_body: *point.world_from_body.rotation.to_rotation_matrix().matrix(),
-                    body_m: point.world_from_body.translation.vector,
+                    body_m: point.world_from_body.translation_m,
                 })
             })
             .collect();
@@ -89,7 +89,7 @@ impl ScaleCloud {
                 let pose = &mounting.body_from_scanner;
                 (
                     *pose.rotation.to_rotation_matrix().matrix(),
-                    pose.translation.vector,
+                    pose.translation_m,
                 )
             })
             .collect();

@@ -259,7 +259,7 @@ fn in_words(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Pose;
+    use crate::geometry::BodyFromScanner;
 
     /// Normal equations with this matrix where each parameter alone would be known by one.
     fn equations(matrix: DMatrix<f64>) -> NormalEquations {
@@ -276,7 +276,7 @@ mod tests {
         ["left", "right"]
             .map(|name| Mounting {
                 name: name.into(),
-                body_from_scanner: Pose::identity(),
+                body_from_scanner: BodyFromScanner::identity(),
                 convention: EulerConvention::Zyx,
                 fixed: [false; 6],
             })

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
-use crate::geometry::{EulerConvention, Mat3, Pose, Vec3, so3};
+use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3};
 
 /// The mounting of one scanner as the adjustment sees it.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,7 +11,7 @@ pub struct Mounting {
     /// Name of the scanner.
     pub name: String,
     /// Current estimate.
-    pub body_from_scanner: Pose,
+    pub body_from_scanner: BodyFromScanner,
     /// The angles in which `fixed` speaks.
     pub convention: EulerConvention,
     /// Parameters held at their values: tx ty tz rx ry rz, the last three being the Euler angles
@@ -64,24 +64,26 @@ impl Mounting {
     pub fn moved(&self, delta: &[f64]) -> Self {
         let mut moved = self.clone();
         let psi = Vec3::new(delta[3], delta[4], delta[5]);
-        moved.body_from_scanner.translation.vector += Vec3::new(delta[0], delta[1], delta[2]);
-        let rotation = so3::exp(&psi) * self.body_from_scanner.rotation;
-        moved.body_from_scanner.rotation = if self.fixed[3..].contains(&true) {
+        let shift_m = Vec3::new(delta[0], delta[1], delta[2]);
+        moved.body_from_scanner = self.body_from_scanner.perturbed(&psi, &shift_m);
+        if self.fixed[3..].contains(&true) {
+            let rotation = &mut moved.body_from_scanner.rotation;
             let held = euler_deg_from_rotation(self.convention, &self.body_from_scanner.rotation);
-            let mut angles = euler_deg_from_rotation(self.convention, &rotation);
+            let mut angles = euler_deg_from_rotation(self.convention, rotation);
             for axis in (0..3).filter(|&axis| self.fixed[3 + axis]) {
                 angles[axis] = held[axis];
             }
-            rotation_from_euler_deg(self.convention, angles)
-        } else {
-            nalgebra::UnitQuaternion::new_normalize(rotation.into_inner())
-        };
+            *rotation = rotation_from_euler_deg(self.convention, angles);
+        }
         moved
     }
 }
 
 /// d(α, β, γ)/dψ for R ← Exp(ψ) R: the columns of [`euler_jacobian`] turned into body axes.
-pub fn euler_jacobian_body(convention: EulerConvention, body_from_scanner: &Pose) -> Mat3 {
+pub fn euler_jacobian_body(
+    convention: EulerConvention,
+    body_from_scanner: &BodyFromScanner,
+) -> Mat3 {
     let rotation = body_from_scanner.rotation;
     euler_jacobian(convention, &rotation) * rotation.inverse().to_rotation_matrix().matrix()
 }
@@ -118,7 +120,7 @@ mod tests {
         let convention = EulerConvention::Bonn;
         Mounting {
             name: "left".into(),
-            body_from_scanner: crate::geometry::pose(
+            body_from_scanner: BodyFromScanner::new(
                 rotation_from_euler_deg(convention, [-145.0, 2.0, 88.0]),
                 Vec3::new(1.2, -0.5, 0.5),
             ),
@@ -151,6 +153,6 @@ mod tests {
         let moved = mounting.moved(&[0.1, 0.2, 0.3, 0.01, -0.02, 0.03]);
         let turned =
             moved.body_from_scanner.rotation * mounting.body_from_scanner.rotation.inverse();
-        assert!((so3::log(&turned) - Vec3::new(0.01, -0.02, 0.03)).norm() < 1e-12);
+        assert!((turned.scaled_axis() - Vec3::new(0.01, -0.02, 0.03)).norm() < 1e-12);
     }
 }

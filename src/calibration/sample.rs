@@ -7,7 +7,7 @@
 use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_key};
 use crate::error::Result;
 use crate::format::ProfileReader;
-use crate::geometry::{Pose, Vec3, transform};
+use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use crate::georeference::{Georeferencer, Refused};
 use crate::progress::Progress;
 use crate::sensor::ScanPoint;
@@ -21,7 +21,7 @@ pub struct SamplePoint {
     /// Scanner frame, metres.
     pub position_m: Vec3,
     /// Pose of the body at `time_s`.
-    pub world_from_body: Pose,
+    pub world_from_body: WorldFromBody,
 }
 
 /// What reading a scanner's profiles gave.
@@ -107,7 +107,7 @@ pub fn sample_profiles(
     readers: Vec<Box<dyn ProfileReader>>,
     offset_s: f64,
     trajectory: &Trajectory,
-    body_from_scanner: &Pose,
+    body_from_scanner: &BodyFromScanner,
     voxel_m: f64,
     pass_gap_s: f64,
     progress: &dyn Progress,
@@ -124,7 +124,7 @@ pub fn sample_profiles(
                     continue;
                 };
                 let position_m = point.position_m;
-                let world = transform(&world_from_body, &transform(body_from_scanner, &position_m));
+                let world = world_from_body.map(&body_from_scanner.map(&position_m));
                 thinner.show(
                     SamplePoint {
                         time_s,
@@ -150,14 +150,14 @@ pub fn sample_profiles(
 /// Thins a sample further, on a grid of `voxel_m`, with the mounting as now known.
 pub fn thin_further(
     points: &[SamplePoint],
-    body_from_scanner: &Pose,
+    body_from_scanner: &BodyFromScanner,
     voxel_m: f64,
     pass_gap_s: f64,
 ) -> Vec<SamplePoint> {
     let mut thinner = Thinner::new(voxel_m, pass_gap_s);
     for point in points {
-        let body = transform(body_from_scanner, &point.position_m);
-        thinner.show(*point, &transform(&point.world_from_body, &body));
+        let body = body_from_scanner.map(&point.position_m);
+        thinner.show(*point, &point.world_from_body.map(&body));
     }
     thinner.finish()
 }
@@ -170,7 +170,7 @@ mod tests {
         SamplePoint {
             time_s,
             position_m: Vec3::new(x, 0.5, 0.5),
-            world_from_body: Pose::identity(),
+            world_from_body: WorldFromBody::identity(),
         }
     }
 
@@ -184,7 +184,7 @@ mod tests {
             at(0.3, 1.2),
             at(10.0, 0.8),
         ];
-        let kept = thin_further(&points, &Pose::identity(), 1.0, 3.0);
+        let kept = thin_further(&points, &BodyFromScanner::identity(), 1.0, 3.0);
         let found: Vec<_> = kept.iter().map(|p| (p.time_s, p.position_m.x)).collect();
         assert_eq!(found, [(0.1, 0.45), (0.3, 1.2), (10.0, 0.8)]);
     }
@@ -192,6 +192,9 @@ mod tests {
     #[test]
     fn a_standing_scanner_makes_one_pass_however_long_it_stands() {
         let points: Vec<_> = (0..100).map(|i| at(f64::from(i), 0.5)).collect();
-        assert_eq!(thin_further(&points, &Pose::identity(), 1.0, 3.0).len(), 1);
+        assert_eq!(
+            thin_further(&points, &BodyFromScanner::identity(), 1.0, 3.0).len(),
+            1
+        );
     }
 }

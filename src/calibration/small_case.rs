@@ -2,7 +2,7 @@
 
 use super::neighbourhoods::{MovablePoint, ScaleCloud};
 use super::parameters::Mounting;
-use crate::geometry::{EulerConvention, Pose, Rotation, Vec3};
+use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
 
 /// Numbers in [-1, 1) from a linear congruential generator: the same everywhere.
 fn numbers() -> impl FnMut() -> f64 {
@@ -34,14 +34,15 @@ pub fn case() -> (ScaleCloud, Vec<Mounting>) {
         .map(|_| Vec3::new(next(), next(), 1.0 + 0.3 * next()))
         .collect();
     let mountings = ["left", "right"]
-        .map(|name| Mounting {
-            name: name.into(),
-            body_from_scanner: Pose::new(
-                Vec3::new(0.3 * next(), 0.3 * next(), 0.1 * next()),
-                Vec3::new(next(), next(), next()),
-            ),
-            convention: EulerConvention::Zyx,
-            fixed: [false; 6],
+        .map(|name| {
+            let translation_m = Vec3::new(0.3 * next(), 0.3 * next(), 0.1 * next());
+            let rotation = Rotation::from_scaled_axis(Vec3::new(next(), next(), next()));
+            Mounting {
+                name: name.into(),
+                body_from_scanner: BodyFromScanner::new(rotation, translation_m),
+                convention: EulerConvention::Zyx,
+                fixed: [false; 6],
+            }
         })
         .to_vec();
     (

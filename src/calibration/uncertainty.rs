@@ -155,8 +155,7 @@ fn smoothed_part(
         };
         let lever = mountings[point.scanner as usize]
             .body_from_scanner
-            .translation
-            .vector
+            .translation_m
             + placed.arm[l];
         let turning = -(point.world_from_body * so3::hat(&lever));
         for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
@@ -243,7 +242,7 @@ mod tests {
     use super::*;
     use crate::calibration::neighbourhoods::find;
     use crate::calibration::small_case::case;
-    use crate::geometry::{Pose, so3};
+    use crate::geometry::WorldFromBody;
     use crate::sensor::{PoseRecord, PoseSigma};
 
     /// g with planes, weights and derivatives frozen at `placed` and the points at `world`.
@@ -302,11 +301,14 @@ mod tests {
     fn errors_of_a_pose_reach_the_gradient_through_the_points() {
         // One block of time: a common error of position and rotation moves every point.
         let (mut cloud, mountings) = case();
-        let world_from_body = Pose::new(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.1, -0.2, 0.3));
+        let world_from_body = WorldFromBody::new(
+            so3::exp(&Vec3::new(0.1, -0.2, 0.3)),
+            Vec3::new(1.0, 2.0, 3.0),
+        );
         for (l, point) in cloud.movable.iter_mut().enumerate() {
             point.time_s = l as f64 * 1e-3;
             point.world_from_body = *world_from_body.rotation.to_rotation_matrix().matrix();
-            point.body_m = world_from_body.translation.vector;
+            point.body_m = world_from_body.translation_m;
         }
         let sigma = PoseSigma {
             position_m: Vec3::new(1e-3, 2e-3, 3e-3),

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::trajectory::read_lines;
 use crate::error::Result;
-use crate::geometry::{Rotation, Vec3, pose};
+use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord};
 
 /// Reads a `.trj`.
@@ -16,7 +16,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<PoseRecord>> {
         let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
         Ok(PoseRecord {
             time_s: row[0],
-            world_from_body: pose(
+            world_from_body: WorldFromBody::new(
                 Rotation::from_euler_angles(row[7], row[8], row[9]),
                 vector(1),
             ),

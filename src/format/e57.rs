@@ -7,7 +7,7 @@ use super::binary::Number;
 use super::{first_bytes, guarded};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::geometry::{Pose, Rotation, Vec3, pose, transform};
+use crate::geometry::{Rotation, Vec3, WorldFromScanner};
 
 fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
     Error::format(
@@ -34,7 +34,7 @@ pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<(
                     format!("{} points in a file of {size} bytes", scan.records),
                 ));
             }
-            let world_from_scan = scan_pose(path, &scan)?;
+            let world_from_scanner = scan_pose(path, &scan)?;
             let mut points = reader
                 .pointcloud_simple(&scan)
                 .map_err(|e| problem(path, chain(&e)))?;
@@ -45,7 +45,7 @@ pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<(
             for point in points {
                 let point = point.map_err(|e| problem(path, chain(&e)))?;
                 if let e57::CartesianCoordinate::Valid { x, y, z } = point.cartesian {
-                    let p = transform(&world_from_scan, &Vec3::new(x, y, z));
+                    let p = world_from_scanner.map(&Vec3::new(x, y, z));
                     if p.iter().all(|v| v.is_finite()) {
                         take(p, point.intensity.unwrap_or(0.0));
                     }
@@ -68,9 +68,9 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<Pose> {
+fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
     let Some(t) = &scan.transform else {
-        return Ok(Pose::identity());
+        return Ok(WorldFromScanner::identity());
     };
     let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
     if q.norm().is_nan() || (q.norm() - 1.0).abs() > 1e-3 {
@@ -80,7 +80,7 @@ fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<Pose> {
         ));
     }
     let t = Vec3::new(t.translation.x, t.translation.y, t.translation.z);
-    Ok(pose(Rotation::new_normalize(q), t))
+    Ok(WorldFromScanner::new(Rotation::new_normalize(q), t))
 }
 
 /// An error with its causes.

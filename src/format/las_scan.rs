@@ -8,7 +8,7 @@ use super::las::{LasFile, PoseColumns, point_error};
 use super::profile::ProfileReader;
 use super::{CHUNK_POINTS, nothing_in};
 use crate::error::{Error, Location, Result};
-use crate::geometry::{Pose, Rotation, Vec3, pose};
+use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{PoseRecord, ScanPoint};
 
 /// Points in the scanner frame, in the order of the file; decoded on a thread of their own, one
@@ -118,9 +118,9 @@ impl PosedPoint {
     }
 
     /// R = Rz(yaw) Ry(pitch) Rx(roll).
-    fn world_from_sensor(&self) -> Pose {
+    fn world_from_body(&self) -> WorldFromBody {
         let [_, _, _, roll, pitch, yaw] = self.pose;
-        pose(
+        WorldFromBody::new(
             Rotation::from_euler_angles(roll, pitch, yaw),
             self.position(),
         )
@@ -238,10 +238,7 @@ impl PosedScan {
             .iter()
             .map(|point| ScanPoint {
                 time_s: point.time_s,
-                position_m: point
-                    .world_from_sensor()
-                    .inverse_transform_point(&point.world.into())
-                    .coords,
+                position_m: point.world_from_body().map_back(&point.world),
                 intensity: point.intensity,
             })
             .collect();
@@ -272,7 +269,7 @@ impl ProfileReader for PosedScan {
     }
 }
 
-/// The distinct poses world_from_sensor of a file, in time order.
+/// The distinct poses world_from_body of a file, in time order.
 pub(crate) fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
     let mut points = read_posed(&mut LasFile::open(path)?)?;
     points.dedup_by_key(|p| p.time_s);
@@ -280,7 +277,7 @@ pub(crate) fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
         .iter()
         .map(|point| PoseRecord {
             time_s: point.time_s,
-            world_from_body: point.world_from_sensor(),
+            world_from_body: point.world_from_body(),
             velocity_m_s: None,
             bias: None,
             sigma: None,

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::table::Lines;
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
-use crate::geometry::{EulerConvention, Pose, Vec3, pose};
+use crate::geometry::{BodyFromScanner, EulerConvention, Vec3};
 use crate::output::write_whole;
 
 const KEYS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
@@ -16,7 +16,7 @@ const ROOT: &str = "SystemCalibration";
 ///
 /// # Errors
 /// No `<SystemCalibration>`, or one of its six values missing or no finite number.
-pub fn read_mounting(path: &Path) -> Result<Pose> {
+pub fn read_mounting(path: &Path) -> Result<BodyFromScanner> {
     let mut lines = Lines::open(path)?;
     let mut text = String::new();
     while lines.advance()? {
@@ -53,7 +53,7 @@ pub fn read_mounting(path: &Path) -> Result<Pose> {
             .ok_or_else(|| error(format!("{key} = `{cell}`"), "a finite number"))?;
     }
     let [x, y, z, rx, ry, rz] = values;
-    Ok(pose(
+    Ok(BodyFromScanner::new(
         rotation_from_euler_deg(EulerConvention::Bonn, [rx, ry, rz]),
         Vec3::new(x, y, z),
     ))
@@ -63,8 +63,8 @@ pub fn read_mounting(path: &Path) -> Result<Pose> {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_mounting(path: &Path, body_from_scanner: &Pose) -> Result<()> {
-    let t = body_from_scanner.translation.vector;
+pub fn write_mounting(path: &Path, body_from_scanner: &BodyFromScanner) -> Result<()> {
+    let t = body_from_scanner.translation_m;
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &body_from_scanner.rotation);
     let mut text = format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<{ROOT}>\n");
     for (key, value) in KEYS.iter().zip(t.iter().chain(&angles)) {

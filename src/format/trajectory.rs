@@ -6,7 +6,7 @@ use super::native::{Sheet, read_rows};
 use super::table::{Columns, Lines, Table, numbers};
 use super::{Format, bonn_trajectory, las_scan, sbet};
 use crate::error::{Error, Location, Result};
-use crate::geometry::{Rotation, Vec3, pose};
+use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
 
 pub(crate) const TRAJECTORY: Columns = Columns {
@@ -110,7 +110,7 @@ fn read_native(path: &Path) -> Result<Vec<PoseRecord>> {
         })?;
         Ok(PoseRecord {
             time_s: row[0],
-            world_from_body: pose(r, vector(1)),
+            world_from_body: WorldFromBody::new(r, vector(1)),
             velocity_m_s: present(8, 3).then(|| vector(8)),
             bias: present(11, 6).then(|| ImuBias {
                 gyro_rad_s: vector(11),
@@ -131,7 +131,7 @@ fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
         })?;
         Ok(PoseRecord {
             time_s: row[0],
-            world_from_body: pose(r, Vec3::new(row[1], row[2], row[3])),
+            world_from_body: WorldFromBody::new(r, Vec3::new(row[1], row[2], row[3])),
             velocity_m_s: None,
             bias: None,
             sigma: None,
@@ -195,7 +195,10 @@ pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
     let absent = Vec3::repeat(f64::NAN);
     let mut row = Vec::with_capacity(23);
     for p in poses {
-        let (t, q) = (&p.world_from_body.translation, &p.world_from_body.rotation);
+        let (t, q) = (
+            &p.world_from_body.translation_m,
+            &p.world_from_body.rotation,
+        );
         row.clear();
         row.extend([p.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w]);
         if with[0] {

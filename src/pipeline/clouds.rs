@@ -3,7 +3,7 @@
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
 use crate::error::Result;
 use crate::format::CloudWriter;
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
@@ -59,7 +59,7 @@ pub type KeptPoints = Vec<Vec<ScanPoint>>;
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[Pose],
+    mountings: &[BodyFromScanner],
     write: Option<&(dyn Fn(&Scanner) -> std::path::PathBuf + Sync)>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
@@ -129,7 +129,7 @@ pub fn stream(
 pub fn place(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[Pose],
+    mountings: &[BodyFromScanner],
     kept: &KeptPoints,
 ) -> Vec<Vec<Vec3>> {
     let jobs: Vec<_> = project.scanners.iter().zip(mountings).zip(kept).collect();

@@ -27,7 +27,7 @@ use crate::calibration::Calibration;
 use crate::calibration::{CalibrationSettings, Method};
 use crate::error::{Error, Result};
 use crate::format;
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::Project;
@@ -46,7 +46,7 @@ pub use thin::thin;
 #[derive(Debug, Clone)]
 pub struct Truth {
     /// True mountings in the order of the project's scanners.
-    pub mountings: Vec<Pose>,
+    pub mountings: Vec<BodyFromScanner>,
     /// True poses of the calibration drive.
     pub trajectory: Trajectory,
 }
@@ -107,7 +107,7 @@ pub struct Findings {
     /// The paper's method at the scales asked for.
     pub paper: Option<Calibration>,
     /// True mountings, where they are known.
-    pub truth_mountings: Option<Vec<Pose>>,
+    pub truth_mountings: Option<Vec<BodyFromScanner>>,
     /// Rows of the logs that hold no measurement.
     pub rejected_rows: Vec<RejectedRow>,
     /// Poses of every drive: the calibration drive, then the evaluation drives.
@@ -315,8 +315,8 @@ const PAPER_ITERATIONS: usize = 450;
 fn kinds(
     project: &Project,
     calibration: &Calibration,
-    truth: Option<&[Pose]>,
-) -> Vec<(MountingKind, Vec<Pose>)> {
+    truth: Option<&[BodyFromScanner]>,
+) -> Vec<(MountingKind, Vec<BodyFromScanner>)> {
     let initial = project
         .scanners
         .iter()
@@ -337,7 +337,7 @@ fn compare_drive(
     project: &Project,
     trajectory: &Trajectory,
     reference: &[Vec3],
-    kinds: &[(MountingKind, Vec<Pose>)],
+    kinds: &[(MountingKind, Vec<BodyFromScanner>)],
     kept: &clouds::KeptPoints,
     progress: &dyn Progress,
 ) -> Result<Drive> {
@@ -424,6 +424,6 @@ pub fn write_trajectory(path: &Path, trajectory: &Trajectory, origin_m: &Vec3) -
     let mut nodes = trajectory.nodes().to_vec();
     nodes
         .iter_mut()
-        .for_each(|node| node.world_from_body.translation.vector += origin_m);
+        .for_each(|node| node.world_from_body.translation_m += origin_m);
     format::write_trajectory(path, &nodes)
 }

@@ -5,7 +5,7 @@ use super::stages::Poses;
 use super::{Extras, Findings, Track, verdicts};
 use crate::calibration::Calibration;
 use crate::calibration::Method;
-use crate::geometry::{Pose, Vec3, so3};
+use crate::geometry::{BodyFromScanner, Vec3, so3};
 use crate::project::{Motion, Project};
 use crate::report::content::{
     Content, CorrelationMatrix, CostMeasure, DistanceMap, DistanceRow, DistanceStatistics,
@@ -289,13 +289,17 @@ fn version() -> String {
     format!("boresight {}", env!("CARGO_PKG_VERSION"))
 }
 
-fn method_run(calibration: &Calibration, label: &str, truth: Option<&[Pose]>) -> MethodRun {
+fn method_run(
+    calibration: &Calibration,
+    label: &str,
+    truth: Option<&[BodyFromScanner]>,
+) -> MethodRun {
     let scales = calibration.scales.iter().map(|scale| {
         let errors = truth.map(|truth| {
             let mut worst = (0.0f64, 0.0f64);
             for (scanner, (mounting, truth)) in scale.mountings.iter().zip(truth).enumerate() {
                 let found = &mounting.body_from_scanner;
-                let shift = found.translation.vector - truth.translation.vector;
+                let shift = found.translation_m - truth.translation_m;
                 let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
                 for axis in (0..3).filter(|&axis| calibration.is_observable(scanner, axis)) {
                     worst.0 = worst.0.max(shift[axis].abs());

@@ -6,7 +6,7 @@ use super::evaluate::{Against, Drive};
 use super::{Findings, StageSeconds};
 use crate::calibration::Calibration;
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{EulerConvention, Pose};
+use crate::geometry::{BodyFromScanner, EulerConvention};
 use crate::project::Project;
 use crate::report::content::MountingKind;
 use crate::report::diagnostics::{self, PoseSigmas};
@@ -112,9 +112,9 @@ pub fn scanners(project: &Project, calibration: &Calibration) -> Value {
     entries.collect::<Map<_, _>>().into()
 }
 
-fn pose_json(pose: &Pose) -> Value {
+fn pose_json(pose: &BodyFromScanner) -> Value {
     json!({
-        "translation_m": pose.translation.vector.as_slice(),
+        "translation_m": pose.translation_m.as_slice(),
         "quaternion_xyzw": pose.rotation.coords.as_slice(),
         "euler_deg": {
             "zyx": euler_deg_from_rotation(EulerConvention::Zyx, &pose.rotation),

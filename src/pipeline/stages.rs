@@ -7,7 +7,7 @@ use crate::calibration::{
 };
 use crate::error::{Error, Result};
 use crate::format;
-use crate::geometry::{Pose, Vec3, transform};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Refused;
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
@@ -103,7 +103,7 @@ fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
     let mut nodes = format::read_trajectory(&file.path)?;
     for node in &mut nodes {
         node.time_s += file.time_offset_s;
-        node.world_from_body.translation.vector -= origin_m;
+        node.world_from_body.translation_m -= origin_m;
         if node.sigma.is_none()
             && let (Some(position), Some(rotation)) =
                 (file.sigma_position_m, file.sigma_rotation_rad)
@@ -222,8 +222,8 @@ pub fn check_reference(
         .zip(samples)
         .flat_map(|(scanner, sample)| {
             sample.points.iter().map(|point| {
-                let body = transform(&scanner.body_from_scanner, &point.position_m);
-                transform(&point.world_from_body, &body)
+                let body = scanner.body_from_scanner.map(&point.position_m);
+                point.world_from_body.map(&body)
             })
         });
     let (Some(scanned), Some(known)) = (box_of(scanned), box_of(reference.iter().copied())) else {
@@ -357,7 +357,7 @@ pub fn calibration(
 }
 
 /// The project with other mountings.
-pub fn with_mountings(project: &Project, poses: &[Pose]) -> Project {
+pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
     let mut project = project.clone();
     for (scanner, pose) in project.scanners.iter_mut().zip(poses) {
         scanner.body_from_scanner = *pose;

@@ -45,7 +45,7 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
     let mut cells = vec![format!("{} ({convention})", mounting.name)];
     for parameter in 0..6 {
         let (value, sigma, digits) = match parameter {
-            0..3 => (pose.translation.vector[parameter], sigmas[parameter], 4),
+            0..3 => (pose.translation_m[parameter], sigmas[parameter], 4),
             _ => {
                 let sigma = sigmas[parameter].map(f64::to_degrees);
                 (angles[parameter - 3], sigma, 3)

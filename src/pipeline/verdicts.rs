@@ -3,7 +3,7 @@
 use super::evaluate::{Against, Agreement, Drive};
 use super::{Findings, page};
 use crate::calibration::Calibration;
-use crate::geometry::{Pose, so3};
+use crate::geometry::{BodyFromScanner, so3};
 use crate::project::Project;
 use crate::report::content::{MountingKind, Status, Verdict};
 
@@ -117,13 +117,13 @@ fn outside_by_chance(all: usize) -> f64 {
 }
 
 /// Errors against a known truth, and whether the standard deviations cover them.
-fn errors(calibration: &Calibration, truth: &[Pose]) -> Option<Verdict> {
+fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdict> {
     let covariance = calibration.covariance.as_ref()?;
     let mut worst = [0.0f64; 2];
     let (mut outside, mut all) = (0usize, 0usize);
     for (scanner, (mounting, truth)) in calibration.mountings.iter().zip(truth).enumerate() {
         let found = &mounting.body_from_scanner;
-        let shift = found.translation.vector - truth.translation.vector;
+        let shift = found.translation_m - truth.translation_m;
         // The rotation vector ψ of R_found = Exp(ψ) R_true, body axes, as the covariance has it.
         let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
         for (parameter, error) in shift.iter().chain(turn.iter()).enumerate() {

@@ -7,7 +7,7 @@ use super::{files, print, resolve};
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::error::Result;
-use crate::geometry::{BodyAxes, EulerConvention, Pose, Vec3};
+use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
 
@@ -103,7 +103,7 @@ pub struct Scanner {
     /// Common time = scanner time + this, seconds.
     pub time_offset_s: f64,
     /// The mounting to start from.
-    pub body_from_scanner: Pose,
+    pub body_from_scanner: BodyFromScanner,
     /// How the user writes the angles of this mounting.
     pub convention: EulerConvention,
     /// Which of tx ty tz rx ry rz stay at their values.

@@ -209,7 +209,7 @@ fn scanner(scanner: &Scanner) -> written::Scanner {
         name: scanner.name.clone(),
         profiles: Files(scanner.profiles.clone()),
         time_offset_s: Some(scanner.time_offset_s),
-        translation_m: scanner.body_from_scanner.translation.vector.into(),
+        translation_m: scanner.body_from_scanner.translation_m.into(),
         rotation_deg,
         quaternion_xyzw: rotation_deg.is_none().then(|| {
             let q = rotation.coords;

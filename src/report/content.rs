@@ -4,7 +4,7 @@
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
 use super::diagnostics::PoseSigmas;
-use crate::geometry::{Mat3, Pose};
+use crate::geometry::{BodyFromScanner, Mat3};
 use crate::sensor::PoseRecord;
 use crate::trajectory::Solution;
 
@@ -118,7 +118,7 @@ pub struct MountingTable {
     pub estimates: Vec<MountingEstimate>,
     /// The true body_from_scanner where it is known (simulation): adds its own column and the
     /// errors of the others.
-    pub truth: Option<Pose>,
+    pub truth: Option<BodyFromScanner>,
 }
 
 /// One mounting of one scanner.
@@ -127,7 +127,7 @@ pub struct MountingEstimate {
     /// Heading of the column, for example "with reference".
     pub label: String,
     /// The mounting.
-    pub body_from_scanner: Pose,
+    pub body_from_scanner: BodyFromScanner,
     /// Standard deviations of the translation along the body axes, metres; `None` where it was
     /// not estimated.
     pub translation_sigma_m: [Option<f64>; 3],

@@ -63,7 +63,7 @@ pub fn top_view(figure: &TrajectoryFigure) -> String {
     let position = |d: &DriveTrack| -> Vec<[f64; 2]> {
         let poses = d.poses.iter();
         poses
-            .map(|p| p.world_from_body.translation.vector)
+            .map(|p| p.world_from_body.translation_m)
             .map(|t| [t.x, t.y])
             .collect()
     };
@@ -177,7 +177,7 @@ fn arrows(plot: &mut Plot, drive: &DriveTrack, class: &str, origin: [f64; 2], bo
     let mut travelled = f64::INFINITY;
     let mut last: Option<[f64; 2]> = None;
     for pose in &drive.poses {
-        let t = pose.world_from_body.translation.vector;
+        let t = pose.world_from_body.translation_m;
         let p = [t.x - origin[0], t.y - origin[1]];
         if let Some(q) = last {
             travelled += (p[0] - q[0]).hypot(p[1] - q[1]);

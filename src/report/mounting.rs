@@ -4,7 +4,7 @@ use super::content::{MountingEstimate, MountingTable, ParameterOrigin};
 use super::html::{self, escape};
 use super::number;
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian};
-use crate::geometry::{EulerConvention, Pose};
+use crate::geometry::{BodyFromScanner, EulerConvention};
 
 /// Errors beyond this many sigmas are marked: 95 % of a normal distribution.
 const BOUND: f64 = 1.96;
@@ -51,9 +51,9 @@ impl Block {
     }
 
     /// Metres or degrees.
-    fn values(self, pose: &Pose) -> [f64; 3] {
+    fn values(self, pose: &BodyFromScanner) -> [f64; 3] {
         match self {
-            Self::Translation => pose.translation.vector.into(),
+            Self::Translation => pose.translation_m.into(),
             Self::Euler(convention) => euler_deg_from_rotation(convention, &pose.rotation),
         }
     }
@@ -86,7 +86,7 @@ impl Block {
         }
     }
 
-    fn cells(self, estimate: &MountingEstimate, truth: Option<&Pose>) -> [Cell; 3] {
+    fn cells(self, estimate: &MountingEstimate, truth: Option<&BodyFromScanner>) -> [Cell; 3] {
         let values = self.values(&estimate.body_from_scanner);
         let sigmas = self.sigmas(estimate);
         let truth = truth.map(|pose| self.values(pose));
@@ -226,7 +226,7 @@ fn table(table: &MountingTable) -> String {
         ));
         for estimate in &table.estimates {
             let mounting = &estimate.body_from_scanner;
-            let length = (mounting.translation.vector - truth.translation.vector).norm();
+            let length = (mounting.translation_m - truth.translation_m).norm();
             let angle = mounting.rotation.angle_to(&truth.rotation).to_degrees();
             body.push_str(&format!(
                 "<td{}>{}<br/>{}°</td>",
@@ -248,12 +248,12 @@ fn table(table: &MountingTable) -> String {
 mod tests {
     use super::*;
     use crate::geometry::euler::rotation_from_euler_deg;
-    use crate::geometry::{Mat3, Vec3, pose};
+    use crate::geometry::{BodyFromScanner, Mat3, Vec3};
 
     fn estimate(rotation_deg: [f64; 3], covariance: Option<Mat3>) -> MountingEstimate {
         MountingEstimate {
             label: "with reference".into(),
-            body_from_scanner: pose(
+            body_from_scanner: BodyFromScanner::new(
                 rotation_from_euler_deg(EulerConvention::Bonn, rotation_deg),
                 Vec3::new(1.254, -0.545, 0.587),
             ),

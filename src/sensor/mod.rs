@@ -5,7 +5,7 @@ mod total_station;
 pub mod allan;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Mat3, Pose, Vec3};
+use crate::geometry::{Mat3, Vec3, WorldFromBody};
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
 /// One IMU sample: the mean over the interval from its time to the next sample's.
@@ -110,8 +110,8 @@ pub struct ScanPoint {
 pub struct PoseRecord {
     /// Seconds.
     pub time_s: f64,
-    /// Pose of the body in the world.
-    pub world_from_body: Pose,
+    /// WorldFromBody of the body in the world.
+    pub world_from_body: WorldFromBody,
     /// Velocity in the world frame, m/s.
     pub velocity_m_s: Option<Vec3>,
     /// Biases of the IMU.

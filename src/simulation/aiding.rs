@@ -18,7 +18,7 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
     ticks(drive.span_s, settings.rate_hz, 0.0137)
         .map(|time_s| {
             let body = drive.at(time_s - settings.latency_s).world_from_body;
-            let prism = body.translation.vector + body.rotation * lever_arm;
+            let prism = body.translation_m + body.rotation * lever_arm;
             let sight = prism - Vec3::from(settings.station_m);
             // Where the line of sight enters, seen from the prism and about its axis.
             let seen = body.rotation.inverse() * sight;
@@ -76,7 +76,7 @@ mod tests {
                 .flat_map(|fix| {
                     let body = drive.at(fix.time_s - latency).world_from_body;
                     let d = fix.position_m
-                        - body.translation.vector
+                        - body.translation_m
                         - body.rotation * scenario.lever_arm_m();
                     [d.x, d.y, d.z]
                 }))

@@ -2,12 +2,12 @@
 
 use super::drive::{BodyState, Drive};
 use super::scenario::Scenario;
-use crate::geometry::{Pose, Rotation, Vec3, pose, so3};
+use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 
 /// True mountings of all scanners at any time of a drive.
 #[derive(Debug, Clone)]
 pub struct Mountings {
-    at_rest: Vec<Pose>,
+    at_rest: Vec<BodyFromScanner>,
     scenario: Scenario,
     body_from_frd: Rotation,
     span_s: (f64, f64),
@@ -24,11 +24,16 @@ impl Mountings {
         }
     }
 
-    /// Pose body_from_scanner of one scanner at `time_s`, when the body moves as `state` says.
+    /// Mounting of one scanner at `time_s`, when the body moves as `state` says.
     ///
     /// With deformation the scanner turns about its own origin and shifts, linearly in roll, pitch,
     /// acceleration and time; both scanners mirror each other where the enclosures do.
-    pub fn body_from_scanner(&self, scanner: usize, time_s: f64, state: &BodyState) -> Pose {
+    pub fn body_from_scanner(
+        &self,
+        scanner: usize,
+        time_s: f64,
+        state: &BodyState,
+    ) -> BodyFromScanner {
         let rigid = self.at_rest[scanner];
         let settings = &self.scenario.deformation;
         if !settings.enabled {
@@ -49,9 +54,9 @@ impl Mountings {
             + Vec3::new(acceleration.x, acceleration.y, 0.0) * settings.shift_m_per_m_s2
             + Vec3::new(0.3, 0.5 * side, 1.0) * (age * settings.drift_m);
         let turn = self.body_from_frd * turn_deg.map(f64::to_radians);
-        pose(
+        BodyFromScanner::new(
             so3::exp(&turn) * rigid.rotation,
-            rigid.translation.vector + self.body_from_frd * shift_m,
+            rigid.translation_m + self.body_from_frd * shift_m,
         )
     }
 }
@@ -63,7 +68,6 @@ mod tests {
     use super::super::profiler::Profiler;
     use super::super::scene::Scene;
     use super::*;
-    use crate::geometry::transform;
 
     #[test]
     fn the_best_rigid_mounting_leaves_about_eight_millimetres() {
@@ -86,12 +90,12 @@ mod tests {
                     state.world_from_body * mountings.body_from_scanner(scanner, time_s, &state);
                 let change =
                     nominal.inverse() * mountings.body_from_scanner(scanner, time_s, &state);
-                worst[0] = worst[0].max(change.translation.vector.norm());
+                worst[0] = worst[0].max(change.translation_m.norm());
                 worst[1] = worst[1].max(change.rotation.angle().to_degrees());
                 for ray in profiler.ideal(scanner, index).iter().flatten().step_by(7) {
                     let (x, hit) = (&ray.point_m, &ray.hit);
-                    let p = transform(&(state.world_from_body * nominal), x);
-                    let distance = hit.normal.dot(&(p - transform(&true_pose, x)));
+                    let p = (state.world_from_body * nominal).map(x);
+                    let distance = hit.normal.dot(&(p - true_pose.map(x)));
                     let n = state.world_from_body.rotation.inverse() * hit.normal;
                     let arm = (nominal.rotation * x).cross(&n);
                     let row = SVector::<f64, 6>::new(n.x, n.y, n.z, arm.x, arm.y, arm.z);

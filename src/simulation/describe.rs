@@ -7,7 +7,7 @@ use super::scenario::Scenario;
 use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{EulerConvention, Pose, Vec3};
+use crate::geometry::{BodyFromScanner, EulerConvention, Vec3};
 
 /// The folder of a drive.
 pub(super) fn drive_name(index: usize) -> String {
@@ -91,7 +91,12 @@ fn mounting(scenario: &Scenario) -> String {
     text
 }
 
-fn scanner_table(name: &str, profiles: Option<&str>, mounting: &Pose, digits: usize) -> String {
+fn scanner_table(
+    name: &str,
+    profiles: Option<&str>,
+    mounting: &BodyFromScanner,
+    digits: usize,
+) -> String {
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
     let profiles = profiles.map_or(String::new(), |p| {
         format!("profiles = {:?}\n", format!("{p}.bin"))
@@ -99,7 +104,7 @@ fn scanner_table(name: &str, profiles: Option<&str>, mounting: &Pose, digits: us
     format!(
         "\n[[scanner]]\nname = {name:?}\n{profiles}translation_m = {}\nrotation_deg = {}\n\
          rotation_convention = \"bonn\"\n",
-        list(&mounting.translation.vector, digits),
+        list(&mounting.translation_m, digits),
         list(&Vec3::from(angles), digits),
     )
 }

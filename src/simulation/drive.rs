@@ -6,7 +6,7 @@ use super::route::{Piece, Waypoint, shortest};
 use super::scenario::{DriveSettings, MotionSettings, Scenario};
 use super::scene::Scene;
 use super::spline::Spline;
-use crate::geometry::{BodyAxes, Pose, Rotation, Vec3, pose};
+use crate::geometry::{BodyAxes, Rotation, Vec3, WorldFromBody};
 
 /// Time between control points of the motion, seconds.
 const KNOT_S: f64 = 0.02;
@@ -34,8 +34,8 @@ pub struct Drive {
 /// How the body moves at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyState {
-    /// Pose world_from_body.
-    pub world_from_body: Pose,
+    /// Pose of the body.
+    pub world_from_body: WorldFromBody,
     /// Velocity in the world, m/s.
     pub velocity_m_s: Vec3,
     /// Acceleration in the world, m/s².
@@ -119,7 +119,7 @@ impl Drive {
         };
         let rotation = Rotation::from_euler_angles(roll, pitch, yaw) * level;
         BodyState {
-            world_from_body: pose(rotation, Vec3::new(x, y, z)),
+            world_from_body: WorldFromBody::new(rotation, Vec3::new(x, y, z)),
             velocity_m_s: Vec3::new(vx, vy, vz),
             acceleration_m_s2: Vec3::new(ax, ay, az),
             rate_rad_s: level.inverse() * rate,
@@ -329,7 +329,7 @@ mod tests {
             let h = 1e-4;
             for t in [52.0, 60.013, 75.5, 101.2345] {
                 let (a, b, c) = (drive.at(t - h), drive.at(t), drive.at(t + h));
-                let x = |s: &BodyState| s.world_from_body.translation.vector;
+                let x = |s: &BodyState| s.world_from_body.translation_m;
                 let velocity = (x(&c) - x(&a)) / (2.0 * h);
                 let acceleration = (c.velocity_m_s - a.velocity_m_s) / (2.0 * h);
                 let turn = a.world_from_body.rotation.inverse() * c.world_from_body.rotation;

@@ -99,7 +99,7 @@ mod tests {
         let first = &imu.truth[from];
         let mut rotation = first.world_from_body.rotation;
         let mut velocity = first.velocity_m_s.expect("truth has velocities");
-        let mut position = first.world_from_body.translation.vector;
+        let mut position = first.world_from_body.translation_m;
         for sample in &imu.samples[from..from + 6000] {
             let middle = rotation * so3::exp(&(sample.gyro_rad_s * (0.5 * dt)));
             let acceleration = middle * sample.accel_m_s2 + gravity;
@@ -108,7 +108,7 @@ mod tests {
             rotation *= so3::exp(&(sample.gyro_rad_s * dt));
         }
         let last = &imu.truth[from + 6000].world_from_body;
-        let error = (position - last.translation.vector).norm();
+        let error = (position - last.translation_m).norm();
         let tilt = rotation.angle_to(&last.rotation);
         println!("after 60 s: {:.3} mm, {:.2e} rad", error * 1e3, tilt);
         assert!(error < 5e-3 && tilt < 2e-6, "{error} m, {tilt} rad");

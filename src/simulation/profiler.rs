@@ -89,7 +89,7 @@ impl<'a> Profiler<'a> {
         let state = self.drive.at(time_s);
         let world_from_scanner =
             state.world_from_body * self.mountings.body_from_scanner(scanner, time_s, &state);
-        let origin = world_from_scanner.translation.vector;
+        let origin = world_from_scanner.translation_m;
         let rotation = world_from_scanner.rotation.to_rotation_matrix();
         let [near, far] = self.scenario.profiles.range_m;
         self.rays

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::rotation_from_euler_deg;
-use crate::geometry::{BodyAxes, EulerConvention, Pose, Rotation, Vec3, pose};
+use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Rotation, Vec3};
 
 /// A scenario: as read from TOML, where every key may be left out.
 ///
@@ -321,7 +321,7 @@ impl Scenario {
     }
 
     /// True mounting body_from_scanner of each scanner in the body as written.
-    pub fn true_mountings(&self) -> Vec<Pose> {
+    pub fn true_mountings(&self) -> Vec<BodyFromScanner> {
         self.scanners
             .iter()
             .map(|s| self.mounting(s.translation_m, s.rotation_deg))
@@ -329,16 +329,16 @@ impl Scenario {
     }
 
     /// Mounting body_from_scanner that the user starts from.
-    pub fn initial_mountings(&self) -> Vec<Pose> {
+    pub fn initial_mountings(&self) -> Vec<BodyFromScanner> {
         self.scanners
             .iter()
             .map(|s| self.mounting(s.initial_translation_m, s.initial_rotation_deg))
             .collect()
     }
 
-    fn mounting(&self, translation_m: [f64; 3], rotation_deg: [f64; 3]) -> Pose {
+    fn mounting(&self, translation_m: [f64; 3], rotation_deg: [f64; 3]) -> BodyFromScanner {
         let body_from_frd = self.body_from_frd();
-        pose(
+        BodyFromScanner::new(
             body_from_frd * rotation_from_euler_deg(EulerConvention::Bonn, rotation_deg),
             body_from_frd * Vec3::from(translation_m),
         )

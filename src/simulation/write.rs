@@ -136,7 +136,7 @@ fn write_deformation(
         for k in 0..((end - start) * 10.0) as usize {
             let time_s = start + k as f64 * 0.1;
             let mounting = mountings.body_from_scanner(scanner, time_s, &drive.at(time_s));
-            let (t, q) = (mounting.translation.vector, mounting.rotation.coords);
+            let (t, q) = (mounting.translation_m, mounting.rotation.coords);
             // Writing into a string cannot fail.
             let _ = writeln!(
                 text,

@@ -1,7 +1,7 @@
 //! Poses between nodes.
 
 use crate::error::{Error, Result};
-use crate::geometry::{Pose, Rotation, Vec3};
+use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::PoseRecord;
 use crate::trajectory::PoseLimits;
 
@@ -112,7 +112,7 @@ impl Trajectory {
     }
 
     /// The pose world_from_body at `time_s`; `None` outside the span and beyond the limits.
-    pub fn pose_at(&self, time_s: f64) -> Option<Pose> {
+    pub fn pose_at(&self, time_s: f64) -> Option<WorldFromBody> {
         self.locate(time_s)
             .and_then(|(index, fraction)| self.between(index, fraction))
     }
@@ -131,21 +131,21 @@ impl Trajectory {
     }
 
     /// `None` beyond the limits.
-    fn between(&self, index: usize, u: f64) -> Option<Pose> {
+    fn between(&self, index: usize, u: f64) -> Option<WorldFromBody> {
         if !self.is_known(index) {
             return None;
         }
         let (a, b) = (&self.nodes[index], &self.nodes[index + 1]);
         let (pa, pb) = (
-            a.world_from_body.translation.vector,
-            b.world_from_body.translation.vector,
+            a.world_from_body.translation_m,
+            b.world_from_body.translation_m,
         );
         let translation = match (a.velocity_m_s, b.velocity_m_s) {
             (Some(va), Some(vb)) => hermite(pa, va, pb, vb, b.time_s - a.time_s, u),
             _ => pa + (pb - pa) * u,
         };
         let rotation = turn(&a.world_from_body.rotation, &b.world_from_body.rotation, u);
-        Some(Pose::from_parts(translation.into(), rotation))
+        Some(WorldFromBody::new(rotation, translation))
     }
 }
 
@@ -171,7 +171,7 @@ pub struct PoseCursor<'a> {
 
 impl PoseCursor<'_> {
     /// The pose world_from_body at `time_s`; `None` outside the span and beyond the limits.
-    pub fn pose_at(&mut self, time_s: f64) -> Option<Pose> {
+    pub fn pose_at(&mut self, time_s: f64) -> Option<WorldFromBody> {
         let nodes = &self.trajectory.nodes;
         let mut steps = 0;
         while steps < 8 && self.index + 2 < nodes.len() && nodes[self.index + 1].time_s <= time_s {
@@ -197,9 +197,9 @@ mod tests {
         let t = time_s;
         PoseRecord {
             time_s,
-            world_from_body: Pose::from_parts(
-                Vec3::new(t * t * t, 1.0 - t, 2.0 * t * t).into(),
+            world_from_body: WorldFromBody::new(
                 Rotation::from_scaled_axis(Vec3::new(0.1, 0.2, -0.3) * t),
+                Vec3::new(t * t * t, 1.0 - t, 2.0 * t * t),
             ),
             velocity_m_s: Some(Vec3::new(3.0 * t * t, -1.0, 4.0 * t)),
             bias: None,
@@ -215,7 +215,7 @@ mod tests {
         for time_s in [0.0, 0.033, 0.1, 1.987, 0.5, 2.0] {
             let truth = record(time_s).world_from_body;
             let direct = trajectory.pose_at(time_s).expect("inside");
-            assert!((direct.translation.vector - truth.translation.vector).norm() < 1e-12);
+            assert!((direct.translation_m - truth.translation_m).norm() < 1e-12);
             assert!(direct.rotation.angle_to(&truth.rotation) < 1e-7);
             assert_eq!(cursor.pose_at(time_s), Some(direct));
         }

@@ -12,7 +12,7 @@ use super::graph::{Graph, State};
 use super::preintegration::{Mat9, MotionSums, Preintegrated, Transition};
 use super::timeline::SAME_INSTANT_S;
 use crate::geometry::so3::{exp, hat, right_jacobian};
-use crate::geometry::{Mat3, Vec3, pose};
+use crate::geometry::{Mat3, Vec3, WorldFromBody};
 use crate::sensor::{PoseRecord, PoseSigma};
 
 /// Unknowns of a pose: δφ (body), δp (world).
@@ -140,7 +140,7 @@ fn at_node(graph: &Graph, state: &State, step: usize, node: usize, pose_index: u
         pose: pose_index,
         record: PoseRecord {
             time_s: graph.timeline.pose_s[pose_index],
-            world_from_body: pose(at.rotation, at.position_m),
+            world_from_body: WorldFromBody::new(at.rotation, at.position_m),
             velocity_m_s: Some(at.velocity_m_s),
             bias: Some(*graph.bias(state, step)),
             sigma: None,
@@ -228,7 +228,7 @@ fn inside(
             pose: pose_index,
             record: PoseRecord {
                 time_s: graph.timeline.pose_s[pose_index],
-                world_from_body: pose(rotation, position_m),
+                world_from_body: WorldFromBody::new(rotation, position_m),
                 velocity_m_s: Some(velocity_m_s),
                 bias: Some(*bias),
                 sigma: None,

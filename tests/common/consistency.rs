@@ -33,7 +33,7 @@ pub fn squares(found: &Estimate, truth: &[(Vec3, Rotation)], node: usize) -> Opt
     let pose = found.trajectory.nodes()[node].world_from_body;
     let (position, rotation) = &truth[node];
     let turn = (pose.rotation * rotation.inverse()).scaled_axis();
-    let shift = pose.translation.vector - position;
+    let shift = pose.translation_m - position;
     // δp in the world; the rotation about the world's axes is world_from_body δφ.
     let r = pose.rotation.to_rotation_matrix();
     let mut gradient = PoseGradient::new(6, found.covariance.nodes());

@@ -1,7 +1,7 @@
 //! Files that others wrote, or could have.
 
 use boresight::format::*;
-use boresight::geometry::{Rotation, Vec3, transform};
+use boresight::geometry::{Rotation, Vec3};
 use boresight::sensor::*;
 use boresight::trajectory::Trajectory;
 
@@ -35,7 +35,7 @@ fn sensor_poses_beside_the_points_bring_the_points_back() {
             // The file's times are whole seconds, yet every point finds its own pose.
             let i = nodes.partition_point(|node| node.time_s < point.time_s);
             assert_eq!(nodes[i].time_s, point.time_s);
-            let p = transform(&nodes[i].world_from_body, &point.position_m);
+            let p = nodes[i].world_from_body.map(&point.position_m);
             // The file's step is a millimetre.
             [p.x, p.y, p.z].map(|v| (v * 1e3).round() / 1e3)
         })
@@ -51,8 +51,7 @@ fn sensor_poses_beside_the_points_bring_the_points_back() {
     let steps: Vec<_> = nodes
         .windows(2)
         .map(|n| {
-            let d =
-                n[1].world_from_body.translation.vector - n[0].world_from_body.translation.vector;
+            let d = n[1].world_from_body.translation_m - n[0].world_from_body.translation_m;
             (n[1].time_s - n[0].time_s, d.norm())
         })
         .collect();
@@ -164,7 +163,7 @@ fn mountings_return_and_show_the_convention_of_bonn() {
     .unwrap();
     assert_eq!(detect(&path).unwrap(), Format::BonnMounting);
     let mounting = read_mounting(&path).unwrap();
-    assert_eq!(mounting.translation.vector, Vec3::new(1.254, -0.545, 0.587));
+    assert_eq!(mounting.translation_m, Vec3::new(1.254, -0.545, 0.587));
     // The left scanner of the paper looks inward (+y of FRD) and down (+z).
     let view = mounting.rotation * Vec3::new(0.0, 0.0, -1.0);
     assert!(view.y > 0.5 && view.z > 0.75);
@@ -175,7 +174,7 @@ fn mountings_return_and_show_the_convention_of_bonn() {
     let attributes = "<SystemCalibration x=\"1\" y=\"2\" z=\"3\" rx=\"0\" ry=\"0\" rz=\"0\"/>";
     std::fs::write(&path, attributes).unwrap();
     let plain = read_mounting(&path).unwrap();
-    assert_eq!(plain.translation.vector, Vec3::new(1.0, 2.0, 3.0));
+    assert_eq!(plain.translation_m, Vec3::new(1.0, 2.0, 3.0));
     std::fs::write(&path, attributes.replace("rz=", "r=")).unwrap();
     assert!(
         read_mounting(&path)

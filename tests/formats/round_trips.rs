@@ -1,7 +1,7 @@
 //! What is written here comes back.
 
 use boresight::format::*;
-use boresight::geometry::{Rotation, Vec3, pose};
+use boresight::geometry::{Rotation, Vec3, WorldFromBody};
 use boresight::sensor::*;
 
 use super::samples::*;
@@ -56,7 +56,10 @@ fn some_poses(full: impl Fn(usize) -> bool) -> Vec<PoseRecord> {
     (0..40)
         .map(|i| PoseRecord {
             time_s: 100.0 + i as f64 * 0.01,
-            world_from_body: pose(Rotation::from_scaled_axis(vector(i, 0) * 2.0), vector(i, 3)),
+            world_from_body: WorldFromBody::new(
+                Rotation::from_scaled_axis(vector(i, 0) * 2.0),
+                vector(i, 3),
+            ),
             velocity_m_s: full(i).then(|| vector(i, 6)),
             bias: full(i).then(|| ImuBias {
                 gyro_rad_s: vector(i, 9),

@@ -107,7 +107,7 @@ fn large_coordinates_keep_short_ticks() {
     figure.background_m.clear();
     figure.outlines.clear();
     for pose in figure.drives.iter_mut().flat_map(|d| &mut d.poses) {
-        pose.world_from_body.translation.vector += Vec3::new(364_512.0, 5_621_033.0, 0.0);
+        pose.world_from_body.translation_m += Vec3::new(364_512.0, 5_621_033.0, 0.0);
     }
     let page = render(&content);
     check_well_formed(&page);
@@ -122,7 +122,7 @@ fn what_is_not_finite_never_reaches_the_page() {
     for table in &mut content.mountings {
         table.estimates[2].translation_sigma_m[0] = Some(bad);
         table.estimates[2].rotation_covariance_rad2 = Some(Mat3::repeat(bad));
-        table.estimates[1].body_from_scanner.translation.vector.x = f64::INFINITY;
+        table.estimates[1].body_from_scanner.translation_m.x = f64::INFINITY;
     }
     content.distances[0].statistics = DistanceStatistics {
         mean_m: bad,
@@ -133,7 +133,7 @@ fn what_is_not_finite_never_reaches_the_page() {
     };
     let figure = content.trajectory.as_mut().unwrap();
     for (i, pose) in figure.drives[0].poses.iter_mut().enumerate().step_by(5) {
-        pose.world_from_body.translation.vector.x = if i % 2 == 0 { bad } else { f64::INFINITY };
+        pose.world_from_body.translation_m.x = if i % 2 == 0 { bad } else { f64::INFINITY };
         pose.sigma = None;
     }
     for pose in &mut figure.drives[1].poses {

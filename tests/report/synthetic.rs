@@ -1,7 +1,7 @@
 //! Contents such as a run on simulated drives would fill.
 
 use boresight::geometry::euler::rotation_from_euler_deg;
-use boresight::geometry::{BodyAxes, EulerConvention, Mat3, Pose, Vec3, pose};
+use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Mat3, Vec3, WorldFromBody};
 use boresight::report::content::*;
 use boresight::sensor::{PoseRecord, PoseSigma};
 
@@ -19,14 +19,18 @@ pub fn normal(i: usize) -> f64 {
     (0..6).map(|j| noise(7 * i + 131 * j)).sum::<f64>() / 2f64.sqrt()
 }
 
-fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> Pose {
-    pose(
+fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> BodyFromScanner {
+    BodyFromScanner::new(
         rotation_from_euler_deg(EulerConvention::Bonn, bonn_deg),
         Vec3::from(translation),
     )
 }
 
-fn estimate(label: &str, body_from_scanner: Pose, sigma: Option<(f64, f64)>) -> MountingEstimate {
+fn estimate(
+    label: &str,
+    body_from_scanner: BodyFromScanner,
+    sigma: Option<(f64, f64)>,
+) -> MountingEstimate {
     let origin = match sigma {
         Some(_) => ParameterOrigin::Estimated,
         None => ParameterOrigin::Given,
@@ -41,18 +45,18 @@ fn estimate(label: &str, body_from_scanner: Pose, sigma: Option<(f64, f64)>) -> 
     }
 }
 
-fn table(scanner: &str, truth: Pose, initial: Pose) -> MountingTable {
+fn table(scanner: &str, truth: BodyFromScanner, initial: BodyFromScanner) -> MountingTable {
     let near = |mm: f64, deg: f64| {
         let turn = boresight::geometry::so3::exp(
             &Vec3::new(deg, -0.6 * deg, 0.3 * deg).map(f64::to_radians),
         );
-        pose(
+        BodyFromScanner::new(
             truth.rotation * turn,
-            truth.translation.vector + Vec3::new(mm, -0.4 * mm, 0.2 * mm) * 1e-3,
+            truth.translation_m + Vec3::new(mm, -0.4 * mm, 0.2 * mm) * 1e-3,
         )
     };
     let mut without = estimate("without reference", near(2.6, 0.07), Some((2.1e-3, 0.06)));
-    without.body_from_scanner.translation.vector.z = initial.translation.vector.z;
+    without.body_from_scanner.translation_m.z = initial.translation_m.z;
     without.origin[2] = ParameterOrigin::NotObservable;
     without.translation_sigma_m[2] = None;
     let mut with = estimate("with reference", near(1.2, 0.03), Some((0.9e-3, 0.012)));
@@ -80,7 +84,7 @@ fn drive(name: &str, offset: f64) -> DriveTrack {
         let pulse = ((i % 14) as f64 / 14.0 - 0.5).abs();
         PoseRecord {
             time_s: 1_000.0 + 0.025 * i as f64,
-            world_from_body: pose(
+            world_from_body: WorldFromBody::new(
                 BodyAxes::Frd.level_world_from_body(heading_deg.to_radians()),
                 position,
             ),

@@ -4,7 +4,7 @@
 use crate::adjusted::{START_S, solution};
 use crate::checker::{check_self_contained, check_well_formed};
 use crate::{keep, synthetic};
-use boresight::geometry::{Pose, Vec3};
+use boresight::geometry::{Rotation, Vec3, WorldFromBody};
 use boresight::pipeline::result;
 use boresight::report::content::*;
 use boresight::report::diagnostics::{PoseSigmas, worst};
@@ -25,7 +25,10 @@ fn poses(count: usize, rate_hz: f64) -> Vec<PoseRecord> {
             };
             PoseRecord {
                 time_s,
-                world_from_body: Pose::translation(0.1 * i as f64 / rate_hz, 0.0, 0.0),
+                world_from_body: WorldFromBody::new(
+                    Rotation::identity(),
+                    Vec3::x() * (0.1 * i as f64 / rate_hz),
+                ),
                 velocity_m_s: None,
                 bias: Some(ImuBias {
                     gyro_rad_s: Vec3::new(1e-3, 0.0, -1e-3)

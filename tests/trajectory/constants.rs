@@ -105,7 +105,7 @@ fn undetermined(logs: &mut Logs, what: Constant, name: &str, project: f64) {
         .iter()
         .zip(found.trajectory.nodes())
         .map(|(a, b)| {
-            let shift = a.world_from_body.translation.vector - b.world_from_body.translation.vector;
+            let shift = a.world_from_body.translation_m - b.world_from_body.translation_m;
             shift.norm()
         })
         .fold(0.0, f64::max);
@@ -147,7 +147,7 @@ fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
     logs.settings.positions[0].station_m = Some(scenario.prism.station_m.into());
     let rmse_m = |found: &Estimate| {
         let nodes = found.trajectory.nodes().iter().zip(&truth);
-        rms(nodes.map(|(n, (p, _))| (n.world_from_body.translation.vector - p).norm()))
+        rms(nodes.map(|(n, (p, _))| (n.world_from_body.translation_m - p).norm()))
     };
     let without_m = rmse_m(&logs.estimate());
     logs.settings.estimate = vec![Constant::IncidenceBias(0)];

@@ -224,7 +224,7 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> (Vec3, Rotatio
     for node in found.trajectory.nodes() {
         let (p, r) = truth(node.time_s);
         let sigma = node.sigma.expect("sigma");
-        let miss = node.world_from_body.translation.vector - p;
+        let miss = node.world_from_body.translation_m - p;
         let turn = (node.world_from_body.rotation * r.inverse()).scaled_axis();
         let touched = f.is_touched(node.time_s);
         if !touched {

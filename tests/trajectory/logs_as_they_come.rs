@@ -97,7 +97,7 @@ fn axes_down_and_right_give_the_same_trajectory() {
     for (a, b) in a.trajectory.nodes().iter().zip(b.trajectory.nodes()) {
         let (a, b) = (a.world_from_body, b.world_from_body);
         // Both stop within a few percent of a standard deviation (1 mm, 1e-3 rad) of the minimum.
-        assert!((a.translation.vector - b.translation.vector).norm() < 2e-5);
+        assert!((a.translation_m - b.translation_m).norm() < 2e-5);
         assert!((a.rotation * flu_from_frd).angle_to(&b.rotation) < 2e-6);
     }
 }
@@ -117,7 +117,7 @@ fn an_outage_of_the_prism_is_bridged_and_its_sigma_grows() {
     };
     assert!(sigma(25.0).norm() > 3.0 * sigma(15.0).norm());
     let normalised = (1000..1500).step_by(25).map(|i| {
-        let miss = nodes[i].world_from_body.translation.vector - truth[i].0;
+        let miss = nodes[i].world_from_body.translation_m - truth[i].0;
         miss.component_div(&nodes[i].sigma.expect("sigma").position_m)
             .norm()
     });

@@ -73,7 +73,7 @@ fn difference(a: &Trajectory, b: &Trajectory) -> (f64, f64) {
             b.time_s
         );
         let (pa, pb) = (a.world_from_body, b.world_from_body);
-        let apart_m = (pa.translation.vector - pb.translation.vector).norm();
+        let apart_m = (pa.translation_m - pb.translation_m).norm();
         largest.0 = largest.0.max(apart_m);
         largest.1 = largest.1.max(pa.rotation.angle_to(&pb.rotation));
     }
@@ -192,7 +192,7 @@ fn newest_poses_are_as_good_as_those_of_isam2() {
         let t = &truth[at];
         assert!((t[0] - update.pose.time_s).abs() < 1e-6);
         let pose = update.pose.world_from_body;
-        let dp = pose.translation.vector - vec3(t, 1);
+        let dp = pose.translation_m - vec3(t, 1);
         let dr = (pose.rotation * quaternion(t, 4).inverse()).scaled_axis();
         let sigma = update.pose.sigma.expect("standard deviations");
         for axis in 0..3 {
@@ -256,7 +256,7 @@ fn records_that_come_late_are_taken_in() {
         let k = (update.pose.time_s / 0.02).round() as usize;
         let near = update.pose.time_s - k as f64 * 0.02;
         let velocity = update.pose.velocity_m_s.expect("velocity");
-        let p = update.pose.world_from_body.translation.vector - velocity * near;
+        let p = update.pose.world_from_body.translation_m - velocity * near;
         (p - truth[k].0).norm()
     }));
     println!("late records: newest position {:.2} mm", off * 1e3);
@@ -292,7 +292,7 @@ fn outliers_are_refused_and_named_and_a_lost_estimate_follows() {
     let off = |update: &Update, beside: f64| {
         let k = (update.pose.time_s / 0.02).floor() as usize;
         let p = truth[k].0 + boresight::geometry::Vec3::y() * beside;
-        (update.pose.world_from_body.translation.vector - p).norm()
+        (update.pose.world_from_body.translation_m - p).norm()
     };
     // Half a sample at less than a metre a second is 1 cm.
     let after = updates.iter().filter(|u| u.pose.time_s > jump_s + 1.0);
@@ -373,7 +373,7 @@ fn outages_gaps_and_stamps_out_of_order_leave_it_running() {
     for update in &outage {
         let k = (update.pose.time_s / 0.02).round() as usize;
         let sigma = update.pose.sigma.expect("sigma").position_m.norm();
-        let off = (update.pose.world_from_body.translation.vector - truth[k].0).norm();
+        let off = (update.pose.world_from_body.translation_m - truth[k].0).norm();
         assert!(off < 4.0 * sigma + 0.01, "{off} {sigma}");
     }
     let sigma = |u: &Update| u.pose.sigma.expect("sigma").position_m.norm();

@@ -61,7 +61,7 @@ fn apart_m(a: &[PoseRecord], b: &[PoseRecord]) -> f64 {
     let distances = a.iter().zip(b).map(|(a, b)| {
         assert_eq!(a.time_s, b.time_s);
         let (a, b) = (a.world_from_body, b.world_from_body);
-        (a.translation.vector - b.translation.vector).norm()
+        (a.translation_m - b.translation_m).norm()
     });
     distances.fold(0.0, f64::max)
 }
@@ -141,7 +141,7 @@ fn piped(folder: &Path, logs: &super::Logs, newest: &[PoseRecord], batch: &[Pose
         assert_eq!(x.len(), 14);
         assert_eq!(
             (x[0], x[1]),
-            (pose.time_s, pose.world_from_body.translation.x)
+            (pose.time_s, pose.world_from_body.translation_m.x)
         );
     }
     assert!(apart_m(batch, &poses(folder, "piped/trajectory.csv")) < BOUND_M);

@@ -72,7 +72,7 @@ fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
     let (mut position_m, mut rotation_rad, mut sigma) = (0.0f64, 0.0f64, 0.0f64);
     for (a, b) in dense.iter().zip(sparse) {
         let (pa, pb) = (a.world_from_body, b.world_from_body);
-        position_m = position_m.max((pa.translation.vector - pb.translation.vector).norm());
+        position_m = position_m.max((pa.translation_m - pb.translation_m).norm());
         rotation_rad = rotation_rad.max(pa.rotation.angle_to(&pb.rotation));
         let (a, b) = (a.sigma.expect("sigma"), b.sigma.expect("sigma"));
         let ratios = b.position_m.component_div(&a.position_m).push(1.0);
@@ -105,7 +105,7 @@ fn as_good_as_it_can_be(logs: &Logs, folder: &Path) -> Estimate {
     let (mut position, mut rotation, mut inside) = (vec![], vec![], [0usize; 6]);
     for (node, t) in nodes.iter().zip(&truth) {
         assert!((node.time_s - t[0]).abs() < 1e-6);
-        let dp = node.world_from_body.translation.vector - vec3(t, 1);
+        let dp = node.world_from_body.translation_m - vec3(t, 1);
         let dr = (node.world_from_body.rotation * quaternion(t, 4).inverse()).scaled_axis();
         let sigma = node.sigma.expect("standard deviations");
         for axis in 0..3 {

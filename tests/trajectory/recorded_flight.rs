@@ -193,7 +193,7 @@ fn recorded_flight_is_followed_between_the_fixes() {
     for (t, p, r) in &flight.truth {
         if let Some(pose) = found.trajectory.pose_at(*t) {
             let turn = (pose.rotation * r.inverse()).scaled_axis();
-            error.push((*t, pose.translation.vector - p, turn));
+            error.push((*t, pose.translation_m - p, turn));
         }
     }
     let position_mm = rms(error.iter().map(|e| e.1.norm())) * 1e3;
@@ -243,7 +243,7 @@ fn errors_outside(flight: &Flight, logs: &Logs, away: (f64, f64)) -> (f64, Estim
     let errors = flight.truth.iter().filter_map(|(t, p, _)| {
         let pose = found.trajectory.pose_at(*t)?;
         let outside = !(away.0..away.1).contains(t);
-        outside.then(|| (pose.translation.vector - p).norm() * 1e3)
+        outside.then(|| (pose.translation_m - p).norm() * 1e3)
     });
     (rms(errors), found)
 }

@@ -142,7 +142,7 @@ fn claimed_standard_deviations_cover_the_errors_of_many_drives() {
         assert!(found.solution.converged, "seed {seed}: {}", found.solution);
         for (node, (p, r)) in found.trajectory.nodes().iter().zip(&truth).step_by(25) {
             let sigma = node.sigma.expect("standard deviations");
-            let dp = node.world_from_body.translation.vector - p;
+            let dp = node.world_from_body.translation_m - p;
             let dr = (node.world_from_body.rotation * r.inverse()).scaled_axis();
             for axis in 0..3 {
                 let normalised = [

@@ -10,7 +10,7 @@ pub fn twin(scenario: &Scenario, drive: &Drive, index: usize) -> (Logs, Vec<(Vec
     let imu = simulate_imu(scenario, drive, index);
     let truth = imu.truth.iter().map(|record| {
         let pose = record.world_from_body;
-        (pose.translation.vector, pose.rotation)
+        (pose.translation_m, pose.rotation)
     });
     let truth = truth.collect();
     let logs = Logs {

@@ -145,7 +145,7 @@ fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
     let mounting = &scanner.body_from_scanner;
     lines.value(
         "translation to start",
-        format!("{} m", vector(&mounting.translation.vector)),
+        format!("{} m", vector(&mounting.translation_m)),
     );
     for (name, convention) in [
         ("zyx", EulerConvention::Zyx),

@@ -198,7 +198,7 @@ fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
     for pose in read_trajectory(path)? {
         report.count += 1;
         clock.see(pose.time_s);
-        ranges.see(pose.world_from_body.translation.vector.iter().copied());
+        ranges.see(pose.world_from_body.translation_m.iter().copied());
     }
     ranges.report(report);
     clock.report(report);
@@ -271,7 +271,7 @@ fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
 
 fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
     let mounting = super::read_mounting(path)?;
-    let t = mounting.translation.vector;
+    let t = mounting.translation_m;
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
     report.count = 1;
     report.notes.push(format!(

@@ -4,7 +4,7 @@ use super::table::Table;
 use crate::calibration::PARAMETER_NAMES;
 use crate::error::Result;
 use crate::geometry::euler::rotation_from_euler_deg;
-use crate::geometry::{EulerConvention, Rotation, pose};
+use crate::geometry::{BodyFromScanner, EulerConvention, Rotation};
 use crate::project::checked::{Evaluation, Scanner};
 use crate::project::source::{Source, nearest};
 use crate::project::written;
@@ -54,7 +54,7 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
             .map(|file| source.absolute(file))
             .collect(),
         time_offset_s: table.finite("time_offset_s", scanner.time_offset_s)?,
-        body_from_scanner: pose(rotation, translation_m),
+        body_from_scanner: BodyFromScanner::new(rotation, translation_m),
         convention,
         fixed,
     })

@@ -6,7 +6,7 @@ use super::*;
 use crate::calibration::{CalibrationSettings, Method};
 use crate::comparison::ComparisonSettings;
 use crate::geometry::euler::rotation_from_euler_deg;
-use crate::geometry::{BodyAxes, EulerConvention, Vec3};
+use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
 use crate::sensor::{Observations, VerticalAngle};
 use crate::trajectory::{Constant, Loss, Nodes, PositionKind};
 
@@ -359,7 +359,7 @@ proptest::proptest! {
         let path = write(folder.path(), UNUSUAL);
         let mut project = Project::read(&path).unwrap();
         let rotation = crate::geometry::so3::exp(&axis.into());
-        project.scanners[1].body_from_scanner = crate::geometry::pose(rotation, translation.into());
+        project.scanners[1].body_from_scanner = BodyFromScanner::new(rotation, translation.into());
         write(folder.path(), &project.to_toml().unwrap());
         let back = Project::read(&path).unwrap();
         proptest::prop_assert_eq!(

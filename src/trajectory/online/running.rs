@@ -5,7 +5,7 @@ use super::rests::RestWatch;
 use super::smoother::{Smoother, Work};
 use super::{Jump, Record, Update};
 use crate::error::Result;
-use crate::geometry::{Mat3, pose};
+use crate::geometry::{Mat3, WorldFromBody};
 use crate::sensor::{HeadingFix, ImuBias, PoseRecord, PoseSigma, PositionFix};
 use crate::trajectory::TrajectorySettings;
 use crate::trajectory::chain::TAIL;
@@ -278,7 +278,7 @@ impl Running {
         Update {
             pose: PoseRecord {
                 time_s: self.smoother.newest_s(),
-                world_from_body: pose(node.rotation, node.position_m),
+                world_from_body: WorldFromBody::new(node.rotation, node.position_m),
                 velocity_m_s: Some(node.velocity_m_s),
                 bias: Some(self.smoother.bias(step)),
                 sigma: Some(PoseSigma {
