@@ -169,7 +169,7 @@ fn mountings_return_and_show_the_convention_of_bonn() {
     assert!(view.y > 0.5 && view.z > 0.75);
     write_mounting(&path, &mounting).unwrap();
     let back = read_mounting(&path).unwrap();
-    assert_eq!(back.translation, mounting.translation);
+    assert_eq!(back.translation_m, mounting.translation_m);
     assert!(back.rotation.angle_to(&mounting.rotation) < 1e-12);
     let attributes = "<SystemCalibration x=\"1\" y=\"2\" z=\"3\" rx=\"0\" ry=\"0\" rz=\"0\"/>";
     std::fs::write(&path, attributes).unwrap();
