@@ -23,6 +23,7 @@
 //! Scanners* (arXiv 2403.17788).
 
 pub mod calibration;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod cloud;
 pub mod comparison;
@@ -40,3 +41,5 @@ pub mod simulation;
 pub mod trajectory;
 
 pub use error::{Error, Result};
+/// The linear algebra of the public interface.
+pub use nalgebra;

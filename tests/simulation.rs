@@ -197,7 +197,7 @@ fn the_boards_are_covered_at_five_millimetres_by_the_demo() {
     let mut cells = vec![vec![false; 200 * 200]; scene.boards.len()];
     for k in 0..profiler.count() {
         for (scanner, body_from_scanner) in mounting.iter().enumerate() {
-            let pose = drive.at(profiler.time_s(scanner, k)).world_from_body * body_from_scanner;
+            let pose = drive.at(profiler.time_s(scanner, k)).world_from_body * *body_from_scanner;
             for ray in profiler.ideal(scanner, k).iter().flatten() {
                 if let Surface::Board(b) = ray.hit.surface {
                     let [u, v, _] = scene.boards[b].coordinates_m(&pose.map(&ray.point_m));

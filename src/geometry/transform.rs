@@ -157,6 +157,17 @@ impl<To, From> fmt::Debug for Transform<To, From> {
     }
 }
 
+/// As `translation_m` and `quaternion_xyzw`.
+impl<To, From> serde::Serialize for Transform<To, From> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut fields = serializer.serialize_struct("Transform", 2)?;
+        fields.serialize_field("translation_m", self.translation_m.as_slice())?;
+        fields.serialize_field("quaternion_xyzw", self.rotation.coords.as_slice())?;
+        fields.end()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
