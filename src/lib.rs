@@ -38,6 +38,7 @@ pub mod project;
 pub mod report;
 pub mod sensor;
 pub mod simulation;
+pub mod statistics;
 pub mod trajectory;
 
 pub use error::{Error, Result};

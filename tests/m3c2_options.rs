@@ -8,9 +8,10 @@
 mod kernels;
 
 use boresight::comparison::{Aggregation, ComparisonSettings, Detection};
-use boresight::comparison::{IndexedClouds, Normals, m3c2, reach_m, student};
+use boresight::comparison::{IndexedClouds, Normals, m3c2, reach_m};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
+use boresight::statistics::{NORMAL_97_5, student_97_5};
 use kernels::{naive_covariance, read_table};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -70,9 +71,9 @@ fn brute(
         Detection::Normal => 1.96 * (sampling + settings.registration_error_m),
         Detection::Student => {
             let freedom = (a + b).powi(2) / (a * a / (n1 as f64 - 1.0) + b * b / (n2 as f64 - 1.0));
-            let t = student::quantile_97_5(freedom);
+            let t = student_97_5(freedom);
             let sampled = if sampling == 0.0 { 0.0 } else { t * sampling };
-            sampled + student::NORMAL_97_5 * settings.registration_error_m
+            sampled + NORMAL_97_5 * settings.registration_error_m
         }
     };
     let mut distance = after - before;

@@ -34,6 +34,7 @@ use crate::cloud::voxel;
 use crate::error::{Error, Result};
 use crate::geometry::{BodyFromScanner, EulerConvention, Vec3, so3};
 use crate::progress::Progress;
+use crate::statistics::median;
 use crate::trajectory::Trajectory;
 use adjust::{ScaleResult, ScaleSettings};
 use neighbourhoods::ScaleCloud;
@@ -203,11 +204,8 @@ fn floor_m(input: &Input<'_>, voxel_m: f64) -> f64 {
         .nodes()
         .iter()
         .filter_map(|node| node.sigma);
-    let mut variances: Vec<f64> = sigmas
-        .map(|sigma| sigma.position_m.norm_squared() / 3.0)
-        .collect();
-    variances.sort_by(f64::total_cmp);
-    let variance = variances.get(variances.len() / 2).copied().unwrap_or(0.0);
+    let variances = sigmas.map(|sigma| sigma.position_m.norm_squared() / 3.0);
+    let variance = median(variances).unwrap_or(0.0);
     (variance + (FLOOR_SHARE * voxel_m).powi(2)).sqrt()
 }
 

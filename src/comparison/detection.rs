@@ -1,10 +1,8 @@
 //! What stands for the points of a cylinder, and from which distance on a change is detected.
 
-use super::{student, sums};
-use crate::comparison::{Aggregation, ComparisonSettings, Detection};
-
-/// 97.5 % quantile of the normal distribution, as the literature rounds it.
-const QUANTILE_95: f64 = 1.96;
+use super::settings::{Aggregation, ComparisonSettings, Detection};
+use super::sums;
+use crate::statistics::{NORMAL_97_5, NORMAL_97_5_ROUNDED, quartile, student_97_5};
 
 /// The points of one cloud in a cylinder, summed up by their heights along its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,20 +66,6 @@ impl Sample {
     }
 }
 
-/// The value that `quarters` quarters of `sorted` lie below: where this cuts between two of them
-/// their mean, else the one it cuts through (definition 2 of Hyndman and Fan 1996). NaN without
-/// values.
-fn quartile(sorted: &[f64], quarters: usize) -> f64 {
-    let cut = quarters * sorted.len();
-    if sorted.is_empty() {
-        f64::NAN
-    } else if cut.is_multiple_of(4) {
-        (sorted[cut / 4 - 1] + sorted[cut / 4]) / 2.0
-    } else {
-        sorted[cut / 4]
-    }
-}
-
 /// The level of detection at 95 %, metres, as [`super::m3c2`] defines it; NaN where a sample has
 /// fewer than two points or fewer than the settings ask for.
 pub(super) fn level_of_detection(
@@ -99,18 +83,18 @@ pub(super) fn level_of_detection(
     let sampling = (a + b).sqrt();
     let registration = settings.registration_error_m;
     match settings.detection {
-        Detection::Normal => QUANTILE_95 * (sampling + registration),
+        Detection::Normal => NORMAL_97_5_ROUNDED * (sampling + registration),
         Detection::Student => {
             let drawn = if sampling > 0.0 {
                 let (share_a, share_b) = (a / (a + b), b / (a + b));
                 let freedom = 1.0
                     / (share_a * share_a / f64::from(reference.count - 1)
                         + share_b * share_b / f64::from(compared.count - 1));
-                student::quantile_97_5(freedom) * sampling
+                student_97_5(freedom) * sampling
             } else {
                 0.0
             };
-            drawn + student::NORMAL_97_5 * registration
+            drawn + NORMAL_97_5 * registration
         }
     }
 }
@@ -118,19 +102,6 @@ pub(super) fn level_of_detection(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn quartiles_cut_or_lie_between() {
-        let values = [1.0, 2.0, 4.0, 8.0, 16.0];
-        // Positions by hand: n = 4 cuts between, n = 5 cuts through, n = 1 is the value itself.
-        let quartiles = |n: usize| [1, 2, 3].map(|quarters| quartile(&values[..n], quarters));
-        assert_eq!(quartiles(1), [1.0, 1.0, 1.0]);
-        assert_eq!(quartiles(2), [1.0, 1.5, 2.0]);
-        assert_eq!(quartiles(3), [1.0, 2.0, 4.0]);
-        assert_eq!(quartiles(4), [1.5, 3.0, 6.0]);
-        assert_eq!(quartiles(5), [2.0, 4.0, 8.0]);
-        assert!(quartile(&[], 2).is_nan());
-    }
 
     fn sample(heights: &[f64]) -> Sample {
         Sample::of(
@@ -157,13 +128,13 @@ mod tests {
         let found = level_of_detection(&a, &b, &normal);
         assert!((found - 1.96 * (sampling + 0.5)).abs() < 1e-14);
         // scipy.stats.t.ppf(0.975, 50 / 17)
-        let expected = 3.218_758_614_532 * sampling + student::NORMAL_97_5 * 0.5;
+        let expected = 3.218_758_614_532 * sampling + NORMAL_97_5 * 0.5;
         let found = level_of_detection(&a, &b, &student);
         assert!((found - expected).abs() < 1e-11, "{found} {expected}");
         // Without spread nothing is left to chance but the registration.
         let flat = sample(&[1.0, 1.0]);
         let found = level_of_detection(&flat, &flat, &student);
-        assert_eq!(found, student::NORMAL_97_5 * 0.5);
+        assert_eq!(found, NORMAL_97_5 * 0.5);
         let single = sample(&[1.0]);
         assert!(level_of_detection(&flat, &single, &student).is_nan());
         assert!(level_of_detection(&single, &flat, &normal).is_nan());

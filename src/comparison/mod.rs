@@ -10,7 +10,6 @@ mod normals;
 mod search;
 mod settings;
 pub mod statistics;
-pub mod student;
 mod sums;
 mod window;
 

@@ -2,6 +2,7 @@
 
 use crate::comparison::m3c2::M3c2;
 use crate::error::{Error, Result};
+use crate::statistics::{mean, quantile, rms};
 
 /// Statistics of the finite distances of a comparison, metres.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -40,9 +41,8 @@ impl Statistics {
         }
         let n = sorted_m.len();
         let count = n as f64;
-        let mean_m = sorted_m.iter().sum::<f64>() / count;
+        let (mean_m, rmse_m) = (mean(&sorted_m), rms(&sorted_m));
         let about_mean = sorted_m.iter().map(|d| (d - mean_m).powi(2)).sum::<f64>();
-        let squares = sorted_m.iter().map(|d| d * d).sum::<f64>();
         sorted_m.sort_unstable_by(f64::total_cmp);
         let judged: Vec<bool> = comparison
             .core
@@ -55,7 +55,7 @@ impl Statistics {
             core_points: comparison.core.len(),
             mean_m,
             std_m: (about_mean / (count - 1.0)).sqrt(),
-            rmse_m: (squares / count).sqrt(),
+            rmse_m,
             median_m: quantile(&sorted_m, 0.5),
             significant_share: significant as f64 / judged.len() as f64,
             sorted_m,
@@ -106,15 +106,6 @@ pub struct Histogram {
     pub below: u64,
     /// Distances at or above the end of the last.
     pub above: u64,
-}
-
-/// `sorted` ascending and not empty.
-fn quantile(sorted: &[f64], p: f64) -> f64 {
-    let last = sorted.len() - 1;
-    let at = (p * last as f64).clamp(0.0, last as f64);
-    let below = at.floor() as usize;
-    let above = (below + 1).min(last);
-    sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
 }
 
 fn clouds_do_not_meet(comparison: &M3c2) -> Error {

@@ -4,6 +4,7 @@
 use super::content::Verdict;
 use super::number;
 use crate::sensor::PoseRecord;
+use crate::statistics::median;
 use crate::trajectory::{RejectionReason, SensorDiagnostics, Solution};
 
 /// Poses whose position sigma exceeds this many times the median lie in an outage.
@@ -106,12 +107,11 @@ pub struct Spread {
 }
 
 impl Spread {
-    fn of(mut values: Vec<f64>) -> Self {
-        values.sort_by(f64::total_cmp);
-        let at = |index: usize| values.get(index).copied().unwrap_or(f64::NAN);
+    fn of(values: Vec<f64>) -> Self {
+        let max = values.iter().copied().max_by(f64::total_cmp);
         Self {
-            median: at(values.len() / 2),
-            max: at(values.len().saturating_sub(1)),
+            median: median(values).unwrap_or(f64::NAN),
+            max: max.unwrap_or(f64::NAN),
         }
     }
 }

@@ -8,6 +8,7 @@ use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
 use crate::geometry::heading::heading_rad;
+use crate::statistics::median;
 
 /// Width of a figure over the whole column.
 pub const FULL: f64 = 900.0;
@@ -277,12 +278,9 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
 fn spans_decades(values: impl Iterator<Item = f64>) -> bool {
     /// The usual sigma would be drawn below this share of the axis.
     const SHARE: f64 = 0.05;
-    let mut values: Vec<f64> = values.filter(|v| v.is_finite() && *v > 0.0).collect();
-    values.sort_by(f64::total_cmp);
-    match (values.get(values.len() / 2), values.last()) {
-        (Some(median), Some(most)) => *median < SHARE * most,
-        _ => false,
-    }
+    let values: Vec<f64> = values.filter(|v| v.is_finite() && *v > 0.0).collect();
+    let most = values.iter().copied().fold(0.0, f64::max);
+    median(values).is_some_and(|median| median < SHARE * most)
 }
 
 /// Medians and largest values, after "as the trajectory stage claims them".

@@ -8,6 +8,7 @@ use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
 use super::tables::mounting_name;
+use crate::statistics::{mean, rms};
 
 /// Most pixels of a map in either direction.
 const PIXELS: usize = 420;
@@ -98,14 +99,6 @@ fn sorted_distances(panel: &MapPanel) -> Vec<f64> {
     let mut values: Vec<f64> = all.filter(|d| d.is_finite()).collect();
     values.sort_by(f64::total_cmp);
     values
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 /// A round limit that holds 97 % of the distances, at least 1 mm.

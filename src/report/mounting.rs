@@ -5,9 +5,10 @@ use super::html::{self, escape};
 use super::number;
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian};
 use crate::geometry::{BodyFromScanner, EulerConvention};
+use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// Errors beyond this many sigmas are marked: 95 % of a normal distribution.
-const BOUND: f64 = 1.96;
+/// Errors beyond this many sigmas are marked.
+const BOUND: f64 = NORMAL_97_5_ROUNDED;
 
 /// One value with what is known of its error.
 struct Cell {

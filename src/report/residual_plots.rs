@@ -9,6 +9,7 @@ use super::html::{self, escape};
 use super::number;
 use crate::geometry::Vec3;
 use crate::sensor::ImuBias;
+use crate::statistics::median;
 use crate::trajectory::{Residual, SensorDiagnostics, Solution};
 
 /// A time without used records is a gap from this many usual steps on, and from this many seconds.
@@ -147,9 +148,7 @@ fn of_sensor(
 fn gaps(residuals: &[Residual], (from_s, to_s): (f64, f64)) -> Vec<(f64, f64)> {
     let used = residuals.iter().filter(|r| r.weight > 0.0);
     let times: Vec<f64> = used.map(|r| r.time_s).filter(|t| t.is_finite()).collect();
-    let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    let usual = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    let usual = median(times.windows(2).map(|w| w[1] - w[0])).unwrap_or(0.0);
     let least = (GAP_STEPS * usual).max(LEAST_GAP_S);
     let ends: Vec<f64> = std::iter::once(from_s).chain(times).chain([to_s]).collect();
     let pairs = ends.windows(2).map(|w| (w[0], w[1]));

@@ -10,6 +10,7 @@ use super::graph::{Graph, State};
 use super::robust::{cautious_weights, set_weights, squares};
 use super::streams::{ClockCorrection, MotionLogs, Stream, Streams};
 use crate::sensor::Timed;
+use crate::statistics::{SIGMAS_PER_MAD, median};
 use crate::trajectory::TrajectorySettings;
 
 /// An interval is unlike the others below and above these shares of the median.
@@ -137,14 +138,12 @@ struct Usual {
 /// The interval before `record`, and all.
 fn intervals<T: Timed>(records: &[T], record: usize) -> (f64, Usual) {
     let interval = |k: usize| records[k].time_s() - records[k - 1].time_s();
-    let mut all: Vec<f64> = (1..records.len()).map(interval).collect();
-    let middle = all.len() / 2;
-    let median_s = *all.select_nth_unstable_by(middle, f64::total_cmp).1;
-    all.iter_mut().for_each(|x| *x = (*x - median_s).abs());
-    let off = *all.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let all = (1..records.len()).map(interval);
+    let median_s = median(all.clone()).unwrap_or(f64::NAN);
+    let off = median(all.map(|x| (x - median_s).abs()));
     let usual = Usual {
         median_s,
-        scatter_s: 1.4826 * off,
+        scatter_s: SIGMAS_PER_MAD * off.unwrap_or(f64::NAN),
     };
     (interval(record), usual)
 }

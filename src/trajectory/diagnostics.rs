@@ -4,6 +4,7 @@ use super::chain::{ChainFactor, STEP};
 use super::factors::{Quantity, Row, Rows};
 use super::graph::{Graph, State};
 use super::solution::{Rejection, RejectionReason, Residual, SensorDiagnostics, Tally};
+use crate::statistics::{CHI_SQUARE_1_MEDIAN, median};
 use crate::trajectory::TrajectorySettings;
 use nalgebra::DMatrix;
 
@@ -280,7 +281,6 @@ pub(super) fn imu_median_component(
 ) -> Option<f64> {
     /// Components that others check less tell nothing but rounding.
     const CHECKED: f64 = 1e-3;
-    const MEDIAN_OF_SQUARE: f64 = 0.454_936;
     let constants = factor.constants_covariance();
     let mut ratios: Vec<f64> = Vec::with_capacity(9 * state.nodes.len());
     factor.marginals(|step, covariance| {
@@ -302,9 +302,7 @@ pub(super) fn imu_median_component(
                 .map(|(v, r)| v * v / r),
         );
     });
-    let middle = ratios.len() / 2;
-    (!ratios.is_empty())
-        .then(|| *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN_OF_SQUARE)
+    median(ratios).map(|median| median / CHI_SQUARE_1_MEDIAN)
 }
 
 /// The residual in its own standard deviations. That of a rejected record scatters by the
@@ -400,35 +398,5 @@ fn walk_tally(graph: &Graph, state: &State, tallies: &[Tally], places: Places) -
         raw: 0.0,
         normalised: (0..count).map(square).sum(),
         redundancy: aiding as f64 - checked,
-    }
-}
-
-/// Bounds of χ² with `redundancy` degrees of freedom that hold 95 % (Wilson and Hilferty 1931).
-pub(super) fn chi_square_bounds_95(redundancy: f64) -> [f64; 2] {
-    const QUANTILE: f64 = 1.959_963_984_540_054;
-    [-QUANTILE, QUANTILE].map(|z| chi_square(redundancy, z))
-}
-
-/// The χ² that a standard normal `z` corresponds to (Wilson and Hilferty 1931).
-pub(super) fn chi_square(degrees: f64, z: f64) -> f64 {
-    if degrees <= 0.0 {
-        return 0.0;
-    }
-    let spread = 2.0 / (9.0 * degrees);
-    degrees * (1.0 - spread + z * spread.sqrt()).max(0.0).powi(3)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bounds_are_those_of_the_tables() {
-        // χ²: 10 degrees 3.247 to 20.483; 100 degrees 74.222 to 129.561.
-        // The approximation is good to 0.03 from 10 degrees on.
-        let [low, high] = chi_square_bounds_95(10.0);
-        assert!((low - 3.247).abs() < 0.03 && (high - 20.483).abs() < 0.03);
-        let [low, high] = chi_square_bounds_95(100.0);
-        assert!((low - 74.222).abs() < 0.03 && (high - 129.561).abs() < 0.03);
     }
 }

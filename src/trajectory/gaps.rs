@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::sensor::ImuSample;
+use crate::statistics::median;
 use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
@@ -15,9 +16,7 @@ pub(super) const GAP_INTERVALS: f64 = 2.5;
 pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
 
 pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
-    let mut intervals: Vec<f64> = imu.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
-    let middle = intervals.len() / 2;
-    *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
+    median(imu.windows(2).map(|w| w[1].time_s - w[0].time_s)).unwrap_or(f64::NAN)
 }
 
 /// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.

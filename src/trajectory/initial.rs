@@ -14,6 +14,7 @@ use crate::geometry::heading::{heading_rad, wrap};
 use crate::geometry::so3::exp;
 use crate::geometry::{Rotation, Vec3};
 use crate::sensor::ImuBias;
+use crate::statistics::median;
 use crate::trajectory::TrajectorySettings;
 
 /// Fixes either side of a local parabola's middle.
@@ -160,18 +161,14 @@ fn around(i: usize, reach: usize, count: usize) -> std::ops::Range<usize> {
     i.saturating_sub(reach)..(i + reach + 1).min(count)
 }
 
-fn median(mut all: Vec<f64>) -> f64 {
-    let middle = all.len() / 2;
-    *all.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 /// How far each value is from the median of its neighbours on either side.
 fn off_neighbours(values: &[Vec3], reach: usize) -> Vec<f64> {
     (0..values.len())
         .map(|i| {
             let near = &values[around(i, reach, values.len())];
-            let centre =
-                Vec3::from_fn(|axis, _| median(near.iter().map(|value| value[axis]).collect()));
+            let centre = Vec3::from_fn(|axis, _| {
+                median(near.iter().map(|value| value[axis])).unwrap_or(f64::NAN)
+            });
             (values[i] - centre).norm()
         })
         .collect()
@@ -183,7 +180,8 @@ fn alike(values: &[Vec3], sigma: f64) -> Vec<bool> {
     let off = off_neighbours(values, MEDIAN_REACH);
     (0..values.len())
         .map(|i| {
-            let usual = median(off[around(i, 4 * MEDIAN_REACH, off.len())].to_vec());
+            let near = &off[around(i, 4 * MEDIAN_REACH, off.len())];
+            let usual = median(near.iter().copied()).unwrap_or(f64::NAN);
             off[i] <= ALIKE_MEDIANS * usual + ALIKE_SIGMAS * sigma
         })
         .collect()

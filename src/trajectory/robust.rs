@@ -8,9 +8,10 @@
 //! with u the squared normalised residual and c² the limit.
 
 use super::chain::ChainFactor;
-use super::diagnostics::{chi_square, imu_median_component, imu_variance_component};
+use super::diagnostics::{imu_median_component, imu_variance_component};
 use super::graph::{Ended, Graph, MOST_ITERATIONS, State};
 use crate::progress::Progress;
+use crate::statistics::{chi_square, median};
 use crate::trajectory::{Loss, TrajectorySettings};
 use std::collections::HashMap;
 
@@ -214,13 +215,9 @@ impl Test {
     }
 
     fn scale(&self, squares: &[f64]) -> f64 {
-        let mut own: Vec<f64> = self.records.iter().map(|&i| squares[i]).collect();
-        if own.is_empty() {
-            return f64::INFINITY;
-        }
-        let middle = own.len() / 2;
-        let median = *own.select_nth_unstable_by(middle, f64::total_cmp).1;
-        (median / chi_square(self.components, 0.0)).max(1.0)
+        let median = median(self.records.iter().map(|&i| squares[i]));
+        let scale = median.map(|median| median / chi_square(self.components, 0.0));
+        scale.map_or(f64::INFINITY, |scale| scale.max(1.0))
     }
 }
 

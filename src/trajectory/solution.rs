@@ -1,6 +1,6 @@
 //! How an adjustment ended and what it left: what a surveyor checks before believing it.
 
-use super::diagnostics::chi_square_bounds_95;
+use crate::statistics::chi_square_bounds_95;
 use std::fmt;
 
 /// Why the adjustment stopped.

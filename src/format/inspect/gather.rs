@@ -1,6 +1,7 @@
 //! Times and ranges of a stream, gathered as it is read.
 
 use super::{Bounds, Gap, Inspection};
+use crate::statistics::median;
 
 /// Gaps remembered.
 const MOST_GAPS: usize = 10;
@@ -60,14 +61,9 @@ impl Clock {
             return;
         }
         into.epochs = self.span.map(|_| self.epochs);
-        if self.intervals.is_empty() {
+        let Some(median) = median(std::mem::take(&mut self.intervals)) else {
             return;
-        }
-        let middle = self.intervals.len() / 2;
-        let median = *self
-            .intervals
-            .select_nth_unstable_by(middle, f64::total_cmp)
-            .1;
+        };
         into.rate_hz = Some(1.0 / median);
         into.gaps = self.longest;
         into.gaps.retain(|gap| gap.duration_s > 5.0 * median);

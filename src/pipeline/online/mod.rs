@@ -18,6 +18,7 @@ use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, Project};
 use crate::sensor::{HeadingFix, ImuSample, PoseRecord, PositionFix};
+use crate::statistics::quantile;
 use crate::trajectory::TrajectorySettings;
 use crate::trajectory::{Jump, Online, OnlineOptions, Update};
 
@@ -296,15 +297,10 @@ impl TimesMs {
     fn of(times_ms: &[f64]) -> Self {
         let mut sorted = times_ms.to_vec();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            let last = sorted.len().saturating_sub(1);
-            let rank = (share * last as f64).ceil() as usize;
-            sorted.get(rank).copied().unwrap_or(f64::NAN)
-        };
         Self {
-            median: at(0.5),
-            p999: at(0.999),
-            max: at(1.0),
+            median: quantile(&sorted, 0.5),
+            p999: quantile(&sorted, 0.999),
+            max: quantile(&sorted, 1.0),
         }
     }
 }

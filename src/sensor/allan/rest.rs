@@ -3,6 +3,7 @@
 use super::super::ImuSample;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
+use crate::statistics::median;
 
 /// Blocks over which rates and gravity are averaged and variances taken.
 const BLOCK_S: f64 = 1.0;
@@ -25,11 +26,8 @@ const SHAKEN_VARIANCE: f64 = 4.0;
 
 /// The longest part of the log without a gap.
 pub(super) fn longest_stretch(imu: &[ImuSample]) -> &[ImuSample] {
-    let mut intervals: Vec<f64> = imu.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
-    if intervals.is_empty() {
-        return imu;
-    }
-    let longest_s = GAP_INTERVALS * median(&mut intervals);
+    let intervals = imu.windows(2).map(|w| w[1].time_s - w[0].time_s);
+    let longest_s = GAP_INTERVALS * median(intervals).unwrap_or(0.0);
     imu.chunk_by(|a, b| b.time_s - a.time_s <= longest_s)
         .max_by_key(|stretch| stretch.len())
         .unwrap_or(imu)
@@ -40,9 +38,7 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
     let length = ((BLOCK_S / interval_s).round() as usize).max(FEWEST_IN_BLOCK);
     let blocks: Vec<Block> = imu.chunks_exact(length).map(Block::new).collect();
     let middle = |pick: fn(&Block) -> Vec3| {
-        let of =
-            |axis: usize| median(&mut blocks.iter().map(|b| pick(b)[axis]).collect::<Vec<_>>());
-        Vec3::new(of(0), of(1), of(2))
+        Vec3::from_fn(|axis, _| median(blocks.iter().map(|b| pick(b)[axis])).unwrap_or(f64::NAN))
     };
     let (rate, force) = (middle(|b| b.rate), middle(|b| b.force));
     let moving = |what: String| {
@@ -82,9 +78,8 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
 }
 
 fn shaken(blocks: &[Block]) -> Vec<String> {
-    let usual: [f64; 6] = std::array::from_fn(|i| {
-        median(&mut blocks.iter().map(|b| b.variance[i]).collect::<Vec<_>>())
-    });
+    let usual: [f64; 6] =
+        std::array::from_fn(|i| median(blocks.iter().map(|b| b.variance[i])).unwrap_or(f64::NAN));
     let is_shaken = |b: &&Block| (0..6).any(|i| b.variance[i] > SHAKEN_VARIANCE * usual[i]);
     let shaken: Vec<&Block> = blocks.iter().filter(is_shaken).collect();
     shaken
@@ -131,10 +126,4 @@ impl Block {
             variance,
         }
     }
-}
-
-/// The upper median of values that are not empty.
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

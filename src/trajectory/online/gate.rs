@@ -1,8 +1,8 @@
 //! The innovation test: does a record fit what all before it predict?
 
+use crate::statistics::{chi_square, median};
 use crate::trajectory::Loss;
 use crate::trajectory::chain::{NODE, TAIL};
-use crate::trajectory::diagnostics::chi_square;
 use crate::trajectory::factors::Rows;
 use crate::trajectory::robust::LIMIT_NORMAL;
 use nalgebra::{SMatrix, SVector};
@@ -100,14 +100,12 @@ impl Gate {
     }
 
     fn limit(&self) -> f64 {
-        let mut recent: Vec<f64> = self.recent.iter().copied().collect();
-        let middle = recent.len() / 2;
-        let median = *recent.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let usual = median(self.recent.iter().copied()).unwrap_or(0.0);
         // Of a few, the median itself may be that of outliers.
-        let scale = if recent.len() < RECENT {
+        let scale = if self.recent.len() < RECENT {
             1.0
         } else {
-            (median / chi_square(self.components, 0.0)).max(1.0)
+            (usual / chi_square(self.components, 0.0)).max(1.0)
         };
         scale * chi_square(self.components, LIMIT_NORMAL)
     }

@@ -1,17 +1,15 @@
-//! The quantile of Student's t distribution that a level of detection at 95 % needs.
+//! The quantile of Student's t distribution that bounds of 95 % need.
 
 use std::f64::consts::PI;
 
-/// 97.5 % quantile of the normal distribution: of Student's t with infinitely many degrees of
-/// freedom.
-pub const NORMAL_97_5: f64 = 1.959_963_984_540_054;
+use super::normal::NORMAL_97_5;
 
 /// From here on the expansion about the normal quantile is right to 1e-11.
 const MANY: f64 = 200.0;
 
 /// 97.5 % quantile of Student's t distribution with `freedom` degrees of freedom, 1 or more and not
 /// necessarily whole. Right to 1e-11 relative; NaN below 1.
-pub fn quantile_97_5(freedom: f64) -> f64 {
+pub fn student_97_5(freedom: f64) -> f64 {
     if freedom.is_nan() || freedom < 1.0 {
         return f64::NAN;
     }
@@ -128,22 +126,22 @@ mod tests {
             (1e9, 1.959963986912325),
         ];
         for (freedom, expected) in table {
-            let found = quantile_97_5(freedom);
+            let found = student_97_5(freedom);
             assert!(
                 (found / expected - 1.0).abs() < 1e-11,
                 "{freedom}: {found} {expected}"
             );
         }
-        assert_eq!(quantile_97_5(f64::INFINITY), NORMAL_97_5);
-        assert!(quantile_97_5(f64::NAN).is_nan());
-        assert!(quantile_97_5(0.5).is_nan());
+        assert_eq!(student_97_5(f64::INFINITY), NORMAL_97_5);
+        assert!(student_97_5(f64::NAN).is_nan());
+        assert!(student_97_5(0.5).is_nan());
     }
 
     #[test]
     fn quantiles_fall_with_the_degrees_of_freedom() {
         let mut before = f64::INFINITY;
         for i in 0..4000 {
-            let found = quantile_97_5(1.0 + 0.1 * f64::from(i));
+            let found = student_97_5(1.0 + 0.1 * f64::from(i));
             assert!(found < before && found > NORMAL_97_5);
             before = found;
         }

@@ -1,0 +1,12 @@
+//! What a sample says, and the quantiles that it is held against.
+
+mod normal;
+mod sample;
+mod student;
+
+pub use normal::{
+    CHI_SQUARE_1_MEDIAN, NORMAL_97_5, NORMAL_97_5_ROUNDED, SIGMAS_PER_MAD, chi_square,
+    chi_square_bounds_95,
+};
+pub use sample::{mean, median, quantile, quartile, rms};
+pub use student::student_97_5;
