@@ -39,6 +39,7 @@ pub mod report;
 pub mod sensor;
 pub mod simulation;
 pub mod statistics;
+pub mod tiles;
 pub mod trajectory;
 
 pub use error::{Error, Result};

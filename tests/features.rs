@@ -9,9 +9,8 @@ use std::path::Path;
 use boresight::cloud::{NeighbourIndex, Neighbourhood, PointCloud, Surroundings};
 use boresight::format::{self, ExtraDimension, ExtraKind};
 use boresight::geometry::Vec3;
-use boresight::pipeline::tile_store::TileStore;
-use boresight::pipeline::tiled;
 use boresight::progress::Silent;
+use boresight::tiles::{self, TileStore};
 use common::{Run, boresight, shared_data};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -97,7 +96,7 @@ fn tiles_give_the_numbers_of_one_piece() {
                     Ok(())
                 };
                 let work =
-                    tiled::surroundings(&store, of, most, &Silent, |near| *near, take).unwrap();
+                    tiles::surroundings(&store, of, most, &Silent, |near| *near, take).unwrap();
                 assert!(most > 700 || points.len() < 100 || work.tiles > 1, "{name}");
                 put_aside += work.aside;
                 for (index, (found, expected)) in found.iter().zip(&whole).enumerate() {

@@ -6,7 +6,8 @@ use super::{Context, out_folder};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::pipeline::{self, Comparison, NormalSource, Outcome};
+use crate::pipeline::{self, Outcome};
+use crate::tiles::{Comparison, NormalSource};
 
 /// Measure the distances between two clouds along their normals (M3C2)
 ///

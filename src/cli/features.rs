@@ -7,7 +7,8 @@ use super::{Context, out_folder};
 use crate::cloud::Neighbourhood;
 use crate::cloud::shape::Feature;
 use crate::error::Result;
-use crate::pipeline::{self, FeatureSettings, Outcome};
+use crate::pipeline::{self, Outcome};
+use crate::tiles::FeatureSettings;
 
 /// Write the shape of every point's neighbourhood beside it: omnivariance, planarity, normals, ...
 #[derive(Debug, clap::Args)]

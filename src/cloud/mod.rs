@@ -8,7 +8,6 @@ pub mod neighbourhoods;
 pub mod neighbours;
 pub mod shape;
 pub mod tensor;
-pub mod tiles;
 pub(crate) mod vectors;
 pub mod voxel;
 

@@ -2,16 +2,12 @@
 
 use std::path::Path;
 
-use rayon::prelude::*;
-
-use super::las::LasFile;
 use super::native::Sheet;
 use super::table::{Columns, Lines, Table, numbers};
-use super::{CHUNK_POINTS, Format, nothing_in};
+use super::{Format, nothing_in};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
-use crate::progress::Progress;
 
 pub(crate) const CLOUD: Columns = Columns {
     needed: &["east_m", "north_m", "up_m"],
@@ -27,7 +23,7 @@ pub(crate) const CLOUD: Columns = Columns {
 pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     // Unknown tables are handed on as well: their reader names the column that is missing.
     let cloud = match super::detect(path).unwrap_or(Format::CloudCsv) {
-        Format::Las | Format::Laz => read_las(path),
+        Format::Las | Format::Laz => super::las_points::read_las(path),
         Format::Ply => super::ply::read(path),
         Format::Pcd => super::pcd::read(path),
         Format::E57 => super::e57::read(path),
@@ -50,98 +46,6 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     }?;
     if cloud.points.is_empty() {
         return Err(nothing_in(path, "point"));
-    }
-    Ok(cloud)
-}
-
-/// The number of points that a file names without being read through: LAS and LAZ.
-///
-/// # Errors
-/// A file that is missing or damaged.
-pub fn points_named(path: &Path) -> Result<Option<u64>> {
-    match super::detect(path) {
-        Ok(Format::Las | Format::Laz) => Ok(Some(LasFile::open(path)?.header().number_of_points())),
-        // What is wrong with it the reader says better.
-        _ => Ok(None),
-    }
-}
-
-/// Hands the points of a LAS or LAZ file to `each` in chunks and in order, the file never being in
-/// memory as a whole. `progress` advances by one for each point; the stage is the caller's.
-///
-/// # Errors
-/// A file that is missing, damaged, of another format, or ends early; what `each` refuses.
-pub fn stream_points(
-    path: &Path,
-    progress: &dyn Progress,
-    each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
-) -> Result<()> {
-    let mut file = LasFile::open(path)?;
-    let mut chunk = Vec::with_capacity(CHUNK_POINTS);
-    loop {
-        chunk.clear();
-        let count = file.read(CHUNK_POINTS, |_, point| {
-            chunk.push(point.position);
-            Ok(())
-        })?;
-        if count == 0 {
-            break;
-        }
-        each(&chunk)?;
-        progress.advance(count);
-    }
-    let (found, expected) = (file.taken(), file.header().number_of_points());
-    if found != expected {
-        return Err(Error::format(
-            path,
-            Location::Whole,
-            format!("{found} points"),
-            format!("the {expected} points of its header"),
-        ));
-    }
-    Ok(())
-}
-
-/// Points decoded by one thread: some of the format's chunks of 50,000, so that the way to the
-/// first of them is short.
-const PART: u64 = 500_000;
-
-/// Reads the parts of a file side by side and joins them in order.
-fn read_las(path: &Path) -> Result<PointCloud> {
-    let count = LasFile::open(path)?.header().number_of_points();
-    let parts: Result<Vec<PointCloud>> = (0..count.div_ceil(PART))
-        .into_par_iter()
-        .map(|i| read_las_part(path, i * PART, PART.min(count - i * PART)))
-        .collect();
-    let mut cloud = PointCloud::default();
-    for part in parts? {
-        cloud.points.extend(part.points);
-        cloud.time_s.extend(part.time_s);
-        cloud.intensity.extend(part.intensity);
-    }
-    Ok(cloud)
-}
-
-fn read_las_part(path: &Path, start: u64, count: u64) -> Result<PointCloud> {
-    let mut file = LasFile::open(path)?;
-    if start > 0 {
-        file.seek(start)?;
-    }
-    let mut cloud = PointCloud::default();
-    let has_time = file.has_time();
-    while file.taken() < start + count {
-        let left = (start + count - file.taken()) as usize;
-        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
-            cloud.points.push(point.position);
-            cloud.intensity.push(point.intensity);
-            if has_time {
-                cloud.time_s.push(point.time_s);
-            }
-            Ok(())
-        })?;
-        if read == 0 {
-            break;
-        }
     }
     Ok(cloud)
 }

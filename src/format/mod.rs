@@ -37,7 +37,7 @@ use std::path::Path;
 use crate::error::{Error, Location, Result};
 
 pub use bonn::BonnWriter;
-pub use cloud::{points_named, read_cloud, stream_points, write_cloud_table};
+pub use cloud::{read_cloud, write_cloud_table};
 pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
 pub use core_points::{CorePoints, read_core_points};
 pub use detect::{Format, detect};

@@ -153,7 +153,7 @@ pub fn trajectory(
             "poses": nodes.len(),
             "span_s": [first_s, last_s],
             "stages": { "estimate": { "seconds": poses.seconds } },
-            "peak_memory_bytes": super::peak_memory_bytes(),
+            "peak_memory_bytes": crate::tiles::peak_memory_bytes(),
         }),
         summary: summary::trajectory(solution, nodes),
         files: ["trajectory.csv", "trajectory.html"]

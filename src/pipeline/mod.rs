@@ -9,15 +9,12 @@ pub mod compare;
 pub mod evaluate;
 pub mod features;
 pub mod logs;
-mod memory;
 pub mod online;
 pub mod page;
 pub mod result;
 pub mod stages;
 pub mod summary;
 pub mod thin;
-pub mod tile_store;
-pub mod tiled;
 pub mod verdicts;
 
 use std::path::Path;
@@ -35,10 +32,9 @@ use crate::report::{self, content::MountingKind};
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::{Solution, Trajectory};
 pub use commands::{Options, Outcome, calibrate, demo, georeference, run, simulate, trajectory};
-pub use compare::{Comparison, NormalSource, compare};
+pub use compare::compare;
 use evaluate::Drive;
-pub use features::{FeatureSettings, features};
-pub use memory::peak_memory_bytes;
+pub use features::features;
 use stages::Poses;
 pub use thin::thin;
 

@@ -65,7 +65,7 @@ pub fn content(project: &Project, findings: &Findings, extras: &Extras) -> Conte
                 seconds: stage.seconds,
             })
             .collect(),
-        peak_memory_bytes: super::peak_memory_bytes(),
+        peak_memory_bytes: crate::tiles::peak_memory_bytes(),
         warnings: findings.warnings.clone(),
     }
 }

@@ -23,7 +23,7 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
         "drives": drives(project, &findings.drives),
         "stages": stages(&findings.stages),
         "warnings": findings.warnings,
-        "peak_memory_bytes": super::peak_memory_bytes(),
+        "peak_memory_bytes": crate::tiles::peak_memory_bytes(),
     });
     if let Some(track) = findings.tracks.first()
         && let Some(solution) = &track.solution

@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::records::{Appender, number, read_records};
 use crate::cloud::Surroundings;
 use crate::cloud::shape::{Feature, Shape};
 use crate::error::{Error, Result};
-use crate::pipeline::tile_store::{Appender, number, read_records};
 
 /// Columns of all features.
 const COLUMNS: usize = 14;

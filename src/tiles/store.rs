@@ -13,27 +13,25 @@
 //!
 //! Two clouds have a store each; the tiles of one serve as rectangles for both.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{BufReader, BufWriter, Read, Write};
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::cloud::tiles::{Rectangle, Tiles};
+use super::plane::{Rectangle, Tiles};
+use super::records::{Appender, number, read_records};
+use super::source::CloudSource;
+use super::stage::stage;
 use crate::error::{Error, Result};
-use crate::format;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
+use crate::statistics::EvenSample;
 
 /// Bytes of a point in a file: index and three coordinates.
 const RECORD: usize = 32;
 /// Most points that the tiles are laid out by.
 const MOST_SAMPLED: usize = 1 << 18;
-/// Memory for what waits to be written, bytes.
-const BUFFERS: usize = 64 << 20;
-
-/// Points in memory that are handed on at a time.
-const CHUNK: usize = 100_000;
 
 /// Hands a cloud to whoever asks for it, in chunks and in its order.
 pub type Stream<'a> = dyn FnMut(&mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> + 'a;
@@ -88,61 +86,32 @@ impl TileStore {
         Ok(store)
     }
 
-    /// As [`Self::write`], of the points of a LAS or LAZ file. `progress` advances by one for each.
+    /// As [`Self::write`], of the points of a cloud, as a stage of `progress`.
     ///
     /// # Errors
-    /// A file that cannot be read, a folder that cannot be written.
-    pub fn of_file(
+    /// As there, and as [`CloudSource::stream`].
+    pub fn of(
+        cloud: &CloudSource,
         folder: &Path,
         most_points: usize,
-        cloud: &Path,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Self::write(folder, most_points, &mut |each| {
-            format::stream_points(cloud, progress, each)
-        })
-    }
-
-    /// As [`Self::write`], of points in memory. `progress` advances by one for each.
-    ///
-    /// # Errors
-    /// A folder that cannot be written.
-    pub fn of_points(
-        folder: &Path,
-        most_points: usize,
-        points: &[Vec3],
-        progress: &dyn Progress,
-    ) -> Result<Self> {
-        Self::write(folder, most_points, &mut |each| {
-            points.chunks(CHUNK).try_for_each(|chunk| {
-                progress.advance(chunk.len() as u64);
-                each(chunk)
-            })
-        })
+        let mut stream = |each: &mut dyn FnMut(&[Vec3]) -> Result<()>| cloud.stream(progress, each);
+        let write = || Self::write(folder, most_points, &mut stream);
+        stage(progress, "sorting a cloud into tiles", cloud.len(), write).map(|(store, _)| store)
     }
 
     /// Writes the stream as it comes, and returns how many points there are and an even sample of
-    /// them: those with a hash of their place below a bound that halves whenever there are too
-    /// many. Every n-th point would be the same few columns of every profile.
+    /// them.
     fn gather(&mut self, whole: &Path, stream: &mut Stream<'_>) -> Result<(u64, Vec<[f64; 2]>)> {
         let file = File::create(whole).map_err(|e| Error::io(whole, e))?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
-        let (mut count, mut bound) = (0u64, u64::MAX);
-        let mut sample = Vec::new();
+        let mut sample = EvenSample::new(MOST_SAMPLED);
         stream(&mut |points| {
             for point in points {
                 self.low = self.low.inf(point);
                 self.high = self.high.sup(point);
-                // Multiples of the golden ratio are spread evenly over [0, 2⁶⁴).
-                let hash = count.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-                if hash <= bound {
-                    sample.push((hash, [point.x, point.y]));
-                    if sample.len() > MOST_SAMPLED {
-                        bound /= 2;
-                        sample.retain(|(hash, _)| *hash <= bound);
-                    }
-                }
-                count += 1;
+                sample.show([point.x, point.y]);
                 for value in point.iter() {
                     out.write_all(&value.to_le_bytes())
                         .map_err(|e| Error::io(whole, e))?;
@@ -151,7 +120,7 @@ impl TileStore {
             Ok(())
         })?;
         out.flush().map_err(|e| Error::io(whole, e))?;
-        Ok((count, sample.into_iter().map(|(_, place)| place).collect()))
+        Ok((sample.shown(), sample.into_kept()))
     }
 
     /// Sorts what was gathered into the files of the tiles.
@@ -234,84 +203,6 @@ impl Drop for TileStore {
         // Nothing can be done about a failure here; the staging area is removed as a whole.
         let _ = fs::remove_dir_all(&self.folder);
     }
-}
-
-/// Appends to many files at once, in large pieces and with one of them open at a time.
-pub(super) struct Appender {
-    waiting: Vec<Vec<u8>>,
-    /// Bytes that wait for each file at most, about.
-    most: usize,
-}
-
-impl Appender {
-    pub(super) fn new(files: usize) -> Self {
-        Self {
-            waiting: vec![Vec::new(); files],
-            most: (BUFFERS / files.max(1)).clamp(4 << 10, 1 << 20),
-        }
-    }
-
-    /// Appends a record to a file of the given number and path.
-    pub(super) fn push(
-        &mut self,
-        file: usize,
-        parts: &[&[u8]],
-        path: impl Fn() -> PathBuf,
-    ) -> Result<()> {
-        let waiting = &mut self.waiting[file];
-        for part in parts {
-            waiting.extend_from_slice(part);
-        }
-        if waiting.len() >= self.most {
-            append(&path(), waiting)?;
-            waiting.clear();
-        }
-        Ok(())
-    }
-
-    /// Writes what still waits.
-    pub(super) fn finish(self, path: impl Fn(usize) -> PathBuf) -> Result<()> {
-        for (file, waiting) in self.waiting.iter().enumerate() {
-            if !waiting.is_empty() {
-                append(&path(file), waiting)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-fn append(path: &Path, bytes: &[u8]) -> Result<()> {
-    OpenOptions::new()
-        .create(true)
-        .append(true)
-        .open(path)
-        .and_then(|mut file| file.write_all(bytes))
-        .map_err(|e| Error::io(path, e))
-}
-
-/// Hands every record of a file of records of `N` bytes to `each`.
-pub(super) fn read_records<const N: usize>(
-    path: &Path,
-    mut each: impl FnMut(&[u8; N]) -> Result<()>,
-) -> Result<()> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let mut left = file.metadata().map_err(|e| Error::io(path, e))?.len() / N as u64;
-    let mut input = BufReader::with_capacity(1 << 20, file);
-    let mut record = [0; N];
-    while left > 0 {
-        input
-            .read_exact(&mut record)
-            .map_err(|e| Error::io(path, e))?;
-        each(&record)?;
-        left -= 1;
-    }
-    Ok(())
-}
-
-/// The first eight bytes as a number.
-pub(super) fn number(bytes: &[u8]) -> u64 {
-    let (words, _) = bytes.as_chunks::<8>();
-    words.first().map_or(0, |word| u64::from_le_bytes(*word))
 }
 
 fn point_of(bytes: &[u8]) -> Vec3 {

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::tile_store::TileStore;
+use super::store::TileStore;
 use crate::cloud::{NeighbourIndex, Neighbourhood, Surroundings};
 use crate::error::Result;
 use crate::geometry::Vec3;
