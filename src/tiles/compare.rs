@@ -204,6 +204,7 @@ fn by_tiles(
             work.compare_s += start.elapsed().as_secs_f64();
         }
         progress.advance(reference.count(tile));
+        progress.check()?;
     }
     found.sort_unstable_by_key(|(place, _)| *place);
     work.found.core = found.into_iter().map(|(_, distance)| distance).collect();

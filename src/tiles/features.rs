@@ -130,9 +130,9 @@ fn in_one_piece(
         let index = NeighbourIndex::new(&points);
         drop(points);
         let of = settings.neighbourhood;
-        Ok(index.surroundings_of_all(&index, of, progress, |_, near| {
+        index.surroundings_of_all(&index, of, progress, |_, near| {
             FeatureRow::of(near, &settings.features)
-        }))
+        })
     })?;
     work.features_s = seconds;
     Ok(rows)

@@ -69,7 +69,7 @@ impl CloudSource {
         let mut each = |points: &[Vec3]| {
             each(points)?;
             progress.advance(points.len() as u64);
-            Ok(())
+            progress.check()
         };
         match self {
             Self::Las { path, .. } => format::stream_las(path, &mut each),

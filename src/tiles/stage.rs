@@ -13,8 +13,6 @@ pub(super) fn stage<T>(
     work: impl FnOnce() -> Result<T>,
 ) -> Result<(T, f64)> {
     let start = Instant::now();
-    progress.begin(name, total);
-    let done = work();
-    progress.end();
-    done.map(|done| (done, start.elapsed().as_secs_f64()))
+    let _stage = progress.stage(name, total);
+    Ok((work()?, start.elapsed().as_secs_f64()))
 }
