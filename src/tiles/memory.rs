@@ -19,9 +19,8 @@ pub(super) struct Budget {
 impl Budget {
     /// That many bytes, or half of the memory that is free.
     pub(super) fn new(bytes: Option<u64>) -> Self {
-        let free = || kilobytes("/proc/meminfo", "MemAvailable:");
         Self {
-            bytes: bytes.unwrap_or_else(|| free().unwrap_or(UNKNOWN) / 2),
+            bytes: bytes.unwrap_or_else(|| free_bytes().unwrap_or(UNKNOWN) / 2),
         }
     }
 
@@ -37,14 +36,53 @@ impl Budget {
 }
 
 /// The most memory the program has held so far, bytes; `None` where the system does not tell.
+#[cfg(target_os = "linux")]
 pub fn peak_memory_bytes() -> Option<u64> {
-    kilobytes("/proc/self/status", "VmHWM:")
+    // `getrusage` counts the process that started this one as well.
+    let status = procfs::process::Process::myself().ok()?.status().ok()?;
+    status.vmhwm.map(|kilobytes| kilobytes * 1024)
 }
 
-/// Bytes of the line of `file` that begins with `name` and counts kilobytes.
-fn kilobytes(file: &str, name: &str) -> Option<u64> {
-    let text = std::fs::read_to_string(file).ok()?;
-    let line = text.lines().find(|line| line.starts_with(name))?;
-    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kilobytes * 1024)
+/// The most memory the program has held so far, bytes; `None` where the system does not tell.
+#[cfg(all(unix, not(target_os = "linux")))]
+pub fn peak_memory_bytes() -> Option<u64> {
+    use nix::sys::resource::{UsageWho, getrusage};
+    let peak = u64::try_from(getrusage(UsageWho::RUSAGE_SELF).ok()?.max_rss()).ok()?;
+    // Apple counts bytes, the others kilobytes.
+    let unit = if cfg!(target_vendor = "apple") {
+        1
+    } else {
+        1024
+    };
+    peak.checked_mul(unit)
+}
+
+/// The most memory the program has held so far, bytes; `None` where the system does not tell.
+#[cfg(not(unix))]
+pub fn peak_memory_bytes() -> Option<u64> {
+    None
+}
+
+/// Memory that programs can still take, bytes; `None` where the system does not tell.
+fn free_bytes() -> Option<u64> {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory_specifics(sysinfo::MemoryRefreshKind::nothing().with_ram());
+    let free = system.available_memory();
+    // A container may have less than its machine. Cached files give way and do not count.
+    let limit = system.cgroup_limits().map_or(u64::MAX, |limits| {
+        limits.total_memory.saturating_sub(limits.rss)
+    });
+    Some(free.min(limit)).filter(|&bytes| bytes > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_system_tells_how_much_memory_there_is_and_was() {
+        assert!(free_bytes().is_some());
+        assert!(cfg!(not(unix)) || peak_memory_bytes().is_some_and(|peak| peak > 1 << 20));
+        assert_eq!(Budget::new(Some(7)).bytes, 7);
+    }
 }
