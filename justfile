@@ -45,3 +45,7 @@ consistency DRIVES="50":
 # The kernels beside their peers on the same files; writes docs/performance.md (needs Python)
 bench-kernels *ARGS:
     python3 benches/kernels/run.py {{ARGS}}
+
+# Every message that a user can meet, for reading aloud (needs Python)
+messages *FILES:
+    python3 tools/messages.py {{FILES}}

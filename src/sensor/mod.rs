@@ -106,7 +106,7 @@ pub struct ScanPoint {
 }
 
 /// One pose of a trajectory, measured elsewhere or estimated here.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct PoseRecord {
     /// Seconds.
     pub time_s: f64,
@@ -120,8 +120,21 @@ pub struct PoseRecord {
     pub sigma: Option<PoseSigma>,
 }
 
+impl PoseRecord {
+    /// A pose of which no more is known.
+    pub fn new(time_s: f64, world_from_body: WorldFromBody) -> Self {
+        Self {
+            time_s,
+            world_from_body,
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        }
+    }
+}
+
 /// Biases of the IMU in body axes: measured = true + bias.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct ImuBias {
     /// rad/s.
     pub gyro_rad_s: Vec3,
@@ -130,7 +143,7 @@ pub struct ImuBias {
 }
 
 /// Standard deviations of a pose, along and about the world axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct PoseSigma {
     /// Position: east, north, up, metres.
     pub position_m: Vec3,
