@@ -8,43 +8,12 @@ use crate::georeference::Georeferencer;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::sensor::ScanPoint;
+use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
 
 /// Most points of one scanner and drive that are kept for comparing. M3C2 averages over cylinders;
 /// what is left still gives tens of points to each.
 const MOST_KEPT: usize = 2_000_000;
-
-/// Keeps an even share of a stream of unknown length. A point is kept where a hash of its index is
-/// below a bound that halves whenever too many are kept: every n-th point would be the same few
-/// columns of every profile.
-struct Evenly {
-    bound: u64,
-    shown: u64,
-    kept: Vec<(u64, ScanPoint)>,
-}
-
-impl Evenly {
-    fn new() -> Self {
-        Self {
-            bound: u64::MAX,
-            shown: 0,
-            kept: Vec::new(),
-        }
-    }
-
-    fn show(&mut self, point: &ScanPoint) {
-        // Multiples of the golden ratio are spread evenly over [0, 2^64).
-        let hash = self.shown.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.shown += 1;
-        if hash <= self.bound {
-            self.kept.push((hash, *point));
-            if self.kept.len() > MOST_KEPT {
-                self.bound /= 2;
-                self.kept.retain(|(hash, _)| *hash <= self.bound);
-            }
-        }
-    }
-}
 
 /// An even share of each scanner's laser points, in the frame of the scanner.
 pub type KeptPoints = Vec<Vec<ScanPoint>>;
@@ -82,7 +51,7 @@ pub fn stream(
             Some(path) => Some(CloudWriter::create(&path(scanner), project.origin_m)?),
             None => None,
         };
-        let mut kept = Evenly::new();
+        let mut kept = EvenSample::new(MOST_KEPT);
         let mut chunk = Vec::new();
         for mut reader in readers {
             let mut bytes = 0;
@@ -92,7 +61,7 @@ pub fn stream(
                     let Some(world) = place.place(point) else {
                         continue;
                     };
-                    kept.show(point);
+                    kept.show(*point);
                     if let Some(writer) = &mut writer {
                         let position = world + project.origin_m;
                         writer.write(&position, time_s, point.intensity, index as u8)?;
@@ -106,8 +75,7 @@ pub fn stream(
             writer.finish()?;
         }
         place.check(&scanner.name)?;
-        let points = kept.kept.into_iter().map(|(_, point)| point).collect();
-        Ok((points, place))
+        Ok((kept.into_kept(), place))
     });
     drop(stage);
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
