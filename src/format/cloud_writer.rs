@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::las_extra::{ExtraDimension, dimension};
+use super::las_extra::dimension::{self, ExtraDimension};
 use super::las_out::{LasOut, is_compressed};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;

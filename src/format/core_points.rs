@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::file::nothing_in;
 use super::table::{Columns, Table, header_names};
 use super::{Format, read_cloud};
 use crate::error::Result;
@@ -49,7 +50,7 @@ pub fn read_core_points(path: &Path) -> Result<CorePoints> {
         core.normals.push(Vec3::new(row[3], row[4], row[5]));
     }
     if core.points.is_empty() {
-        return Err(super::nothing_in(path, "point"));
+        return Err(nothing_in(path, "point"));
     }
     Ok(core)
 }

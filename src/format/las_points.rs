@@ -5,8 +5,8 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
+use super::file::{CHUNK_POINTS, nothing_in};
 use super::las::{LasFile, LasPoint};
-use super::{CHUNK_POINTS, nothing_in};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use super::file::nothing_in;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -82,7 +83,7 @@ pub(crate) fn read_rows<const N: usize, T>(
         records.push(record(&row, &table)?);
     }
     if records.is_empty() {
-        return Err(super::nothing_in(path, what));
+        return Err(nothing_in(path, what));
     }
     Ok(records)
 }

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use super::file;
 use crate::error::{Error, Location, Result};
 
 /// Longer lines are not of a table; the limit keeps binary files from filling the memory.
@@ -23,7 +24,7 @@ pub(crate) struct Lines {
 
 impl Lines {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (file, total) = super::open(path)?;
+        let (file, total) = file::open(path)?;
         Ok(Self {
             path: path.to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),

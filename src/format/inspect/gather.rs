@@ -1,6 +1,6 @@
 //! Times and ranges of a stream, gathered as it is read.
 
-use super::{Bounds, Gap, Inspection};
+use super::inspection::{Bounds, Gap, Inspection};
 use crate::statistics::median;
 
 /// Gaps remembered.

@@ -1,64 +1,19 @@
 //! What a file holds, in numbers with units, without keeping it in memory.
 
 mod gather;
+mod inspection;
 
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::detect::TABLES;
+use super::detect::{Format, TABLES, detect};
 use super::las::{LasFile, PoseColumns, extra_names};
-use super::table::Table;
-use super::{CHUNK_POINTS, Format, detect, open_profiles, read_cloud, read_trajectory, sbet};
+use super::table::{Columns, Table};
+use super::{open_profiles, read_cloud, read_mounting, read_trajectory, sbet};
 use crate::error::{Error, Result};
+use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
 use gather::{Clock, Ranges};
-
-/// An interval of time that is much longer than the others.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Gap {
-    /// Last time before it, seconds.
-    pub start_s: f64,
-    /// Its length, seconds.
-    pub duration_s: f64,
-}
-
-/// The least and the greatest value of a column; its unit is the end of its name.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Bounds {
-    /// Name with unit.
-    pub column: String,
-    /// Least value.
-    pub min: f64,
-    /// Greatest value.
-    pub max: f64,
-}
-
-/// What a file holds.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Inspection {
-    /// The file.
-    pub path: PathBuf,
-    /// Its format.
-    pub format: Format,
-    /// Its size.
-    pub bytes: u64,
-    /// Rows, samples, poses or points.
-    pub count: u64,
-    /// Distinct times, where rows are in time order.
-    pub epochs: Option<u64>,
-    /// First and last time, seconds.
-    pub span_s: Option<[f64; 2]>,
-    /// One over the median interval between distinct times, hertz.
-    pub rate_hz: Option<f64>,
-    /// The longest gaps of more than five median intervals, longest first; ten at most.
-    pub gaps: Vec<Gap>,
-    /// Range of each column.
-    pub bounds: Vec<Bounds>,
-    /// Names of the columns or fields in the file.
-    pub columns: Vec<String>,
-    /// What else the user should know.
-    pub notes: Vec<String>,
-}
+pub use inspection::{Bounds, Gap, Inspection};
 
 /// Reads a file through and says what it holds.
 ///
@@ -66,7 +21,7 @@ pub struct Inspection {
 /// Whatever its reader finds wrong, and project files, which are no data.
 pub fn inspect(path: &Path) -> Result<Inspection> {
     let format = detect(path)?;
-    let (_, bytes) = super::open(path)?;
+    let (_, bytes) = open(path)?;
     let mut report = Inspection {
         path: path.to_owned(),
         format,
@@ -101,11 +56,7 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
     Ok(report)
 }
 
-fn inspect_table(
-    path: &Path,
-    columns: &super::table::Columns,
-    report: &mut Inspection,
-) -> Result<()> {
+fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Result<()> {
     let wanted: Vec<&str> = columns
         .needed
         .iter()
@@ -131,7 +82,7 @@ fn inspect_table(
         }
     }
     if report.count == 0 {
-        return Err(super::nothing_in(path, "row"));
+        return Err(nothing_in(path, "row"));
     }
     if without_range > 0 {
         report.notes.push(format!(
@@ -270,7 +221,7 @@ fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
 }
 
 fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mounting = super::read_mounting(path)?;
+    let mounting = read_mounting(path)?;
     let t = mounting.translation_m;
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
     report.count = 1;
@@ -280,63 +231,4 @@ fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
         t.x, t.y, t.z, angles[0], angles[1], angles[2]
     ));
     Ok(())
-}
-
-impl fmt::Display for Inspection {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}", self.path.display())?;
-        writeln!(f, "  format   {}", self.format)?;
-        writeln!(f, "  size     {} bytes", self.bytes)?;
-        writeln!(f, "  rows     {}", self.count)?;
-        if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {
-            writeln!(f, "  epochs   {epochs}")?;
-        }
-        if let Some([first, last]) = self.span_s {
-            let length = last - first;
-            writeln!(
-                f,
-                "  time     {first:.6} s to {last:.6} s, {length:.3} s long"
-            )?;
-        }
-        if let Some(rate_hz) = self.rate_hz {
-            writeln!(f, "  rate     {rate_hz:.3} Hz (median)")?;
-        }
-        for gap in &self.gaps {
-            let Gap {
-                start_s,
-                duration_s,
-            } = gap;
-            writeln!(f, "  gap      {duration_s:.3} s after {start_s:.3} s")?;
-        }
-        for Bounds { column, min, max } in &self.bounds {
-            let (name, unit) = split_unit(column);
-            writeln!(f, "  {name:<22} {min:.6} to {max:.6} {unit}")?;
-        }
-        if !self.columns.is_empty() {
-            writeln!(f, "  columns  {}", self.columns.join(", "))?;
-        }
-        for note in &self.notes {
-            writeln!(f, "  note     {note}")?;
-        }
-        Ok(())
-    }
-}
-
-/// Name and unit of a column.
-fn split_unit(column: &str) -> (&str, &str) {
-    const UNITS: [(&str, &str); 7] = [
-        ("_rad_s", "rad/s"),
-        ("_m_s2", "m/s²"),
-        ("_m_s", "m/s"),
-        ("_rad", "rad"),
-        ("_deg", "°"),
-        ("_m", "m"),
-        ("_s", "s"),
-    ];
-    for (ending, unit) in UNITS {
-        if let Some(name) = column.strip_suffix(ending) {
-            return (name, unit);
-        }
-    }
-    (column, "")
 }

@@ -3,12 +3,11 @@
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::Row;
-use super::dimension::{self, ExtraDimension, Kept};
+use super::dimension::{self, ExtraDimension, Kept, Row};
 use crate::error::{Error, Location, Result};
+use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::format::las::LasFile;
 use crate::format::las_out::{LasOut, is_compressed};
-use crate::format::{CHUNK_POINTS, nothing_in};
 use crate::progress::Progress;
 
 /// Copies those points of the LAS or LAZ file `input` that `row` accepts to `output` (compressed
@@ -136,7 +135,7 @@ fn evlrs(file: &LasFile) -> Result<Vec<las::Vlr>> {
     if file.header().evlrs().is_empty() {
         return Ok(Vec::new());
     }
-    let (mut input, size) = crate::format::open(path)?;
+    let (mut input, size) = open(path)?;
     let damaged = |at: u64| {
         Error::format(
             path,
