@@ -4,17 +4,22 @@
 //!
 //! | module | room for |
 //! |---|---|
+//! | [`error`] | the one error type, with file, line and remedy |
+//! | [`progress`] | stages as they run, and how they are told to stop |
+//! | [`output`] | results that appear whole or not at all |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
+//! | [`statistics`] | median, quantiles, χ², Student's t |
 //! | [`sensor`] | what each sensor measured, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
 //! | [`mod@format`] | one file per file format, in and out; detection |
-//! | [`project`] | `project.toml`: as written, then checked |
-//! | [`trajectory`] | preintegration, factors, smoother, interpolation |
+//! | [`trajectory`] | preintegration, factors, the chain's solver, batch and online smoother, diagnostics, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
 //! | [`comparison`] | M3C2 and its statistics |
-//! | [`simulation`] | scene, drives, sensors: the twin with known truth |
+//! | [`tiles`] | clouds larger than memory, from file to file: features, M3C2, thinning |
+//! | [`simulation`] | scene, drives, sensors: the twin with known truth, which knows no estimator |
 //! | [`report`] | tables, figures, the page |
+//! | [`project`] | `project.toml`: as written, then checked |
 //! | [`pipeline`] | the stages in order |
 //! | [`cli`] | one file per command |
 //!

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::inspect::unprintable;
+use super::print::unprintable;
 use crate::error::{Error, Location, Result};
 use crate::format::{self, Format};
 use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseFound, allan};

@@ -1,6 +1,6 @@
 //! `boresight calibrate`
 
-use super::{Context, OnProject};
+use super::context::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 

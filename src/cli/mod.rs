@@ -3,28 +3,29 @@
 mod allan;
 mod calibrate;
 mod compare;
+mod context;
 mod demo;
 mod describe;
 mod features;
 mod georeference;
 mod inspect;
 mod online;
+mod print;
 mod run;
 mod simulate;
 mod terminal;
 mod thin;
 mod trajectory;
+mod values;
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
-use serde_json::{Value, json};
 
-use crate::error::{Error, Location, Result};
-use crate::pipeline::{Options, Outcome};
-use crate::project::Project;
+use crate::error::{Error, Result};
+use crate::pipeline::Outcome;
+use context::Context;
+use print::{print_error, print_outcome};
 use terminal::Terminal;
 
 /// Calibrates laser profile scanners on a moving platform and proves how good the calibration is.
@@ -71,67 +72,6 @@ enum Command {
     Features(features::Features),
     Thin(thin::Thin),
     Run(run::Run),
-}
-
-/// A project to work on and where its results go.
-#[derive(Debug, Args)]
-struct OnProject {
-    /// The project file
-    project: PathBuf,
-    /// Folder of the results [default: `out` beside the project]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-}
-
-/// What every command is given.
-struct Context {
-    seed: Option<u64>,
-    terminal: Terminal,
-}
-
-impl Context {
-    fn options(&self, out: &Path) -> Options {
-        Options {
-            out: out.to_owned(),
-            seed: self.seed,
-        }
-    }
-
-    /// Reads a project, looks for its files, runs `stage` on it and keeps the log.
-    fn on_project(
-        &self,
-        on: &OnProject,
-        stage: fn(&Project, &Options, &dyn crate::progress::Progress) -> Result<Outcome>,
-    ) -> Result<Outcome> {
-        let project = Project::read(&on.project)?;
-        project.check_files()?;
-        let out = out_folder(&on.out, &on.project);
-        self.logged(&out, |options| stage(&project, options, &self.terminal))
-    }
-
-    /// Runs `work` and writes what it reported to `log.txt` in `out`, also when it failed there.
-    fn logged(
-        &self,
-        out: &Path,
-        work: impl FnOnce(&Options) -> Result<Outcome>,
-    ) -> Result<Outcome> {
-        let outcome = work(&self.options(out));
-        if let Err(error) = &outcome {
-            self.terminal.note(&format!("error: {error}"));
-        }
-        if out.is_dir() {
-            let written = self.terminal.write_log(&out.join("log.txt"));
-            // The error of the work matters more than one of its log.
-            outcome.and_then(|outcome| written.map(|()| outcome))
-        } else {
-            outcome
-        }
-    }
-}
-
-/// The folder that was asked for, or `out` beside `file`.
-fn out_folder(asked: &Option<PathBuf>, file: &Path) -> PathBuf {
-    asked.clone().unwrap_or_else(|| file.with_file_name("out"))
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -191,66 +131,6 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
     })
 }
 
-fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
-    let mut text = if json {
-        format!("{:#}\n", outcome.result)
-    } else {
-        format!("{}\n", outcome.summary.trim_end())
-    };
-    if !json {
-        if !outcome.files.is_empty() && outcome.summary.contains('\n') {
-            text.push('\n');
-        }
-        for file in &outcome.files {
-            text.push_str(&format!("wrote {}\n", file.display()));
-        }
-    }
-    match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        written => written.map_err(|error| Error::io("stdout", error)),
-    }
-}
-
-/// Says once what went wrong; nothing is left to do where that cannot be written.
-fn print_error(error: &Error, json: bool) {
-    let _ = if json {
-        writeln!(std::io::stdout(), "{:#}", error_json(error))
-    } else {
-        writeln!(std::io::stderr(), "error: {error}")
-    };
-}
-
-fn error_json(error: &Error) -> Value {
-    let mut details = match error {
-        Error::Io { path, source } => {
-            json!({ "file": path.display().to_string(), "problem": source.to_string() })
-        }
-        Error::Format {
-            path,
-            at,
-            found,
-            expected,
-        } => {
-            let mut details = json!({
-                "file": path.display().to_string(),
-                "found": found,
-                "expected": expected,
-            });
-            match at {
-                Location::Whole => {}
-                Location::Line(line) => details["line"] = json!(line),
-                Location::Byte(byte) => details["byte"] = json!(byte),
-            }
-            details
-        }
-        Error::Data { problem, remedy } => json!({ "problem": problem, "remedy": remedy }),
-        Error::Cancelled => json!({ "problem": "cancelled" }),
-    };
-    details["message"] = json!(error.to_string());
-    json!({ "error": details })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -259,17 +139,5 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         CommandLine::command().debug_assert();
-    }
-
-    #[test]
-    fn errors_as_json_name_file_and_line() {
-        let error = Error::format("a.toml", Location::Line(3), "x", "y");
-        let json = error_json(&error);
-        assert_eq!(json["error"]["file"], "a.toml");
-        assert_eq!(json["error"]["line"], 3);
-        assert_eq!(
-            json["error"]["message"],
-            "a.toml, line 3: found x, expected y"
-        );
     }
 }

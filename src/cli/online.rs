@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Context, OnProject, out_folder};
+use super::context::{Context, OnProject, out_folder};
 use crate::error::Result;
 use crate::pipeline::Outcome;
 use crate::pipeline::online::{Source, online};

@@ -1,6 +1,6 @@
 //! `boresight run`
 
-use super::{Context, OnProject};
+use super::context::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::compare::positive;
-use super::{Context, out_folder};
+use super::context::{Context, out_folder};
+use super::values::positive;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 

@@ -1,7 +1,7 @@
 //! `boresight trajectory`
 
+use super::context::{Context, OnProject};
 use super::online::OnlineFlags;
-use super::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 

@@ -1,5 +1,6 @@
 //! Points in space and what their neighbourhoods say.
 
+pub(crate) mod bounds;
 mod candidates;
 mod curve;
 mod lanes;

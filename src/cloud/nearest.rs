@@ -1,6 +1,6 @@
 //! The k nearest of the points shown so far.
 
-use super::neighbours::squared_distance;
+use super::bounds::squared_distance;
 use crate::geometry::Vec3;
 
 /// Candidates pile up and are cut to the k best when twice as many have come, which costs a

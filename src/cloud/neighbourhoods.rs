@@ -6,11 +6,12 @@
 
 use rayon::prelude::*;
 
+use super::bounds::Bounds;
 use super::candidates::{Candidates, Search};
 use super::lanes::{Lanes, Plain};
-use super::neighbours::Bounds;
+use super::neighbours::NeighbourIndex;
+use super::tensor::StructureTensor;
 use super::vectors::with_widest_vectors;
-use super::{NeighbourIndex, StructureTensor};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::{Progress, Silent};

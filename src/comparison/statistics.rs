@@ -1,6 +1,6 @@
 //! A comparison in numbers.
 
-use crate::comparison::m3c2::M3c2;
+use super::result::M3c2;
 use crate::error::{Error, Result};
 use crate::statistics::{mean, quantile, rms};
 

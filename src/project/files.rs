@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::checked::{Evaluation, Motion, Project};
+use super::resolve;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
 use crate::trajectory::PositionKind;
@@ -71,7 +72,7 @@ fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) ->
     let key = Step::Key("evaluation");
     let steps = [key, Step::Index(index), Step::Key("project")];
     present(project, &steps, &evaluation.project)?;
-    let drive = Project::read(&evaluation.project)?;
+    let drive = resolve::read(&evaluation.project)?;
     own_files(&drive)?;
     let stranger = drive
         .scanners
