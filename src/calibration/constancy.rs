@@ -8,6 +8,7 @@ use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 use crate::sensor::PoseRecord;
+use crate::statistics::rms;
 use crate::trajectory::Trajectory;
 
 /// Length of a block, seconds: a pass over a plane of 1 m at 10 cm/s has five.
@@ -120,11 +121,10 @@ pub fn judge(
     if all.len() < 10 {
         return None;
     }
-    let mean_square = |f: &dyn Fn(&Block) -> f64| {
-        (all.iter().map(|block| f(block).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
-    };
-    let ratio = mean_square(&|block| block.mean_m / block.expected_sigma_m);
-    let rms_m = mean_square(&|block| block.mean_m);
+    let ratio = rms(all
+        .iter()
+        .map(|block| block.mean_m / block.expected_sigma_m));
+    let rms_m = rms(all.iter().map(|block| block.mean_m));
     let strongest = strongest_correlation(&blocks, trajectory);
     Some(Constancy {
         blocks,

@@ -41,7 +41,7 @@ impl Statistics {
         }
         let n = sorted_m.len();
         let count = n as f64;
-        let (mean_m, rmse_m) = (mean(&sorted_m), rms(&sorted_m));
+        let (mean_m, rmse_m) = (mean(&sorted_m), rms(sorted_m.iter().copied()));
         let about_mean = sorted_m.iter().map(|d| (d - mean_m).powi(2)).sum::<f64>();
         sorted_m.sort_unstable_by(f64::total_cmp);
         let judged: Vec<bool> = comparison

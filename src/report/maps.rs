@@ -78,7 +78,7 @@ fn cell(panel: &MapPanel, bounds: Bounds, limit_m: f64, addition: &str) -> Strin
     let summary = if addition.is_empty() {
         format!(
             "RMSE {}, mean {}",
-            number::with_unit(number::millimetres(rms(&values)), "mm"),
+            number::with_unit(number::millimetres(rms(values.iter().copied())), "mm"),
             number::with_unit(number::signed(number::millimetres(mean(&values))), "mm")
         )
     } else {
