@@ -58,6 +58,9 @@ pub enum Error {
         /// What the user can do about it.
         remedy: String,
     },
+    /// The work was told to stop: see `Progress::is_cancelled`.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 impl Error {

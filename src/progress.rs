@@ -1,20 +1,71 @@
-//! How long-running stages say what they are doing, without printing.
+//! How long-running work says what it is doing, without printing, and how it is told to stop.
 
-/// Receives what a stage reports. The command line draws bars, tests stay silent.
+use crate::error::{Error, Result};
+
+/// Receives what the work reports, and may tell it to stop. The command line draws bars, tests stay
+/// silent.
+///
+/// Work begins its stages with [`stage`](trait.Progress.html#method.stage), which ends them too.
 pub trait Progress: Sync {
-    /// A stage begins; `total` counts its units of work (0 where unknown).
+    /// A stage begins, within those that run; `total` counts its units of work (0 where unknown).
     fn begin(&self, stage: &str, total: u64);
-    /// `units` more of the running stage are done.
+    /// `units` more of the innermost stage are done.
     fn advance(&self, units: u64);
-    /// The running stage is over.
+    /// The innermost stage is over.
     fn end(&self);
     /// One line worth keeping: what was decided or found.
     fn say(&self, message: &str);
     /// One line the user should act on.
     fn warn(&self, message: &str);
+    /// Whether the work is to stop. Asked often and from any thread; once true, it must stay true.
+    fn is_cancelled(&self) -> bool {
+        false
+    }
 }
 
-/// Reports nothing.
+impl dyn Progress + '_ {
+    /// Begins a stage of `total` units of work (0 where unknown), which ends with what is returned.
+    pub fn stage(&self, name: &str, total: u64) -> Stage<'_> {
+        self.begin(name, total);
+        Stage { progress: self }
+    }
+
+    /// Asks whether to go on.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] where the work is to stop.
+    pub fn check(&self) -> Result<()> {
+        match self.is_cancelled() {
+            true => Err(Error::Cancelled),
+            false => Ok(()),
+        }
+    }
+}
+
+/// A stage that runs until this is dropped, however it is left.
+#[must_use = "the stage ends where this is dropped"]
+pub struct Stage<'a> {
+    progress: &'a dyn Progress,
+}
+
+impl Stage<'_> {
+    /// `units` more of the stage are done.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] where the work is to stop.
+    pub fn advance(&self, units: u64) -> Result<()> {
+        self.progress.advance(units);
+        self.progress.check()
+    }
+}
+
+impl Drop for Stage<'_> {
+    fn drop(&mut self) {
+        self.progress.end();
+    }
+}
+
+/// Reports nothing, and never stops.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

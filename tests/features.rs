@@ -81,7 +81,9 @@ fn tiles_give_the_numbers_of_one_piece() {
             Neighbourhood::Within(0.25),
         ] {
             let copy = |_: usize, near: &Surroundings| *near;
-            let whole = NeighbourIndex::new(&points).surroundings(&points, of, &Silent, copy);
+            let whole = NeighbourIndex::new(&points)
+                .surroundings(&points, of, &Silent, copy)
+                .unwrap();
             for most in [150, 700, 100_000] {
                 let place = folder.path().join("tiles");
                 let store = TileStore::write(&place, most, &mut |each| {

@@ -90,8 +90,8 @@ fn a_part_of_a_cloud_in_the_extent_of_the_whole_gives_the_same_bits() {
         assert!(order.is_sorted(), "{name}");
         // Neighbourhoods that the part holds whole.
         for of in [Neighbourhood::Nearest(20), Neighbourhood::Within(0.05)] {
-            let all = index.surroundings(&some, of, &Silent, |_, s| *s);
-            let found = partial.surroundings(&some, of, &Silent, |_, s| *s);
+            let all = index.surroundings(&some, of, &Silent, |_, s| *s).unwrap();
+            let found = partial.surroundings(&some, of, &Silent, |_, s| *s).unwrap();
             for ((all, found), point) in all.iter().zip(&found).zip(&some) {
                 if all.reach_m < middle - point.x {
                     assert_eq!(all, found, "{name}");
@@ -140,6 +140,7 @@ fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f6
         let tensors = index.surroundings(queries, Neighbourhood::Nearest(k), &Silent, |at, s| {
             (at, *s)
         });
+        let tensors = tensors.unwrap();
         let k_found = k.min(points.len());
         assert_eq!(all.len(), queries.len() * k_found);
         for (at, query) in queries.iter().enumerate() {
@@ -162,8 +163,9 @@ fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f6
         }
     }
     for &radius in radii {
-        let tensors =
-            index.surroundings(queries, Neighbourhood::Within(radius), &Silent, |_, s| *s);
+        let tensors = index
+            .surroundings(queries, Neighbourhood::Within(radius), &Silent, |_, s| *s)
+            .unwrap();
         for (tensor, query) in tensors.iter().zip(queries) {
             index.within(query, radius, &mut found);
             check_tensor(tensor, &StructureTensor::of(points, &found), radius);

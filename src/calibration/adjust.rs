@@ -5,6 +5,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::cost::{NormalEquations, cost, normal_equations};
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud, farthest_move, find};
 use super::parameters::{self, Mounting};
+use crate::error::Result;
+use crate::progress::Progress;
 
 /// Neighbours are sought again when a point has moved by more than this share of the voxel.
 const SEARCH_AGAIN_SHARE: f64 = 0.1;
@@ -74,12 +76,16 @@ pub struct ScaleSettings {
 
 /// Minimises the [`cost`](super::cost) over the directions that `basis_of` gives at the current
 /// mountings (6 s × f).
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn adjust_scale(
     cloud: &ScaleCloud,
     start: &[Mounting],
     basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
     settings: ScaleSettings,
-) -> ScaleResult {
+    progress: &dyn Progress,
+) -> Result<ScaleResult> {
     let mut mountings = start.to_vec();
     let mut placed = cloud.place(&mountings);
     let mut neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
@@ -92,6 +98,7 @@ pub fn adjust_scale(
     let mut iterations = 0;
     let count = neighbourhoods.len() as f64;
     while iterations < settings.max_iterations {
+        progress.check()?;
         iterations += 1;
         let basis = basis_of(&mountings);
         let Some(step) = damped_step(&equations, &basis, damping) else {
@@ -141,14 +148,14 @@ pub fn adjust_scale(
         equations = normal_equations(cloud, &placed, &neighbourhoods);
         costs.push(equations.cost);
     }
-    ScaleResult {
+    Ok(ScaleResult {
         mountings,
         ending,
         iterations,
         costs,
         placed,
         neighbourhoods,
-    }
+    })
 }
 
 /// −(BᵀHB + μ diag)⁻¹ Bᵀg, back in all parameters; `None` where nothing is free or the matrix

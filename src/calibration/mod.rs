@@ -110,7 +110,7 @@ pub struct Scale {
 /// Makes neighbourhoods thin coarse to fine, then judges the result.
 ///
 /// # Errors
-/// A scanner without points; fewer points than a neighbourhood needs.
+/// A scanner without points; fewer points than a neighbourhood needs; [`Error::Cancelled`].
 pub fn calibrate(
     input: &Input<'_>,
     settings: &CalibrationSettings,
@@ -119,11 +119,11 @@ pub fn calibrate(
     let mut mountings = input.mountings.clone();
     let mut scales = Vec::new();
     let mut last = None;
-    progress.begin("calibration", settings.voxel_sizes_m.len() as u64);
+    let stage = progress.stage("calibration", settings.voxel_sizes_m.len() as u64);
     for &voxel_m in &settings.voxel_sizes_m {
         let started = Instant::now();
         let cloud = scale_cloud(input, &mountings, voxel_m, settings)?;
-        let result = adjust(&cloud, input, &mountings, voxel_m, settings);
+        let result = adjust(&cloud, input, &mountings, voxel_m, settings, progress)?;
         mountings = result.mountings.clone();
         progress.say(&format!(
             "voxels of {:.0} mm: {} points, {} iterations, {}",
@@ -144,19 +144,17 @@ pub fn calibrate(
             mountings: mountings.clone(),
         });
         last = Some((cloud, result));
-        progress.advance(1);
+        stage.advance(1)?;
     }
-    progress.end();
+    drop(stage);
     let Some((cloud, result)) = last else {
         return Err(Error::data(
             "no voxel size is given",
             "set calibration.voxel_sizes_m",
         ));
     };
-    progress.begin("uncertainty", 0);
-    let calibration = judge(input, settings.method, &cloud, result, scales);
-    progress.end();
-    Ok(calibration)
+    let _stage = progress.stage("uncertainty", 0);
+    Ok(judge(input, settings.method, &cloud, result, scales))
 }
 
 /// The points of one scale.
@@ -216,7 +214,8 @@ fn adjust(
     start: &[Mounting],
     voxel_m: f64,
     settings: &CalibrationSettings,
-) -> ScaleResult {
+    progress: &dyn Progress,
+) -> Result<ScaleResult> {
     let scale = ScaleSettings {
         voxel_m,
         k: settings.neighbours,
@@ -229,11 +228,11 @@ fn adjust(
     let seen = observability::judge(&equations, &parameters::free_basis(start), start);
     let basis_of = |now: &[Mounting]| seen.determined(&parameters::free_basis(now));
     let mut result = match settings.method {
-        Method::Reweighted => adjust::adjust_scale(cloud, start, &basis_of, scale),
-        Method::Paper => paper::adjust_scale(cloud, start, &basis_of, scale),
+        Method::Reweighted => adjust::adjust_scale(cloud, start, &basis_of, scale, progress)?,
+        Method::Paper => paper::adjust_scale(cloud, start, &basis_of, scale, progress)?,
     };
     hold_free_directions(cloud, input, &mut result);
-    result
+    Ok(result)
 }
 
 /// Brings back to its initial value what the solved scale shows to be undetermined: a coarse scale

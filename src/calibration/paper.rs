@@ -9,6 +9,8 @@ use super::adjust::{Ending, ScaleResult, ScaleSettings};
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud, farthest_move, find};
 use super::parameters::{self, Mounting};
 use crate::cloud::{StructureTensor, voxel};
+use crate::error::Result;
+use crate::progress::Progress;
 
 /// Step of the numeric differences: metres and radians.
 const STEP: f64 = 1e-4;
@@ -52,12 +54,16 @@ fn thin(cloud: &ScaleCloud, mountings: &[Mounting], voxel_m: f64) -> ScaleCloud 
 
 /// Minimises Σσ² by Gauss-Newton on the residuals σ; the voxel filter and the neighbourhoods are
 /// made anew in every iteration. The cost is Σσ² over the neighbourhoods of the iteration.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn adjust_scale(
     all: &ScaleCloud,
     start: &[Mounting],
     basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
     settings: ScaleSettings,
-) -> ScaleResult {
+    progress: &dyn Progress,
+) -> Result<ScaleResult> {
     let mut mountings = start.to_vec();
     let mut costs = Vec::new();
     let mut ending = Ending::IterationsExhausted;
@@ -73,6 +79,7 @@ pub fn adjust_scale(
     let (mut cloud, mut placed, mut neighbourhoods, mut residuals) = found(&mountings);
     costs.push(residuals.norm_squared());
     while iterations < settings.max_iterations {
+        progress.check()?;
         iterations += 1;
         let basis = basis_of(&mountings);
         if basis.ncols() == 0 {
@@ -119,14 +126,14 @@ pub fn adjust_scale(
     // What judges the result afterwards works on all points.
     let placed = all.place(&mountings);
     let neighbourhoods = find(all, &placed, settings.k, settings.stride);
-    ScaleResult {
+    Ok(ScaleResult {
         mountings,
         ending,
         iterations,
         costs,
         placed,
         neighbourhoods,
-    }
+    })
 }
 
 fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f64> {

@@ -135,6 +135,7 @@ pub fn sample_profiles(
                 );
             }
             progress.advance(reader.bytes_read() - bytes);
+            progress.check()?;
             bytes = reader.bytes_read();
         }
     }

@@ -245,6 +245,7 @@ fn error_json(error: &Error) -> Value {
             details
         }
         Error::Data { problem, remedy } => json!({ "problem": problem, "remedy": remedy }),
+        Error::Cancelled => json!({ "problem": "cancelled" }),
     };
     details["message"] = json!(error.to_string());
     json!({ "error": details })

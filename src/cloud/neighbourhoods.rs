@@ -11,6 +11,7 @@ use super::lanes::{Lanes, Plain};
 use super::neighbours::Bounds;
 use super::vectors::with_widest_vectors;
 use super::{NeighbourIndex, StructureTensor};
+use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::{Progress, Silent};
 
@@ -50,24 +51,30 @@ impl NeighbourIndex {
     ///
     /// On all threads; the result does not depend on their number. The stage is the caller's to
     /// begin, name and end; it advances by one for each query.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
     pub fn surroundings<T: Send + Sync + Clone>(
         &self,
         queries: &[Vec3],
         of: Neighbourhood,
         progress: &dyn Progress,
         each: impl Fn(usize, &Surroundings) -> T + Sync,
-    ) -> Vec<T> {
+    ) -> Result<Vec<T>> {
         self.surroundings_of_all(&Self::new(queries), of, progress, each)
     }
 
     /// As [`Self::surroundings`], for the points of an index: this one, say.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
     pub fn surroundings_of_all<T: Send + Sync + Clone>(
         &self,
         queries: &Self,
         of: Neighbourhood,
         progress: &dyn Progress,
         each: impl Fn(usize, &Surroundings) -> T + Sync,
-    ) -> Vec<T> {
+    ) -> Result<Vec<T>> {
         let none = Surroundings {
             tensor: StructureTensor::from_points(&[]),
             reach_m: f64::INFINITY,
@@ -78,16 +85,15 @@ impl NeighbourIndex {
                 .map(|(place, surroundings)| each(queries.indices[place] as usize, surroundings))
                 .collect()
         });
+        progress.check()?;
         let lost = queries.indices[found.len()..].iter();
         found.extend(lost.map(|&index| each(index as usize, &none)));
         let mut places = vec![0u32; found.len()];
         for (&index, place) in queries.indices.iter().zip(0u32..) {
             places[index as usize] = place;
         }
-        places
-            .par_iter()
-            .map(|&place| found[place as usize].clone())
-            .collect()
+        let values = places.par_iter();
+        Ok(values.map(|&place| found[place as usize].clone()).collect())
     }
 
     /// The indices of the `k` points nearest to each query (of equal distances those of smaller
@@ -116,7 +122,7 @@ impl NeighbourIndex {
 
     /// Finds `Found` for the queries of every group; `each` takes the places of a group's queries
     /// in their index and what was found for them. In the order of the queries' index, without
-    /// those that are not finite.
+    /// those that are not finite; of no use where the work was told to stop.
     fn in_groups<Found: Take, T: Send>(
         &self,
         queries: &Self,
@@ -133,6 +139,9 @@ impl NeighbourIndex {
                 let mut scratch = Scratch::default();
                 let mut found = Vec::new();
                 for group in groups {
+                    if progress.is_cancelled() {
+                        break;
+                    }
                     found.clear();
                     found.resize(group.points().len(), nothing.clone());
                     let queries = &queries.points[group.points()];

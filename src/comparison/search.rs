@@ -121,7 +121,7 @@ impl IndexedClouds {
     ///
     /// # Errors
     /// [`Error::Data`] where `core` is empty, there are not as many normals as core points, or
-    /// normals are to be found and the clouds were indexed without.
+    /// normals are to be found and the clouds were indexed without; [`Error::Cancelled`].
     pub fn distances(
         &self,
         core: &[Vec3],
@@ -146,21 +146,14 @@ impl IndexedClouds {
                 .map(|normal| (normals::unit(normal), f64::NAN))
                 .collect(),
         };
-        // Finding normals is the first half of the work.
-        let done = |count: usize| {
-            let half = if self.for_normals.is_some() {
-                count / 2
-            } else {
-                0
-            };
-            progress.advance((count - half) as u64);
-        };
-        Ok(M3c2 {
-            core: self.measure(core, &normals, done),
-        })
+        progress.check()?;
+        let core = self.measure(core, &normals, progress);
+        progress.check()?;
+        Ok(M3c2 { core })
     }
 
-    /// Unit normals and the radii they come from; NaN where there are none.
+    /// Unit normals and the radii they come from; NaN where there are none. Of no use where the
+    /// work was told to stop.
     fn find_normals(
         &self,
         cells: &Cells,
@@ -175,6 +168,9 @@ impl IndexedClouds {
             core.len(),
             none,
             |(window, offsets): &mut (Window, Offsets), block, indices| {
+                if progress.is_cancelled() {
+                    return vec![none; indices.len()];
+                }
                 let (low, high) = box_around(core, indices, widest);
                 window.gather(cells, block, (&low, &high));
                 progress.advance((indices.len() / 2) as u64);
@@ -187,11 +183,12 @@ impl IndexedClouds {
         )
     }
 
+    /// What stands at every core point; of no use where the work was told to stop.
     fn measure(
         &self,
         core: &[Vec3],
         normals: &[(Vec3, f64)],
-        done: impl Fn(usize) + Sync,
+        progress: &dyn Progress,
     ) -> Vec<CoreDistance> {
         let settings = &self.settings;
         let reach = cylinder_reach_m(settings);
@@ -205,6 +202,9 @@ impl IndexedClouds {
             core.len(),
             nothing,
             |scratch: &mut Scratch, block, indices| {
+                if progress.is_cancelled() {
+                    return vec![nothing; indices.len()];
+                }
                 let [reference, compared] = &mut scratch.windows;
                 if let Cylinders::Cells(before, after) = &self.for_cylinders {
                     let (low, high) = box_around(core, indices, reach);
@@ -236,7 +236,12 @@ impl IndexedClouds {
                     summed_up(&found, normal, normal_radius_m, settings)
                 };
                 let distances: Vec<CoreDistance> = indices.iter().map(distance).collect();
-                done(indices.len());
+                // Finding normals was the first half of the work.
+                let half = match self.for_normals {
+                    Some(_) => indices.len() / 2,
+                    None => 0,
+                };
+                progress.advance((indices.len() - half) as u64);
                 distances
             },
         );

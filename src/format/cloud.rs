@@ -89,6 +89,7 @@ pub fn stream_points(
         }
         each(&chunk)?;
         progress.advance(count);
+        progress.check()?;
     }
     let (found, expected) = (file.taken(), file.header().number_of_points());
     if found != expected {

@@ -75,7 +75,7 @@ pub fn stream(
         .flat_map(|job| &job.3)
         .map(|reader| reader.bytes_total())
         .sum();
-    progress.begin("georeferencing", bytes);
+    let stage = progress.stage("georeferencing", bytes);
     let found = in_parallel(jobs, |(index, scanner, pose, readers)| {
         let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
         let mut writer = match write {
@@ -98,7 +98,7 @@ pub fn stream(
                         writer.write(&position, time_s, point.intensity, index as u8)?;
                     }
                 }
-                progress.advance(reader.bytes_read() - bytes);
+                stage.advance(reader.bytes_read() - bytes)?;
                 bytes = reader.bytes_read();
             }
         }
@@ -109,7 +109,7 @@ pub fn stream(
         let points = kept.kept.into_iter().map(|(_, point)| point).collect();
         Ok((points, place))
     });
-    progress.end();
+    drop(stage);
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
     let named = project.scanners.iter().zip(found);
     Ok(named

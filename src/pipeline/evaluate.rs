@@ -127,7 +127,7 @@ impl Drive {
             "comparing {} with {other} ({}, {kind})",
             project.scanners[scanner].name, self.name
         );
-        progress.begin(&stage, core.len() as u64);
+        let _stage = progress.stage(&stage, core.len() as u64);
         let distances = m3c2(
             reference,
             compared,
@@ -135,9 +135,7 @@ impl Drive {
             Normals::UPWARDS,
             settings,
             progress,
-        );
-        progress.end();
-        let distances = distances?;
+        )?;
         match Statistics::of(&distances) {
             Ok(statistics) => {
                 let found = Agreement {

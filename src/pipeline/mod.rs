@@ -129,10 +129,8 @@ fn shown<T>(
     progress: &dyn Progress,
     work: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
-    progress.begin(name, 0);
-    let done = timed(stages, name, work);
-    progress.end();
-    done
+    let _stage = progress.stage(name, 0);
+    timed(stages, name, work)
 }
 
 /// Runs `work` and notes how long it took under `name`.

@@ -142,9 +142,9 @@ pub fn samples(
         .flatten()
         .map(|reader| reader.bytes_total())
         .sum();
-    progress.begin("reading profiles", bytes);
+    let stage = progress.stage("reading profiles", bytes);
     let jobs: Vec<_> = project.scanners.iter().zip(all).collect();
-    let found: Result<Vec<ScannerSample>> = in_parallel(jobs, |(scanner, readers)| {
+    let found = in_parallel(jobs, |(scanner, readers)| {
         sample_profiles(
             &scanner.name,
             readers,
@@ -157,9 +157,8 @@ pub fn samples(
         )
     })
     .into_iter()
-    .collect();
-    progress.end();
-    let found = found?;
+    .collect::<Result<Vec<ScannerSample>>>()?;
+    drop(stage);
     for (scanner, sample) in project.scanners.iter().zip(&found) {
         progress.say(&format!(
             "scanner `{}`: {} points read, {} kept, {} outside the trajectory",
@@ -292,9 +291,9 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
     let Some(reference) = &project.reference else {
         return Ok(Vec::new());
     };
-    progress.begin("reading the reference", 0);
+    let stage = progress.stage("reading the reference", 0);
     let mut points = format::read_cloud(&reference.path)?.points;
-    progress.end();
+    drop(stage);
     if points.is_empty() {
         return Err(Error::data(
             format!("{}: the reference has no points", reference.path.display()),

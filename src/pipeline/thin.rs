@@ -85,59 +85,51 @@ fn thin_las(path: &Path, voxel_m: f64, progress: &dyn Progress) -> Result<Thinne
     let count = format::las_count(path)?;
     let mut thinner = Thinner::new(voxel_m);
     let mut thin = Duration::ZERO;
-    progress.begin("reading and thinning", count);
+    let stage = progress.stage("reading and thinning", count);
     let start = Instant::now();
-    let read = format::stream_las(path, &mut |points| {
+    format::stream_las(path, &mut |points| {
         thinner.add(points);
         if thinner.is_full() {
             let start = Instant::now();
             thinner.thin();
             thin += start.elapsed();
         }
-        progress.advance(points.len() as u64);
-        Ok(())
-    });
+        stage.advance(points.len() as u64)
+    })?;
     let until_last = start.elapsed();
-    let thinned = read.map(|()| {
-        let kept = thinner.finish();
-        Thinned {
-            cloud: None,
-            count,
-            kept,
-            read: until_last - thin,
-            thin: thin + (start.elapsed() - until_last),
-        }
-    });
-    progress.end();
-    thinned
+    let kept = thinner.finish();
+    Ok(Thinned {
+        cloud: None,
+        count,
+        kept,
+        read: until_last - thin,
+        thin: thin + (start.elapsed() - until_last),
+    })
 }
 
 fn thin_in_memory(path: &Path, voxel_m: f64, progress: &dyn Progress) -> Result<Thinned> {
-    progress.begin("reading and thinning", 0);
+    let _stage = progress.stage("reading and thinning", 0);
     let start = Instant::now();
-    let thinned = format::read_cloud(path).map(|cloud| {
-        let read = start.elapsed();
-        let kept = voxel::thin(&cloud.points, voxel_m);
-        Thinned {
-            count: cloud.points.len() as u64,
-            kept: kept.into_iter().map(u64::from).collect(),
-            cloud: Some(cloud),
-            read,
-            thin: start.elapsed() - read,
-        }
-    });
-    progress.end();
-    thinned
+    let cloud = format::read_cloud(path)?;
+    progress.check()?;
+    let read = start.elapsed();
+    let kept = voxel::thin(&cloud.points, voxel_m);
+    Ok(Thinned {
+        count: cloud.points.len() as u64,
+        kept: kept.into_iter().map(u64::from).collect(),
+        cloud: Some(cloud),
+        read,
+        thin: start.elapsed() - read,
+    })
 }
 
 fn write(from: &Path, thinned: &Thinned, to: &Path, progress: &dyn Progress) -> Result<()> {
     let mut kept = thinned.kept.iter().copied().peekable();
     let mut is_kept = |index: u64, _: &mut [f64]| Ok(kept.next_if_eq(&index).is_some());
-    progress.begin("writing", thinned.count);
+    let _stage = progress.stage("writing", thinned.count);
     let written = match &thinned.cloud {
         Some(cloud) => format::cloud_to_las(cloud, to, &[], &mut is_kept, progress),
         None => format::copy_las(from, to, &[], &mut is_kept, progress),
     };
-    progress.end();
     written.map(drop)
 }

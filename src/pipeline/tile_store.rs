@@ -116,6 +116,7 @@ impl TileStore {
         Self::write(folder, most_points, &mut |each| {
             points.chunks(CHUNK).try_for_each(|chunk| {
                 progress.advance(chunk.len() as u64);
+                progress.check()?;
                 each(chunk)
             })
         })

@@ -131,8 +131,9 @@ fn solve_tile<T: Send + Sync + Clone>(
         });
         let queries: Vec<Vec3> = wanted.iter().map(|pending| pending.point).collect();
         let watched: &dyn Progress = if is_first { progress } else { &Silent };
-        let found = index(&loaded.points, store)
-            .surroundings(&queries, of, watched, |_, near| (each(near), near.reach_m));
+        let found =
+            index(&loaded.points, store)
+                .surroundings(&queries, of, watched, |_, near| (each(near), near.reach_m))?;
         let mut left = Vec::new();
         for (pending, (value, reach_m)) in wanted.into_iter().zip(found) {
             let depth_m = region.depth_m(&pending.point);
@@ -220,7 +221,8 @@ fn solve_aside<T: Send + Sync + Clone>(
         near.sort_unstable_by_key(|(_, index, _)| *index);
         let points: Vec<Vec3> = near.iter().map(|(_, _, point)| *point).collect();
         let query = [pending.point];
-        let found = index(&points, store).surroundings(&query, of, &Silent, |_, near| each(near));
+        let found =
+            index(&points, store).surroundings(&query, of, &Silent, |_, near| each(near))?;
         for value in found {
             take(pending.index, value)?;
         }

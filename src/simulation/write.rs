@@ -167,7 +167,7 @@ fn write_profiles(
         .collect::<Result<Vec<_>>>()?;
     let count = profiler.count();
     let stage = format!("simulating profiles of {}", describe::drive_name(index));
-    progress.begin(&stage, (count * scanners) as u64);
+    let stage = progress.stage(&stage, (count * scanners) as u64);
     let mut points = 0u64;
     for from in (0..count).step_by(PROFILES_AT_ONCE) {
         let to = count.min(from + PROFILES_AT_ONCE);
@@ -180,13 +180,12 @@ fn write_profiles(
                 writer.write_profile(profile.time_s, &profile.points)?;
                 points += profile.points.iter().flatten().count() as u64;
             }
-            progress.advance(chunk.len() as u64);
+            stage.advance(chunk.len() as u64)?;
         }
     }
     for writer in writers {
         writer.finish()?;
     }
-    progress.end();
     Ok(((count * scanners) as u64, points))
 }
 
@@ -199,7 +198,7 @@ fn write_reference(
 ) -> Result<u64> {
     let reference = Reference::new(scenario, scene);
     let mut writer = format::CloudWriter::create(path, Vec3::zeros())?;
-    progress.begin("simulating the reference", reference.strips() as u64);
+    let stage = progress.stage("simulating the reference", reference.strips() as u64);
     let mut points = 0;
     for from in (0..reference.strips()).step_by(STRIPS_AT_ONCE) {
         let to = reference.strips().min(from + STRIPS_AT_ONCE);
@@ -211,9 +210,8 @@ fn write_reference(
             writer.write(point, 0.0, 0.0, 0)?;
             points += 1;
         }
-        progress.advance((to - from) as u64);
+        stage.advance((to - from) as u64)?;
     }
     writer.finish()?;
-    progress.end();
     Ok(points)
 }

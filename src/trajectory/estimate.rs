@@ -49,7 +49,7 @@ pub struct Estimate {
 ///
 /// # Errors
 /// Values that are not finite, streams that do not overlap, too few positions, an IMU gap of
-/// minutes, neither headings nor motion.
+/// minutes, neither headings nor motion; [`Error::Cancelled`].
 pub fn estimate(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
@@ -69,7 +69,7 @@ pub(super) fn estimate_from(
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Estimate> {
-    progress.begin("trajectory", 0);
+    let stage = progress.stage("trajectory", 0);
     // Enter the thread pool once: each entry from outside costs two thread switches.
     let mut asked = settings.clone();
     let mut idle = Vec::new();
@@ -85,7 +85,7 @@ pub(super) fn estimate_from(
             .retain(|constant| latency_of(constant).is_none_or(|stream| !idle.contains(&stream)));
         adjust(start, logs, &asked, progress)
     });
-    progress.end();
+    drop(stage);
     let estimate = adjusted?.conclude(&asked, &idle, progress)?;
     let solution = &estimate.solution;
     if solution.converged {
@@ -147,7 +147,7 @@ fn adjust(
             layouts = MOST_LAYOUTS;
         }
         if layouts == MOST_LAYOUTS {
-            adjusted.finish(settings, progress);
+            adjusted.finish(settings, progress)?;
             return Ok(adjusted);
         }
         let moved = adjusted.settle_clocks(&mut corrections);
@@ -190,7 +190,7 @@ fn adjust(
                 continue;
             }
         }
-        adjusted.finish(settings, progress);
+        adjusted.finish(settings, progress)?;
         return Ok(adjusted);
     }
 }
@@ -255,7 +255,7 @@ pub(super) fn adjust_once(
         settings,
         weights,
         progress,
-    );
+    )?;
     if ended.stop != StopReason::Converged {
         graph.factorise(&state, 0.0, &mut factor).map_err(|free| {
             let what = match free {
@@ -310,9 +310,10 @@ impl Adjusted {
     }
 
     /// Finds what is found once the clocks are.
-    fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) {
-        if settings.estimate.contains(&Constant::ImuNoiseScale) {
-            self.scale_noise(progress);
+    fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) -> Result<()> {
+        match settings.estimate.contains(&Constant::ImuNoiseScale) {
+            true => self.scale_noise(progress),
+            false => Ok(()),
         }
     }
 
@@ -325,7 +326,7 @@ impl Adjusted {
 
     /// Scales the IMU's standard deviations until its residuals are as large as they say: the
     /// variance component Ω/r of gyro and accelerometer together becomes 1 (Förstner 1979).
-    fn scale_noise(&mut self, progress: &dyn Progress) {
+    fn scale_noise(&mut self, progress: &dyn Progress) -> Result<()> {
         for _ in 0..MOST_SCALINGS {
             let component = imu_variance_component(&self.graph, &self.state, &self.factor);
             let Some((square, _)) = component else { break };
@@ -335,14 +336,15 @@ impl Adjusted {
                 &mut self.factor,
                 super::graph::MOST_ITERATIONS,
                 progress,
-            );
+            )?;
             self.ended.iterations += again.iterations;
             self.ended.stop = again.stop;
             self.ended.cost = again.cost;
             if (square - 1.0).abs() < SETTLED_SCALE {
-                return;
+                return Ok(());
             }
         }
         progress.warn("imu.noise_scale has not settled: the value is that of the last round");
+        Ok(())
     }
 }

@@ -10,6 +10,7 @@
 use super::chain::ChainFactor;
 use super::diagnostics::{imu_median_component, imu_variance_component};
 use super::graph::{Ended, Graph, MOST_ITERATIONS, State};
+use crate::error::Result;
 use crate::progress::Progress;
 use crate::statistics::{chi_square, median};
 use crate::trajectory::{Loss, TrajectorySettings};
@@ -89,17 +90,17 @@ pub(super) fn solve(
     settings: &TrajectorySettings,
     known: Option<&Weights>,
     progress: &dyn Progress,
-) -> Ended {
+) -> Result<Ended> {
     if let Some(known) = known {
         known.give(graph);
     }
-    let mut ended = graph.solve(state, factor, MOST_ITERATIONS, progress);
+    let mut ended = graph.solve(state, factor, MOST_ITERATIONS, progress)?;
     let tests = tests(graph, settings);
     let squares = squares(graph, state);
     let suspicious = tests.iter().any(|test| test.is_suspicious(&squares));
     let all_count = weights_of(graph).iter().all(|weight| *weight >= 1.0);
     if !suspicious && all_count {
-        return ended;
+        return Ok(ended);
     }
     let first = ended;
     // First with the IMU as the project says and the median of its residuals, which outliers that
@@ -109,26 +110,26 @@ pub(super) fn solve(
     let choose =
         |graph: &mut Graph, state: &mut State, factor: &mut ChainFactor, component: Component| {
             if truncated {
-                graduate(graph, state, factor, &tests, progress);
+                graduate(graph, state, factor, &tests, progress)?;
             }
-            settle(graph, state, factor, &tests, component, progress).iterations
+            settle(graph, state, factor, &tests, component, progress)
         };
-    ended.iterations += choose(graph, state, factor, imu_median_component);
+    ended.iterations += choose(graph, state, factor, imu_median_component)?;
     rescale(graph, state, factor, mean_component);
     if graph.imu_scale > NOTABLE_SCALE {
-        ended.iterations += choose(graph, state, factor, mean_component);
+        ended.iterations += choose(graph, state, factor, mean_component)?;
     }
     // The records are chosen; the adjustment takes the IMU as the project does.
     graph.imu_scale = 1.0;
-    let last = graph.solve(state, factor, MOST_ITERATIONS, progress);
+    let last = graph.solve(state, factor, MOST_ITERATIONS, progress)?;
     ended.iterations += last.iterations;
     ended.stop = last.stop;
     ended.cost = last.cost;
     ended.cost_initial = first.cost_initial;
-    ended
+    Ok(ended)
 }
 
-/// Finds scale and weights in turn until the weights settle.
+/// Finds scale and weights in turn until the weights settle; returns the iterations taken.
 fn settle(
     graph: &mut Graph,
     state: &mut State,
@@ -136,20 +137,21 @@ fn settle(
     tests: &[Test],
     component: Component,
     progress: &dyn Progress,
-) -> Ended {
+) -> Result<usize> {
     let mut before: Option<Vec<f64>> = None;
     let (mut iterations, mut rounds) = (0, 0);
     loop {
         for _ in 0..SCALINGS {
             rescale(graph, state, factor, component);
             iterations += graph
-                .solve(state, factor, ROUND_ITERATIONS, progress)
+                .solve(state, factor, ROUND_ITERATIONS, progress)?
                 .iterations;
         }
         let next = final_weights(tests, &squares(graph, state), &weights_of(graph));
         set_weights(graph, &next);
-        let round = graph.solve(state, factor, MOST_ITERATIONS, progress);
-        iterations += round.iterations;
+        iterations += graph
+            .solve(state, factor, MOST_ITERATIONS, progress)?
+            .iterations;
         let settled = before.as_ref().is_some_and(|before| {
             let mut pairs = before.iter().zip(&next);
             pairs.all(|(a, b)| (a - b).abs() < 1e-3)
@@ -157,10 +159,7 @@ fn settle(
         before = Some(next);
         rounds += 1;
         if settled || rounds == MOST_SETTLINGS {
-            return Ended {
-                iterations,
-                ..round
-            };
+            return Ok(iterations);
         }
     }
 }
@@ -291,7 +290,7 @@ fn graduate(
     factor: &mut ChainFactor,
     tests: &[Test],
     progress: &dyn Progress,
-) {
+) -> Result<()> {
     let mut sharpness: Option<f64> = None;
     for _ in 0..MOST_ROUNDS {
         let squares = squares(graph, state);
@@ -330,11 +329,12 @@ fn graduate(
             }
         }
         set_weights(graph, &weights);
-        graph.solve(state, factor, ROUND_ITERATIONS, progress);
+        graph.solve(state, factor, ROUND_ITERATIONS, progress)?;
         if !undecided && mu > 1.0 {
-            return;
+            break;
         }
     }
+    Ok(())
 }
 
 fn smooth(loss: Loss) -> bool {

@@ -46,6 +46,7 @@ pub fn cloud_to_las(
         }
         if at % 65_536 == 65_535 {
             progress.advance(65_536);
+            progress.check()?;
         }
     }
     progress.advance(cloud.points.len() as u64 % 65_536);

@@ -74,6 +74,7 @@ pub fn copy_las(
             break;
         }
         progress.advance(count);
+        progress.check()?;
     }
     if file.taken() != expected {
         return Err(Error::format(

@@ -60,7 +60,7 @@ pub(super) fn write(path: &Path, found: &M3c2, progress: &dyn Progress) -> Resul
         ..PointCloud::default()
     };
     let dimensions = COLUMNS.map(|(name, text, kind, _)| ExtraDimension::new(name, kind, text));
-    progress.begin("writing the core points", cloud.points.len() as u64);
+    let _stage = progress.stage("writing the core points", cloud.points.len() as u64);
     let mut row = |index: u64, values: &mut [f64]| {
         let core = &found.core[index as usize];
         for (value, (.., column)) in values.iter_mut().zip(&COLUMNS) {
@@ -68,7 +68,5 @@ pub(super) fn write(path: &Path, found: &M3c2, progress: &dyn Progress) -> Resul
         }
         Ok(true)
     };
-    let written = format::cloud_to_las(&cloud, path, &dimensions, &mut row, progress);
-    progress.end();
-    written.map(|_| ())
+    format::cloud_to_las(&cloud, path, &dimensions, &mut row, progress).map(drop)
 }

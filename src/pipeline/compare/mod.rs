@@ -137,12 +137,10 @@ fn at_once(
 ) -> Result<Tiled> {
     let settings = &comparison.settings;
     let start = Instant::now();
-    progress.begin("reading the clouds", 0);
+    let stage = progress.stage("reading the clouds", 0);
     let read = |path: &Path| Ok::<_, Error>(format::read_cloud(path)?.points);
-    let clouds =
-        read(&comparison.cloud).and_then(|cloud| Ok((cloud, read(&comparison.reference)?)));
-    progress.end();
-    let (compared, reference) = clouds?;
+    let (compared, reference) = (read(&comparison.cloud)?, read(&comparison.reference)?);
+    drop(stage);
     let core = core.unwrap_or_else(|| CorePoints {
         points: core_points(&reference, settings),
         normals: Vec::new(),
@@ -151,19 +149,15 @@ fn at_once(
     let read_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    progress.begin("indexing the clouds", 0);
-    let clouds = IndexedClouds::new(&reference, &compared, normals, settings);
-    progress.end();
-    let clouds = clouds?;
-    drop((reference, compared));
+    let stage = progress.stage("indexing the clouds", 0);
+    let clouds = IndexedClouds::new(&reference, &compared, normals, settings)?;
+    drop((stage, reference, compared));
     let index_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    progress.begin("comparing the clouds (M3C2)", core.points.len() as u64);
-    let found = clouds.distances(&core.points, normals, progress);
-    progress.end();
+    let _stage = progress.stage("comparing the clouds (M3C2)", core.points.len() as u64);
     Ok(Tiled {
-        found: found?,
+        found: clouds.distances(&core.points, normals, progress)?,
         tiles: 1,
         read_s,
         index_s,

@@ -11,7 +11,7 @@ use crate::format::{self, CorePoints};
 use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::pipeline::tile_store::TileStore;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, Silent, Stage};
 
 /// A comparison by tiles, and what its stages took, seconds.
 pub(super) struct Tiled {
@@ -45,17 +45,16 @@ pub(super) fn compare(
         compare_s: 0.0,
     };
     let total = (0..tiled.tiles).map(|tile| reference.count(tile)).sum();
-    progress.begin("comparing the clouds (M3C2), by tiles", total);
-    let solved = solve(
+    let stage = progress.stage("comparing the clouds (M3C2), by tiles", total);
+    solve(
         comparison,
         core,
         normals,
         [&reference, &compared],
         &mut tiled,
-        progress,
-    );
-    progress.end();
-    solved?;
+        &stage,
+    )?;
+    drop(stage);
     Ok(tiled)
 }
 
@@ -65,7 +64,7 @@ fn solve(
     normals: Normals<'_>,
     [reference, compared]: [&TileStore; 2],
     tiled: &mut Tiled,
-    progress: &dyn Progress,
+    stage: &Stage<'_>,
 ) -> Result<()> {
     let settings = &comparison.settings;
     let (low, high) = reference.extent();
@@ -104,7 +103,7 @@ fn solve(
             found.extend(places.into_iter().zip(distances.core));
             tiled.compare_s += start.elapsed().as_secs_f64();
         }
-        progress.advance(reference.count(tile));
+        stage.advance(reference.count(tile))?;
     }
     found.sort_unstable_by_key(|(place, _)| *place);
     tiled.found.core = found.into_iter().map(|(_, distance)| distance).collect();
@@ -148,11 +147,9 @@ fn store(
             (points.len() as u64, Some(points))
         }
     };
-    progress.begin("sorting a cloud into tiles", count);
-    let store = match points {
+    let _stage = progress.stage("sorting a cloud into tiles", count);
+    match points {
         Some(points) => TileStore::of_points(folder, tile_points, &points, progress),
         None => TileStore::of_file(folder, tile_points, cloud, progress),
-    };
-    progress.end();
-    store
+    }
 }

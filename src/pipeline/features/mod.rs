@@ -98,10 +98,9 @@ pub fn features(
         }
         named => {
             let start = Instant::now();
-            progress.begin("reading the cloud", 0);
-            let read = format::read_cloud(cloud);
-            progress.end();
-            let read = read?;
+            let stage = progress.stage("reading the cloud", 0);
+            let read = format::read_cloud(cloud)?;
+            drop(stage);
             let read_s = start.elapsed().as_secs_f64();
             let points = read.points.len() as u64;
             let work = if points > in_one_piece {
@@ -151,14 +150,13 @@ impl Input<'_> {
             row(index)?.fill(features, values);
             Ok(true)
         };
-        progress.begin("writing the features", self.len());
+        let _stage = progress.stage("writing the features", self.len());
         let written = match self {
             Self::File(path, _) => format::copy_las(path, output, &dimensions, &mut fill, progress),
             Self::Memory(cloud) => {
                 format::cloud_to_las(cloud, output, &dimensions, &mut fill, progress)
             }
         };
-        progress.end();
         written.map(|_| start.elapsed().as_secs_f64())
     }
 }
@@ -178,13 +176,12 @@ fn at_once(
         cloud.intensity = Vec::new();
     }
     let start = Instant::now();
-    progress.begin("features", points);
+    let stage = progress.stage("features", points);
     let index = NeighbourIndex::new(&cloud.points);
     let rows = index.surroundings_of_all(&index, settings.neighbourhood, progress, |_, near| {
         FeatureRow::of(near, &settings.features)
-    });
-    progress.end();
-    drop(index);
+    })?;
+    drop((stage, index));
     let features_s = start.elapsed().as_secs_f64();
     let input = match file {
         Some(path) => Input::File(path, points),
@@ -212,18 +209,17 @@ fn by_tiles(
     progress: &dyn Progress,
 ) -> Result<Work> {
     let start = Instant::now();
-    progress.begin("sorting the cloud into tiles", input.len());
+    let stage = progress.stage("sorting the cloud into tiles", input.len());
     let folder = staging.path("tiles");
     let store = match input {
         Input::File(path, _) => TileStore::of_file(&folder, tile_points, path, progress),
         Input::Memory(cloud) => TileStore::of_points(&folder, tile_points, &cloud.points, progress),
-    };
-    progress.end();
-    let store = store?;
+    }?;
+    drop(stage);
     let read_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    progress.begin("features", input.len());
+    let stage = progress.stage("features", input.len());
     let mut rows = RowStore::create(&staging.path("rows"), input.len(), tile_points)?;
     let solved = tiled::surroundings(
         &store,
@@ -232,10 +228,8 @@ fn by_tiles(
         progress,
         |near| FeatureRow::of(near, &settings.features),
         |index, row| rows.put(index, &row),
-    );
-    progress.end();
-    let solved = solved?;
-    drop(store);
+    )?;
+    drop((stage, store));
     let mut rows = rows.sorted()?;
     let features_s = start.elapsed().as_secs_f64();
 

@@ -69,6 +69,7 @@ pub(super) fn follow(
                 }
             }
             if new.is_empty() {
+                progress.check()?;
                 if grown.elapsed() >= idle {
                     return Ok(());
                 }

@@ -93,11 +93,10 @@ pub fn online(
         Source::Replay => {
             let read = DriveLogs::read(project, logs, progress)?;
             session = Session::new(&read.settings, project.origin_m, None)?;
-            progress.begin("online", 0);
+            let _stage = progress.stage("online", 0);
             for record in in_order(&read) {
                 session.give(record, progress)?;
             }
-            progress.end();
         }
         Source::Follow(idle) => {
             session = Session::new(&settings(project, logs), project.origin_m, Some(rows))?;
@@ -165,6 +164,7 @@ impl<'a> Session<'a> {
     }
 
     fn give(&mut self, record: Record, progress: &dyn Progress) -> Result<()> {
+        progress.check()?;
         let begun = Instant::now();
         let updates = match record {
             Record::Imu(sample) => self.smoother.imu(sample)?,

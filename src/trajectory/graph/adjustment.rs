@@ -273,13 +273,16 @@ impl Graph {
     /// Levenberg-Marquardt from `state` in place; every step is accepted or refused on the true
     /// cost. `factor` ends as the undamped factor within 5 % of a standard deviation of the
     /// solution where it converged, and is of no use where it did not.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
     pub fn solve(
         &self,
         state: &mut State,
         factor: &mut ChainFactor,
         most_iterations: usize,
         progress: &dyn Progress,
-    ) -> Ended {
+    ) -> crate::Result<Ended> {
         let mut node_steps = vec![[0.0; NODE]; state.nodes.len()];
         let mut bias_steps = vec![[0.0; BIAS]; state.biases.len()];
         let mut constant_steps = vec![0.0; state.constants.len()];
@@ -291,6 +294,7 @@ impl Graph {
             }
             iterations += 1;
             progress.advance(1);
+            progress.check()?;
             if self.factorise(state, damping, factor).is_ok() {
                 factor.back_substitute(&mut node_steps, &mut bias_steps, &mut constant_steps);
                 let trial = moved(state, &node_steps, &bias_steps, &constant_steps);
@@ -312,12 +316,12 @@ impl Graph {
                 break StopReason::NoBetterStep;
             }
         };
-        Ended {
+        Ok(Ended {
             stop,
             iterations,
             cost_initial,
             cost,
-        }
+        })
     }
 }
 

@@ -105,7 +105,7 @@ fn surroundings(points: &[Vec3], k: NonZero<usize>) -> Run {
     let (reach_sum_m, query_s) = timed(|| {
         let of = Neighbourhood::Nearest(k.get());
         let found = index.surroundings_of_all(&index, of, &Silent, |_, near| near.reach_m);
-        found.into_iter().sum()
+        found.into_iter().flatten().sum()
     });
     Run {
         name: "boresight, surroundings_of_all",
