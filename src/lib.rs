@@ -11,6 +11,7 @@
 //! | [`project`] | `project.toml`: as written, then checked |
 //! | [`trajectory`] | preintegration, factors, smoother, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
+//! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`simulation`] | scene, drives, sensors: the twin with known truth |
@@ -39,6 +40,7 @@ pub mod report;
 pub mod sensor;
 pub mod simulation;
 pub mod statistics;
+pub mod surface;
 pub mod trajectory;
 
 pub use error::{Error, Result};
