@@ -14,6 +14,7 @@
 //! | [`mod@format`] | one file per file format, in and out; detection |
 //! | [`trajectory`] | preintegration, factors, the chain's solver, batch and online smoother, diagnostics, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
+//! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`tiles`] | clouds larger than memory, from file to file: features, M3C2, thinning |
@@ -44,6 +45,7 @@ pub mod report;
 pub mod sensor;
 pub mod simulation;
 pub mod statistics;
+pub mod surface;
 pub mod tiles;
 pub mod trajectory;
 

@@ -2,9 +2,7 @@
 
 use super::logs::DriveLogs;
 use crate::calibration::CalibrationSettings;
-use crate::calibration::{
-    Calibration, Input, Mounting, PoseUncertainty, ScannerSample, calibrate, sample_profiles,
-};
+use crate::calibration::{Calibration, Input, Mounting, ScannerSample, calibrate, sample_profiles};
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -35,22 +33,6 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// What the calibration may assume about the errors of the poses.
-    pub fn uncertainty(&self) -> PoseUncertainty<'_> {
-        match &self.covariance {
-            Some(covariance) => PoseUncertainty::Smoothed(covariance),
-            None if self
-                .trajectory
-                .nodes()
-                .iter()
-                .any(|node| node.sigma.is_some()) =>
-            {
-                PoseUncertainty::Sigmas
-            }
-            None => PoseUncertainty::None,
-        }
-    }
-
     /// Poses that come without a joint covariance.
     pub fn from_file(trajectory: Trajectory) -> Self {
         Self {
@@ -126,12 +108,6 @@ pub fn samples(
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
-    let finest_m = project
-        .calibration
-        .voxel_sizes_m
-        .iter()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
     let all = project
         .scanners
         .iter()
@@ -143,18 +119,11 @@ pub fn samples(
         .map(|reader| reader.bytes_total())
         .sum();
     let stage = progress.stage("reading profiles", bytes);
-    let jobs: Vec<_> = project.scanners.iter().zip(all).collect();
-    let found = in_parallel(jobs, |(scanner, readers)| {
-        sample_profiles(
-            &scanner.name,
-            readers,
-            scanner.time_offset_s,
-            trajectory,
-            &scanner.body_from_scanner,
-            finest_m,
-            project.calibration.pass_gap_s,
-            progress,
-        )
+    let mountings = mountings(project);
+    let jobs: Vec<_> = mountings.iter().zip(&project.scanners).zip(all).collect();
+    let found = in_parallel(jobs, |((mounting, scanner), readers)| {
+        let (offset_s, settings) = (scanner.time_offset_s, &project.calibration);
+        sample_profiles(mounting, readers, offset_s, trajectory, settings, progress)
     })
     .into_iter()
     .collect::<Result<Vec<ScannerSample>>>()?;
@@ -219,12 +188,7 @@ pub fn check_reference(
         .scanners
         .iter()
         .zip(samples)
-        .flat_map(|(scanner, sample)| {
-            sample.points.iter().map(|point| {
-                let body = scanner.body_from_scanner.map(&point.position_m);
-                point.world_from_body.map(&body)
-            })
-        });
+        .flat_map(|(scanner, sample)| sample.placed(&scanner.body_from_scanner));
     let (Some(scanned), Some(known)) = (box_of(scanned), box_of(reference.iter().copied())) else {
         return Ok(());
     };
@@ -345,12 +309,11 @@ pub fn calibration(
             "leave some parameters out of `fixed`, or use `boresight georeference`",
         ));
     }
-    let input = Input {
-        mountings: mountings(project),
-        samples: samples.iter().collect(),
-        reference,
-        trajectory: &poses.trajectory,
-        poses: poses.uncertainty(),
+    let input = Input::new(mountings(project), samples, &poses.trajectory);
+    let input = input.with_reference(reference);
+    let input = match &poses.covariance {
+        Some(covariance) => input.with_pose_covariance(covariance),
+        None => input,
     };
     calibrate(&input, settings, progress)
 }
