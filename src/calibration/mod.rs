@@ -17,6 +17,7 @@ mod settings;
 #[cfg(test)]
 mod small_case;
 pub mod uncertainty;
+mod variant;
 
 use std::time::Instant;
 
@@ -29,6 +30,7 @@ pub use parameters::Mounting;
 pub use sample::{ScannerSample, sample_profiles};
 pub use settings::{CalibrationSettings, Method, PARAMETER_NAMES};
 pub use uncertainty::PoseUncertainty;
+pub use variant::Variant;
 
 use crate::cloud::voxel;
 use crate::error::{Error, Result};

@@ -1,5 +1,6 @@
 //! How far apart two clouds are: M3C2 and its statistics.
 
+mod agreement;
 mod cells;
 mod cylinder;
 mod detection;
@@ -14,6 +15,7 @@ pub mod student;
 mod sums;
 mod window;
 
+pub use agreement::{Against, Agreement, Agreements, MountingKind, agreements};
 pub use m3c2::{CoreDistance, M3c2, Normals, core_indices, core_points, m3c2};
 pub use search::{IndexedClouds, reach_m};
 pub use settings::{Aggregation, ComparisonSettings, Detection};
