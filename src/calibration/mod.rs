@@ -20,7 +20,8 @@ mod serialize;
 mod settings;
 #[cfg(test)]
 mod small_case;
-mod uncertainty;
+pub mod uncertainty;
+mod variant;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -31,9 +32,9 @@ pub use observability::{FreeDirection, Observability};
 pub use parameters::{Mounting, PARAMETER_NAMES};
 pub use result::{Calibration, Scale};
 pub use sample::{ScannerSample, sample_profiles};
-pub use scale::Ending;
-pub use serialize::{MountingForms, ScannerResult};
-pub use settings::{CalibrationSettings, Method};
+pub use settings::{CalibrationSettings, Method, PARAMETER_NAMES};
+pub use uncertainty::PoseUncertainty;
+pub use variant::Variant;
 
 use crate::error::Result;
 use crate::progress::Progress;

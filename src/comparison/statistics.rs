@@ -62,12 +62,6 @@ impl Statistics {
         })
     }
 
-    /// The distance below which the share `p` of them lies, between neighbours by straight lines;
-    /// the smallest for p ≤ 0, the largest for p ≥ 1.
-    pub fn quantile_m(&self, p: f64) -> f64 {
-        quantile(&self.sorted_m, p)
-    }
-
     /// Counts of the distances in `bins` (at least one) equal intervals from `low_m` to `high_m`.
     pub fn histogram(&self, low_m: f64, high_m: f64, bins: usize) -> Histogram {
         let bins = bins.max(1);

@@ -1,12 +1,15 @@
 //! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
 
+use std::path::PathBuf;
+
+use super::job::Job;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
 use crate::error::Result;
 use crate::format::CloudWriter;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
 use crate::progress::Progress;
-use crate::project::{Project, Scanner};
+use crate::project::Project;
 use crate::sensor::ScanPoint;
 use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
@@ -19,39 +22,39 @@ const MOST_KEPT: usize = 2_000_000;
 pub type KeptPoints = Vec<Vec<ScanPoint>>;
 
 /// Reads all profiles of the project once. Keeps an even share of each scanner's points and, where
-/// `write` is given, writes all of them, placed with the given mountings, to the path that it
-/// returns for a scanner.
+/// `placed` is given, writes all of them: placed with a mounting for each scanner to a file for each.
 ///
 /// # Errors
 /// What the readers find; profiles of which none falls in the trajectory's span; a cloud cannot be
-/// written.
+/// written; [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[BodyFromScanner],
-    write: Option<&(dyn Fn(&Scanner) -> std::path::PathBuf + Sync)>,
+    placed: Option<(&[Pose], &[PathBuf])>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
     let jobs = project
         .scanners
         .iter()
-        .zip(mountings)
         .enumerate()
-        .map(|(index, (scanner, pose))| Ok((index, scanner, pose, open_profiles(scanner)?)))
+        .map(|(index, scanner)| Ok((index, scanner, open_profiles(scanner)?)))
         .collect::<Result<Vec<_>>>()?;
     let bytes = jobs
         .iter()
-        .flat_map(|job| &job.3)
+        .flat_map(|job| &job.2)
         .map(|reader| reader.bytes_total())
         .sum();
     let stage = progress.stage("georeferencing", bytes);
-    let found = in_parallel(jobs, |(index, scanner, pose, readers)| {
-        let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
-        let mut writer = match write {
-            Some(path) => Some(CloudWriter::create(&path(scanner), project.origin_m)?),
-            None => None,
+    let found = in_parallel(jobs, |(index, scanner, readers)| {
+        let (pose, mut writer) = match placed {
+            Some((mountings, files)) => {
+                let writer = CloudWriter::create(&files[index], project.origin_m)?;
+                (mountings[index], Some(writer))
+            }
+            None => (scanner.body_from_scanner, None),
         };
-        let mut kept = EvenSample::new(MOST_KEPT);
+        let mut place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
+        let mut kept = Evenly::new();
         let mut chunk = Vec::new();
         for mut reader in readers {
             let mut bytes = 0;
@@ -111,6 +114,23 @@ pub fn place(
 }
 
 /// The file name of a scanner's cloud.
-pub fn file_name(scanner: &str) -> String {
+pub fn name(scanner: &str) -> String {
     format!("cloud-{scanner}.laz")
+}
+
+/// Writes the cloud of each scanner, placed with these mountings, and keeps an even share.
+///
+/// # Errors
+/// As for [`stream`].
+pub fn write(
+    project: &Project,
+    trajectory: &Trajectory,
+    mountings: &[Pose],
+    job: &mut Job<'_>,
+) -> Result<KeptPoints> {
+    let scanners = project.scanners.iter();
+    let files: Vec<PathBuf> = scanners.map(|s| job.path(&name(&s.name))).collect();
+    job.timed("georeference", |progress| {
+        stream(project, trajectory, Some((mountings, &files)), progress)
+    })
 }

@@ -1,8 +1,13 @@
 //! Each stage as a function of the project and what came before.
 
+use std::path::Path;
+use std::time::Instant;
+
 use super::logs::DriveLogs;
-use crate::calibration::CalibrationSettings;
-use crate::calibration::{Calibration, Input, Mounting, ScannerSample, calibrate, sample_profiles};
+use crate::calibration::{
+    Calibration, CalibrationSettings, Input, Mounting, PoseUncertainty, ScannerSample, calibrate,
+    sample_profiles,
+};
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -11,7 +16,6 @@ use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
-use std::time::Instant;
 
 /// What to know about sigmas from poses that have none.
 const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
@@ -165,13 +169,21 @@ pub fn warn_of_missing(
 }
 
 /// What to say of the points of `scanner`, of `read` in all, that were refused; `None` without any.
-pub fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
+fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
     (refused.points > 0).then(|| {
         format!(
             "{:.1} % of the points of scanner `{scanner}` were left out: {refused}",
             100.0 * refused.points as f64 / read as f64,
         )
     })
+}
+
+/// What to say of the points of each scanner that were refused.
+pub fn refusals(project: &Project, samples: &[ScannerSample]) -> Vec<String> {
+    let named = project.scanners.iter().zip(samples);
+    named
+        .filter_map(|(scanner, s)| refusal(&scanner.name, s.read, &s.refused))
+        .collect()
 }
 
 /// Checks that the reference, where there is one, lies where the scanners looked.
@@ -271,17 +283,9 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
 }
 
 /// The initial mountings of the project.
-pub fn mountings(project: &Project) -> Vec<Mounting> {
-    project
-        .scanners
-        .iter()
-        .map(|scanner| Mounting {
-            name: scanner.name.clone(),
-            body_from_scanner: scanner.body_from_scanner,
-            convention: scanner.convention,
-            fixed: scanner.fixed,
-        })
-        .collect()
+pub fn mountings(project: &Project) -> Vec<Pose> {
+    let scanners = project.scanners.iter();
+    scanners.map(|scanner| scanner.body_from_scanner).collect()
 }
 
 /// Calibrates the project's scanners.
@@ -309,11 +313,18 @@ pub fn calibration(
             "leave some parameters out of `fixed`, or use `boresight georeference`",
         ));
     }
-    let input = Input::new(mountings(project), samples, &poses.trajectory);
-    let input = input.with_reference(reference);
-    let input = match &poses.covariance {
-        Some(covariance) => input.with_pose_covariance(covariance),
-        None => input,
+    let mountings = project.scanners.iter().map(|scanner| Mounting {
+        name: scanner.name.clone(),
+        body_from_scanner: scanner.body_from_scanner,
+        convention: scanner.convention,
+        fixed: scanner.fixed,
+    });
+    let input = Input {
+        mountings: mountings.collect(),
+        samples: samples.iter().collect(),
+        reference,
+        trajectory: &poses.trajectory,
+        poses: poses.uncertainty(),
     };
     calibrate(&input, settings, progress)
 }
@@ -325,4 +336,16 @@ pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
         scanner.body_from_scanner = *pose;
     }
     project
+}
+
+/// Writes poses with the project's origin added back.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_trajectory(path: &Path, poses: &[PoseRecord], origin_m: &Vec3) -> Result<()> {
+    let mut poses = poses.to_vec();
+    poses
+        .iter_mut()
+        .for_each(|pose| pose.world_from_body.translation.vector += origin_m);
+    format::write_trajectory(path, &poses)
 }

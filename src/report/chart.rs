@@ -166,35 +166,23 @@ impl Plot {
         }
     }
 
-    /// A closed outline.
-    pub fn outline(&mut self, class: &str, corners: &[[f64; 2]]) {
-        if corners.is_empty() || !corners.iter().all(|p| self.drawable(p)) {
-            return;
-        }
-        let list: Vec<String> = corners
-            .iter()
-            .map(|p| format!("{:.1},{:.1}", self.px(p[0]), self.py(p[1])))
-            .collect();
-        self.body.push_str(&format!(
-            "<polygon class=\"{class}\" points=\"{}\"/>\n",
-            list.join(" ")
-        ));
-    }
-
     /// A band between `low` and `high` over x, as (x, low, high), with gaps where one of the
     /// three cannot be drawn.
     pub fn band(&mut self, class: &str, points: &[[f64; 3]]) {
         let bad = |p: &[f64; 3]| !self.drawable(&[p[0], p[1]]) || !self.drawable(&[p[0], p[2]]);
-        let runs: Vec<Vec<[f64; 2]>> = points
-            .split(bad)
-            .map(|run| {
-                let low = run.iter().map(|p| [p[0], p[1]]);
-                low.chain(run.iter().rev().map(|p| [p[0], p[2]])).collect()
-            })
-            .collect();
-        for run in runs {
-            self.outline(class, &run);
+        let mut polygons = String::new();
+        for run in points.split(bad).filter(|run| !run.is_empty()) {
+            let low = run.iter().map(|p| [p[0], p[1]]);
+            let corners = low.chain(run.iter().rev().map(|p| [p[0], p[2]]));
+            let corners: Vec<String> = corners
+                .map(|p| format!("{:.1},{:.1}", self.px(p[0]), self.py(p[1])))
+                .collect();
+            polygons.push_str(&format!(
+                "<polygon class=\"{class}\" points=\"{}\"/>\n",
+                corners.join(" ")
+            ));
         }
+        self.body.push_str(&polygons);
     }
 
     /// A dot at each point.
