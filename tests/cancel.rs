@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
 use boresight::pipeline::online::{Source, online};
-use boresight::pipeline::{self, Comparison, FeatureSettings, NormalSource, Options, Outcome};
+use boresight::pipeline::{self, Options, Outcome};
 use boresight::progress::{Progress, Silent};
 use boresight::project::Project;
+use boresight::tiles::{Comparison, FeatureSettings, NormalSource};
 use boresight::{Error, Result};
 use common::TINY_SCENARIO;
 

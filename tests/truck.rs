@@ -153,7 +153,7 @@ fn poses_beside_points_lead_back_to_the_points() {
     let folder = tempfile::tempdir().unwrap();
     let project = project(&laz, Vec3::zeros(), folder.path());
     let poses = stages::poses(&project, &Silent).unwrap();
-    let identity = pose(boresight::geometry::Rotation::identity(), Vec3::zeros());
+    let identity = BodyFromScanner::identity();
     let kept = clouds::stream(&project, &poses.trajectory, None, &Silent).unwrap();
     let placed = clouds::place(&project, &poses.trajectory, &[identity], &kept);
     let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&laz)

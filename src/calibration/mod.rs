@@ -20,7 +20,7 @@ mod serialize;
 mod settings;
 #[cfg(test)]
 mod small_case;
-pub mod uncertainty;
+mod uncertainty;
 mod variant;
 
 use std::sync::Arc;
@@ -32,8 +32,9 @@ pub use observability::{FreeDirection, Observability};
 pub use parameters::{Mounting, PARAMETER_NAMES};
 pub use result::{Calibration, Scale};
 pub use sample::{ScannerSample, sample_profiles};
-pub use settings::{CalibrationSettings, Method, PARAMETER_NAMES};
-pub use uncertainty::PoseUncertainty;
+pub use scale::Ending;
+pub use serialize::{MountingForms, ScannerResult};
+pub use settings::{CalibrationSettings, Method};
 pub use variant::Variant;
 
 use crate::error::Result;

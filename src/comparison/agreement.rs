@@ -1,6 +1,8 @@
 //! How well the clouds of one drive agree: with the reference, and scanner against scanner.
 
-use super::m3c2::{M3c2, Normals, core_points, m3c2};
+use super::checks::Normals;
+use super::m3c2::{core_points, m3c2};
+use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::statistics::Statistics;
 use crate::error::Result;

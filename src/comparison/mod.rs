@@ -17,7 +17,9 @@ mod sums;
 mod window;
 
 pub use agreement::{Against, Agreement, Agreements, MountingKind, agreements};
-pub use m3c2::{CoreDistance, M3c2, Normals, core_indices, core_points, m3c2};
+pub use checks::Normals;
+pub use m3c2::{core_indices, core_points, m3c2};
+pub use result::{CoreDistance, M3c2};
 pub use search::{IndexedClouds, reach_m};
 pub use settings::{Aggregation, ComparisonSettings, Detection};
 pub use statistics::{Histogram, Statistics};

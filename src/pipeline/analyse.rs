@@ -9,7 +9,7 @@ use crate::calibration::Calibration;
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
 use crate::error::Result;
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::content::Drive;
@@ -67,10 +67,10 @@ fn mountings(
     project: &Project,
     calibration: &Calibration,
     extras: &Extras,
-) -> Vec<(MountingKind, Vec<Pose>)> {
+) -> Vec<(MountingKind, Vec<BodyFromScanner>)> {
     let truth = extras.truth.as_ref().map(|truth| truth.mountings.clone());
     let mut mountings = vec![
-        (MountingKind::Initial, stages::mountings(project)),
+        (MountingKind::Initial, stages::initial_poses(project)),
         (MountingKind::Final, calibration.poses()),
     ];
     mountings.extend(truth.map(|truth| (MountingKind::Truth, truth)));

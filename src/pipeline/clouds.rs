@@ -30,7 +30,7 @@ pub type KeptPoints = Vec<Vec<ScanPoint>>;
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    placed: Option<(&[Pose], &[PathBuf])>,
+    placed: Option<(&[BodyFromScanner], &[PathBuf])>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
     let jobs = project
@@ -54,7 +54,7 @@ pub fn stream(
             None => (scanner.body_from_scanner, None),
         };
         let mut place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
-        let mut kept = Evenly::new();
+        let mut kept = EvenSample::new(MOST_KEPT);
         let mut chunk = Vec::new();
         for mut reader in readers {
             let mut bytes = 0;
@@ -125,7 +125,7 @@ pub fn name(scanner: &str) -> String {
 pub fn write(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[Pose],
+    mountings: &[BodyFromScanner],
     job: &mut Job<'_>,
 ) -> Result<KeptPoints> {
     let scanners = project.scanners.iter();

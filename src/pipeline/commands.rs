@@ -16,6 +16,7 @@ use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
 use crate::simulation::{self, Scenario};
+use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Trajectory;
 
 /// Scales at which the demo runs the paper's own method beside ours: the finer ones take minutes.
@@ -133,7 +134,7 @@ pub fn trajectory(
             "poses": drive.poses.len(),
             "span_s": [first_s, last_s],
             "stages": { "estimate": { "seconds": seconds } },
-            "peak_memory_bytes": super::peak_memory_bytes(),
+            "peak_memory_bytes": peak_memory_bytes(),
         }),
         summary: summary::trajectory(solution, &drive.poses),
         files: files_in(&options.out, ["trajectory.csv", "trajectory.html"]),
@@ -173,7 +174,7 @@ pub fn georeference(
 ) -> Result<Outcome> {
     let mut job = Job::new(&options.out, progress)?;
     let poses = stages::poses(project, progress)?;
-    let mountings = stages::mountings(project);
+    let mountings = stages::initial_poses(project);
     clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
     job.commit()?;
     let scanners = project.scanners.iter();

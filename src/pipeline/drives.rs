@@ -7,13 +7,13 @@ use super::job::Job;
 use super::stages::{self, Poses};
 use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::{Error, Result};
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::progress::Progress;
 use crate::project::{Evaluation, Project};
 use crate::report::content::Drive;
 
 /// Mountings to compare, and which they are.
-pub type Mountings = [(MountingKind, Vec<Pose>)];
+pub type Mountings = [(MountingKind, Vec<BodyFromScanner>)];
 
 /// The name of the project's own drive: that of its folder.
 pub fn name_of(project: &Project) -> String {
@@ -68,7 +68,8 @@ fn compared(
     kept: &KeptPoints,
     progress: &dyn Progress,
 ) -> Result<Drive> {
-    let place = |mountings: &[Pose]| clouds::place(project, &poses.trajectory, mountings, kept);
+    let place =
+        |mountings: &[BodyFromScanner]| clouds::place(project, &poses.trajectory, mountings, kept);
     let placed = mountings.iter();
     let placed: Vec<_> = placed
         .map(|(kind, mountings)| (*kind, place(mountings)))

@@ -2,7 +2,7 @@
 
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
 use crate::trajectory::Trajectory;
@@ -24,7 +24,7 @@ pub struct Extras {
 #[derive(Debug, Clone)]
 pub struct Truth {
     /// True mountings in the order of the project's scanners.
-    pub mountings: Vec<Pose>,
+    pub mountings: Vec<BodyFromScanner>,
     /// True poses of the calibration drive.
     pub trajectory: Trajectory,
 }
@@ -37,7 +37,7 @@ pub struct Findings {
     /// The same drive calibrated under other conditions.
     pub beside: Vec<(Variant, Calibration)>,
     /// The mountings that clouds were compared under, in the order of the project's scanners.
-    pub mountings: Vec<(MountingKind, Vec<Pose>)>,
+    pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
     /// The reference, thinned for drawing, the project's origin subtracted.

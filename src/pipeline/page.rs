@@ -4,6 +4,7 @@ use super::drives::name_of;
 use super::findings::{Extras, Findings};
 use crate::project::{Motion, Project};
 use crate::report::content::{Calibrations, Content, Drive, Fact};
+use crate::tiles::peak_memory_bytes;
 
 /// The report of a whole run.
 pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -> Content<'a> {
@@ -21,7 +22,7 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
         drives: &findings.drives,
         background_m: &findings.background_m,
         stages: &findings.stages,
-        peak_memory_bytes: super::peak_memory_bytes(),
+        peak_memory_bytes: peak_memory_bytes(),
         warnings: &findings.warnings,
     }
 }

@@ -6,11 +6,12 @@ use super::findings::Findings;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Against, Agreements, MountingKind};
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{EulerConvention, Pose};
+use crate::geometry::{BodyFromScanner, EulerConvention};
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
 use crate::sensor::PoseRecord;
+use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Solution;
 
 /// The whole `result.json`.
@@ -20,7 +21,7 @@ pub fn document(findings: &Findings) -> Value {
     document["drives"] = drives(&findings.drives);
     document["stages"] = stages(&findings.stages);
     document["warnings"] = json!(findings.warnings);
-    document["peak_memory_bytes"] = json!(super::peak_memory_bytes());
+    document["peak_memory_bytes"] = json!(peak_memory_bytes());
     if let Some(drive) = findings.drives.first() {
         document["evaluation"] = evaluation(&drive.agreements);
         if let Some(solution) = &drive.solution {

@@ -5,8 +5,7 @@ use std::time::Instant;
 
 use super::logs::DriveLogs;
 use crate::calibration::{
-    Calibration, CalibrationSettings, Input, Mounting, PoseUncertainty, ScannerSample, calibrate,
-    sample_profiles,
+    Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
 use crate::error::{Error, Result};
 use crate::format;
@@ -283,7 +282,18 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
 }
 
 /// The initial mountings of the project.
-pub fn mountings(project: &Project) -> Vec<Pose> {
+pub fn mountings(project: &Project) -> Vec<Mounting> {
+    let mounting = |scanner: &Scanner| Mounting {
+        name: scanner.name.clone(),
+        body_from_scanner: scanner.body_from_scanner,
+        convention: scanner.convention,
+        fixed: scanner.fixed,
+    };
+    project.scanners.iter().map(mounting).collect()
+}
+
+/// Where the project has its scanners on the body before they are calibrated.
+pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
     let scanners = project.scanners.iter();
     scanners.map(|scanner| scanner.body_from_scanner).collect()
 }
@@ -313,18 +323,11 @@ pub fn calibration(
             "leave some parameters out of `fixed`, or use `boresight georeference`",
         ));
     }
-    let mountings = project.scanners.iter().map(|scanner| Mounting {
-        name: scanner.name.clone(),
-        body_from_scanner: scanner.body_from_scanner,
-        convention: scanner.convention,
-        fixed: scanner.fixed,
-    });
-    let input = Input {
-        mountings: mountings.collect(),
-        samples: samples.iter().collect(),
-        reference,
-        trajectory: &poses.trajectory,
-        poses: poses.uncertainty(),
+    let input = Input::new(mountings(project), samples, &poses.trajectory);
+    let input = input.with_reference(reference);
+    let input = match &poses.covariance {
+        Some(covariance) => input.with_pose_covariance(covariance),
+        None => input,
     };
     calibrate(&input, settings, progress)
 }
@@ -346,6 +349,6 @@ pub fn write_trajectory(path: &Path, poses: &[PoseRecord], origin_m: &Vec3) -> R
     let mut poses = poses.to_vec();
     poses
         .iter_mut()
-        .for_each(|pose| pose.world_from_body.translation.vector += origin_m);
+        .for_each(|pose| pose.world_from_body.translation_m += origin_m);
     format::write_trajectory(path, &poses)
 }

@@ -5,7 +5,7 @@
 
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Agreements, MountingKind};
-use crate::geometry::{Pose, Vec3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::progress::StageSeconds;
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::Solution;
@@ -42,7 +42,7 @@ pub struct Content<'a> {
 pub struct Calibrations<'a> {
     /// The body_from_scanner of each scanner that clouds were compared under: initial, final, and
     /// the truth where it is known (simulation).
-    pub mountings: &'a [(MountingKind, Vec<Pose>)],
+    pub mountings: &'a [(MountingKind, Vec<BodyFromScanner>)],
     /// What gave the result.
     pub result: &'a Calibration,
     /// The same drive under other conditions.
@@ -51,7 +51,7 @@ pub struct Calibrations<'a> {
 
 impl<'a> Calibrations<'a> {
     /// The mountings of this kind, if there are any.
-    pub fn mountings(&self, kind: MountingKind) -> Option<&'a [Pose]> {
+    pub fn mountings(&self, kind: MountingKind) -> Option<&'a [BodyFromScanner]> {
         let mut all = self.mountings.iter();
         all.find(|(other, _)| *other == kind)
             .map(|(_, poses)| poses.as_slice())

@@ -8,14 +8,14 @@ use super::html::{self, escape};
 use super::number::{self, DASH};
 use crate::calibration::{Calibration, Method, Scale, Variant};
 use crate::comparison::MountingKind;
-use crate::geometry::{Pose, so3};
+use crate::geometry::{BodyFromScanner, so3};
 
 /// An adjustment over all its scales.
 struct Run<'a> {
     label: &'static str,
     found: &'a Calibration,
     /// The true body_from_scanner of each scanner where they are known.
-    truth: Option<&'a [Pose]>,
+    truth: Option<&'a [BodyFromScanner]>,
 }
 
 impl Run<'_> {
@@ -57,7 +57,7 @@ impl Run<'_> {
         let mountings = scale.iter().flat_map(|scale| &scale.mountings);
         for (scanner, (mounting, truth)) in mountings.zip(truth).enumerate() {
             let found = &mounting.body_from_scanner;
-            let shift = found.translation.vector - truth.translation.vector;
+            let shift = found.translation_m - truth.translation_m;
             let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
             for axis in (0..3).filter(|&axis| self.found.is_observable(scanner, axis)) {
                 length_m = length_m.max(shift[axis].abs());

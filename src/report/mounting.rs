@@ -6,7 +6,8 @@ use super::number;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{EulerConvention, Pose};
+use crate::geometry::{BodyFromScanner, EulerConvention};
+use crate::statistics::NORMAL_97_5_ROUNDED;
 
 /// Errors beyond this many sigmas are marked.
 const BOUND: f64 = NORMAL_97_5_ROUNDED;
@@ -14,7 +15,7 @@ const BOUND: f64 = NORMAL_97_5_ROUNDED;
 /// A column of the table: a mounting of one scanner and where it comes from.
 struct Estimate<'a> {
     label: &'static str,
-    body_from_scanner: Pose,
+    body_from_scanner: BodyFromScanner,
     /// The calibration that found it, and the scanner's place there; `None` for initial values.
     found: Option<(&'a Calibration, usize)>,
     /// Its column is emphasised.
@@ -120,7 +121,7 @@ impl Block {
         }
     }
 
-    fn cells(self, estimate: &Estimate, truth: Option<&Pose>) -> [Cell; 3] {
+    fn cells(self, estimate: &Estimate, truth: Option<&BodyFromScanner>) -> [Cell; 3] {
         let values = self.values(&estimate.body_from_scanner);
         let sigmas = self.sigmas(estimate);
         let truth = truth.map(|pose| self.values(pose));
@@ -192,7 +193,7 @@ impl Block {
 pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
     let scanners = calibrations.result.mountings.iter();
-    let tables: Vec<(&str, Vec<Estimate>, Option<&Pose>)> = scanners
+    let tables: Vec<(&str, Vec<Estimate>, Option<&BodyFromScanner>)> = scanners
         .enumerate()
         .map(|(scanner, mounting)| {
             let truth = truth.map(|truth| &truth[scanner]);
@@ -244,7 +245,7 @@ fn estimates<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Estimat
     list
 }
 
-fn table(scanner: &str, estimates: &[Estimate], truth: Option<&Pose>) -> String {
+fn table(scanner: &str, estimates: &[Estimate], truth: Option<&BodyFromScanner>) -> String {
     let result = |is_result: bool| if is_result { " class=\"result\"" } else { "" };
     let mut head = String::from("<tr><td></td>");
     for estimate in estimates {
@@ -310,15 +311,15 @@ fn table(scanner: &str, estimates: &[Estimate], truth: Option<&Pose>) -> String 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vec3;
     use crate::geometry::euler::rotation_from_euler_deg;
-    use crate::geometry::{Vec3, pose};
 
     #[test]
     fn errors_of_angles_wrap() {
         let mounting = |alpha_deg: f64| {
             let angles = [alpha_deg, 0.0, 90.0];
             let rotation = rotation_from_euler_deg(EulerConvention::Bonn, angles);
-            pose(rotation, Vec3::new(1.254, -0.545, 0.587))
+            BodyFromScanner::new(rotation, Vec3::new(1.254, -0.545, 0.587))
         };
         let initial = Estimate {
             label: "initial",

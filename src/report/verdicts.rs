@@ -4,7 +4,7 @@ use super::content::{Calibrations, Content, Status, Verdict};
 use super::number::DASH;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
-use crate::geometry::{Pose, so3};
+use crate::geometry::{BodyFromScanner, so3};
 
 /// A length in words.
 fn millimetres(metres: f64) -> String {

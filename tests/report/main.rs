@@ -105,7 +105,7 @@ fn large_coordinates_keep_short_ticks() {
     let mut full = full(100);
     full.background_m.clear();
     for pose in full.drives.iter_mut().flat_map(|d| &mut d.poses) {
-        pose.world_from_body.translation.vector += Vec3::new(364_512.0, 5_621_033.0, 0.0);
+        pose.world_from_body.translation_m += Vec3::new(364_512.0, 5_621_033.0, 0.0);
     }
     let page = render(&full.content());
     check_well_formed(&page);
@@ -131,7 +131,7 @@ fn what_is_not_finite_never_reaches_the_page() {
     constancy.blocks[0][4].time_s = f64::INFINITY;
     full.beside[0].1.mountings[0]
         .body_from_scanner
-        .translation
+        .translation_m
         .x = f64::INFINITY;
     let [first, second, ..] = &mut full.drives[..] else {
         panic!("three drives");
@@ -150,7 +150,7 @@ fn what_is_not_finite_never_reaches_the_page() {
         found.distances.core.clear();
     }
     for (i, pose) in first.poses.iter_mut().enumerate().step_by(5) {
-        pose.world_from_body.translation.vector.x = if i % 2 == 0 { bad } else { f64::INFINITY };
+        pose.world_from_body.translation_m.x = if i % 2 == 0 { bad } else { f64::INFINITY };
         pose.sigma = None;
     }
     for pose in &mut second.poses {

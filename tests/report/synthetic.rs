@@ -1,13 +1,13 @@
 //! Results such as a run on simulated drives would leave.
 
-use boresight::calibration::constancy::Block;
-use boresight::calibration::observability::{FreeDirection, Observability};
+use boresight::calibration::Block;
 use boresight::calibration::{Calibration, Constancy, Ending, Method, Mounting, Scale, Variant};
+use boresight::calibration::{FreeDirection, Observability};
 use boresight::comparison::{
     Against, Agreement, Agreements, CoreDistance, M3c2, MountingKind, Statistics,
 };
 use boresight::geometry::euler::rotation_from_euler_deg;
-use boresight::geometry::{BodyAxes, EulerConvention, Pose, Vec3, pose, so3};
+use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3, WorldFromBody, so3};
 use boresight::progress::StageSeconds;
 use boresight::report::content::*;
 use boresight::sensor::{PoseRecord, PoseSigma};
@@ -32,7 +32,7 @@ pub struct Full {
     pub title: String,
     pub command: String,
     pub inputs: Vec<Fact>,
-    pub mountings: Vec<(MountingKind, Vec<Pose>)>,
+    pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     pub result: Calibration,
     pub beside: Vec<(Variant, Calibration)>,
     pub drives: Vec<Drive>,
@@ -63,22 +63,25 @@ impl Full {
     }
 }
 
-fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> Pose {
-    pose(
+fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> BodyFromScanner {
+    BodyFromScanner::new(
         rotation_from_euler_deg(EulerConvention::Bonn, bonn_deg),
         Vec3::from(translation),
     )
 }
 
 /// Mountings this far from the truth.
-fn near(truth: &[Pose], mm: f64, deg: f64) -> Vec<Mounting> {
+fn near(truth: &[BodyFromScanner], mm: f64, deg: f64) -> Vec<Mounting> {
     let turn = so3::exp(&Vec3::new(deg, -0.6 * deg, 0.3 * deg).map(f64::to_radians));
     let shift = Vec3::new(mm, -0.4 * mm, 0.2 * mm) * 1e-3;
     let scanners = ["left", "right"].iter().zip(truth);
     scanners
         .map(|(name, truth)| Mounting {
             name: (*name).into(),
-            body_from_scanner: pose(truth.rotation * turn, truth.translation.vector + shift),
+            body_from_scanner: BodyFromScanner::new(
+                truth.rotation * turn,
+                truth.translation_m + shift,
+            ),
             convention: EulerConvention::Bonn,
             fixed: [false; 6],
         })
@@ -99,21 +102,24 @@ fn calibration(
         let floor_m = 1e-3 + 0.05 * voxel_m;
         let start = if i == 0 { 8.0 } else { 1.1 };
         let neighbourhoods = (700.0 / (voxel_m * voxel_m)) as usize / 10;
-        let costs = (0..=iterations).map(|j| {
-            let mean = floor_m * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp());
-            neighbourhoods as f64
-                * match method {
-                    Method::Reweighted => 2.0 * mean.ln(),
-                    Method::Paper => mean.powi(4),
-                }
-        });
+        let costs: Vec<f64> = (0..=iterations)
+            .map(|j| {
+                let mean = floor_m * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp());
+                neighbourhoods as f64
+                    * match method {
+                        Method::Reweighted => 2.0 * mean.ln(),
+                        Method::Paper => mean.powi(4),
+                    }
+            })
+            .collect();
         Scale {
             voxel_m: *voxel_m,
             iterations,
             points: (800.0 / (voxel_m * voxel_m)) as usize / 10,
             reference_points: (100.0 / (voxel_m * voxel_m)) as usize / 10,
             neighbourhoods,
-            costs: costs.collect(),
+            cost: costs[iterations],
+            costs,
             ending: match method {
                 Method::Reweighted => Ending::Converged,
                 Method::Paper => Ending::IterationsExhausted,
@@ -147,7 +153,7 @@ fn calibration(
 }
 
 /// Leaves the common height open.
-fn without_height(mut found: Calibration, initial: &[Pose]) -> Calibration {
+fn without_height(mut found: Calibration, initial: &[BodyFromScanner]) -> Calibration {
     let height = 2;
     for (scanner, (mounting, initial)) in found.mountings.iter_mut().zip(initial).enumerate() {
         let row = 6 * scanner + height;
@@ -155,7 +161,7 @@ fn without_height(mut found: Calibration, initial: &[Pose]) -> Calibration {
             covariance.row_mut(row).fill(0.0);
             covariance.column_mut(row).fill(0.0);
         }
-        mounting.body_from_scanner.translation.z = initial.translation.z;
+        mounting.body_from_scanner.translation_m.z = initial.translation_m.z;
     }
     found.observability.free = vec![FreeDirection {
         direction: DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height))),

@@ -67,7 +67,7 @@ impl<'a> Session<'a> {
 
     fn take(&mut self, update: &Update, progress: &dyn Progress) -> Result<()> {
         let mut pose = update.pose;
-        pose.world_from_body.translation.vector += self.origin_m;
+        pose.world_from_body.translation_m += self.origin_m;
         self.relinearised += update.relinearised;
         for rejection in &update.rejected {
             let size = rejection
@@ -198,7 +198,7 @@ fn write_row(rows: &mut dyn Write, pose: &PoseRecord, first: bool) -> std::io::R
         )?;
     }
     let (t, q) = (
-        &pose.world_from_body.translation,
+        &pose.world_from_body.translation_m,
         &pose.world_from_body.rotation,
     );
     write!(
