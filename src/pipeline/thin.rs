@@ -5,7 +5,8 @@ use std::path::Path;
 use serde_json::json;
 
 use super::{Options, Outcome};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::format;
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::tiles::{self, peak_memory_bytes};
@@ -21,6 +22,10 @@ pub fn thin(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    // A cloud that is not there leaves no folder behind.
+    if let Err(missing @ Error::Io { .. }) = format::detect(cloud) {
+        return Err(missing);
+    }
     let stem = cloud.file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{stem}-thinned.laz");
     let staging = Staging::new(&options.out)?;

@@ -38,9 +38,9 @@ pub struct Comparison {
     /// Radii and the like.
     pub settings: ComparisonSettings,
     /// Memory to keep to, bytes; `None` for half of what the machine has free. Clouds that fit are
-    /// compared in one piece, larger ones tile by tile; the numbers are the same. Some 150 MB are
-    /// taken in any case, results and core points from a file are kept whole, and formats other than
-    /// LAS and LAZ are read whole.
+    /// compared in one piece, larger ones tile by tile; the numbers are the same. Some 150 MB,
+    /// and while a file is read 20 MB for each thread, are taken in any case; results and core
+    /// points from a file are kept whole, and formats other than LAS and LAZ are read whole.
     pub memory_bytes: Option<u64>,
 }
 

@@ -30,8 +30,9 @@ pub struct FeatureSettings {
     /// What to write, in this order.
     pub features: Vec<Feature>,
     /// Memory to keep to, bytes; `None` for half of what the machine has free. A cloud that fits is
-    /// worked on in one piece, a larger one tile by tile; the numbers are the same. Some 150 MB are
-    /// taken in any case, and formats other than LAS and LAZ are read whole.
+    /// worked on in one piece, a larger one tile by tile; the numbers are the same. Some 150
+    /// MB, and while the file is read 20 MB for each thread, are taken in any case; formats other
+    /// than LAS and LAZ are read whole.
     pub memory_bytes: Option<u64>,
 }
 
