@@ -23,6 +23,7 @@ use clap::{Args, Parser, Subcommand};
 use serde_json::{Value, json};
 
 use crate::error::{Error, Location, Result};
+use crate::output;
 use crate::pipeline::{Options, Outcome};
 use crate::project::Project;
 use terminal::Terminal;
@@ -83,6 +84,9 @@ struct OnProject {
     out: Option<PathBuf>,
 }
 
+/// The file of what a command reports.
+const LOG: &str = "log.txt";
+
 /// What every command is given.
 struct Context {
     seed: Option<u64>,
@@ -106,21 +110,26 @@ impl Context {
         let project = Project::read(&on.project)?;
         project.check_files()?;
         let out = out_folder(&on.out, &on.project);
-        self.logged(&out, |options| stage(&project, options, &self.terminal))
+        self.logged(&out, &project.inputs(), |options| {
+            stage(&project, options, &self.terminal)
+        })
     }
 
-    /// Runs `work` and writes what it reported to `log.txt` in `out`, also when it failed there.
+    /// Runs `work`, which reads `inputs`, and writes what it reported to `log.txt` in `out`, also when
+    /// it failed there.
     fn logged(
         &self,
         out: &Path,
+        inputs: &[PathBuf],
         work: impl FnOnce(&Options) -> Result<Outcome>,
     ) -> Result<Outcome> {
+        output::keep_inputs(out, inputs, &[LOG])?;
         let outcome = work(&self.options(out));
         if let Err(error) = &outcome {
             self.terminal.note(&format!("error: {error}"));
         }
         if out.is_dir() {
-            let written = self.terminal.write_log(&out.join("log.txt"));
+            let written = self.terminal.write_log(&out.join(LOG));
             // The error of the work matters more than one of its log.
             outcome.and_then(|outcome| written.map(|()| outcome))
         } else {

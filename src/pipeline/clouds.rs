@@ -1,7 +1,7 @@
 //! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
 
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format::CloudWriter;
 use crate::geometry::{Pose, Vec3};
 use crate::georeference::Georeferencer;
@@ -68,7 +68,15 @@ pub fn stream(
         .iter()
         .zip(mountings)
         .enumerate()
-        .map(|(index, (scanner, pose))| Ok((index, scanner, pose, open_profiles(scanner)?)))
+        .map(|(index, (scanner, pose))| {
+            let number = u16::try_from(index).map_err(|_| {
+                Error::data(
+                    format!("scanner `{}` is number {index}", scanner.name),
+                    "a cloud can tell 65536 scanners apart: split the project",
+                )
+            })?;
+            Ok((number, scanner, pose, open_profiles(scanner)?))
+        })
         .collect::<Result<Vec<_>>>()?;
     let bytes = jobs
         .iter()
@@ -76,7 +84,7 @@ pub fn stream(
         .map(|reader| reader.bytes_total())
         .sum();
     progress.begin("georeferencing", bytes);
-    let found = in_parallel(jobs, |(index, scanner, pose, readers)| {
+    let found = in_parallel(jobs, |(number, scanner, pose, readers)| {
         let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
         let mut writer = match write {
             Some(path) => Some(CloudWriter::create(&path(scanner), project.origin_m)?),
@@ -95,7 +103,7 @@ pub fn stream(
                     kept.show(point);
                     if let Some(writer) = &mut writer {
                         let position = world + project.origin_m;
-                        writer.write(&position, time_s, point.intensity, index as u8)?;
+                        writer.write(&position, time_s, point.intensity, number)?;
                     }
                 }
                 progress.advance(reader.bytes_read() - bytes);

@@ -131,7 +131,8 @@ pub fn trajectory(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
+    let names = ["trajectory.csv", "trajectory.html"];
+    let staging = Staging::new(&options.out, &project.inputs(), &names)?;
     let poses = stages::poses(project, progress)?;
     super::write_trajectory(
         &staging.path("trajectory.csv"),
@@ -156,9 +157,7 @@ pub fn trajectory(
             "peak_memory_bytes": super::peak_memory_bytes(),
         }),
         summary: summary::trajectory(solution, nodes),
-        files: ["trajectory.csv", "trajectory.html"]
-            .map(|name| options.out.join(name))
-            .into(),
+        files: names.map(|name| options.out.join(name)).into(),
     })
 }
 
@@ -167,7 +166,7 @@ pub fn trajectory(
 /// # Errors
 /// Whatever a stage refuses.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
+    let staging = Staging::new(&options.out, &project.inputs(), &["calibration.toml"])?;
     let reference = stages::reference(project, progress)?;
     let poses = stages::poses(project, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
@@ -198,7 +197,12 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
+    let names: Vec<String> = project
+        .scanners
+        .iter()
+        .map(|scanner| clouds::file_name(&scanner.name))
+        .collect();
+    let staging = Staging::new(&options.out, &project.inputs(), &names)?;
     let poses = stages::poses(project, progress)?;
     let mountings: Vec<_> = project
         .scanners
@@ -214,11 +218,7 @@ pub fn georeference(
         progress,
     )?;
     staging.commit()?;
-    let files: Vec<PathBuf> = project
-        .scanners
-        .iter()
-        .map(|scanner| options.out.join(clouds::file_name(&scanner.name)))
-        .collect();
+    let files: Vec<PathBuf> = names.iter().map(|name| options.out.join(name)).collect();
     Ok(Outcome {
         result: json!({ "clouds": files }),
         summary: format!(

@@ -161,7 +161,9 @@ pub fn analyse(
     progress: &dyn Progress,
 ) -> Result<Findings> {
     project.check_files()?;
-    let staging = Staging::new(out)?;
+    let mut names = result_names();
+    names.extend(project.scanners.iter().map(|s| clouds::file_name(&s.name)));
+    let staging = Staging::new(out, &project.inputs(), &names)?;
     let mut times = Vec::new();
 
     let reference = timed(&mut times, "reference", || {
@@ -386,6 +388,18 @@ fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     kept.iter()
         .map(|&index| reference[index as usize])
         .collect()
+}
+
+/// What [`write()`] writes.
+fn result_names() -> Vec<String> {
+    let names = [
+        "trajectory.csv",
+        "calibration.toml",
+        "project.toml",
+        "report.html",
+        "result.json",
+    ];
+    names.map(str::to_owned).into()
 }
 
 /// Writes everything but the clouds, which are already staged.

@@ -40,20 +40,20 @@ pub fn thin(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    let stem = cloud.file_stem().unwrap_or_default().to_string_lossy();
+    let name = format!("{stem}-thinned.laz");
+    let staging = Staging::new(&options.out, &[cloud.to_owned()], &[&name])?;
     let is_las = match format::detect(cloud) {
         Ok(found) => matches!(found, Format::Las | Format::Laz),
         Err(missing @ Error::Io { .. }) => return Err(missing),
         // The reader says what is wrong.
         Err(_) => false,
     };
-    let staging = Staging::new(&options.out)?;
     let thinned = if is_las {
         thin_las(cloud, voxel_m, progress)?
     } else {
         thin_in_memory(cloud, voxel_m, progress)?
     };
-    let stem = cloud.file_stem().unwrap_or_default().to_string_lossy();
-    let name = format!("{stem}-thinned.laz");
     let start = Instant::now();
     write(cloud, &thinned, &staging.path(&name), progress)?;
     let written = start.elapsed();

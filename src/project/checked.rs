@@ -147,6 +147,11 @@ impl Project {
         files::check(self)
     }
 
+    /// Every file that is read for the project: its own, and those of its evaluation drives.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        files::inputs(self)
+    }
+
     /// The project as a project file with every value as used: it reads back to the same project.
     ///
     /// # Errors

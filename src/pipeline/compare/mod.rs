@@ -40,6 +40,15 @@ pub struct Comparison {
     pub memory_bytes: Option<u64>,
 }
 
+impl Comparison {
+    /// The files that are read.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        let mut inputs = vec![self.cloud.clone(), self.reference.clone()];
+        inputs.extend(self.core.clone());
+        inputs
+    }
+}
+
 /// Where the normals of the core points come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormalSource {
@@ -75,7 +84,9 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let settings = &comparison.settings;
-    let staging = Staging::new(&options.out)?;
+    let names = ["m3c2.laz", "m3c2.csv"];
+    let inputs = comparison.inputs();
+    let staging = Staging::new(&options.out, &inputs, &names)?;
     let budget = Budget::new(comparison.memory_bytes);
     let clouds = [&comparison.cloud, &comparison.reference];
     let mut points = 0;
@@ -123,9 +134,7 @@ pub fn compare(
     Ok(Outcome {
         result,
         summary: summary(&statistics, settings),
-        files: ["m3c2.laz", "m3c2.csv"]
-            .map(|name| options.out.join(name))
-            .into(),
+        files: names.map(|name| options.out.join(name)).into(),
     })
 }
 

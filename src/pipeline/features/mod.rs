@@ -80,16 +80,10 @@ pub fn features(
 ) -> Result<Outcome> {
     let name = file_name(cloud)?;
     let target = options.out.join(&name);
-    if is_same_file(cloud, &target) {
-        return Err(Error::data(
-            format!("{} would be replaced by its own features", cloud.display()),
-            "name another folder with --out",
-        ));
-    }
+    let staging = Staging::new(&options.out, &[cloud.to_owned()], &[&name])?;
     let budget = Budget::new(settings.memory_bytes);
     let in_one_piece = budget.points(BYTES_A_POINT).min(u64::from(u32::MAX));
     let tile_points = budget.tile_points(BYTES_A_TILE_POINT);
-    let staging = Staging::new(&options.out)?;
     let output = staging.path(&name);
     let work = match format::points_named(cloud)? {
         Some(points) if points > in_one_piece => {
@@ -285,13 +279,6 @@ fn file_name(cloud: &Path) -> Result<String> {
         .file_stem()
         .ok_or_else(|| Error::format(cloud, Location::Whole, "no name of a file", "a cloud"))?;
     Ok(format!("{}-features.laz", stem.to_string_lossy()))
-}
-
-fn is_same_file(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    }
 }
 
 fn warn_of_few(work: &Work, settings: &FeatureSettings, progress: &dyn Progress) {

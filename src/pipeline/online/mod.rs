@@ -82,7 +82,8 @@ pub fn online(
             "use --online with a project that has [imu] and [prism] or [gnss]",
         ));
     };
-    let staging = Staging::new(&options.out)?;
+    let names = ["trajectory.csv", "online.csv"];
+    let staging = Staging::new(&options.out, &project.inputs(), &names)?;
     let live = !matches!(source, Source::Replay);
     if !logs.settings.estimate.is_empty() {
         progress.warn("constants are held at the project's values until the drive ends");
