@@ -47,7 +47,7 @@ impl OnlineFlags {
         } else {
             Source::Replay
         };
-        context.logged(&out, |options| {
+        context.logged(&out, &project.inputs(), |options| {
             online(&project, source, options, &mut rows, &context.terminal)
         })
     }

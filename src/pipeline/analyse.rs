@@ -15,6 +15,15 @@ use crate::project::Project;
 use crate::report::content::Drive;
 use crate::report::{self, verdicts};
 
+/// What is written beside the clouds.
+const RESULTS: [&str; 5] = [
+    "trajectory.csv",
+    "calibration.toml",
+    "project.toml",
+    "report.html",
+    "result.json",
+];
+
 /// Runs all stages on the project and writes every result into `out`, whole or not at all.
 ///
 /// # Errors
@@ -26,7 +35,9 @@ pub fn analyse(
     progress: &dyn Progress,
 ) -> Result<Findings> {
     project.check_files()?;
-    let mut job = Job::new(out, progress)?;
+    let names: Vec<String> = RESULTS.map(str::to_owned).into();
+    let names = [names, clouds::names(project)].concat();
+    let mut job = Job::new(out, &project.inputs(), &names, progress)?;
 
     let reference = job.timed("reference", |progress| stages::reference(project, progress))?;
     let poses = job.timed("trajectory", |progress| stages::poses(project, progress))?;

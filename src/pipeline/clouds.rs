@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::job::Job;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format::CloudWriter;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
@@ -37,7 +37,15 @@ pub fn stream(
         .scanners
         .iter()
         .enumerate()
-        .map(|(index, scanner)| Ok((index, scanner, open_profiles(scanner)?)))
+        .map(|(index, scanner)| {
+            let number = u16::try_from(index).map_err(|_| {
+                Error::data(
+                    format!("scanner `{}` is number {index}", scanner.name),
+                    "a cloud can tell 65536 scanners apart: split the project",
+                )
+            })?;
+            Ok((number, scanner, open_profiles(scanner)?))
+        })
         .collect::<Result<Vec<_>>>()?;
     let bytes = jobs
         .iter()
@@ -45,11 +53,11 @@ pub fn stream(
         .map(|reader| reader.bytes_total())
         .sum();
     let stage = progress.stage("georeferencing", bytes);
-    let found = in_parallel(jobs, |(index, scanner, readers)| {
+    let found = in_parallel(jobs, |(number, scanner, readers)| {
         let (pose, mut writer) = match placed {
             Some((mountings, files)) => {
-                let writer = CloudWriter::create(&files[index], project.origin_m)?;
-                (mountings[index], Some(writer))
+                let writer = CloudWriter::create(&files[usize::from(number)], project.origin_m)?;
+                (mountings[usize::from(number)], Some(writer))
             }
             None => (scanner.body_from_scanner, None),
         };
@@ -67,7 +75,7 @@ pub fn stream(
                     kept.show(*point);
                     if let Some(writer) = &mut writer {
                         let position = world + project.origin_m;
-                        writer.write(&position, time_s, point.intensity, index as u8)?;
+                        writer.write(&position, time_s, point.intensity, number)?;
                     }
                 }
                 stage.advance(reader.bytes_read() - bytes)?;
@@ -118,6 +126,12 @@ pub fn name(scanner: &str) -> String {
     format!("cloud-{scanner}.laz")
 }
 
+/// The file names of the clouds, in the order of the scanners.
+pub fn names(project: &Project) -> Vec<String> {
+    let scanners = project.scanners.iter();
+    scanners.map(|scanner| name(&scanner.name)).collect()
+}
+
 /// Writes the cloud of each scanner, placed with these mountings, and keeps an even share.
 ///
 /// # Errors
@@ -128,8 +142,7 @@ pub fn write(
     mountings: &[BodyFromScanner],
     job: &mut Job<'_>,
 ) -> Result<KeptPoints> {
-    let scanners = project.scanners.iter();
-    let files: Vec<PathBuf> = scanners.map(|s| job.path(&name(&s.name))).collect();
+    let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
     job.timed("georeference", |progress| {
         stream(project, trajectory, Some((mountings, &files)), progress)
     })

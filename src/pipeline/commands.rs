@@ -116,7 +116,8 @@ pub fn trajectory(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let job = Job::new(&options.out, progress)?;
+    let names = ["trajectory.csv", "trajectory.html"];
+    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let poses = stages::poses(project, progress)?;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
@@ -137,7 +138,7 @@ pub fn trajectory(
             "peak_memory_bytes": peak_memory_bytes(),
         }),
         summary: summary::trajectory(solution, &drive.poses),
-        files: files_in(&options.out, ["trajectory.csv", "trajectory.html"]),
+        files: files_in(&options.out, names),
     })
 }
 
@@ -146,7 +147,8 @@ pub fn trajectory(
 /// # Errors
 /// Whatever a stage refuses.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let job = Job::new(&options.out, progress)?;
+    let names = ["calibration.toml"];
+    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let reference = stages::reference(project, progress)?;
     let poses = stages::poses(project, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
@@ -159,7 +161,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     Ok(Outcome {
         result: result::calibrated(&found),
         summary: summary::mountings(&found),
-        files: files_in(&options.out, ["calibration.toml"]),
+        files: files_in(&options.out, names),
     })
 }
 
@@ -172,13 +174,13 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let mut job = Job::new(&options.out, progress)?;
+    let names = clouds::names(project);
+    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let poses = stages::poses(project, progress)?;
     let mountings = stages::initial_poses(project);
     clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
     job.commit()?;
-    let scanners = project.scanners.iter();
-    let files = files_in(&options.out, scanners.map(|s| clouds::name(&s.name)));
+    let files = files_in(&options.out, names);
     Ok(Outcome {
         result: json!({ "clouds": files }),
         summary: format!(

@@ -16,13 +16,19 @@ pub struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    /// Begins to stage results for the folder `out`, which is created where it is missing.
+    /// Begins to stage the results `names` of the files `inputs` for the folder `out`, which is
+    /// created where it is missing.
     ///
     /// # Errors
-    /// The folder cannot be created or written.
-    pub fn new(out: &Path, progress: &'a dyn Progress) -> Result<Self> {
+    /// The folder cannot be created or written; a result would replace an input.
+    pub fn new(
+        out: &Path,
+        inputs: &[PathBuf],
+        names: &[impl AsRef<Path>],
+        progress: &'a dyn Progress,
+    ) -> Result<Self> {
         Ok(Self {
-            staging: Staging::new(out)?,
+            staging: Staging::new(out, inputs, names)?,
             progress,
             stages: Vec::new(),
             warnings: Vec::new(),

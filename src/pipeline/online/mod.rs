@@ -47,7 +47,8 @@ pub fn online(
             "use --online with a project that has [imu] and [prism] or [gnss]",
         ));
     };
-    let job = Job::new(&options.out, progress)?;
+    let names = ["trajectory.csv", "online.csv"];
+    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let live = !matches!(source, Source::Replay);
     if !logs.settings.estimate.is_empty() {
         progress.warn("constants are held at the project's values until the drive ends");
