@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use crate::sensor::{ScanPoint, check_overlap, unit_of_times_within};
 use crate::trajectory::PoseLimits;
@@ -147,7 +147,8 @@ impl<'a> Georeferencer<'a> {
     /// pose that is known well enough; times of poses or points that are not in seconds.
     pub fn check(&self, name: &str) -> Result<()> {
         if self.read == 0 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!("scanner `{name}` has no points"),
                 "check that the profile file is the right one and not empty",
             ));
@@ -157,7 +158,8 @@ impl<'a> Georeferencer<'a> {
             return self.check_units(name);
         }
         if refused.points > 0 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::NotDetermined,
                 format!("no point of scanner `{name}` can be placed: {refused}"),
                 "raise the bound, or mend the trajectory where its sigmas grow",
             ));
@@ -165,7 +167,8 @@ impl<'a> Georeferencer<'a> {
         let profiles = format!("the profiles of scanner `{name}`");
         let poses = ("the trajectory", self.trajectory.span_s());
         check_overlap((&profiles, self.span_s), poses)?;
-        Err(Error::data(
+        Err(Error::of(
+            Problem::NoOverlap,
             format!("no profile of scanner `{name}` falls on a pose of the trajectory"),
             "check the clocks; `time_offset_s` shifts a scanner",
         ))

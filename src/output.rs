@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use same_file::is_same_file;
 
-use crate::error::{Error, Location, Result};
+use crate::error::{Error, Location, Problem, Result};
 
 /// Start of the names of staging folders; the lock beside each ends in `.lock`.
 const PREFIX: &str = ".staging-";
@@ -151,7 +151,8 @@ pub fn keep_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -
             target.is_file() && input.is_file() && is_same_file(input, &target).unwrap_or(false)
         };
         if let Some(input) = inputs.iter().find(same) {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::WouldReplaceInput,
                 format!(
                     "{} is an input, and would be replaced by the result {}",
                     input.display(),

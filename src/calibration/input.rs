@@ -6,7 +6,7 @@ use super::parameters::{Mounting, poses};
 use super::sample::ScannerSample;
 use super::settings::CalibrationSettings;
 use crate::cloud::voxel;
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::statistics::median;
 use crate::surface::SurfaceCloud;
@@ -89,7 +89,8 @@ impl<'a> Input<'a> {
         }
         for (mounting, sample) in self.mountings.iter().zip(self.samples) {
             if sample.points.is_empty() {
-                return Err(Error::data(
+                return Err(Error::of(
+                    Problem::TooFew,
                     format!("scanner `{}` has no points", mounting.name),
                     "leave the scanner out, or give its points",
                 ));
@@ -136,7 +137,8 @@ impl<'a> Input<'a> {
         }
         let (all, needed) = (cloud.len(), settings.neighbours);
         if all < 2 * needed {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!(
                     "only {all} points are left on voxels of {voxel_m} m, where every \
                      neighbourhood needs {needed}"

@@ -7,7 +7,7 @@ use super::logs::DriveLogs;
 use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Refused;
@@ -220,7 +220,8 @@ pub fn check_reference(
         || "the reference".to_owned(),
         |file| file.path.display().to_string(),
     );
-    Err(Error::data(
+    Err(Error::of(
+        Problem::NoOverlap,
         format!(
             "{file}: the reference ({}) and the scanners' points ({}) do not overlap: they miss \
              each other by {gap_m:.1} m",
@@ -270,7 +271,8 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
     let mut points = format::read_cloud(&reference.path)?.points;
     drop(stage);
     if points.is_empty() {
-        return Err(Error::data(
+        return Err(Error::of(
+            Problem::TooFew,
             format!("{}: the reference has no points", reference.path.display()),
             "check that the file is the right one and not empty",
         ));

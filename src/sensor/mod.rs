@@ -4,7 +4,7 @@ mod total_station;
 
 pub mod allan;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
@@ -201,7 +201,8 @@ pub fn check_overlap(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Result<()>
     if gap < 0.0 {
         return Ok(());
     }
-    Err(Error::data(
+    Err(Error::of(
+        Problem::NoOverlap,
         format!(
             "{name_a} ({a0:.3} s to {a1:.3} s) and {name_b} ({b0:.3} s to {b1:.3} s) do not \
              overlap: they miss each other by {gap:.3} s{}",

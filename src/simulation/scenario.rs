@@ -302,9 +302,11 @@ impl Scenario {
             Error::format(path, at, e.message().to_owned(), "the keys of a scenario")
         })?;
         scenario.check().map_err(|error| match error {
-            Error::Data { problem, remedy } => {
-                Error::data(format!("{}: {problem}", path.display()), remedy)
-            }
+            Error::Data {
+                kind,
+                problem,
+                remedy,
+            } => Error::of(kind, format!("{}: {problem}", path.display()), remedy),
             other => other,
         })?;
         scenario.file = Some(path.to_owned());

@@ -3,7 +3,7 @@
 
 use super::Logs;
 use super::rover::rover_drive;
-use boresight::geometry::{Vec3, WorldFromBody};
+use boresight::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use boresight::georeference::Georeferencer;
 use boresight::sensor::{PoseRecord, ScanPoint};
 use boresight::trajectory::{Online, OnlineOptions, Trajectory};
@@ -111,7 +111,7 @@ fn place(poses_in: f64, points_in: f64) -> boresight::Result<()> {
         sigma: None,
     };
     let trajectory = Trajectory::new((0..=6000).map(pose).collect())?;
-    let mut place = Georeferencer::new(&trajectory, WorldFromBody::identity(), 0.0);
+    let mut place = Georeferencer::new(&trajectory, BodyFromScanner::identity(), 0.0);
     for k in 0..3000 {
         place.place(&ScanPoint {
             time_s: points_in * 0.02 * f64::from(k),
