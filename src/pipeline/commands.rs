@@ -175,7 +175,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let settings = &project.calibration;
     let found = stages::calibration(project, settings, &poses, &samples, &reference, progress)?;
     let document = json!({
-        "scanners": result::scanners(project, &found),
+        "scanners": result::scanners(&found),
         "calibration": result::calibration(&found),
     });
     let calibrated = stages::with_mountings(project, &found.poses()).scanners_to_toml()?;

@@ -4,9 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::evaluate::{Against, Drive};
 use super::{Findings, StageSeconds};
-use crate::calibration::Calibration;
-use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{BodyFromScanner, EulerConvention};
+use crate::calibration::{Calibration, MountingForms};
 use crate::project::Project;
 use crate::report::content::MountingKind;
 use crate::report::diagnostics::{self, PoseSigmas};
@@ -17,7 +15,7 @@ use crate::trajectory::Solution;
 pub fn document(project: &Project, findings: &Findings) -> Value {
     let mut document = json!({
         "boresight": env!("CARGO_PKG_VERSION"),
-        "scanners": scanners(project, &findings.calibration),
+        "scanners": scanners(&findings.calibration),
         "calibration": calibration(&findings.calibration),
         "evaluation": findings.drives.first().map_or(Value::Null, |drive| evaluation(project, drive)),
         "drives": drives(project, &findings.drives),
@@ -33,19 +31,19 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
     }
     if let Some(without) = &findings.without_reference {
         document["without_reference"] = json!({
-            "scanners": scanners(project, without),
+            "scanners": scanners(without),
             "calibration": calibration(without),
         });
     }
     if let Some(exact) = &findings.exact_poses {
         document["exact_poses"] = json!({
-            "scanners": scanners(project, exact),
+            "scanners": scanners(exact),
             "calibration": calibration(exact),
         });
     }
     if let Some(paper) = &findings.paper {
         document["paper_method"] = json!({
-            "scanners": scanners(project, paper),
+            "scanners": scanners(paper),
             "calibration": calibration(paper),
         });
     }
@@ -55,7 +53,7 @@ pub fn document(project: &Project, findings: &Findings) -> Value {
             .map(|(scanner, pose)| {
                 (
                     scanner.name.clone(),
-                    json!({"body_from_scanner": pose_json(pose)}),
+                    json!({"body_from_scanner": MountingForms::from(pose)}),
                 )
             })
             .collect::<Map<_, _>>()
@@ -84,88 +82,18 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
 }
 
 /// The scanners' mountings with sigmas.
-pub fn scanners(project: &Project, calibration: &Calibration) -> Value {
-    let entries = project.scanners.iter().enumerate().map(|(index, scanner)| {
-        let mounting = &calibration.mountings[index];
-        let own = calibration.sigmas(index, mounting.convention);
-        let degrees = |sigmas: [Option<f64>; 6]| -> Vec<Option<f64>> {
-            sigmas[3..]
-                .iter()
-                .map(|sigma| sigma.map(f64::to_degrees))
-                .collect()
-        };
-        let value = json!({
-            "body_from_scanner": pose_json(&mounting.body_from_scanner),
-            "sigma": {
-                "translation_m": &own[..3],
-                "rotation_deg": degrees(own),
-                "euler_deg": {
-                    "zyx": degrees(calibration.sigmas(index, EulerConvention::Zyx)),
-                    "bonn": degrees(calibration.sigmas(index, EulerConvention::Bonn)),
-                },
-            },
-            "rotation_convention": mounting.convention,
-            "unobservable": calibration.unobservable(index),
-        });
-        (scanner.name.clone(), value)
-    });
-    entries.collect::<Map<_, _>>().into()
-}
-
-fn pose_json(pose: &BodyFromScanner) -> Value {
-    json!({
-        "translation_m": pose.translation_m.as_slice(),
-        "quaternion_xyzw": pose.rotation.coords.as_slice(),
-        "euler_deg": {
-            "zyx": euler_deg_from_rotation(EulerConvention::Zyx, &pose.rotation),
-            "bonn": euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation),
-        },
-    })
+pub fn scanners(calibration: &Calibration) -> Value {
+    json!(calibration.scanners())
 }
 
 /// How the adjustment went and what it could determine.
 pub fn calibration(calibration: &Calibration) -> Value {
-    let scales: Vec<Value> = calibration
-        .scales
-        .iter()
-        .map(|scale| {
-            json!({
-                "voxel_m": scale.voxel_m,
-                "iterations": scale.iterations,
-                "points": scale.points,
-                "reference_points": scale.reference_points,
-                "neighbourhoods": scale.neighbourhoods,
-                "cost": scale.costs.last(),
-                "costs": scale.costs,
-                "ending": scale.ending.to_string(),
-                "seconds": scale.seconds,
-            })
-        })
-        .collect();
-    let free: Vec<Value> = calibration
-        .observability
-        .free
-        .iter()
-        .map(|free| json!({"what": free.words, "eigenvalue_share": free.share}))
-        .collect();
-    let constancy = calibration.constancy.as_ref().map(|constancy| {
-        json!({
-            "constant": constancy.constant,
-            "ratio_to_expected": constancy.ratio,
-            "block_rms_m": constancy.rms_m,
-            "strongest_correlation": constancy
-                .strongest
-                .map(|(with, r)| json!({"with": with, "coefficient": r})),
-        })
-    });
-    json!({
-        "method": calibration.method,
-        "converged": calibration.converged,
-        "scales": scales,
-        "eigenvalue_shares": calibration.observability.shares,
-        "undetermined": free,
-        "mounting_constant": constancy,
-    })
+    let mut value = json!(calibration);
+    // They stand beside it.
+    value
+        .as_object_mut()
+        .map(|entries| entries.remove("scanners"));
+    value
 }
 
 /// `evaluation`: final comparisons at the top, those of the initial and the true mounting below.
