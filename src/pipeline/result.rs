@@ -3,10 +3,8 @@
 use serde_json::{Map, Value, json};
 
 use super::findings::Findings;
-use crate::calibration::{Calibration, Variant};
+use crate::calibration::{Calibration, MountingForms, Variant};
 use crate::comparison::{Against, Agreements, MountingKind};
-use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{BodyFromScanner, EulerConvention};
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
@@ -41,7 +39,7 @@ pub fn document(findings: &Findings) -> Value {
     if let Some((_, truth)) = mountings.find(|(kind, _)| *kind == MountingKind::Truth) {
         let scanners = findings.calibration.mountings.iter().zip(truth);
         let truth = scanners.map(|(mounting, pose)| {
-            let value = json!({ "body_from_scanner": pose_json(pose) });
+            let value = json!({ "body_from_scanner": MountingForms::from(pose) });
             (mounting.name.clone(), value)
         });
         document["truth"] = truth.collect::<Map<_, _>>().into();
@@ -68,94 +66,13 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
     value
 }
 
-/// A calibration: the mountings, and how it went.
+/// A calibration: the mountings, and beside them how it went.
 pub fn calibrated(found: &Calibration) -> Value {
-    json!({ "scanners": scanners(found), "calibration": calibration(found) })
-}
-
-/// The scanners' mountings with sigmas.
-fn scanners(calibration: &Calibration) -> Value {
-    let mountings = calibration.mountings.iter().enumerate();
-    let entries = mountings.map(|(index, mounting)| {
-        let own = calibration.sigmas(index, mounting.convention);
-        let degrees = |sigmas: [Option<f64>; 6]| -> Vec<Option<f64>> {
-            sigmas[3..]
-                .iter()
-                .map(|sigma| sigma.map(f64::to_degrees))
-                .collect()
-        };
-        let value = json!({
-            "body_from_scanner": pose_json(&mounting.body_from_scanner),
-            "sigma": {
-                "translation_m": &own[..3],
-                "rotation_deg": degrees(own),
-                "euler_deg": {
-                    "zyx": degrees(calibration.sigmas(index, EulerConvention::Zyx)),
-                    "bonn": degrees(calibration.sigmas(index, EulerConvention::Bonn)),
-                },
-            },
-            "rotation_convention": mounting.convention,
-            "unobservable": calibration.unobservable(index),
-        });
-        (mounting.name.clone(), value)
-    });
-    entries.collect::<Map<_, _>>().into()
-}
-
-fn pose_json(pose: &BodyFromScanner) -> Value {
-    json!({
-        "translation_m": pose.translation_m.as_slice(),
-        "quaternion_xyzw": pose.rotation.coords.as_slice(),
-        "euler_deg": {
-            "zyx": euler_deg_from_rotation(EulerConvention::Zyx, &pose.rotation),
-            "bonn": euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation),
-        },
-    })
-}
-
-/// How the adjustment went and what it could determine.
-fn calibration(calibration: &Calibration) -> Value {
-    let scales: Vec<Value> = calibration
-        .scales
-        .iter()
-        .map(|scale| {
-            json!({
-                "voxel_m": scale.voxel_m,
-                "iterations": scale.iterations,
-                "points": scale.points,
-                "reference_points": scale.reference_points,
-                "neighbourhoods": scale.neighbourhoods,
-                "cost": scale.costs.last(),
-                "costs": scale.costs,
-                "ending": scale.ending.to_string(),
-                "seconds": scale.seconds,
-            })
-        })
-        .collect();
-    let free: Vec<Value> = calibration
-        .observability
-        .free
-        .iter()
-        .map(|free| json!({"what": free.words, "eigenvalue_share": free.share}))
-        .collect();
-    let constancy = calibration.constancy.as_ref().map(|constancy| {
-        json!({
-            "constant": constancy.constant,
-            "ratio_to_expected": constancy.ratio,
-            "block_rms_m": constancy.rms_m,
-            "strongest_correlation": constancy
-                .strongest
-                .map(|(with, r)| json!({"with": with, "coefficient": r})),
-        })
-    });
-    json!({
-        "method": calibration.method,
-        "converged": calibration.converged,
-        "scales": scales,
-        "eigenvalue_shares": calibration.observability.shares,
-        "undetermined": free,
-        "mounting_constant": constancy,
-    })
+    let mut calibration = json!(found);
+    if let Some(entries) = calibration.as_object_mut() {
+        entries.remove("scanners");
+    }
+    json!({ "scanners": found.scanners(), "calibration": calibration })
 }
 
 /// `evaluation`: final comparisons at the top, those of the initial and the true mounting below.
