@@ -4,8 +4,9 @@ use std::path::Path;
 
 use super::findings::{Extras, Findings};
 use super::job::Job;
-use super::{beside, clouds, drives, page, result, stages};
-use crate::calibration::Calibration;
+use super::stages::Poses;
+use super::{clouds, drives, page, result, stages};
+use crate::calibration::{Calibration, CalibrationSettings, Method, ScannerSample, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
 use crate::error::Result;
@@ -23,6 +24,9 @@ const RESULTS: [&str; 5] = [
     "report.html",
     "result.json",
 ];
+
+/// The paper reports 50 to 450 iterations a scale.
+const PAPER_ITERATIONS: usize = 450;
 
 /// Runs all stages on the project and writes every result into `out`, whole or not at all.
 ///
@@ -49,7 +53,7 @@ pub fn analyse(
         let settings = &project.calibration;
         stages::calibration(project, settings, &poses, &samples, &reference, progress)
     })?;
-    let beside = beside::calibrations(project, extras, &poses, &samples, &reference, &mut job)?;
+    let beside = calibrations_beside(project, extras, &poses, &samples, &reference, &mut job)?;
     let refusals = stages::refusals(project, &samples);
     drop(samples);
     let kept = clouds::write(project, &poses.trajectory, &calibration.poses(), &mut job)?;
@@ -71,6 +75,47 @@ pub fn analyse(
     write(project, &findings, extras, &job)?;
     job.commit()?;
     Ok(findings)
+}
+
+/// What stands beside the result: the same drive calibrated under every other condition that `extras`
+/// and a reference allow.
+fn calibrations_beside(
+    project: &Project,
+    extras: &Extras,
+    poses: &Poses,
+    samples: &[ScannerSample],
+    reference: &[Vec3],
+    job: &mut Job<'_>,
+) -> Result<Vec<(Variant, Calibration)>> {
+    let settings = &project.calibration;
+    let mut beside = Vec::new();
+    if !reference.is_empty() {
+        let found = job.shown("calibrate without reference", |progress| {
+            stages::calibration(project, settings, poses, samples, &[], progress)
+        });
+        beside.push((Variant::WithoutReference, found?));
+    }
+    if let Some(truth) = &extras.truth {
+        let found = job.shown("calibrate with exact poses", |progress| {
+            let exact = Poses::from_file(truth.trajectory.clone());
+            let samples = stages::samples(project, &exact.trajectory, progress)?;
+            stages::calibration(project, settings, &exact, &samples, reference, progress)
+        });
+        beside.push((Variant::ExactPoses, found?));
+    }
+    if !extras.paper_voxels_m.is_empty() {
+        let paper = CalibrationSettings {
+            voxel_sizes_m: extras.paper_voxels_m.clone(),
+            method: Method::Paper,
+            max_iterations: PAPER_ITERATIONS,
+            ..settings.clone()
+        };
+        let found = job.shown("calibrate as the paper", |progress| {
+            stages::calibration(project, &paper, poses, samples, reference, progress)
+        });
+        beside.push((Variant::Paper, found?));
+    }
+    Ok(beside)
 }
 
 /// The mountings that clouds are compared under: initial, final, and the truth where it is known.

@@ -4,7 +4,6 @@
 //! line calls them.
 
 mod analyse;
-mod beside;
 pub mod clouds;
 mod commands;
 pub mod compare;

@@ -13,6 +13,7 @@ pub mod diagnostics;
 mod figures;
 mod html;
 mod maps;
+mod marks;
 mod mounting;
 mod number;
 mod page;
