@@ -1,4 +1,5 @@
-//! Equation (1) of the paper for streams of laser points: x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s).
+//! Georeferencing of streams of laser points, equation (1) of the paper:
+//! x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s).
 
 use std::fmt;
 
@@ -8,31 +9,31 @@ use crate::sensor::{ScanPoint, check_overlap, unit_of_times_within};
 use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
 
-/// Points that no pose is good enough for: the project bounds the sigmas of poses.
+/// Points left out because the standard deviations of their poses exceed the project's limits.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Refused {
-    /// How many.
+    /// Number of points.
     pub points: u64,
-    /// First and last time of each run of them, seconds on the common clock.
+    /// First and last time of each run of such points, seconds on the common clock.
     pub spans_s: Vec<(f64, f64)>,
-    /// The bounds.
+    /// The limits.
     pub limits: PoseLimits,
 }
 
-/// Spans that are told one by one.
-const SPANS_TOLD: usize = 5;
+/// Number of spans listed one by one.
+const SPANS_LISTED: usize = 5;
 
 impl fmt::Display for Refused {
-    /// `1200 points from 12.1 s to 14.0 s, whose poses have sigmas above 0.02 m`
+    /// `1200 points from 12.1 s to 14.0 s, whose poses have standard deviations above 0.02 m`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} points", self.points)?;
-        for (index, (first, last)) in self.spans_s.iter().take(SPANS_TOLD).enumerate() {
+        for (index, (first, last)) in self.spans_s.iter().take(SPANS_LISTED).enumerate() {
             let comma = if index == 0 { "" } else { "," };
             write!(f, "{comma} from {first:.3} s to {last:.3} s")?;
         }
-        if let Some((_, last)) = self.spans_s[self.spans_s.len().min(SPANS_TOLD)..].last() {
-            let more = self.spans_s.len() - SPANS_TOLD;
-            write!(f, " and in {more} more spans up to {last:.3} s")?;
+        if let Some((_, last)) = self.spans_s[self.spans_s.len().min(SPANS_LISTED)..].last() {
+            let more = self.spans_s.len() - SPANS_LISTED;
+            write!(f, " and {more} more spans up to {last:.3} s")?;
         }
         let bounds = [
             self.limits
@@ -43,7 +44,11 @@ impl fmt::Display for Refused {
                 .map(|r| format!("{:.6}° (max_sigma_rotation_deg)", r.to_degrees())),
         ];
         let bounds: Vec<String> = bounds.into_iter().flatten().collect();
-        write!(f, ", whose poses have sigmas above {}", bounds.join(" or "))
+        write!(
+            f,
+            ", whose poses have standard deviations above {}",
+            bounds.join(" or ")
+        )
     }
 }
 
@@ -58,14 +63,14 @@ pub struct Georeferencer<'a> {
     read: u64,
     outside: u64,
     refused: Refused,
-    /// The point before this one was refused.
+    /// Whether the previous point was refused.
     in_refused: bool,
     span_s: (f64, f64),
 }
 
 impl<'a> Georeferencer<'a> {
-    /// For a scanner mounted at `body_from_scanner` whose times become the trajectory's by adding
-    /// `time_offset_s`.
+    /// Creates a georeferencer for a scanner mounted at `body_from_scanner`. `time_offset_s` is
+    /// added to the scanner's times to get the trajectory's.
     pub fn new(
         trajectory: &'a Trajectory,
         body_from_scanner: BodyFromScanner,
@@ -88,9 +93,9 @@ impl<'a> Georeferencer<'a> {
         }
     }
 
-    /// The common time of `point` and the pose world_from_body there; `None` outside the
-    /// trajectory's span, where there is no pose and nothing is extrapolated, and where the pose
-    /// is known less well than the trajectory's limits demand.
+    /// Returns the common time of `point` and the pose world_from_body at that time. The pose is
+    /// `None` outside the trajectory's span (nothing is extrapolated) and where its standard
+    /// deviations exceed the trajectory's limits.
     #[inline]
     pub fn body_at(&mut self, point: &ScanPoint) -> (f64, Option<WorldFromBody>) {
         let time_s = point.time_s + self.time_offset_s;
@@ -125,26 +130,26 @@ impl<'a> Georeferencer<'a> {
         self.in_refused = true;
     }
 
-    /// How many points were asked for.
+    /// Number of points passed in.
     pub fn read(&self) -> u64 {
         self.read
     }
 
-    /// How many of them lie outside the trajectory's span.
+    /// Number of points outside the trajectory's span.
     pub fn outside(&self) -> u64 {
         self.outside
     }
 
-    /// Those whose pose is known less well than the trajectory's limits demand.
+    /// Points whose pose exceeds the trajectory's limits.
     pub fn refused(&self) -> &Refused {
         &self.refused
     }
 
-    /// Checks that the points of the scanner `name`, all shown by now, fall on the trajectory.
+    /// Checks that the points passed in so far, all points of scanner `name`, lie on the
+    /// trajectory.
     ///
-    /// # Errors
-    /// There was no point, or none within the trajectory's span (with both spans), or none with a
-    /// pose that is known well enough; times of poses or points that are not in seconds.
+    /// # Errors No points at all, no point within the trajectory's span (with both spans), or no
+    /// point with a pose within the limits; times of poses or points that are not in seconds.
     pub fn check(&self, name: &str) -> Result<()> {
         if self.read == 0 {
             return Err(Error::of(
@@ -161,7 +166,7 @@ impl<'a> Georeferencer<'a> {
             return Err(Error::of(
                 Problem::NotDetermined,
                 format!("no point of scanner `{name}` can be placed: {refused}"),
-                "raise the bound, or mend the trajectory where its sigmas grow",
+                "raise the limit, or improve the trajectory where its standard deviations grow",
             ));
         }
         let profiles = format!("the profiles of scanner `{name}`");
@@ -169,32 +174,32 @@ impl<'a> Georeferencer<'a> {
         check_overlap((&profiles, self.span_s), poses)?;
         Err(Error::of(
             Problem::NoOverlap,
-            format!("no profile of scanner `{name}` falls on a pose of the trajectory"),
-            "check the clocks; `time_offset_s` shifts a scanner",
+            format!("no profile of scanner `{name}` lies within the trajectory"),
+            "check the clocks; `time_offset_s` shifts the times of a scanner",
         ))
     }
 
-    /// Where the times of points and poses, both from zero on, are in different units, some points
-    /// fall on the trajectory all the same.
+    /// Checks that points and poses have times in the same unit. If both start at zero, some points
+    /// lie within the trajectory even if the units differ.
     fn check_units(&self, name: &str) -> Result<()> {
-        /// Slower poses place no points.
-        const LONGEST_STEP_S: f64 = 1.0;
-        const MOST_OUTSIDE: f64 = 0.99;
-        const ALIKE: f64 = 4.0;
+        /// Longest plausible time step between poses.
+        const MAX_STEP_S: f64 = 1.0;
+        const MAX_SHARE_OUTSIDE: f64 = 0.99;
+        const TOLERANCE_FACTOR: f64 = 4.0;
         let length = |(first, last): (f64, f64)| last - first;
         let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
         let step_s = poses_s / (self.trajectory.nodes().len() - 1) as f64;
         let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
-        if let Some(unit) = unit_of_times_within(poses_s / points_s, ALIKE)
-            && step_s > LONGEST_STEP_S
+        if let Some(unit) = unit_of_times_within(poses_s / points_s, TOLERANCE_FACTOR)
+            && step_s > MAX_STEP_S
         {
             return Err(Error::data(
                 format!("time steps of {step_s:.3} s between poses: are these {unit}? ({spans})"),
                 "give the times of the trajectory in seconds",
             ));
         }
-        if let Some(unit) = unit_of_times_within(points_s / poses_s, ALIKE)
-            && self.outside as f64 > MOST_OUTSIDE * self.read as f64
+        if let Some(unit) = unit_of_times_within(points_s / poses_s, TOLERANCE_FACTOR)
+            && self.outside as f64 > MAX_SHARE_OUTSIDE * self.read as f64
         {
             return Err(Error::data(
                 format!("the times of scanner `{name}`: are these {unit}? ({spans})"),
@@ -204,7 +209,7 @@ impl<'a> Georeferencer<'a> {
         Ok(())
     }
 
-    /// Where `point` is in the world, metres; `None` as [`Self::body_at`].
+    /// Returns the position of `point` in the world, metres; `None` as for [`Self::body_at`].
     #[inline]
     pub fn place(&mut self, point: &ScanPoint) -> Option<Vec3> {
         let (_, world_from_body) = self.body_at(point);
@@ -283,7 +288,7 @@ mod tests {
         assert_eq!(refused.spans_s, [(2.0, 3.75), (6.0, 7.75)]);
         assert_eq!(
             refused.to_string(),
-            "16 points from 2.000 s to 3.750 s, from 6.000 s to 7.750 s, whose poses have sigmas \
+            "16 points from 2.000 s to 3.750 s, from 6.000 s to 7.750 s, whose poses have standard deviations \
              above 0.1 m (max_sigma_position_m)"
         );
         let mut place = Georeferencer::new(&trajectory, BodyFromScanner::identity(), 0.0);

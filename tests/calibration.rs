@@ -123,7 +123,7 @@ fn with_exact_poses_the_truth_is_found() {
 fn with_own_poses_the_errors_are_those_claimed() {
     let case = case();
     let found = calibrate(&case.own, &case.reference, &case.project.calibration);
-    assert!(found.observability.free.is_empty());
+    assert!(found.observability.unobservable.is_empty());
     assert_honest(&found, "own poses");
     let constancy = found.constancy.unwrap();
     assert!(constancy.constant, "{} times expected", constancy.ratio);
@@ -133,9 +133,9 @@ fn with_own_poses_the_errors_are_those_claimed() {
 fn without_a_reference_the_common_height_is_named_and_held() {
     let case = case();
     let found = calibrate(&case.own, &[], &case.project.calibration);
-    assert_eq!(found.observability.free.len(), 1);
+    assert_eq!(found.observability.unobservable.len(), 1);
     assert_eq!(
-        found.observability.free[0].words,
+        found.observability.unobservable[0].words,
         "all scanners' common height"
     );
     assert_eq!(found.unobservable(0), ["tz"]);
@@ -166,7 +166,10 @@ fn the_height_of_a_single_scanner_is_not_invented_either() {
     let samples = stages::samples(&project, &case.own.trajectory, &Silent).unwrap();
     let settings = &project.calibration;
     let found = stages::calibration(&project, settings, &case.own, &samples, &[], &Silent).unwrap();
-    assert_eq!(found.observability.free[0].words, "the height of `left`");
+    assert_eq!(
+        found.observability.unobservable[0].words,
+        "the height of `left`"
+    );
     assert_eq!(found.unobservable(0), ["tz"]);
     let height = found.mountings[0].body_from_scanner.translation_m.z;
     assert!((height - 0.5).abs() < 1e-6, "held at 0.5 m, found {height}");

@@ -242,7 +242,7 @@ fn points_whose_pose_is_not_known_well_enough_are_not_placed() {
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(placed(folder), (250 - 32) * 41);
     let expected = "12.8 % of the points of scanner `left` were left out: 1312 points from 4.900 s \
-                    to 8.000 s, whose poses have sigmas above 0.01 m (max_sigma_position_m)";
+                    to 8.000 s, whose poses have standard deviations above 0.01 m (max_sigma_position_m)";
     assert!(run.err.contains(expected), "{}", run.err);
     for command in ["calibrate", "run"] {
         let run = on_project(folder, command, &[]);

@@ -1,4 +1,4 @@
-//! Levenberg-Marquardt on one scale: every step is accepted or refused on the true cost.
+//! Levenberg-Marquardt on one scale: steps are accepted or rejected by the true cost.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -10,23 +10,24 @@ use super::scale::{Adjusted, Ending, ScaleProblem, State};
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Neighbours are sought again when a point has moved by more than this share of the voxel.
+/// Neighbours are searched again when a point has moved by more than this share of the voxel.
 const SEARCH_AGAIN_SHARE: f64 = 0.1;
 
-/// A scale has converged when a step moves no point by more than this share of the thickness s
-/// below which flatness says nothing.
+/// A scale has converged when a step moves no point by more than this share of the floor s of the
+/// thickness.
 const CONVERGED_SHARE: f64 = 0.01;
 
-/// A scale has also converged when a step lowers the mean ln(λ₃ + s²) by less than this: one part in
-/// 10⁵ of the variance, which s of a millimetre turns into hundredths of a millimetre in the
-/// parameters that are determined least.
+/// A scale has also converged when a step lowers the mean ln(λ₃ + s²) by less than this. For s of a
+/// millimetre, 10⁻⁵ of the variance changes the most weakly determined parameters by hundredths of
+/// a millimetre.
 const CONVERGED_COST: f64 = 1e-5;
 
-/// And when neighbourhoods found anew have not lowered it by more than this: they alternate.
-const WORTH_SEARCHING: f64 = 1e-4;
+/// A scale has also converged when new neighbourhoods lower the mean by less than this: they
+/// alternate.
+const MIN_GAIN_OF_SEARCH: f64 = 1e-4;
 
-/// Minimises the [`cost`](super::cost) from `start` over the directions in which `observability`
-/// lets the mountings move.
+/// Minimises the [`cost`](super::cost) from `start` along the directions that `observability` marks
+/// as determined.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -54,7 +55,9 @@ pub fn minimise(
         };
         let mountings = moved(&now.mountings, &step);
         let there = poses(&mountings);
-        let moved_m = problem.cloud.farthest_move(&poses(&now.mountings), &there);
+        let moved_m = problem
+            .cloud
+            .largest_displacement(&poses(&now.mountings), &there);
         let is_small = moved_m < CONVERGED_SHARE * problem.floor_m;
         let surface = now.surface.moved(&there);
         let lowered = now.cost - cost(&surface.planes, problem.floor_m);
@@ -66,12 +69,12 @@ pub fn minimise(
             }
             continue;
         }
-        let searched_m = problem.cloud.farthest_move(&searched_at, &there);
+        let searched_m = problem.cloud.largest_displacement(&searched_at, &there);
         if searched_m > SEARCH_AGAIN_SHARE * problem.voxel_m {
-            now = problem.state(mountings, surface.find_again());
+            now = problem.state(mountings, surface.search_again());
             searched_at = there;
             costs.push(now.cost.min(best.0));
-            if now.cost > best.0 - WORTH_SEARCHING * count {
+            if now.cost > best.0 - MIN_GAIN_OF_SEARCH * count {
                 ending = Ending::Alternating;
                 if now.cost > best.0 {
                     now = problem.at(best.1);
@@ -96,8 +99,8 @@ pub fn minimise(
     })
 }
 
-/// −(BᵀHB + μ diag)⁻¹ Bᵀg, back in all parameters; `None` where nothing is free, the gradient is no
-/// number, or the matrix cannot be factorised at any sensible damping.
+/// −B (BᵀHB + μ diag)⁻¹ Bᵀg, a step in all parameters; `None` if no parameter is free, the gradient
+/// is not finite, or the matrix cannot be factorised at any damping.
 fn damped_step(
     equations: &NormalEquations,
     basis: &DMatrix<f64>,
@@ -146,7 +149,7 @@ mod tests {
         };
         let start = problem.at(mountings);
         let all_free = Observability::of(&start.equations, &start.mountings);
-        assert!(all_free.free.is_empty());
+        assert!(all_free.unobservable.is_empty());
         let adjusted = minimise(&problem, start.clone(), &all_free, &Silent).unwrap();
         (start, adjusted)
     }
@@ -160,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cost_that_is_no_number_is_no_convergence() {
+    fn a_cost_of_nan_does_not_converge() {
         let (start, end) = minimised(true);
         assert!(start.cost.is_nan());
         assert_eq!(end.ending, Ending::NotDetermined);

@@ -1,8 +1,8 @@
-//! Is the mounting constant? The residuals' pattern along the drive tells.
+//! Test of a constant mounting, from the pattern of the residuals along the drive.
 //!
-//! In every block of time the mean signed distance of a scanner's points to the reference is held
-//! against what errors of the poses alone would give it. A rigid mounting stays within; a mounting
-//! that bends with roll, pitch or acceleration leaves a pattern far larger.
+//! In every block of time, the mean signed distance of a scanner's points to the reference is
+//! compared with its standard deviation due to pose errors. The residuals of a rigid mounting agree
+//! with it; a mounting that bends with roll, pitch or acceleration causes far larger ones.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -13,49 +13,50 @@ use crate::statistics::rms;
 use crate::surface::Surface;
 use crate::trajectory::Trajectory;
 
-/// Length of a block, seconds: a pass over a plane of 1 m at 10 cm/s has five.
+/// Length of a block, seconds: a pass over a plane of 1 m at 10 cm/s has five blocks.
 const BLOCK_S: f64 = 2.0;
 
-/// Fewest points whose mean is worth a block.
-const FEWEST_POINTS: usize = 30;
+/// Minimum number of points in a block.
+const MIN_POINTS: usize = 30;
 
-/// Fewest reference members that make a plane.
-const FEWEST_REFERENCE: usize = 6;
+/// Minimum number of reference points in a neighbourhood to fit a plane.
+const MIN_REFERENCE_POINTS: usize = 6;
 
-/// Fewest blocks that show a pattern.
-const FEWEST_BLOCKS: usize = 10;
+/// Minimum number of blocks for a test.
+const MIN_BLOCKS: usize = 10;
 
-/// The block means may be this many times as large as the poses explain before the mounting
-/// counts as not constant. Poses that are a little worse than they claim give 1 to 1.5;
-/// millimetres of bending give 4 and more.
-const SUSPICIOUS_RATIO: f64 = 2.0;
+/// Ratio of block means to expected standard deviations above which the mounting counts as not
+/// constant. Poses slightly worse than their standard deviations give 1 to 1.5; bending by
+/// millimetres gives 4 and more.
+const MAX_RATIO: f64 = 2.0;
 
 /// One block of one scanner.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Block {
-    /// Middle, seconds.
+    /// Time at its middle, seconds.
     pub time_s: f64,
     /// Mean signed distance to the reference, positive above it, metres.
     pub mean_m: f64,
-    /// Standard deviation that the poses alone would give this mean, metres.
+    /// Standard deviation of this mean due to pose errors, metres.
     pub expected_sigma_m: f64,
 }
 
-/// What the residuals along the drive say.
+/// Result of the test of a constant mounting.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Constancy {
     /// Blocks of each scanner in time order.
     #[serde(skip)]
     pub blocks: Vec<Vec<Block>>,
-    /// Root mean square of mean / expected over all blocks.
+    /// Root mean square of mean / expected standard deviation over all blocks.
     #[serde(rename = "ratio_to_expected")]
     pub ratio: f64,
     /// Root mean square of the block means, metres.
     #[serde(rename = "block_rms_m")]
     pub rms_m: f64,
-    /// Whether the mounting seems constant.
+    /// Whether the mounting appears constant.
     pub constant: bool,
-    /// What of the motion the residuals go with most, and how strongly (correlation).
+    /// The component of the motion with the strongest correlation with the residuals, and the
+    /// correlation coefficient.
     #[serde(rename = "strongest_correlation", serialize_with = "named")]
     pub strongest: Option<(&'static str, f64)>,
 }
@@ -79,7 +80,7 @@ struct Residual {
     scanner: usize,
     time_s: f64,
     distance_m: f64,
-    /// What the poses alone would give the distance.
+    /// Variance of the distance due to pose errors.
     variance_m2: f64,
 }
 
@@ -91,8 +92,8 @@ struct Sums {
 }
 
 impl Constancy {
-    /// Holds the distances to the reference against the poses; `None` without a reference, without
-    /// standard deviations of the poses, or where too little of the drive meets the reference.
+    /// Tests the distances to the reference; `None` without a reference, without standard
+    /// deviations of the poses, or if too little of the drive covers the reference.
     pub fn of(surface: &Surface, trajectory: &Trajectory) -> Option<Self> {
         let (start_s, end_s) = trajectory.span_s();
         let count = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
@@ -117,13 +118,13 @@ impl Constancy {
             .iter()
             .map(|scanner| {
                 let sums = scanner.iter().enumerate();
-                sums.filter(|(_, sum)| sum.n >= FEWEST_POINTS)
+                sums.filter(|(_, sum)| sum.n >= MIN_POINTS)
                     .map(block)
                     .collect()
             })
             .collect();
         let all: Vec<&Block> = blocks.iter().flatten().collect();
-        if all.len() < FEWEST_BLOCKS {
+        if all.len() < MIN_BLOCKS {
             return None;
         }
         let ratio = rms(all
@@ -132,7 +133,7 @@ impl Constancy {
         Some(Self {
             ratio,
             rms_m: rms(all.iter().map(|block| block.mean_m)),
-            constant: ratio < SUSPICIOUS_RATIO,
+            constant: ratio < MAX_RATIO,
             strongest: strongest_correlation(&blocks, trajectory),
             blocks,
         })
@@ -140,14 +141,14 @@ impl Constancy {
 }
 
 impl Residual {
-    /// Of the centre of neighbourhood `index`; `None` where the reference has no plane there, or the
-    /// pose no standard deviations.
+    /// The residual of the centre of neighbourhood `index`; `None` if the reference has no plane
+    /// there or the pose has no standard deviations.
     fn of(surface: &Surface, trajectory: &Trajectory, index: usize) -> Option<Self> {
         let Surface { cloud, placed, .. } = surface;
         let movable = cloud.movable.len();
         let members = surface.neighbourhoods.of(index).iter().copied();
         let reference: Vec<u32> = members.filter(|&m| m as usize >= movable).collect();
-        if reference.len() < FEWEST_REFERENCE {
+        if reference.len() < MIN_REFERENCE_POINTS {
             return None;
         }
         let centre = surface.neighbourhoods.centres()[index] as usize;
@@ -169,7 +170,7 @@ impl Residual {
     }
 }
 
-/// The normal of a flat neighbourhood, pointing up; `None` where it is not flat enough to have one.
+/// The upward normal of a neighbourhood; `None` if it is not flat.
 fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
     let eigen = shape.eigen();
     if eigen.values.z > 0.1 * eigen.values.y {
@@ -179,16 +180,13 @@ fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
     Some(if normal.z < 0.0 { -normal } else { normal })
 }
 
-/// The part of the motion that the block means follow most, over all scanners.
+/// The component of the motion with the strongest correlation with the block means of any scanner.
 fn strongest_correlation(
     blocks: &[Vec<Block>],
     trajectory: &Trajectory,
 ) -> Option<(&'static str, f64)> {
     let mut best: Option<(&'static str, f64)> = None;
-    for scanner in blocks
-        .iter()
-        .filter(|scanner| scanner.len() >= FEWEST_BLOCKS)
-    {
+    for scanner in blocks.iter().filter(|scanner| scanner.len() >= MIN_BLOCKS) {
         let residuals: Vec<f64> = scanner.iter().map(|block| block.mean_m).collect();
         let mut motion: [(&'static str, Vec<f64>); 4] =
             ["roll", "pitch", "acceleration along track", "time"].map(|name| (name, Vec::new()));

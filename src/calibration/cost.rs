@@ -1,23 +1,24 @@
-//! Thickness of the neighbourhoods, its gradient and a positive semidefinite normal matrix.
+//! The cost: thickness of the neighbourhoods, with its gradient and a positive semidefinite normal
+//! matrix.
 //!
 //! With λ₁ ≥ λ₂ ≥ λ₃ the eigenvalues of a neighbourhood's structure tensor C, the paper minimises
-//! Σσ² over the omnivariances σ = (λ₁ λ₂ λ₃)^⅓ (its equation (6)). What is minimised here is Σ ln σ,
-//! changed in two ways that simulated drives with known truth demand:
+//! Σσ² over the omnivariances σ = (λ₁ λ₂ λ₃)^⅓ (its equation (6)). Boresight minimises Σ ln σ
+//! without λ₁ and λ₂. Both changes are motivated by simulated drives with known truth:
 //!
-//! - The squares give the rough soil, where σ is large, most of the weight; what soil looks like
-//!   depends on where it is seen from, and with exact poses this alone costs 2 mm and 0.1°. The
+//! - The squares give most of the weight to rough soil, where σ is large. The appearance of soil
+//!   depends on the viewpoint, and with exact poses this alone causes errors of 2 mm and 0.1°. The
 //!   logarithm weighs each neighbourhood by its own scatter, as maximum likelihood does for
-//!   distances of unknown variance, and ends within 0.01 mm and 0.001°.
-//! - While a neighbourhood's members stay fixed, λ₁ and λ₂ only say how far points slide along the
-//!   surface, which the next search undoes. They would hold the scanners where they are and draw the
-//!   edges of clouds onto each other, so they are left out: ln σ = ⅓ ln λ₃ + what is held.
+//!   distances of unknown variance, and errors stay within 0.01 mm and 0.001°.
+//! - While a neighbourhood's members stay fixed, λ₁ and λ₂ only measure how far points slide along
+//!   the surface, which the next search undoes. They would keep the scanners from moving and pull
+//!   the edges of clouds onto each other, so they are held constant: ln σ = ⅓ ln λ₃ + const.
 //!
-//! So the cost is
+//! The cost is therefore
 //!
 //!   Σ ln(λ₃ + s²)
 //!
-//! with s the thickness below which flatness says nothing about alignment, since points of one pass
-//! alone are that flat. With the normal n, dλ₃ = nᵀ dC n, and the weight w = 1/(λ₃ + s²) frozen at
+//! with s the floor of the thickness: points of a single pass are that flat whatever the mountings
+//! are. With the normal n, dλ₃ = nᵀ dC n. With the weight w = 1/(λ₃ + s²) held constant at
 //! the current parameters, the weighted scatter w/k Σ (n·(x_j − x̄))² has the same gradient
 //!
 //!   g = 2w/k Σ_j a_j n·(x_j − x̄)
@@ -34,19 +35,19 @@ use rayon::prelude::*;
 
 use crate::surface::{Plane, PointRows, Surface};
 
-/// Neighbourhoods a parallel task works on; sums run over tasks in order, so that results do not
+/// Neighbourhoods per parallel task. Sums run over tasks in order, so that results do not
 /// depend on the number of threads.
 const CHUNK: usize = 2048;
 
-/// The normal equations at given mountings: six parameters (δp, δφ) a scanner.
+/// The normal equations at given mountings: six parameters (δp, δφ) per scanner.
 #[derive(Debug, Clone)]
 pub struct NormalEquations {
     /// g = ∂cost/∂θ.
     pub gradient: DVector<f64>,
     /// H.
     pub matrix: DMatrix<f64>,
-    /// Its diagonal before the means are taken off, 2w/k Σ a_j²: what the points would say of each
-    /// parameter if the planes stood still.
+    /// Its diagonal before the means are subtracted, 2w/k Σ a_j²: the information on each parameter
+    /// if the planes did not move.
     pub uncentred: DVector<f64>,
 }
 
@@ -188,7 +189,7 @@ mod tests {
     use crate::geometry::so3;
 
     #[test]
-    fn the_gradient_meets_finite_differences() {
+    fn the_gradient_matches_finite_differences() {
         let (cloud, mountings) = case();
         let surface = surface(cloud, &mountings, 1);
         let equations = normal_equations(&surface, FLOOR_M);

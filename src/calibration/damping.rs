@@ -1,9 +1,9 @@
-//! Which steps Levenberg-Marquardt accepts, and how strongly it damps the next.
+//! Acceptance of Levenberg-Marquardt steps, and damping of the next step.
 
-/// Damping at the start, relative to the diagonal of the normal matrix.
+/// Initial damping, relative to the diagonal of the normal matrix.
 const INITIAL: f64 = 1e-6;
 
-/// Damping above which no step is worth trying: it would move points by less than rounding.
+/// Largest damping: steps with more would move points by less than rounding errors.
 const LARGEST: f64 = 1e11;
 
 /// Damping relative to the diagonal of the normal matrix.
@@ -17,13 +17,13 @@ impl Default for Damping {
 }
 
 impl Damping {
-    /// The share of the diagonal that is added to it.
+    /// The share of the diagonal that is added to the diagonal.
     pub fn share(self) -> f64 {
         self.0
     }
 
-    /// Whether a step that lowers the cost by `lowered` is taken: not where the cost rises or is no
-    /// number. The next step is damped less after one that is, more after one that is not.
+    /// Returns whether a step that lowers the cost by `lowered` is accepted: not if the cost rises
+    /// or is not finite. Accepted steps reduce the damping, rejected ones increase it.
     pub fn accepts(&mut self, lowered: f64) -> bool {
         let is_accepted = lowered >= 0.0;
         self.0 = if is_accepted {
@@ -34,13 +34,13 @@ impl Damping {
         is_accepted
     }
 
-    /// Damps a matrix more that cannot be factorised; false where that is no use.
+    /// Increases the damping of a matrix that cannot be factorised; false if it is exhausted.
     pub fn raise(&mut self) -> bool {
         self.0 = (self.0 * 100.0).max(1e-9);
         !self.is_exhausted()
     }
 
-    /// Whether no step is left to try.
+    /// Whether the damping has reached its largest value.
     pub fn is_exhausted(self) -> bool {
         self.0 > LARGEST
     }
@@ -51,15 +51,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cost_that_is_no_number_is_refused() {
+    fn a_cost_that_is_not_finite_is_rejected() {
         let mut damping = Damping::default();
-        for refused in [f64::NAN, f64::NEG_INFINITY, -1e-300] {
+        for rejected in [f64::NAN, f64::NEG_INFINITY, -1e-300] {
             let before = damping.share();
-            assert!(!damping.accepts(refused) && damping.share() > before);
+            assert!(!damping.accepts(rejected) && damping.share() > before);
         }
         let before = damping.share();
         assert!(damping.accepts(0.0) && damping.share() < before);
-        // From any damping, refusals end.
+        // Repeated rejections exhaust the damping.
         assert!((0..30).any(|_| !damping.accepts(f64::NAN) && damping.is_exhausted()));
     }
 }

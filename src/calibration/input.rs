@@ -1,4 +1,4 @@
-//! What is calibrated from what.
+//! Input of the calibration.
 
 use rayon::prelude::*;
 
@@ -12,39 +12,39 @@ use crate::statistics::median;
 use crate::surface::SurfaceCloud;
 use crate::trajectory::{PosteriorCovariance, Trajectory};
 
-/// The thickness below which flatness says nothing about alignment, as a share of the voxel. What
-/// the poses scatter comes on top.
+/// Share of the voxel size below which the thickness of a neighbourhood carries no information
+/// about the alignment. The scatter of the poses is added to it.
 const FLOOR_SHARE: f64 = 0.05;
 
-/// What is known of the errors of the poses.
+/// What is known about the errors of the poses.
 #[derive(Debug, Clone, Copy)]
 pub enum PoseUncertainty<'a> {
-    /// The smoother's posterior, correlations included.
+    /// The smoother's posterior covariance, including correlations.
     Smoothed(&'a PosteriorCovariance),
-    /// Standard deviations beside the poses; errors are taken as constant over 5 s.
+    /// Standard deviations of the poses; errors are assumed constant over 5 s.
     Sigmas,
-    /// Nothing is known, or the poses are exact: sigmas hold for exact poses.
+    /// Nothing is known, or the poses are exact: standard deviations hold for exact poses.
     None,
 }
 
-/// What is calibrated from what.
+/// Input of the calibration.
 #[derive(Debug, Clone)]
 pub struct Input<'a> {
-    /// Initial mountings, one a scanner.
+    /// Initial mountings, one per scanner.
     pub mountings: Vec<Mounting>,
     /// The scanners' points, thinned on the finest grid, in the order of `mountings`.
     pub samples: &'a [ScannerSample],
     /// Points of the reference in the world, metres; empty without one.
     pub reference: &'a [Vec3],
-    /// Where the body was.
+    /// The trajectory of the body.
     pub trajectory: &'a Trajectory,
-    /// How well that is known.
+    /// The uncertainty of its poses.
     pub poses: PoseUncertainty<'a>,
 }
 
 impl<'a> Input<'a> {
-    /// Scanners without a reference, poses being known as well as their standard deviations say, or
-    /// exact where they have none.
+    /// Input without a reference. The poses' own standard deviations are used; without them, poses
+    /// count as exact.
     pub fn new(
         mountings: Vec<Mounting>,
         samples: &'a [ScannerSample],
@@ -63,12 +63,12 @@ impl<'a> Input<'a> {
         }
     }
 
-    /// With points of a reference in the world, metres.
+    /// Adds points of a reference in the world, metres.
     pub fn with_reference(self, reference: &'a [Vec3]) -> Self {
         Self { reference, ..self }
     }
 
-    /// With the covariance of the poses that came with the trajectory.
+    /// Adds the covariance of the poses from the estimate of the trajectory.
     pub fn with_pose_covariance(self, covariance: &'a PosteriorCovariance) -> Self {
         Self {
             poses: PoseUncertainty::Smoothed(covariance),
@@ -77,7 +77,7 @@ impl<'a> Input<'a> {
     }
 
     /// # Errors
-    /// Scanners and samples that do not belong together, a scanner without points, a covariance of
+    /// Different numbers of mountings and samples, a scanner without points, a covariance of
     /// another trajectory.
     pub(super) fn check(&self) -> Result<()> {
         let (mountings, samples) = (self.mountings.len(), self.samples.len());
@@ -111,8 +111,8 @@ impl<'a> Input<'a> {
         }
     }
 
-    /// One point a voxel, scanner and pass, with the mountings as now known, and one a voxel of the
-    /// reference.
+    /// Thins the points, placed with `mountings`, to one per voxel, scanner and pass, and the
+    /// reference to one per voxel.
     ///
     /// # Errors
     /// Too few points for neighbourhoods.
@@ -140,7 +140,7 @@ impl<'a> Input<'a> {
             return Err(Error::of(
                 Problem::TooFew,
                 format!(
-                    "only {all} points are left on voxels of {voxel_m} m, where every \
+                    "only {all} points remain with voxels of {voxel_m} m, but each \
                      neighbourhood needs {needed}"
                 ),
                 "use smaller calibration.voxel_sizes_m or fewer calibration.neighbours",
@@ -149,9 +149,9 @@ impl<'a> Input<'a> {
         Ok(cloud)
     }
 
-    /// s of the cost: the share of the voxel, and the standard deviation of a coordinate of the
-    /// poses, the median along the drive so that an outage does not count. Passes cannot agree
-    /// better than their poses.
+    /// s of the cost: the share of the voxel size and the standard deviation of a pose coordinate,
+    /// added in quadrature. Passes cannot agree better than their poses; the median along the drive
+    /// keeps outages out.
     pub(super) fn floor_m(&self, voxel_m: f64) -> f64 {
         let sigmas = self.trajectory.nodes().iter().filter_map(|node| node.sigma);
         let variances = sigmas.map(|sigma| sigma.position_m.norm_squared() / 3.0);
@@ -169,7 +169,7 @@ mod tests {
     use crate::sensor::PoseRecord;
 
     #[test]
-    fn input_that_makes_no_sense_is_refused() {
+    fn invalid_input_is_refused() {
         let node = |time_s| PoseRecord {
             time_s,
             world_from_body: WorldFromBody::identity(),
@@ -206,7 +206,7 @@ mod tests {
             (
                 &full,
                 &settings,
-                "only 3 points are left on voxels of 0.05 m",
+                "only 3 points remain with voxels of 0.05 m",
             ),
         ] {
             let input = Input::new(vec![mounting.clone()], samples, &trajectory);

@@ -1,9 +1,9 @@
-//! The mounting of all scanners at once: coarse to fine, make the neighbourhoods of points as thin
-//! as possible (after Esser et al. 2024), with or without a reference.
+//! Calibration of the mountings of all scanners at once: the neighbourhoods of points are made as
+//! flat as possible, coarse to fine (after Esser et al. 2024), with or without a reference.
 //!
-//! Read [`calibrate`] first: it is the algorithm. Then `cost.rs` (the mathematics), `adjust.rs` (one
-//! scale), `observability.rs` and `uncertainty.rs` (what the result is worth), `constancy.rs`
-//! (whether one mounting can be right at all).
+//! Start with [`calibrate`], the algorithm; then see `cost.rs` (the mathematics), `adjust.rs` (one
+//! scale), `observability.rs` and `uncertainty.rs` (the quality of the result), and `constancy.rs`
+//! (whether the mounting is constant).
 
 mod adjust;
 mod constancy;
@@ -28,7 +28,7 @@ use std::time::Instant;
 
 pub use constancy::{Block, Constancy};
 pub use input::{Input, PoseUncertainty};
-pub use observability::{FreeDirection, Observability};
+pub use observability::{Observability, UnobservableDirection};
 pub use parameters::{Mounting, PARAMETER_NAMES};
 pub use result::{Calibration, Scale};
 pub use sample::{ScannerSample, sample_profiles};
@@ -41,17 +41,17 @@ use crate::error::Result;
 use crate::progress::Progress;
 use scale::{Adjusted, ScaleProblem, Solved, State};
 
-/// Most neighbourhoods in the cost of one scale. Beyond, every second, third … scanner point is a
-/// centre, chosen once: more centres of the same points add time, not knowledge.
-const MOST_CENTRES: usize = 250_000;
+/// Largest number of neighbourhoods in the cost of one scale. With more scanner points, every
+/// second, third … is a centre: more centres of the same points add time, not information.
+const MAX_CENTRES: usize = 250_000;
 
-/// Makes neighbourhoods thin coarse to fine, then says what the mountings found are worth.
+/// Calibrates the mountings coarse to fine, and determines their observability and covariance.
 ///
-/// The [guide](crate#calibrate-two-scanners) shows it with plain arrays.
+/// The [guide](crate#calibrate-two-scanners) has an example with plain arrays.
 ///
 /// # Errors
-/// Settings or input that make no sense; a scanner without points; fewer points than a
-/// neighbourhood needs; [`Error::Cancelled`](crate::Error::Cancelled).
+/// Invalid settings or input; a scanner without points; too few points for the
+/// neighbourhoods; [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn calibrate(
     input: &Input<'_>,
     settings: &CalibrationSettings,
@@ -93,8 +93,8 @@ pub fn calibrate(
     })
 }
 
-/// Thins the points, finds their neighbourhoods, and adjusts the mountings in the directions that
-/// the data determine.
+/// Thins the points, searches their neighbourhoods, and adjusts the mountings in the directions
+/// that the data determine.
 fn solve_scale(
     input: &Input<'_>,
     mountings: Vec<Mounting>,
@@ -110,7 +110,7 @@ fn solve_scale(
         voxel_m,
         floor_m: input.floor_m(voxel_m),
         k: settings.neighbours,
-        stride: points.div_ceil(MOST_CENTRES).max(1),
+        stride: points.div_ceil(MAX_CENTRES).max(1),
         max_iterations: settings.max_iterations,
     };
     let start = problem.at(mountings);
@@ -124,7 +124,7 @@ fn solve_scale(
         Method::Reweighted => adjust::minimise(&problem, start, &observability, progress)?,
         Method::Paper => paper::minimise(&problem, start.mountings, &observability, progress)?,
     };
-    let solved = hold_free_directions(&problem, &input.mountings, state);
+    let solved = hold_unobservable_directions(&problem, &input.mountings, state);
     let scale = Scale {
         voxel_m,
         iterations,
@@ -140,12 +140,16 @@ fn solve_scale(
     Ok((solved, scale))
 }
 
-/// Brings back to its initial value what the solved scale shows to be undetermined: a coarse scale
-/// may have moved it before that could be seen. The cost does not notice.
-fn hold_free_directions(problem: &ScaleProblem, initial: &[Mounting], state: State) -> Solved {
+/// Restores the initial values along the directions that are unobservable at the solution: a
+/// coarser scale may have moved the mountings along them. The cost stays the same.
+fn hold_unobservable_directions(
+    problem: &ScaleProblem,
+    initial: &[Mounting],
+    state: State,
+) -> Solved {
     let observability = Observability::of(&state.equations, &state.mountings);
     let floor_m = problem.floor_m;
-    if observability.free.is_empty() {
+    if observability.unobservable.is_empty() {
         return Solved {
             state,
             observability,
@@ -153,7 +157,7 @@ fn hold_free_directions(problem: &ScaleProblem, initial: &[Mounting], state: Sta
         };
     }
     let change = parameters::change(initial, &state.mountings);
-    let mountings = parameters::moved(&state.mountings, &observability.back_to(&change));
+    let mountings = parameters::moved(&state.mountings, &observability.restoring(&change));
     let surface = state.surface.moved(&parameters::poses(&mountings));
     let state = problem.state(mountings, surface);
     Solved {

@@ -1,11 +1,11 @@
-//! What the data determine, and what they do not, in plain words.
+//! Observability of the parameters.
 //!
-//! The normal matrix is scaled by what each point would say of each parameter if the planes of the
-//! neighbourhoods stood still ([`NormalEquations::uncentred`]). An eigenvalue is then the share of
-//! that information which is left once the planes move along: near zero for a direction in which
-//! the mountings move without any neighbourhood growing thicker. Such a direction is held at its
-//! initial value: of the parameters that it mostly moves, the sum weighted by the direction stays,
-//! where a metre of shift counts as much as a radian over [`LEVER_M`].
+//! The normal matrix is scaled by the information the points would have on each parameter if the
+//! planes of the neighbourhoods did not move ([`NormalEquations::uncentred`]). An eigenvalue is
+//! then the share of that information that remains when the planes move with the points: near zero
+//! for a direction in which the mountings move without any neighbourhood getting thicker. Such a
+//! direction is held at its initial value: the sum of the parameters that it mainly moves, weighted
+//! by the direction, stays constant. Rotations are converted to metres by [`LEVER_M`].
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -13,25 +13,26 @@ use super::cost::NormalEquations;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
 use crate::geometry::EulerConvention;
 
-/// A rotation counts as the shift it causes at this distance, metres: the working range of a
+/// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
 /// close-range scanner.
 pub const LEVER_M: f64 = 1.5;
 
-/// Shares of the information below this count as none. On simulated drives the heights have 2e-6 to
-/// 1e-5 without a reference, from what little roll and pitch tell, and the next direction 5e-3; with
-/// one, nothing is below 1e-2. The threshold lies halfway between, in factors.
-pub const WEAK_SHARE: f64 = 2e-4;
+/// Directions with a smaller share of the information count as unobservable. On simulated drives
+/// without a reference the heights have 2e-6 to 1e-5, from small roll and pitch angles, and the
+/// next direction 5e-3; with a reference all have more than 1e-2. The threshold is the geometric
+/// mean.
+pub const MIN_SHARE: f64 = 2e-4;
 
-/// A direction that the data leave free.
+/// A direction that the data do not determine.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct FreeDirection {
+pub struct UnobservableDirection {
     /// (δp, δφ) of every scanner: metres and radians, in body axes.
     #[serde(skip)]
     pub direction: DVector<f64>,
-    /// Share of the information that is left.
+    /// Remaining share of the information.
     #[serde(rename = "eigenvalue_share")]
     pub share: f64,
-    /// What cannot be found, in words.
+    /// Description of the direction.
     #[serde(rename = "what")]
     pub words: String,
     /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
@@ -39,34 +40,35 @@ pub struct FreeDirection {
     pub parameters: Vec<(usize, usize)>,
 }
 
-/// Eigenvalues of the scaled normal matrix and the directions that are free.
+/// Eigenvalues of the scaled normal matrix and the unobservable directions.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Observability {
-    /// Shares of the information that are left, ascending.
+    /// Remaining shares of the information, ascending.
     #[serde(rename = "eigenvalue_shares")]
     pub shares: Vec<f64>,
-    /// Free directions; empty where all is determined.
+    /// Unobservable directions; empty if everything is determined.
     #[serde(rename = "undetermined")]
-    pub free: Vec<FreeDirection>,
+    pub unobservable: Vec<UnobservableDirection>,
 }
 
 impl Observability {
-    /// What the normal equations at `mountings` say of their free parameters.
+    /// Analyses the normal equations at `mountings` for their free parameters.
     pub fn of(equations: &NormalEquations, mountings: &[Mounting]) -> Self {
         let basis = &free_basis(mountings);
         let reduced = basis.transpose() * &equations.matrix * basis;
-        // Points so far off that their squares overflow leave no numbers, and no eigenvalues.
+        // The squares of wildly wrong points overflow: the matrix is not finite and has no
+        // eigenvalues.
         if reduced.is_empty() || reduced.iter().any(|entry| !entry.is_finite()) {
             return Self {
                 shares: Vec::new(),
-                free: Vec::new(),
+                unobservable: Vec::new(),
             };
         }
         let scale: Vec<f64> = basis
             .column_iter()
             .map(|column| {
-                let said = column.component_mul(&column).dot(&equations.uncentred);
-                said.max(f64::MIN_POSITIVE).sqrt().recip()
+                let information = column.component_mul(&column).dot(&equations.uncentred);
+                information.max(f64::MIN_POSITIVE).sqrt().recip()
             })
             .collect();
         let scaled = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
@@ -76,9 +78,9 @@ impl Observability {
         let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
         let share = |i: usize| eigen.eigenvalues[i].max(0.0);
-        let free = order
+        let unobservable = order
             .iter()
-            .filter(|&&i| share(i) < WEAK_SHARE)
+            .filter(|&&i| share(i) < MIN_SHARE)
             .map(|&i| {
                 let coordinates = DVector::from_fn(scale.len(), |row, _| {
                     scale[row] * eigen.eigenvectors[(row, i)]
@@ -86,7 +88,7 @@ impl Observability {
                 let direction = (basis * coordinates).normalize();
                 let parameters = concerned(&direction, mountings, None);
                 let words = in_words(&direction, &parameters, mountings);
-                FreeDirection {
+                UnobservableDirection {
                     direction,
                     share: share(i),
                     words,
@@ -96,36 +98,41 @@ impl Observability {
             .collect();
         Self {
             shares: order.iter().map(|&i| share(i)).collect(),
-            free,
+            unobservable,
         }
     }
 
-    /// The directions in which the free parameters of `mountings` move and those that the data leave
-    /// free stand still: 6 s × f.
+    /// Basis of the directions in which the free parameters of `mountings` move without the
+    /// unobservable directions: 6 s × f.
     pub fn determined(&self, mountings: &[Mounting]) -> DMatrix<f64> {
         let basis = free_basis(mountings);
-        if self.free.is_empty() {
+        if self.unobservable.is_empty() {
             return basis;
         }
         // Constraint rows nᵀ P B z = 0; the null space of all of them, by QR of the transpose.
-        let constraints = DMatrix::from_fn(basis.ncols(), self.free.len(), |column, row| {
-            self.free[row].weighted().dot(&basis.column(column))
-        });
+        let constraints =
+            DMatrix::from_fn(basis.ncols(), self.unobservable.len(), |column, row| {
+                self.unobservable[row].weighted().dot(&basis.column(column))
+            });
         basis * null_space(&constraints)
     }
 
-    /// The multiple of each free direction that brings `mountings` back to where `initial` held it.
-    pub fn back_to(&self, change: &DVector<f64>) -> DVector<f64> {
-        let count = self.free.len();
-        let weighted: Vec<DVector<f64>> = self.free.iter().map(FreeDirection::weighted).collect();
+    /// Returns the correction along the unobservable directions that undoes their part of `change`.
+    pub fn restoring(&self, change: &DVector<f64>) -> DVector<f64> {
+        let count = self.unobservable.len();
+        let weighted: Vec<DVector<f64>> = self
+            .unobservable
+            .iter()
+            .map(UnobservableDirection::weighted)
+            .collect();
         let products = DMatrix::from_fn(count, count, |i, j| {
-            weighted[i].dot(&self.free[j].direction)
+            weighted[i].dot(&self.unobservable[j].direction)
         });
         let sums = DVector::from_fn(count, |i, _| weighted[i].dot(change));
         let mut correction = DVector::zeros(change.len());
-        // Singular where two directions move the same parameters alike: neither is then brought back.
+        // Singular if two directions move the same parameters alike: then neither is restored.
         if let Some(amounts) = products.lu().solve(&sums) {
-            for (free, amount) in self.free.iter().zip(amounts.iter()) {
+            for (free, amount) in self.unobservable.iter().zip(amounts.iter()) {
                 correction -= &free.direction * *amount;
             }
         }
@@ -133,9 +140,9 @@ impl Observability {
     }
 }
 
-impl FreeDirection {
-    /// Whether it moves this parameter by at least a third of what it moves the most, angles being
-    /// those of `convention`.
+impl UnobservableDirection {
+    /// Whether it moves this parameter by at least a third of its largest component, with angles of
+    /// `convention`.
     pub fn moves(
         &self,
         (scanner, parameter): (usize, usize),
@@ -145,11 +152,12 @@ impl FreeDirection {
         concerned(&self.direction, mountings, Some(convention)).contains(&(scanner, parameter))
     }
 
-    /// P n: the direction over the parameters it mostly moves, rotations over [`LEVER_M`].
+    /// P n: the direction restricted to the parameters it mainly moves, rotations weighted by
+    /// [`LEVER_M`].
     fn weighted(&self) -> DVector<f64> {
         DVector::from_fn(self.direction.len(), |row, _| {
             let (scanner, axis) = (row / 6, row % 6);
-            // The angles of the list are Euler angles; any of them brings in the whole rotation.
+            // The listed angles are Euler angles; any of them includes the whole rotation.
             let concerned = self.parameters.iter().any(|&(s, parameter)| {
                 s == scanner
                     && if axis < 3 {
@@ -182,8 +190,8 @@ fn null_space(constraints: &DMatrix<f64>) -> DMatrix<f64> {
     })
 }
 
-/// Parameters that a free direction moves by at least a third of what it moves the most; angles
-/// in each mounting's own convention unless another is asked for.
+/// Parameters that a direction moves by at least a third of its largest component; angles
+/// in `convention`, or in each mounting's own.
 fn concerned(
     direction: &DVector<f64>,
     mountings: &[Mounting],
@@ -201,7 +209,7 @@ fn concerned(
         .collect()
 }
 
-/// How far a direction moves each parameter, in metres (angles over [`LEVER_M`]).
+/// Displacement of each parameter along a direction, in metres (angles times [`LEVER_M`]).
 fn amounts(
     direction: &DVector<f64>,
     mountings: &[Mounting],
@@ -290,28 +298,28 @@ mod tests {
         null[8] = 0.5f64.sqrt();
         let matrix = DMatrix::identity(12, 12) - &null * null.transpose();
         let seen = Observability::of(&equations(matrix), &two());
-        assert_eq!(seen.free.len(), 1);
-        assert_eq!(seen.free[0].words, "all scanners' common height");
-        assert_eq!(seen.free[0].parameters, [(0, 2), (1, 2)]);
+        assert_eq!(seen.unobservable.len(), 1);
+        assert_eq!(seen.unobservable[0].words, "all scanners' common height");
+        assert_eq!(seen.unobservable[0].parameters, [(0, 2), (1, 2)]);
         let held = seen.determined(&two());
         assert_eq!(held.ncols(), 11);
         assert!((held.transpose() * &null).norm() < 1e-12);
         let mut change = DVector::zeros(12);
         change[2] = 0.03;
         change[8] = 0.01;
-        let back = seen.back_to(&change);
+        let back = seen.restoring(&change);
         assert!((back[2] + 0.02).abs() < 1e-12 && (back[8] + 0.02).abs() < 1e-12);
     }
 
     #[test]
-    fn a_full_matrix_frees_nothing() {
+    fn a_full_matrix_determines_everything() {
         let seen = Observability::of(&equations(DMatrix::identity(12, 12)), &two());
-        assert!(seen.free.is_empty());
+        assert!(seen.unobservable.is_empty());
         assert_eq!(seen.determined(&two()), DMatrix::identity(12, 12));
     }
 
     #[test]
-    fn a_parameter_that_is_weak_on_its_own_is_seen_too() {
+    fn a_single_weak_parameter_is_unobservable_too() {
         // One scanner, only its height free, and next to nothing left once the planes move along.
         let mut matrix = DMatrix::zeros(6, 6);
         matrix[(2, 2)] = 1e-6;
@@ -319,20 +327,20 @@ mod tests {
         mounting.fixed = [true, true, false, true, true, true];
         let mountings = [mounting];
         let seen = Observability::of(&equations(matrix), &mountings);
-        assert_eq!(seen.free.len(), 1);
-        assert_eq!(seen.free[0].words, "the height of `left`");
+        assert_eq!(seen.unobservable.len(), 1);
+        assert_eq!(seen.unobservable[0].words, "the height of `left`");
         assert_eq!(seen.determined(&mountings).ncols(), 0);
     }
 
     #[test]
-    fn two_free_directions_are_both_brought_back() {
+    fn two_unobservable_directions_are_both_restored() {
         // Both heights free: any two directions that span them must bring both back.
         let mut matrix = DMatrix::identity(12, 12);
         matrix[(2, 2)] = 0.0;
         matrix[(8, 8)] = 0.0;
         let mut seen = Observability::of(&equations(matrix), &two());
-        assert_eq!(seen.free.len(), 2);
-        for (free, (left, right)) in seen.free.iter_mut().zip([(1.0, 0.9), (0.9, 1.0)]) {
+        assert_eq!(seen.unobservable.len(), 2);
+        for (free, (left, right)) in seen.unobservable.iter_mut().zip([(1.0, 0.9), (0.9, 1.0)]) {
             free.direction = DVector::zeros(12);
             free.direction[2] = left;
             free.direction[8] = right;
@@ -341,7 +349,7 @@ mod tests {
         let mut change = DVector::zeros(12);
         change[2] = 0.05;
         change[8] = -0.02;
-        let back = seen.back_to(&change);
+        let back = seen.restoring(&change);
         assert!((back[2] + 0.05).abs() < 1e-12 && (back[8] - 0.02).abs() < 1e-12);
     }
 }

@@ -1,6 +1,6 @@
-//! The adjustment as the paper describes it, to compare with: one point a voxel whatever scanner
-//! and pass it comes from, the omnivariances themselves as residuals, their Jacobian by numeric
-//! differences, Gauss-Newton with steps halved until the cost falls.
+//! The adjustment as the paper describes it, for comparison: one point per voxel of all scanners
+//! and passes together, omnivariances as residuals, their Jacobian by numeric differences,
+//! Gauss-Newton with steps halved until the cost falls.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -19,21 +19,21 @@ const STEP: f64 = 1e-4;
 /// A scale has converged when a step moves no point by more than this, metres.
 const CONVERGED_M: f64 = 1e-5;
 
-/// New neighbourhoods in every iteration keep the parameters from coming to rest. A scale has also
-/// ended when this many iterations have not lowered the cost by [`WORTHWHILE`].
+/// New neighbourhoods in every iteration keep the parameters from settling. A scale has also
+/// converged when this many iterations have not lowered the cost by [`MIN_RELATIVE_GAIN`].
 const PATIENCE: usize = 20;
 
 /// Relative change of the cost that counts as progress.
-const WORTHWHILE: f64 = 1e-3;
+const MIN_RELATIVE_GAIN: f64 = 1e-3;
 
-/// The farthest that a step may move a point, in voxels.
-const FARTHEST_VOXELS: f64 = 4.0;
+/// Largest displacement of a point in one step, in voxels.
+const MAX_DISPLACEMENT_VOXELS: f64 = 4.0;
 
-/// A step is halved up to this many times until it lowers the cost: dσ vanishes where surfaces
-/// meet, so that undamped steps overshoot by degrees.
+/// Maximum number of times a step is halved to lower the cost: dσ vanishes where surfaces
+/// intersect, so undamped steps overshoot by degrees.
 const HALVINGS: i32 = 12;
 
-/// One point a voxel of scanners and reference together, and the residuals of its neighbourhoods.
+/// One point per voxel of scanners and reference together, and the residuals of the neighbourhoods.
 struct Thinned {
     cloud: SurfaceCloud,
     neighbourhoods: Neighbourhoods,
@@ -47,7 +47,7 @@ impl Thinned {
         let cloud = all.subset(&kept);
         let placed = cloud.place(&poses(mountings));
         let centres = (0..cloud.movable.len() as u32).step_by(problem.stride);
-        let neighbourhoods = Neighbourhoods::find(&placed.world, centres.collect(), problem.k);
+        let neighbourhoods = Neighbourhoods::search(&placed.world, centres.collect(), problem.k);
         Self {
             residuals: omnivariances(&placed, &neighbourhoods),
             cloud,
@@ -55,7 +55,7 @@ impl Thinned {
         }
     }
 
-    /// The residuals of the same neighbourhoods with other mountings.
+    /// The residuals of the same neighbourhoods for other mountings.
     fn residuals_at(&self, mountings: &[Mounting]) -> DVector<f64> {
         omnivariances(&self.cloud.place(&poses(mountings)), &self.neighbourhoods)
     }
@@ -80,7 +80,7 @@ fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f6
 }
 
 /// Minimises Σσ² by Gauss-Newton on the residuals σ; the voxel filter and the neighbourhoods are
-/// made anew in every iteration. The cost is Σσ² over the neighbourhoods of the iteration.
+/// recomputed in every iteration. The cost is Σσ² over the neighbourhoods of the iteration.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -115,9 +115,11 @@ pub fn minimise(
         let here = poses(&mountings);
         let lowered = (0..HALVINGS).find_map(|halvings| {
             let candidate = moved(&mountings, &(&step * 0.5f64.powi(halvings)));
-            let moved_m = thinned.cloud.farthest_move(&here, &poses(&candidate));
-            // Beyond a few voxels the neighbourhoods say nothing of what would be found there.
-            let is_near = moved_m < FARTHEST_VOXELS * problem.voxel_m;
+            let moved_m = thinned
+                .cloud
+                .largest_displacement(&here, &poses(&candidate));
+            // Beyond a few voxels the neighbourhoods are no longer those of a new search.
+            let is_near = moved_m < MAX_DISPLACEMENT_VOXELS * problem.voxel_m;
             let is_lower = is_near && thinned.residuals_at(&candidate).norm_squared() < cost;
             is_lower.then_some((candidate, moved_m))
         });
@@ -134,7 +136,7 @@ pub fn minimise(
             ending = Ending::Converged;
             break;
         }
-        if mean < lowest * (1.0 - WORTHWHILE) {
+        if mean < lowest * (1.0 - MIN_RELATIVE_GAIN) {
             (lowest, lowest_at) = (mean, iterations);
         } else if iterations - lowest_at > PATIENCE {
             ending = Ending::CostFloor;
@@ -142,7 +144,7 @@ pub fn minimise(
         }
     }
     Ok(Adjusted {
-        // What the result is worth is estimated from all points.
+        // The uncertainty is estimated from all points.
         state: problem.at(mountings),
         ending,
         iterations,

@@ -1,4 +1,4 @@
-//! The unknowns: six numbers a scanner, and which of them may move.
+//! The unknowns: six parameters per scanner, free or fixed.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,14 +8,14 @@ use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3, so3};
 /// Names of the six parameters of a mounting: translation, then rotation about the body's axes.
 pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
 
-/// The mounting of one scanner as the adjustment sees it.
+/// The mounting of one scanner and its fixed parameters.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Mounting {
     /// Name of the scanner.
     pub name: String,
     /// Current estimate.
     pub body_from_scanner: BodyFromScanner,
-    /// The angles in which `fixed` speaks.
+    /// Convention of the angles in `fixed`.
     pub convention: EulerConvention,
     /// Parameters held at their values: tx ty tz rx ry rz, the last three being the Euler angles
     /// (α, β, γ) of `convention`.
@@ -23,7 +23,7 @@ pub struct Mounting {
 }
 
 impl Mounting {
-    /// A mounting of which every parameter is free.
+    /// A mounting with all parameters free.
     pub fn new(name: impl Into<String>, body_from_scanner: BodyFromScanner) -> Self {
         Self {
             name: name.into(),
@@ -33,12 +33,11 @@ impl Mounting {
         }
     }
 
-    /// What this scanner's free parameters span of its
-    /// [perturbation](crate::geometry::Transform#perturbations), written (δp, δφ) as the parameters
-    /// are: a 6 × f matrix.
+    /// Basis of this scanner's free [perturbations](crate::geometry::Transform#perturbations)
+    /// (δp, δφ), in the order of the parameters: a 6 × f matrix.
     ///
-    /// Free rotations keep δφ itself; where single Euler angles are held, the columns are the
-    /// directions in which one of the other angles moves alone.
+    /// If all rotations are free, the basis is δφ itself; if single Euler angles are fixed, each
+    /// column changes one of the other angles alone.
     fn free_basis(&self) -> DMatrix<f64> {
         let mut columns: Vec<[f64; 6]> = Vec::new();
         for axis in (0..3).filter(|&axis| !self.fixed[axis]) {
@@ -60,7 +59,7 @@ impl Mounting {
         DMatrix::from_fn(6, columns.len(), |row, column| columns[column][row])
     }
 
-    /// dφ/d(α, β, γ) where single angles are held, `None` where all three move.
+    /// dφ/d(α, β, γ) if any angle is fixed, `None` if all three are free.
     fn body_rotation_from_angles(&self) -> Option<Mat3> {
         if !self.fixed[3..].contains(&true) {
             return None;
@@ -73,8 +72,8 @@ impl Mounting {
         euler_jacobian_body(self.convention, &self.body_from_scanner)
     }
 
-    /// The mounting perturbed by (δp, δφ). Held angles come out unchanged to the last
-    /// bit that the conversion keeps.
+    /// The mounting perturbed by (δp, δφ). Fixed angles stay unchanged, apart from the rounding of
+    /// the conversion.
     fn moved(&self, delta: &[f64]) -> Self {
         let mut moved = self.clone();
         let dp_m = Vec3::new(delta[0], delta[1], delta[2]);
@@ -93,7 +92,7 @@ impl Mounting {
     }
 }
 
-/// d(α, β, γ)/dφ for R ← Exp(φ) R: the columns of [`euler_jacobian`] turned into body axes.
+/// d(α, β, γ)/dφ for R ← Exp(φ) R: the columns of [`euler_jacobian`] rotated into body axes.
 pub fn euler_jacobian_body(
     convention: EulerConvention,
     body_from_scanner: &BodyFromScanner,
@@ -102,7 +101,8 @@ pub fn euler_jacobian_body(
     euler_jacobian(convention, &rotation) * rotation.inverse().to_rotation_matrix().matrix()
 }
 
-/// The block-diagonal tangent of all scanners: 6 s × (number of free parameters).
+/// Block-diagonal basis of the free perturbations of all scanners: 6 s × (number of free
+/// parameters).
 pub fn free_basis(mountings: &[Mounting]) -> DMatrix<f64> {
     let blocks: Vec<DMatrix<f64>> = mountings.iter().map(Mounting::free_basis).collect();
     let columns = blocks.iter().map(|block| block.ncols()).sum();
@@ -126,7 +126,7 @@ pub fn moved(mountings: &[Mounting], delta: &DVector<f64>) -> Vec<Mounting> {
         .collect()
 }
 
-/// The (δp, δφ) that lead from `from` to `to`.
+/// The perturbations (δp, δφ) that turn `from` into `to`.
 pub fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
     let parts = from.iter().zip(to).flat_map(|(from, to)| {
         let (from, to) = (&from.body_from_scanner, &to.body_from_scanner);
@@ -137,7 +137,7 @@ pub fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
     DVector::from_iterator(6 * from.len(), parts)
 }
 
-/// Where the scanners sit on the body.
+/// The poses of the scanners on the body.
 pub fn poses(mountings: &[Mounting]) -> Vec<BodyFromScanner> {
     mountings.iter().map(|m| m.body_from_scanner).collect()
 }

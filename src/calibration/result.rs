@@ -1,4 +1,4 @@
-//! The mountings found, and what they are worth.
+//! Result of the calibration.
 
 use nalgebra::DMatrix;
 
@@ -9,47 +9,48 @@ use super::scale::Ending;
 use super::settings::Method;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 
-/// The mountings found, and what they are worth.
+/// The calibrated mountings and their quality.
 #[derive(Debug, Clone)]
 pub struct Calibration {
-    /// How they were found.
+    /// Estimation method.
     pub method: Method,
-    /// One a scanner.
+    /// One mounting per scanner.
     pub mountings: Vec<Mounting>,
     /// Whether every scale converged.
     pub converged: bool,
-    /// Coarse to fine.
+    /// Scales from coarse to fine.
     pub scales: Vec<Scale>,
-    /// Covariance of (δp, δφ) of all scanners, body axes, zero for what was held; `None` where the
-    /// normal matrix is singular, and for the paper's method, which gives none.
+    /// Covariance of (δp, δφ) of all scanners, body axes, zero for fixed and unobservable
+    /// parameters; `None` if the normal matrix is singular, and for the paper's method, which has
+    /// no covariance.
     pub covariance: Option<DMatrix<f64>>,
     /// What the data determine.
     pub observability: Observability,
-    /// Whether the mounting seems constant; `None` where that cannot be told.
+    /// Test of a constant mounting; `None` if it is not possible.
     pub constancy: Option<Constancy>,
 }
 
-/// One scale as it went.
+/// Course of the adjustment of one scale.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct Scale {
     /// Edge of the voxels, metres.
     pub voxel_m: f64,
-    /// Iterations.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Scanner points.
+    /// Number of scanner points.
     pub points: usize,
-    /// Reference points.
+    /// Number of reference points.
     pub reference_points: usize,
-    /// Neighbourhoods in the cost.
+    /// Number of neighbourhoods in the cost.
     pub neighbourhoods: usize,
     /// The method's own cost before the first and after every iteration: Σ ln(λ₃ + s²) of the
     /// neighbourhoods, or the paper's Σσ² (m⁴).
     pub costs: Vec<f64>,
-    /// The last of them.
+    /// The last cost.
     pub cost: f64,
     /// How it ended.
     pub ending: Ending,
-    /// Run time.
+    /// Run time, seconds.
     pub seconds: f64,
     /// Mountings after this scale.
     pub mountings: Vec<Mounting>,
@@ -64,26 +65,27 @@ impl Calibration {
             .collect()
     }
 
-    /// Whether the data determine this parameter; angles are those of the mounting's own convention.
+    /// Whether the data determine this parameter; angles are those of the mounting's own
+    /// convention.
     pub fn is_observable(&self, scanner: usize, parameter: usize) -> bool {
         self.is_observable_in(scanner, parameter, self.mountings[scanner].convention)
     }
 
-    /// The same with the angles of `convention`.
+    /// As [`Self::is_observable`], with the angles of `convention`.
     fn is_observable_in(
         &self,
         scanner: usize,
         parameter: usize,
         convention: EulerConvention,
     ) -> bool {
-        let free = &self.observability.free;
-        !free
+        let directions = &self.observability.unobservable;
+        !directions
             .iter()
-            .any(|free| free.moves((scanner, parameter), convention, &self.mountings))
+            .any(|direction| direction.moves((scanner, parameter), convention, &self.mountings))
     }
 
     /// Standard deviations of tx, ty, tz (metres) and of the three Euler angles (radians) of
-    /// `scanner` in `convention`; `None` for what was held.
+    /// `scanner` in `convention`; `None` for fixed and unobservable parameters.
     pub fn sigmas(&self, scanner: usize, convention: EulerConvention) -> [Option<f64>; 6] {
         let mounting = &self.mountings[scanner];
         let Some(covariance) = &self.covariance else {

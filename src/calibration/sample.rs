@@ -1,8 +1,8 @@
-//! From hundreds of millions of laser points to the few that the adjustment needs.
+//! Thinning of hundreds of millions of laser points to the few that the adjustment needs.
 //!
-//! One point is kept for each voxel, scanner and pass. A pass ends where the scanner has not seen
-//! the voxel for a while. Keeping every pass apart matters: their disagreement is what the
-//! calibration looks for, and one point a voxel would hide it.
+//! One point is kept per voxel, scanner and pass. A pass ends when the scanner has not seen the
+//! voxel for a while. Passes are kept apart because the calibration minimises the disagreement
+//! between them, which one point per voxel would hide.
 
 use super::parameters::Mounting;
 use super::settings::CalibrationSettings;
@@ -16,18 +16,18 @@ use crate::sensor::ScanPoint;
 use crate::surface::{Profile, ProfilePoint};
 use crate::trajectory::Trajectory;
 
-/// What a scanner measured, thinned.
+/// The thinned points of a scanner.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScannerSample {
     /// Profiles in time order.
     pub profiles: Vec<Profile>,
     /// Points in the order of their profiles.
     pub points: Vec<ProfilePoint>,
-    /// Laser points read.
+    /// Number of laser points read.
     pub read: u64,
-    /// Laser points outside the trajectory's span, left out.
+    /// Number of laser points left out because they lie outside the trajectory's span.
     pub outside: u64,
-    /// Laser points without a pose that is known well enough, left out.
+    /// Laser points left out because their poses exceed the trajectory's limits.
     pub refused: Refused,
 }
 
@@ -36,7 +36,8 @@ impl ScannerSample {
     /// clock, in time order), on the finest grid of `settings`.
     ///
     /// # Errors
-    /// As many times as points are needed, finite, in time order; some within the trajectory's span.
+    /// Different numbers of times and points, values that are not finite, times out of order, or no
+    /// point within the trajectory's span.
     pub fn from_points(
         mounting: &Mounting,
         times_s: &[f64],
@@ -66,7 +67,7 @@ impl ScannerSample {
         }
         let mut sampler = Sampler::new(mounting, 0.0, trajectory, settings)?;
         for (&time_s, &position_m) in points {
-            sampler.show(&ScanPoint {
+            sampler.add(&ScanPoint {
                 time_s,
                 position_m,
                 intensity: 0.0,
@@ -75,7 +76,7 @@ impl ScannerSample {
         sampler.finish()
     }
 
-    /// Where the points are in the world with this mounting, metres.
+    /// Positions of the points in the world for this mounting, metres.
     pub fn placed(&self, body_from_scanner: &BodyFromScanner) -> impl Iterator<Item = Vec3> {
         self.points.iter().map(|point| {
             let pose = &self.profiles[point.profile as usize].world_from_body;
@@ -83,7 +84,7 @@ impl ScannerSample {
         })
     }
 
-    /// Indices of the points left on a grid of `voxel_m` with this mounting, profile by profile.
+    /// Indices of the points kept on a grid of `voxel_m` for this mounting, sorted by profile.
     pub(super) fn thinned(
         &self,
         body_from_scanner: &BodyFromScanner,
@@ -94,14 +95,14 @@ impl ScannerSample {
         let mut thinner = Thinner::new(voxel_m, pass_gap_s);
         for (index, world) in (0..).zip(self.placed(body_from_scanner)) {
             let time_s = self.profiles[profile(index) as usize].time_s;
-            thinner.show(index, time_s, &world);
+            thinner.add(index, time_s, &world);
         }
         thinner.kept.sort_by_key(|&index| profile(index));
         thinner.kept
     }
 }
 
-/// Keeps, of the points it is shown in time order, the one nearest each voxel's centre a pass.
+/// Keeps the point nearest the voxel's centre per voxel and pass. Points are added in time order.
 struct Thinner<Point> {
     voxel_m: f64,
     pass_gap_s: f64,
@@ -125,7 +126,7 @@ impl<Point> Thinner<Point> {
         }
     }
 
-    fn show(&mut self, point: Point, time_s: f64, world: &Vec3) {
+    fn add(&mut self, point: Point, time_s: f64, world: &Vec3) {
         let key = voxel_key(world, self.voxel_m);
         let offset_squared = squared_distance_to_centre(world, self.voxel_m);
         let next = self.kept.len();
@@ -152,12 +153,12 @@ impl<Point> Thinner<Point> {
     }
 }
 
-/// Thins a scanner's points as they stream by.
+/// Thins a stream of scanner points.
 struct Sampler<'a> {
     mounting: &'a Mounting,
     trajectory: &'a Trajectory,
     georeferencer: Georeferencer<'a>,
-    /// Times and places in the scanner frame.
+    /// Times and positions in the scanner frame.
     thinner: Thinner<(f64, Vec3)>,
 }
 
@@ -178,11 +179,11 @@ impl<'a> Sampler<'a> {
         })
     }
 
-    fn show(&mut self, point: &ScanPoint) {
+    fn add(&mut self, point: &ScanPoint) {
         if let (time_s, Some(pose)) = self.georeferencer.body_at(point) {
             let body = self.mounting.body_from_scanner.map(&point.position_m);
             let kept = (time_s, point.position_m);
-            self.thinner.show(kept, time_s, &pose.map(&body));
+            self.thinner.add(kept, time_s, &pose.map(&body));
         }
     }
 
@@ -192,7 +193,7 @@ impl<'a> Sampler<'a> {
         kept.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut profiles: Vec<Profile> = Vec::new();
         let mut cursor = self.trajectory.cursor();
-        // Every point kept has a pose, the same as when it was shown.
+        // Every kept point has a pose, the same as when it was added.
         let points = kept.into_iter().filter_map(|(time_s, position_m)| {
             if profiles.last().is_none_or(|last| last.time_s != time_s) {
                 let world_from_body = cursor.pose_at(time_s)?;
@@ -219,12 +220,11 @@ impl<'a> Sampler<'a> {
 /// Reads a scanner's profiles once, in bounded memory, and thins them on the finest grid of
 /// `settings`.
 ///
-/// The voxels are those of `mounting` as known so far: within a pass a wrong mounting shifts all
-/// points alike, so the density comes out right all the same. `time_offset_s` is added to the
-/// sensor's times.
+/// The points are placed with the initial `mounting`: within a pass a wrong mounting shifts all
+/// points alike, so the density is still right. `time_offset_s` is added to the sensor's times.
 ///
 /// # Errors
-/// What the reader finds; no point within the trajectory's span (with both spans).
+/// Errors of the reader; no point within the trajectory's span (with both spans).
 pub fn sample_profiles(
     mounting: &Mounting,
     readers: Vec<Box<dyn ProfileReader>>,
@@ -238,7 +238,7 @@ pub fn sample_profiles(
     for mut reader in readers {
         let mut bytes = 0;
         while reader.next_chunk(&mut chunk)? {
-            chunk.iter().for_each(|point| sampler.show(point));
+            chunk.iter().for_each(|point| sampler.add(point));
             progress.advance(reader.bytes_read() - bytes);
             progress.check()?;
             bytes = reader.bytes_read();
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_that_are_no_scan_are_refused() {
+    fn invalid_arrays_are_refused() {
         for (points, named) in [
             (&[(0.0, 0.1), (1.0, f64::NAN)][..], "point 1 are not finite"),
             (&[(1.0, 0.1), (0.5, 0.1)], "goes back from 1 s to 0.5 s"),

@@ -1,4 +1,4 @@
-//! One scale of the coarse-to-fine adjustment, and how it can end.
+//! One scale of the coarse-to-fine adjustment, and its possible endings.
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,20 +8,20 @@ use super::observability::Observability;
 use super::parameters::{Mounting, poses};
 use crate::surface::{Surface, SurfaceCloud};
 
-/// What is adjusted at one scale.
+/// The adjustment problem of one scale.
 #[derive(Debug, Clone)]
 pub struct ScaleProblem {
-    /// The points, thinned.
+    /// The thinned points.
     pub cloud: Arc<SurfaceCloud>,
     /// Edge of the voxels, metres.
     pub voxel_m: f64,
-    /// s of the [`cost`](super::cost): thickness below which flatness says nothing, metres.
+    /// s of the [`cost`](super::cost), the floor of the thickness, metres.
     pub floor_m: f64,
-    /// Neighbours.
+    /// Number of points in each neighbourhood.
     pub k: usize,
-    /// Every how many-th scanner point is a centre.
+    /// Every `stride`-th scanner point is a centre.
     pub stride: usize,
-    /// Most iterations.
+    /// Maximum number of iterations.
     pub max_iterations: usize,
 }
 
@@ -30,7 +30,7 @@ pub struct ScaleProblem {
 pub struct State {
     /// The mountings.
     pub mountings: Vec<Mounting>,
-    /// Points and planes there.
+    /// Points and planes.
     pub surface: Surface,
     /// Σ ln(λ₃ + s²).
     pub cost: f64,
@@ -39,14 +39,14 @@ pub struct State {
 }
 
 impl ScaleProblem {
-    /// Finds the neighbourhoods at `mountings` and builds the equations.
+    /// Searches the neighbourhoods at `mountings` and builds the normal equations.
     pub fn at(&self, mountings: Vec<Mounting>) -> State {
         let cloud = Arc::clone(&self.cloud);
         let surface = Surface::new(cloud, &poses(&mountings), self.k, self.stride);
         self.state(mountings, surface)
     }
 
-    /// Builds the equations of a surface placed with `mountings`.
+    /// Builds the normal equations of a surface placed with `mountings`.
     pub fn state(&self, mountings: Vec<Mounting>, surface: Surface) -> State {
         State {
             cost: cost(&surface.planes, self.floor_m),
@@ -60,11 +60,11 @@ impl ScaleProblem {
 /// The adjustment of one scale.
 #[derive(Debug, Clone)]
 pub struct Adjusted {
-    /// Where it ended.
+    /// The last state.
     pub state: State,
     /// How it ended.
     pub ending: Ending,
-    /// Accepted and refused steps.
+    /// Number of steps, accepted and rejected.
     pub iterations: usize,
     /// The method's own cost before the first step and after every iteration.
     pub costs: Vec<f64>,
@@ -75,7 +75,7 @@ pub struct Adjusted {
 pub struct Solved {
     /// The solution.
     pub state: State,
-    /// What the data determine there.
+    /// What the data determine at the solution.
     pub observability: Observability,
     /// s of the cost, metres.
     pub floor_m: f64,
@@ -86,13 +86,13 @@ pub struct Solved {
 pub enum Ending {
     /// The last step was below the threshold.
     Converged,
-    /// No damping lowers the cost further: the cost is at its floor.
+    /// No damped step lowers the cost further.
     CostFloor,
     /// New neighbourhoods no longer lower the cost; the best mountings so far are kept.
     Alternating,
-    /// The data determine no direction in which to step.
+    /// The data determine no direction of a step.
     NotDetermined,
-    /// The allowed number of iterations ran out.
+    /// The maximum number of iterations was reached.
     IterationsExhausted,
 }
 
@@ -107,15 +107,15 @@ impl fmt::Display for Ending {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Converged => "converged",
-            Self::CostFloor => "at the floor of the cost",
-            Self::Alternating => "converged as far as its neighbourhoods tell",
+            Self::CostFloor => "converged at the minimum of the cost",
+            Self::Alternating => "converged until new neighbourhoods no longer helped",
             Self::NotDetermined => "not determined by the data",
-            Self::IterationsExhausted => "stopped at the allowed number of iterations",
+            Self::IterationsExhausted => "stopped at the maximum number of iterations",
         })
     }
 }
 
-/// In words.
+/// Serialises as text.
 impl serde::Serialize for Ending {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)

@@ -1,4 +1,4 @@
-//! Results as they are written out.
+//! Serialisation of the results.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ impl<T> EulerDeg<T> {
     }
 }
 
-/// A mounting in every form that others read: quaternion and both conventions of Euler angles.
+/// A mounting as quaternion and as Euler angles of both conventions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MountingForms {
     #[serde(flatten)]
@@ -48,7 +48,7 @@ impl From<&BodyFromScanner> for MountingForms {
     }
 }
 
-/// What was found of one scanner.
+/// Result of one scanner.
 #[derive(Debug, Clone, Serialize)]
 pub struct ScannerResult {
     body_from_scanner: MountingForms,
@@ -57,17 +57,17 @@ pub struct ScannerResult {
     unobservable: Vec<&'static str>,
 }
 
-/// Standard deviations; null for what was held.
+/// Standard deviations; null for fixed and unobservable parameters.
 #[derive(Debug, Clone, Serialize)]
 struct Sigma {
     translation_m: [Option<f64>; 3],
-    /// Of the mounting's own angles.
+    /// In the mounting's own convention.
     rotation_deg: [Option<f64>; 3],
     euler_deg: EulerDeg<Option<f64>>,
 }
 
 impl Calibration {
-    /// What was found of each scanner, by name, to be written out.
+    /// Results by the names of the scanners, for serialisation.
     pub fn scanners(&self) -> BTreeMap<&str, ScannerResult> {
         let scanner = |index: usize| {
             let mounting = &self.mountings[index];
@@ -94,7 +94,7 @@ impl Calibration {
     }
 }
 
-/// As `calibration` and `scanners` of `result.json`.
+/// Serialises as the keys `calibration` and `scanners` of `result.json`.
 impl Serialize for Calibration {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]

@@ -1,30 +1,31 @@
-//! How the mountings are found.
+//! Settings of the calibration.
 
 use crate::error::{Error, Result};
 
-/// How the mounting is found.
+/// Estimation method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// Reweighted least squares with analytic derivatives, one point a voxel, scanner and pass.
+    /// Reweighted least squares with analytic derivatives, one point per voxel, scanner and pass.
     #[default]
     Reweighted,
-    /// As the paper: numeric Jacobian of the omnivariances, one point a voxel, Gauss-Newton.
+    /// The paper's method: numeric Jacobian of the omnivariances, one point per voxel,
+    /// Gauss-Newton.
     Paper,
 }
 
 /// Settings of the calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationSettings {
-    /// Coarse to fine, metres.
+    /// Voxel sizes from coarse to fine, metres.
     pub voxel_sizes_m: Vec<f64>,
-    /// Neighbours in each neighbourhood (k).
+    /// Number of points in each neighbourhood (k).
     pub neighbours: usize,
-    /// How.
+    /// Estimation method.
     pub method: Method,
-    /// Most iterations a scale.
+    /// Maximum number of iterations per scale.
     pub max_iterations: usize,
-    /// A point of the same scanner and voxel this much later belongs to another pass, seconds.
+    /// Time after which a point in the same voxel belongs to another pass of the scanner, seconds.
     pub pass_gap_s: f64,
 }
 
@@ -41,10 +42,10 @@ impl Default for CalibrationSettings {
 }
 
 impl CalibrationSettings {
-    /// The voxel sizes but the last, and the last.
+    /// Returns the coarser voxel sizes and the finest.
     ///
     /// # Errors
-    /// No voxel size, or sizes that are not positive and ever smaller; neighbourhoods of fewer than
+    /// No voxel size, or sizes that are not positive and decreasing; neighbourhoods of fewer than
     /// four points.
     pub(super) fn scales(&self) -> Result<(&[f64], f64)> {
         let sizes = &self.voxel_sizes_m;

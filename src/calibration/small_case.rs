@@ -1,4 +1,4 @@
-//! A small scene for tests: every kind of point, nothing symmetric.
+//! A small asymmetric scene for tests, with points of every kind.
 
 use std::sync::Arc;
 
@@ -6,10 +6,10 @@ use super::parameters::{Mounting, poses};
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
 use crate::surface::{Profile, ProfilePoint, Surface, SurfaceCloud};
 
-/// The thickness below which flatness says nothing.
+/// The floor s of the thickness.
 pub const FLOOR_M: f64 = 0.02;
 
-/// Numbers in [-1, 1) from a linear congruential generator: the same everywhere.
+/// Numbers in [-1, 1) from a linear congruential generator, the same on every platform.
 fn numbers() -> impl FnMut() -> f64 {
     let mut state = 1u64;
     move || {
@@ -20,7 +20,7 @@ fn numbers() -> impl FnMut() -> f64 {
     }
 }
 
-/// Two scanners over a bumpy surface, each point with a pose of its own, and a reference.
+/// Two scanners over a bumpy surface, each point with its own pose, and a reference.
 pub fn case() -> (SurfaceCloud, Vec<Mounting>) {
     let mut next = numbers();
     let mut scanners = [(); 2].map(|()| (Vec::new(), Vec::new()));

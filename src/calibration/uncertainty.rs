@@ -1,16 +1,17 @@
-//! Standard deviations of the mountings that include the errors of the poses.
+//! Covariance of the mountings, including the errors of the poses.
 //!
 //! At the minimum the gradient g(θ, x) vanishes. Moving a laser point by dx moves the gradient by
 //! G_l dx with
 //!
 //!   G_l = Σ_{i ∋ l} 2w_i/k (a_l − ā_i) n_iᵀ,
 //!
-//! and the mountings by −N⁻¹ G_l dx. Two things move points: the scanner's noise and roughness,
-//! independent from point to point, and the poses, whose errors are correlated along the drive and
-//! reach a profile's points through their rows by the pose. The smoother propagates the latter with
-//! its full posterior covariance, correlations in time included. Uncertainties that ignore the poses
-//! would be too small by an order of magnitude. The reference counts as exact: its own noise averages
-//! out over thousands of points, and an error of its registration moves all scanners alike.
+//! and the mountings by −N⁻¹ G_l dx. Points have two kinds of errors: scanner noise and surface
+//! roughness, independent from point to point, and pose errors, correlated along the drive, which
+//! are propagated to the points of a profile by their derivatives by the pose. The smoother
+//! propagates pose errors with its full posterior covariance, including correlations in time.
+//! Uncertainties that ignore the poses would be too small by an order of magnitude. The reference
+//! counts as exact: its noise averages out over thousands of points, and a registration error moves
+//! all scanners alike.
 
 use nalgebra::{Cholesky, DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
@@ -22,17 +23,17 @@ use crate::geometry::Vec3;
 use crate::surface::{Memberships, PosedProfile, Surface};
 use crate::trajectory::{PoseGradient, Trajectory};
 
-/// Time over which errors of poses given with standard deviations alone count as constant,
-/// seconds: about the time a total station's position and a filter's attitude keep their error.
+/// Time over which pose errors are assumed constant if only standard deviations are given,
+/// seconds: about the correlation time of a total station's positions and a filter's attitude.
 const BLOCK_S: f64 = 5.0;
 
-/// Points a parallel task works on.
+/// Points per parallel task.
 const CHUNK: usize = 4096;
 
-/// Tasks whose results are held at a time.
+/// Number of tasks whose results are held in memory at a time.
 const BATCH: usize = 16;
 
-/// How the gradient g changes where single points move.
+/// Derivative of the gradient g by single points.
 struct Sensitivity<'a> {
     surface: &'a Surface,
     /// 2w/k of each neighbourhood.
@@ -93,7 +94,7 @@ impl<'a> Sensitivity<'a> {
     }
 }
 
-/// What part of the points contributes.
+/// Contribution of a range of points.
 struct Part {
     /// Σ G_l s_l² G_lᵀ.
     scatter: DMatrix<f64>,
@@ -102,7 +103,7 @@ struct Part {
 }
 
 impl Part {
-    /// Of the points of `range`, whose scatter s_l² is in `variances`.
+    /// The contribution of the points of `range`, with their scatter s_l² in `variances`.
     fn new(
         sensitivity: &Sensitivity<'_>,
         variances: &[f64],
@@ -145,7 +146,7 @@ impl Part {
     }
 }
 
-/// Covariance of the gradient g: what scatter of the points and errors of the poses do to it.
+/// Covariance of the gradient g due to the scatter of the points and the errors of the poses.
 fn gradient_covariance(
     surface: &Surface,
     floor_m: f64,
@@ -176,8 +177,8 @@ fn gradient_covariance(
     covariance + errors.covariance()
 }
 
-/// s_l²: the smallest eigenvalue of the neighbourhood around each movable point; points that are no
-/// centre take the mean of the others.
+/// s_l²: the smallest eigenvalue of the neighbourhood around each movable point; points that are
+/// not centres get the mean of the others.
 fn scatter(surface: &Surface) -> Vec<f64> {
     let planes = &surface.planes;
     let sum: f64 = planes.iter().map(|plane| plane.variance_m2).sum();
@@ -188,7 +189,7 @@ fn scatter(surface: &Surface) -> Vec<f64> {
     variances
 }
 
-/// What errors of the poses do to the gradient.
+/// Effect of the errors of the poses on the gradient.
 struct PoseErrors<'a> {
     trajectory: &'a Trajectory,
     poses: PoseUncertainty<'a>,
@@ -208,13 +209,13 @@ impl<'a> PoseErrors<'a> {
         }
     }
 
-    /// Adds the gradient by the pose of a profile, (δφ, δp) row by row.
+    /// Adds the derivative of the gradient by the pose of a profile, (δφ, δp) row by row.
     fn add(&mut self, profile: &PosedProfile, gradient: &[f64]) {
         let Some((node, fraction)) = self.trajectory.locate(profile.time_s) else {
             return;
         };
         match self.poses {
-            // Poses between nodes are shared between both by time.
+            // The error of a pose between two nodes is interpolated linearly in time.
             PoseUncertainty::Smoothed(_) => {
                 for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
                     let sums = self.by_node.block_mut(node);
@@ -223,7 +224,7 @@ impl<'a> PoseErrors<'a> {
                         .for_each(|(sum, entry)| *sum += entry * share);
                 }
             }
-            // Errors are constant over a block, and independent between blocks and axes.
+            // Errors are constant over a block and independent between blocks and axes.
             PoseUncertainty::Sigmas => {
                 let Some(sigma) = self.trajectory.nodes()[node].sigma else {
                     return;
@@ -255,8 +256,8 @@ impl<'a> PoseErrors<'a> {
     }
 }
 
-/// Covariance of the mountings (δp, δφ), zero in directions that are held or free:
-/// M S Mᵀ with M = B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient. `None` where BᵀNB is singular.
+/// Covariance of the mountings (δp, δφ), zero in fixed and unobservable directions: M S Mᵀ with M =
+/// B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient. `None` where BᵀNB is singular.
 pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
     let state = &solved.state;
     let basis = solved.observability.determined(&state.mountings);

@@ -1,11 +1,11 @@
-//! The same drive calibrated under other conditions, to hold the result against.
+//! Calibrations of the same drive under other conditions, for comparison with the result.
 
-/// What is different from the calibration that gives the result.
+/// Difference from the calibration that gives the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
-    /// The scanners alone, where there is a reference.
+    /// The same scanners without the reference.
     WithoutReference,
-    /// The true poses, where they are known.
+    /// The true poses, if they are known.
     ExactPoses,
     /// The paper's own method.
     Paper,

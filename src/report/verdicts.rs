@@ -183,7 +183,7 @@ pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
 
 /// What cannot be found, a sentence each.
 pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> {
-    let free = calibration.observability.free.iter();
+    let free = calibration.observability.unobservable.iter();
     free.map(|free| {
         let mut words = free.words.clone();
         if let Some(first) = words.get_mut(0..1) {

@@ -1,4 +1,4 @@
-//! Points of all scanners and of a reference, and where they are with given mountings.
+//! Points of all scanners and of a reference, and their positions for given mountings.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use super::profile::{Profile, ProfilePoint};
 use super::rows::PointRows;
 use crate::geometry::{BodyFromScanner, Mat3, Vec3};
 
-/// A profile of one of several scanners, its pose ready for many points.
+/// A profile of one of several scanners, with its pose as a rotation matrix and a translation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosedProfile {
     /// Index of the scanner.
@@ -21,11 +21,11 @@ pub struct PosedProfile {
     pub translation_m: Vec3,
 }
 
-/// Points of all scanners, which move with the mountings and the poses, and points of a reference,
-/// which stay. Indices count the movable points first, then the fixed ones.
+/// Points of all scanners, which move with the mountings and the poses, and fixed points of a
+/// reference. Indices count the movable points first, then the fixed ones.
 #[derive(Debug, Clone, Default)]
 pub struct SurfaceCloud {
-    /// How many scanners there are.
+    /// Number of scanners.
     pub scanners: usize,
     /// The profiles of the first scanner in time order, then those of the next.
     pub profiles: Arc<Vec<PosedProfile>>,
@@ -35,7 +35,7 @@ pub struct SurfaceCloud {
     pub fixed: Vec<Vec3>,
 }
 
-/// Where the points of a [`SurfaceCloud`] are with given mountings.
+/// Positions of the points of a [`SurfaceCloud`] for given mountings.
 #[derive(Debug, Clone)]
 pub struct Placed {
     /// World coordinates, metres.
@@ -43,7 +43,7 @@ pub struct Placed {
     mountings: Vec<Mounted>,
 }
 
-/// The mounting of a scanner, ready for many points.
+/// The mounting of a scanner as a rotation matrix and a translation.
 #[derive(Debug, Clone, Copy)]
 struct Mounted {
     rotation: Mat3,
@@ -73,7 +73,7 @@ impl Mounted {
 }
 
 impl SurfaceCloud {
-    /// The points of a reference alone.
+    /// A cloud of reference points only.
     pub fn new(fixed: Vec<Vec3>) -> Self {
         Self {
             fixed,
@@ -81,7 +81,7 @@ impl SurfaceCloud {
         }
     }
 
-    /// Adds a scanner: `points` of `profiles`, in their order. Profiles without points are left out.
+    /// Adds a scanner: `points` sorted by profile. Profiles without points are left out.
     pub fn add_scanner(
         &mut self,
         profiles: &[Profile],
@@ -109,7 +109,7 @@ impl SurfaceCloud {
         self.scanners += 1;
     }
 
-    /// The points of these indices, which ascend.
+    /// The points with these indices, which must be in ascending order.
     pub fn subset(&self, indices: &[u32]) -> Self {
         let movable = self.movable.len();
         let split = indices.partition_point(|&index| (index as usize) < movable);
@@ -125,12 +125,12 @@ impl SurfaceCloud {
         }
     }
 
-    /// How many points there are.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.movable.len() + self.fixed.len()
     }
 
-    /// Whether there is no point.
+    /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -141,7 +141,7 @@ impl SurfaceCloud {
         &self.profiles[point.profile as usize]
     }
 
-    /// Places every point with these mountings: x_m = t_mb + R_mb (t_bs + R_bs x_s).
+    /// Places every point for these mountings: x_m = t_mb + R_mb (t_bs + R_bs x_s).
     pub fn place(&self, mountings: &[BodyFromScanner]) -> Placed {
         let mountings = Mounted::all(mountings);
         let place = |point: &ProfilePoint| {
@@ -170,8 +170,9 @@ impl SurfaceCloud {
         PointRows::along(direction, &profile.rotation, &lever, &arm)
     }
 
-    /// The farthest that any point moves between two sets of mountings, metres. Poses do not matter.
-    pub fn farthest_move(&self, from: &[BodyFromScanner], to: &[BodyFromScanner]) -> f64 {
+    /// Largest displacement of a point between two sets of mountings, metres; it does not depend on
+    /// the poses.
+    pub fn largest_displacement(&self, from: &[BodyFromScanner], to: &[BodyFromScanner]) -> f64 {
         let (from, to) = (Mounted::all(from), Mounted::all(to));
         self.movable
             .par_iter()

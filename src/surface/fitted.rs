@@ -1,4 +1,4 @@
-//! A cloud placed with given mountings, and the planes of its neighbourhoods there.
+//! A cloud placed for given mountings, and the planes of its neighbourhoods.
 
 use std::sync::Arc;
 
@@ -8,23 +8,23 @@ use super::plane::Plane;
 use super::rows::PointRows;
 use crate::geometry::{BodyFromScanner, Vec3};
 
-/// The planes of neighbourhoods for given mountings. Points and neighbourhoods are shared with the
-/// surfaces made from this one.
+/// The planes of neighbourhoods for given mountings. Points and neighbourhoods are shared between
+/// this surface and those derived from it.
 #[derive(Debug, Clone)]
 pub struct Surface {
     /// The points.
     pub cloud: Arc<SurfaceCloud>,
-    /// Where they are.
+    /// Their positions.
     pub placed: Placed,
-    /// Which of them lie around which.
+    /// The neighbourhoods.
     pub neighbourhoods: Arc<Neighbourhoods>,
     /// The plane of every neighbourhood.
     pub planes: Vec<Plane>,
 }
 
 impl Surface {
-    /// Places the points of `cloud` and finds the `k` points nearest to every `stride`-th movable
-    /// one.
+    /// Places the points of `cloud` and searches the `k` points nearest to every `stride`-th
+    /// movable point.
     pub fn new(
         cloud: Arc<SurfaceCloud>,
         mountings: &[BodyFromScanner],
@@ -33,7 +33,7 @@ impl Surface {
     ) -> Self {
         let placed = cloud.place(mountings);
         let centres = (0..cloud.movable.len() as u32).step_by(stride.max(1));
-        let neighbourhoods = Neighbourhoods::find(&placed.world, centres.collect(), k);
+        let neighbourhoods = Neighbourhoods::search(&placed.world, centres.collect(), k);
         Self {
             planes: neighbourhoods.planes(&placed.world),
             neighbourhoods: Arc::new(neighbourhoods),
@@ -42,7 +42,7 @@ impl Surface {
         }
     }
 
-    /// The same neighbourhoods with other mountings.
+    /// The same neighbourhoods for other mountings.
     pub fn moved(&self, mountings: &[BodyFromScanner]) -> Self {
         let placed = self.cloud.place(mountings);
         Self {
@@ -53,9 +53,9 @@ impl Surface {
         }
     }
 
-    /// The same points with neighbours sought anew where they are now.
-    pub fn find_again(self) -> Self {
-        let neighbourhoods = self.neighbourhoods.find_again(&self.placed.world);
+    /// The same points, with the neighbours searched again at their current positions.
+    pub fn search_again(self) -> Self {
+        let neighbourhoods = self.neighbourhoods.search_again(&self.placed.world);
         Self {
             planes: neighbourhoods.planes(&self.placed.world),
             neighbourhoods: Arc::new(neighbourhoods),

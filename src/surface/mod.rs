@@ -1,8 +1,8 @@
-//! The scanned surface: points that move with the poses and the mountings, their neighbourhoods, the
-//! planes of these, and how points move along a normal with pose and mounting.
+//! The scanned surface: points that move with the poses and the mountings, their neighbourhoods and
+//! planes, and the derivatives of point-to-plane distances by pose and by mounting.
 //!
-//! A point keeps its profile, and poses stand once a profile: whoever changes poses changes the table
-//! of profiles.
+//! Each point refers to its profile, and each profile holds one pose. To change poses, change the
+//! table of profiles.
 
 mod cloud;
 mod fitted;

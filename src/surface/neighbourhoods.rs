@@ -1,4 +1,4 @@
-//! Which points lie around which.
+//! Neighbourhoods of points.
 
 use rayon::prelude::*;
 
@@ -6,8 +6,8 @@ use super::plane::Plane;
 use crate::cloud::NeighbourIndex;
 use crate::geometry::Vec3;
 
-/// The k nearest neighbours of chosen points, themselves among them: found once and kept while the
-/// points move little.
+/// The k nearest neighbours of selected points, including the points themselves: searched once and
+/// kept while the points move little.
 #[derive(Debug, Clone)]
 pub struct Neighbourhoods {
     k: usize,
@@ -16,9 +16,9 @@ pub struct Neighbourhoods {
 }
 
 impl Neighbourhoods {
-    /// The `k` points nearest to each of `centres`, which are indices into `points`; all where there
-    /// are fewer.
-    pub fn find(points: &[Vec3], centres: Vec<u32>, k: usize) -> Self {
+    /// Searches the `k` points nearest to each of `centres` (indices into `points`), or all points
+    /// if there are fewer.
+    pub fn search(points: &[Vec3], centres: Vec<u32>, k: usize) -> Self {
         let index = NeighbourIndex::new(points);
         let places: Vec<Vec3> = centres
             .iter()
@@ -31,12 +31,12 @@ impl Neighbourhoods {
         }
     }
 
-    /// Neighbourhoods of the same size around the same points where these have moved to.
-    pub fn find_again(&self, points: &[Vec3]) -> Self {
-        Self::find(points, self.centres.clone(), self.k)
+    /// Searches neighbourhoods of the same size around the same points at new positions.
+    pub fn search_again(&self, points: &[Vec3]) -> Self {
+        Self::search(points, self.centres.clone(), self.k)
     }
 
-    /// Points in each neighbourhood.
+    /// Number of points in each neighbourhood.
     pub fn k(&self) -> usize {
         self.k
     }
@@ -52,12 +52,12 @@ impl Neighbourhoods {
         &self.members[index * self.k..(index + 1) * self.k]
     }
 
-    /// How many neighbourhoods there are.
+    /// Number of neighbourhoods.
     pub fn len(&self) -> usize {
         self.centres.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no neighbourhoods.
     pub fn is_empty(&self) -> bool {
         self.centres.is_empty()
     }
@@ -70,7 +70,7 @@ impl Neighbourhoods {
             .collect()
     }
 
-    /// In which neighbourhoods each of the first `points` points is.
+    /// The neighbourhoods that each of the first `points` points belongs to.
     pub fn memberships(&self, points: usize) -> Memberships {
         let known = |&&member: &&u32| (member as usize) < points;
         let mut starts = vec![0; points + 1];
@@ -104,7 +104,7 @@ pub struct Memberships {
 }
 
 impl Memberships {
-    /// Those that point `index` is in, ascending.
+    /// Neighbourhoods that point `index` belongs to, in ascending order.
     #[inline]
     pub fn of(&self, index: usize) -> &[u32] {
         &self.neighbourhoods[self.starts[index]..self.starts[index + 1]]
@@ -116,11 +116,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn members_and_memberships_tell_the_same() {
+    fn members_and_memberships_agree() {
         let points: Vec<Vec3> = (0..40)
             .map(|i| Vec3::new(f64::from(i * i % 17), f64::from(i % 7), 0.0))
             .collect();
-        let found = Neighbourhoods::find(&points, vec![0, 3, 30, 39], 6);
+        let found = Neighbourhoods::search(&points, vec![0, 3, 30, 39], 6);
         let memberships = found.memberships(35);
         for point in 0..35 {
             let expected: Vec<u32> = (0..found.len() as u32)

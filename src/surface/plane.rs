@@ -3,19 +3,19 @@
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 
-/// The plane that fits points best, and how far they scatter about it.
+/// The least-squares plane of points, and their variance about it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
     /// x̄, metres.
     pub mean_m: Vec3,
     /// Unit normal, of either sign.
     pub normal: Vec3,
-    /// λ₃, m²: the mean squared distance of the points.
+    /// λ₃, m²: the mean squared distance of the points from the plane.
     pub variance_m2: f64,
 }
 
 impl Plane {
-    /// Through those of `points` that `members` name.
+    /// Fits a plane to the `points` with the indices `members`.
     pub fn of(points: &[Vec3], members: &[u32]) -> Self {
         let tensor = StructureTensor::of(points, members);
         let eigen = tensor.eigen();

@@ -1,9 +1,9 @@
-//! Points that were measured together stand with one pose.
+//! Profiles: points measured together, which share one pose.
 
 use crate::geometry::{Vec3, WorldFromBody};
 
-/// What a scanner measured at one time, from one pose. A scanner whose points each have a time of
-/// their own has a profile a point.
+/// The measurements of a scanner at one time, from one pose. If every point has its own time, every
+/// point is a profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Profile {
     /// Seconds.
@@ -15,7 +15,7 @@ pub struct Profile {
 /// A laser point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProfilePoint {
-    /// Index of its profile in the table beside the points.
+    /// Index of its profile in the table of profiles.
     pub profile: u32,
     /// x_s: scanner frame, metres.
     pub position_m: Vec3,

@@ -1,4 +1,5 @@
-//! Rows of Jacobians: how far a point moves along a direction with its pose and its mounting.
+//! Rows of Jacobians: derivatives of a point's coordinate along a direction by pose and by
+//! mounting.
 
 use crate::geometry::{Mat3, Vec3};
 
@@ -27,7 +28,8 @@ impl PointRows {
     /// n·∂x_m = n·δp_mb + (l × m)·δφ_mb + m·δp_bs + (a × m)·δφ_bs with m = R_mbᵀ n,
     ///
     /// where l = t_bs + R_bs x_s is the point in the body frame (`lever_m`) and a = R_bs x_s
-    /// (`arm_m`). All are linear in l and a, so the mean of points has the mean of their rows.
+    /// (`arm_m`). Both rows are linear in l and a, so the rows of a mean of points are the mean of
+    /// their rows.
     #[inline]
     pub fn along(direction: &Vec3, world_from_body: &Mat3, lever_m: &Vec3, arm_m: &Vec3) -> Self {
         let in_body = world_from_body.tr_mul(direction);
@@ -50,7 +52,7 @@ mod tests {
     use crate::geometry::{BodyFromScanner, WorldFromBody, so3};
 
     #[test]
-    fn both_rows_meet_finite_differences() {
+    fn both_rows_match_finite_differences() {
         let pose = WorldFromBody::new(
             so3::exp(&Vec3::new(0.3, -0.2, 1.1)),
             Vec3::new(4.0, -2.0, 1.5),

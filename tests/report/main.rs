@@ -181,7 +181,7 @@ fn text_from_outside_stays_text() {
         found.mountings[0].name = evil.into();
         found
             .observability
-            .free
+            .unobservable
             .iter_mut()
             .for_each(|free| free.words = evil.into());
     }

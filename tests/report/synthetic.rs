@@ -2,7 +2,7 @@
 
 use boresight::calibration::Block;
 use boresight::calibration::{Calibration, Constancy, Ending, Method, Mounting, Scale, Variant};
-use boresight::calibration::{FreeDirection, Observability};
+use boresight::calibration::{Observability, UnobservableDirection};
 use boresight::comparison::{
     Against, Agreement, Agreements, CoreDistance, M3c2, MountingKind, Statistics,
 };
@@ -88,8 +88,8 @@ fn near(truth: &[BodyFromScanner], mm: f64, deg: f64) -> Vec<Mounting> {
         .collect()
 }
 
-/// A calibration this far from the truth with these standard deviations, and iterations on the first
-/// scale and the others.
+/// A calibration this far from the truth with these standard deviations, and iterations on the
+/// first scale and the others.
 fn calibration(
     method: Method,
     mountings: Vec<Mounting>,
@@ -145,7 +145,7 @@ fn calibration(
         covariance: (method == Method::Reweighted).then_some(covariance),
         observability: Observability {
             shares: vec![0.02; 12],
-            free: Vec::new(),
+            unobservable: Vec::new(),
         },
         constancy: None,
         mountings,
@@ -163,7 +163,7 @@ fn without_height(mut found: Calibration, initial: &[BodyFromScanner]) -> Calibr
         }
         mounting.body_from_scanner.translation_m.z = initial.translation_m.z;
     }
-    found.observability.free = vec![FreeDirection {
+    found.observability.unobservable = vec![UnobservableDirection {
         direction: DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height))),
         share: 1e-6,
         words: "the common height of all scanners".into(),
@@ -286,8 +286,8 @@ fn distances(n: usize, mean: f64, wave: f64, sigma: f64) -> M3c2 {
     }
 }
 
-/// Everything a run on simulated drives can fill, with `n` core points for each pair and mounting of
-/// the first drive.
+/// Everything a run on simulated drives can fill, with `n` core points for each pair and mounting
+/// of the first drive.
 pub fn full(n: usize) -> Full {
     let truth = vec![
         mounting([1.254, -0.545, 0.587], [-143.769, -0.369, 89.833]),
