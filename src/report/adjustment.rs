@@ -9,12 +9,12 @@ use super::number::{self, DASH};
 use super::track::{Track, adjusted};
 use crate::trajectory::Solution;
 
-/// Worst measurements in the table.
+/// Number of measurements in the table of the worst.
 const WORST: usize = 20;
-/// Most rejected measurements in the table: the page stays small.
-const LISTED: usize = 1000;
+/// Maximum number of rejected measurements in the table.
+const MAX_LISTED: usize = 1000;
 
-/// What the adjustment of the first drive says, in words; nothing where it was read from a file.
+/// Statements about the adjustment of the first drive; empty if its poses came from a file.
 pub fn words(tracks: &[Track]) -> String {
     let first = adjusted(tracks).next();
     first.map_or(String::new(), |(track, solution)| {
@@ -32,7 +32,7 @@ pub fn tables(tracks: &[Track]) -> String {
         .map(|(track, solution)| of_another_drive(track, solution))
         .collect();
     format!("<h3>Residuals by sensor</h3>\n{}", sensors(first))
-        + "<p class=\"note\">Redundancy: how many of the observations are checked by the others. Ignored: outside the IMU's span or out of time order. Variance component: the square of the factor by which the residuals are larger than their sigma says. χ²: the sum of squared residuals in standard deviations, and between which bounds it lies in 95 of 100 drives if the sigmas are right. Long drives show factors that hardly matter: what counts is how far the factor is from 1.</p>\n"
+        + "<p class=\"note\">Redundancy: number of observations that are checked by the others. Ignored: outside the IMU's span or out of time order. Variance component: square of the factor by which the residuals are larger than expected from their standard deviations. χ²: sum of the squared normalised residuals, with the bounds that hold it in 95 % of drives if the standard deviations are right. On long drives the test rejects even negligible factors: what matters is how far the variance component is from 1.</p>\n"
         + &constants(first)
         + &worst_measurements(first)
         + &rejections(first)
@@ -119,12 +119,12 @@ fn constants(solution: &Solution) -> String {
     }
     let head = "<tr><th scope=\"col\">constant</th><th scope=\"col\">estimated</th><th scope=\"col\">project</th><th scope=\"col\"></th><th scope=\"col\" class=\"text\">unit</th></tr>\n";
     format!(
-        "<h3>Constants estimated beside the trajectory</h3>\n{}",
+        "<h3>Constants estimated with the trajectory</h3>\n{}",
         html::table("numbers constants", head, &body)
     )
 }
 
-/// A time as in the log, without groups of digits, so that it can be searched for.
+/// A time as in the log, without digit groups, so that it can be searched for.
 fn log_time(time_s: f64) -> String {
     match time_s.is_finite() {
         true => format!("{time_s:.3}"),
@@ -153,13 +153,13 @@ fn worst_measurements(solution: &Solution) -> String {
     }
     let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\">record</th><th scope=\"col\">time<br/><small>s</small></th><th scope=\"col\" class=\"text\">component</th><th scope=\"col\">residual</th><th scope=\"col\">residual<br/><small>σ of the measurement</small></th><th scope=\"col\">test<br/><small>σ of the residual</small></th><th scope=\"col\"></th></tr>\n";
     let summary = format!(
-        "The {} worst measurements (test {} at worst, {} record {})",
+        "The {} worst measurements (largest test value {}, {} record {})",
         list.len(),
         number::fixed(first.test.abs(), 1),
         first.sensor,
         first.record
     );
-    let note = "<p class=\"note\">Predicted minus measured. The test of data snooping (Baarda) compares the residual with its own standard deviation: beyond 3.3 is 1 of 1000 by chance.</p>\n";
+    let note = "<p class=\"note\">Predicted minus measured. The test of data snooping (Baarda) compares the residual with its own standard deviation: 1 in 1000 exceeds 3.3 by chance.</p>\n";
     html::details(&summary, &(html::table("numbers", head, &body) + note))
 }
 
@@ -179,7 +179,7 @@ fn rejections(solution: &Solution) -> String {
     let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\" class=\"text\">reason</th><th scope=\"col\">records</th></tr>\n";
     let counts = html::table("numbers", head, &body);
     let mut all = String::new();
-    for r in solution.rejections.iter().take(LISTED) {
+    for r in solution.rejections.iter().take(MAX_LISTED) {
         all.push_str(&format!(
             "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text\">{}</td><td>{}</td></tr>\n",
             escape(sensor_name(&r.sensor)),
@@ -191,10 +191,10 @@ fn rejections(solution: &Solution) -> String {
     }
     let head = "<tr><th scope=\"col\">sensor</th><th scope=\"col\">record</th><th scope=\"col\">time<br/><small>s</small></th><th scope=\"col\" class=\"text\">reason</th><th scope=\"col\">residual<br/><small>σ</small></th></tr>\n";
     let mut list = html::table("numbers", head, &all);
-    let more = solution.rejections.len().saturating_sub(LISTED);
+    let more = solution.rejections.len().saturating_sub(MAX_LISTED);
     if more > 0 {
         list.push_str(&format!(
-            "<p class=\"note\">{} more are listed in the result as JSON.</p>\n",
+            "<p class=\"note\">{} more are listed in the JSON result.</p>\n",
             number::count(more)
         ));
     }

@@ -1,4 +1,4 @@
-//! Axes of charts: ends, ticks, and thinning of what is drawn over them.
+//! Axes of charts: ends, ticks, and decimation of the curves drawn over them.
 
 use super::number;
 
@@ -11,12 +11,12 @@ pub struct Axis {
     pub min: f64,
     /// Upper end, above `min`.
     pub max: f64,
-    /// Logarithmic; then `min` is positive.
+    /// Whether the axis is logarithmic; `min` is then positive.
     pub log: bool,
 }
 
 impl Axis {
-    /// A linear axis over the finite ones of `values`.
+    /// A linear axis over the finite `values`.
     pub fn over(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let (min, max) = range(values).unwrap_or((0.0, 1.0));
         let spare = if max > min {
@@ -32,7 +32,7 @@ impl Axis {
         }
     }
 
-    /// A linear axis over `values` whose ends are ticks.
+    /// A linear axis over `values` that ends at ticks.
     pub fn rounded(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let mut axis = Self::over(label, values);
         let step = axis.step(5.0);
@@ -41,11 +41,11 @@ impl Axis {
         axis
     }
 
-    /// A logarithmic axis over the positive finite ones of `values`, from one of 1, 2, 5 times a
-    /// power of ten to another.
+    /// A logarithmic axis over the positive finite `values`, with ends of 1, 2 or 5 times a power
+    /// of ten.
     pub fn logarithmic(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let (least, most) = range(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
-        // The least such number below v is the reciprocal of the one above 1 / v.
+        // The largest such number below v is the reciprocal of the smallest above 1 / v.
         let min = 1.0 / number::nice_above(1.0 / least);
         let max = number::nice_above(most);
         Self {
@@ -56,7 +56,7 @@ impl Axis {
         }
     }
 
-    /// Distance of ticks so that about `wanted` intervals fill the axis.
+    /// Spacing of ticks for about `wanted` intervals.
     fn step(&self, wanted: f64) -> f64 {
         number::nice_above((self.max - self.min) / wanted)
     }
@@ -78,7 +78,7 @@ impl Axis {
             .collect()
     }
 
-    /// Every 1, 2, 5 times a power of ten where these are few, else only powers.
+    /// Ticks at 1, 2, 5 times powers of ten, or only at powers of ten if these would be too many.
     fn logarithmic_ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         let low = self.min.log10().floor() as i32;
         let high = self.max.log10().ceil() as i32;
@@ -104,7 +104,7 @@ impl Axis {
         all(&[1.0], every)
     }
 
-    /// Share of the axis at `value`, 0 at its lower end.
+    /// Position of `value` along the axis, from 0 at its lower end to 1.
     pub fn share(&self, value: f64) -> f64 {
         if self.log {
             (value / self.min).log10() / (self.max / self.min).log10()
@@ -114,7 +114,7 @@ impl Axis {
     }
 }
 
-/// Least and greatest of the finite values.
+/// Minimum and maximum of the finite values.
 pub fn range(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     values
         .into_iter()
@@ -125,13 +125,13 @@ pub fn range(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
         })
 }
 
-/// At most about `most` of `points`, the least and greatest y of each stretch kept, so that
-/// peaks stay; gaps stay too.
-pub fn thin(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
-    if points.len() <= most {
+/// Reduces `points` to about `max_count`. The smallest and largest y of each stretch are kept, and
+/// so are gaps.
+pub fn decimate(points: &[[f64; 2]], max_count: usize) -> Vec<[f64; 2]> {
+    if points.len() <= max_count {
         return points.to_vec();
     }
-    let stretch = points.len().div_ceil((most / 2).max(1));
+    let stretch = points.len().div_ceil((max_count / 2).max(1));
     let mut out = Vec::new();
     for chunk in points.chunks(stretch) {
         let by_y = |a: &(usize, &[f64; 2]), b: &(usize, &[f64; 2])| a.1[1].total_cmp(&b.1[1]);
@@ -179,7 +179,7 @@ mod tests {
     fn thinning_keeps_peaks() {
         let mut points: Vec<[f64; 2]> = (0..10_000).map(|i| [f64::from(i), 0.0]).collect();
         points[7777][1] = 5.0;
-        let thinned = thin(&points, 400);
+        let thinned = decimate(&points, 400);
         assert!(thinned.len() <= 400);
         assert!(thinned.contains(&[7777.0, 5.0]));
     }

@@ -1,7 +1,7 @@
 //! Charts as inline SVG: a plot area with axes.
 //!
-//! Colours come from the classes of the page's style, so that a chart follows light, dark and
-//! print. Coordinates are finite by construction: what is not finite is a gap.
+//! Colours come from the classes of the page's style, so that charts follow its light, dark and
+//! print themes. Values that are not finite become gaps.
 
 use super::axis::Axis;
 use super::html::escape;
@@ -63,7 +63,7 @@ impl Plot {
         let spare = inner_height / unit - (y.max - y.min);
         y.min -= 0.5 * spare;
         y.max += 0.5 * spare;
-        // The margin depends on the tick texts; the scale stays equal only if it is kept.
+        // The margin depends on the tick texts. Both scales stay equal only if it is kept.
         let left = width - RIGHT - inner_width;
         let mut plot = Self {
             width,
@@ -108,7 +108,7 @@ impl Plot {
     fn draw_x_axis(&mut self) {
         let (top, bottom) = (TOP, self.height - BOTTOM);
         let inner = self.width - self.left - RIGHT;
-        // As many ticks as have room for their texts.
+        // As many ticks as there is room for their texts.
         let widest = |ticks: &[(f64, String)]| {
             let longest = ticks.iter().map(|(_, text)| text.chars().count()).max();
             longest.unwrap_or(1) as f64 * DIGIT + 24.0
@@ -139,7 +139,7 @@ impl Plot {
         ));
     }
 
-    /// The finished element; `title` is read aloud in its place.
+    /// The finished SVG element; `title` is its accessible name.
     pub fn finish(self, title: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" aria-label=\"{}\">\n{}</svg>\n",
@@ -151,7 +151,7 @@ impl Plot {
     }
 }
 
-/// Ticks along y for a chart of this height.
+/// Number of ticks along y for a chart of this height.
 fn y_ticks(height: f64) -> f64 {
     ((height - TOP - BOTTOM) / 38.0).clamp(2.0, 8.0)
 }
@@ -163,7 +163,7 @@ fn left_margin(y: &Axis, height: f64) -> f64 {
     30.0 + DIGIT * longest.unwrap_or(1) as f64
 }
 
-/// Adds this share of its length to either end of an axis.
+/// Extends an axis by this share of its length at either end.
 fn widen(axis: &mut Axis, share: f64) {
     let spare = share * (axis.max - axis.min);
     axis.min -= spare;

@@ -1,4 +1,4 @@
-//! What the report shows: the results of the stages, and a few words about where they come from.
+//! Content of the report: the results of the stages, and their provenance.
 //!
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
@@ -21,13 +21,13 @@ pub struct Content<'a> {
     pub project: String,
     /// Seed of every random draw.
     pub seed: Option<u64>,
-    /// What was read: one line a sensor, drive or setting worth knowing.
+    /// Inputs: one line per sensor, drive or notable setting.
     pub inputs: Vec<Fact>,
-    /// The calibration, and what it is held against.
+    /// The calibration, and what it is compared with.
     pub calibrations: Option<Calibrations<'a>>,
     /// The calibration drive, then the others.
     pub drives: &'a [Drive],
-    /// The reference thinned, world frame, metres; drawn darker where it is higher.
+    /// The thinned reference, world frame, metres; higher points are drawn darker.
     pub background_m: &'a [Vec3],
     /// Run time by stage, in order.
     pub stages: &'a [StageSeconds],
@@ -37,15 +37,15 @@ pub struct Content<'a> {
     pub warnings: &'a [String],
 }
 
-/// A calibration and what it is held against. All list the same scanners in the same order.
+/// A calibration and what it is compared with. All list the same scanners in the same order.
 #[derive(Debug, Clone, Copy)]
 pub struct Calibrations<'a> {
-    /// The body_from_scanner of each scanner that clouds were compared under: initial, final, and
-    /// the truth where it is known (simulation).
+    /// The body_from_scanner of each scanner for which clouds were compared: initial, final, and
+    /// the truth if it is known (simulation).
     pub mountings: &'a [(MountingKind, Vec<BodyFromScanner>)],
-    /// What gave the result.
+    /// The calibration that gives the result.
     pub result: &'a Calibration,
-    /// The same drive under other conditions.
+    /// Calibrations of the same drive under other conditions.
     pub beside: &'a [(Variant, Calibration)],
 }
 
@@ -57,7 +57,7 @@ impl<'a> Calibrations<'a> {
             .map(|(_, poses)| poses.as_slice())
     }
 
-    /// The calibration beside the result under these conditions, if there is one.
+    /// The calibration under these conditions, if there is one.
     pub fn variant(&self, variant: Variant) -> Option<&'a Calibration> {
         let mut all = self.beside.iter();
         all.find(|(other, _)| *other == variant)
@@ -65,44 +65,44 @@ impl<'a> Calibrations<'a> {
     }
 }
 
-/// What a run found of one drive.
+/// Results of one drive.
 #[derive(Debug, Clone, Default)]
 pub struct Drive {
     /// Name.
     pub name: String,
     /// The poses in time order, the project's origin subtracted.
     pub poses: Vec<PoseRecord>,
-    /// What the adjustment left; `None` where the poses came from a file.
+    /// Result of the adjustment; `None` if the poses came from a file.
     pub solution: Option<Solution>,
-    /// Rows of its logs that hold no measurement.
+    /// Rows of its logs without a measurement.
     pub rejected_rows: Vec<RejectedRow>,
-    /// How well its clouds agree.
+    /// Agreement of its clouds.
     pub agreements: Agreements,
 }
 
-/// How a statement is to be taken.
+/// Severity of a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// As it should be.
+    /// All is well.
     Good,
-    /// Somebody should look at it.
+    /// Needs attention.
     Attention,
-    /// Neither: said for information.
+    /// For information.
     Neutral,
 }
 
-/// One statement in words a field crew understands, for example "Left scanner: points agree with
+/// A statement in words that a field crew understands, for example "Left scanner: points agree with
 /// the reference scan to 1.3 mm (before: 43 mm)".
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// How it is to be taken.
+    /// Severity.
     pub status: Status,
     /// One or two sentences, with units.
     pub text: String,
 }
 
 impl Verdict {
-    /// A statement that all is as it should be.
+    /// A statement that all is well.
     pub fn good(text: impl Into<String>) -> Self {
         Self {
             status: Status::Good,
@@ -110,7 +110,7 @@ impl Verdict {
         }
     }
 
-    /// A statement that somebody should look at.
+    /// A statement that needs attention.
     pub fn attention(text: impl Into<String>) -> Self {
         Self {
             status: Status::Attention,

@@ -1,6 +1,6 @@
-//! How the adjustments went: methods side by side, convergence by scale.
+//! Convergence of the adjustments: methods side by side, and scale by scale.
 
-use super::axis::{Axis, thin};
+use super::axis::{Axis, decimate};
 use super::chart::Plot;
 use super::content::Calibrations;
 use super::figures::{FULL, VERTICES, series};
@@ -14,7 +14,7 @@ use crate::geometry::{BodyFromScanner, so3};
 struct Run<'a> {
     label: &'static str,
     found: &'a Calibration,
-    /// The true body_from_scanner of each scanner where they are known.
+    /// The true body_from_scanner of each scanner, if known.
     truth: Option<&'a [BodyFromScanner]>,
 }
 
@@ -35,8 +35,8 @@ impl Run<'_> {
         }
     }
 
-    /// What the method minimises before the first iteration of a scale and after each, as a mean
-    /// over the neighbourhoods so that their number drops out.
+    /// The method's cost before the first and after every iteration of a scale, as a mean over the
+    /// neighbourhoods, so that it does not depend on their number.
     fn cost(&self, scale: &Scale) -> Vec<f64> {
         let means = scale.costs.iter();
         let means = means.map(|cost| cost / scale.neighbourhoods as f64);
@@ -47,8 +47,8 @@ impl Run<'_> {
         }
     }
 
-    /// Cells of the largest errors after a scale, of the observable components of the translations
-    /// and of the rotations; nothing where no truth is known.
+    /// Cells of the largest errors after a scale, of the observable translations and of the
+    /// rotations; empty without a truth.
     fn errors(&self, scale: Option<&Scale>) -> String {
         let Some(truth) = self.truth else {
             return String::new();
@@ -83,17 +83,17 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
         Method::Reweighted => "reweighted least squares",
         Method::Paper => "as in the paper",
     };
-    let beside = [
+    let variants = [
         (Variant::Paper, "as in the paper"),
         (Variant::WithoutReference, "without reference"),
         (Variant::ExactPoses, "with exact poses"),
     ];
-    let beside = beside.into_iter().filter_map(|(variant, label)| {
+    let variants = variants.into_iter().filter_map(|(variant, label)| {
         let found = calibrations.variant(variant)?;
         Some(of(label, found))
     });
     std::iter::once(of(result, calibrations.result))
-        .chain(beside)
+        .chain(variants)
         .collect()
 }
 
@@ -108,7 +108,7 @@ pub fn section(calibrations: &Calibrations) -> String {
             "Convergence of the other methods",
             &charts.collect::<String>(),
         )
-        + &html::details("Every method, scale by scale", &scales(runs))
+        + &html::details("All methods, scale by scale", &scales(runs))
 }
 
 fn error_heads(runs: &[Run]) -> &'static str {
@@ -120,7 +120,7 @@ fn error_heads(runs: &[Run]) -> &'static str {
     }
 }
 
-/// One line a method.
+/// One row per method.
 fn comparison(runs: &[Run]) -> String {
     let head = format!(
         "<tr><th scope=\"col\">method</th><th scope=\"col\">voxels</th><th scope=\"col\">iterations</th><th scope=\"col\">time<br/><small>s</small></th>{}<th scope=\"col\" class=\"text\">ended</th></tr>\n",
@@ -155,7 +155,7 @@ fn comparison(runs: &[Run]) -> String {
     html::table("numbers methods", &head, &body)
 }
 
-/// The cost of one method over its iterations, every scale in its own column.
+/// The cost of one method over its iterations, with one column per scale.
 fn chart(run: &Run) -> String {
     let [label, _, definition] = run.measure();
     let scales = &run.found.scales;
@@ -181,7 +181,7 @@ fn chart(run: &Run) -> String {
         let place = |j: usize| left + 0.12 + 0.76 * j as f64 / steps;
         let curve = cost.iter().enumerate().map(|(j, cost)| [place(j), *cost]);
         let curve: Vec<[f64; 2]> = curve.collect();
-        plot.line(&series(0), &thin(&curve, VERTICES));
+        plot.line(&series(0), &decimate(&curve, VERTICES));
         if curve.len() <= 16 {
             plot.dots(&format!("dot {}", series(0)), 3.0, &curve);
         }
@@ -193,13 +193,13 @@ fn chart(run: &Run) -> String {
     html::figure(
         &plot.finish("Cost over iterations"),
         &format!(
-            "{}: {definition}, before the first iteration of each scale and after every one. Each scale has its own points, so only the fall within a column counts.",
+            "{}: {definition}, before the first and after every iteration of each scale. Each scale has its own points, so values are comparable only within a column.",
             run.label
         ),
     )
 }
 
-/// Every scale of every method.
+/// All scales of all methods.
 fn scales(runs: &[Run]) -> String {
     if runs.iter().all(|run| run.found.scales.is_empty()) {
         return String::new();

@@ -1,4 +1,4 @@
-//! What a surveyor checks of an adjusted trajectory, drawn from its solution: the same numbers go
+//! Diagnostics of an adjusted trajectory, computed from its solution: the same numbers go
 //! into the page, `result.json` and the terminal.
 
 use super::content::Verdict;
@@ -7,14 +7,14 @@ use crate::sensor::PoseRecord;
 use crate::statistics::median;
 use crate::trajectory::{RejectionReason, SensorDiagnostics, Solution};
 
-/// Poses whose position sigma exceeds this many times the median lie in an outage.
+/// An outage has position sigmas of more than this many times the median.
 pub const OUTAGE_FACTOR: f64 = 3.0;
-/// Outages closer together than this are one, seconds.
+/// Outages closer together than this are merged, seconds.
 const SAME_OUTAGE_S: f64 = 1.0;
-/// Residuals this many times larger than their sigma says deserve a look.
+/// Residuals this many times larger than expected need attention.
 const NOTABLE_FACTOR: f64 = 1.5;
 
-/// One of the worst measurements, by the component with the largest test quantity.
+/// One of the worst measurements, with the component of the largest test quantity.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct WorstMeasurement {
     /// Name of the sensor.
@@ -25,7 +25,7 @@ pub struct WorstMeasurement {
     pub time_s: f64,
     /// `east`, `north`, `up`, or the name of the angle.
     pub component: String,
-    /// Of the residual.
+    /// Unit of the residual.
     pub unit: &'static str,
     /// Predicted − measured.
     pub residual: f64,
@@ -33,11 +33,11 @@ pub struct WorstMeasurement {
     pub normalised: f64,
     /// In standard deviations of the residual: the test quantity of data snooping.
     pub test: f64,
-    /// Whether it takes no part.
+    /// Whether the measurement was rejected.
     pub rejected: bool,
 }
 
-/// Name of the component `index` of a sensor's residual with so many components.
+/// Name of component `index` of a sensor's residual with this many components.
 pub fn component_name(sensor: &str, components: usize, index: usize) -> String {
     match (components, index) {
         (3, 0..3) => ["east", "north", "up"][index].to_owned(),
@@ -67,14 +67,14 @@ pub fn worst(solution: &Solution, count: usize) -> Vec<WorstMeasurement> {
         .collect()
 }
 
-/// How many records of one sensor take no part for one reason.
+/// Number of records of one sensor rejected for one reason.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct RejectionCount {
     /// Name of the sensor.
     pub sensor: String,
-    /// Why.
+    /// Reason.
     pub reason: RejectionReason,
-    /// Records.
+    /// Number of records.
     pub count: usize,
 }
 
@@ -97,12 +97,12 @@ pub fn rejection_counts(solution: &Solution) -> Vec<RejectionCount> {
     counts
 }
 
-/// Median and greatest of a standard deviation along the drive.
+/// Median and maximum of a standard deviation along the drive.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Spread {
-    /// Half of the poses are known better.
+    /// Median over the poses.
     pub median: f64,
-    /// The worst pose.
+    /// Maximum over the poses.
     pub max: f64,
 }
 
@@ -116,32 +116,32 @@ impl Spread {
     }
 }
 
-/// A time in which the position is known much worse than usual.
+/// A span of time with unusually large position sigmas.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Outage {
     /// Seconds.
     pub from_s: f64,
     /// Seconds.
     pub to_s: f64,
-    /// The largest position sigma within, metres.
+    /// The largest position sigma, metres.
     pub max_position_m: f64,
 }
 
-/// How well the poses of a drive are known.
+/// Standard deviations of the poses of a drive.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct PoseSigmas {
-    /// Of the position in space, √(σ_east² + σ_north² + σ_up²), metres.
+    /// Standard deviation of the 3D position, √(σ_east² + σ_north² + σ_up²), metres.
     pub position_m: Spread,
-    /// Of the tilt, the larger of the rotations about east and north, degrees.
+    /// Standard deviation of the tilt, the larger of the rotations about east and north, degrees.
     pub tilt_deg: Spread,
-    /// Of the heading, degrees.
+    /// Standard deviation of the heading, degrees.
     pub heading_deg: Spread,
-    /// Times in which the position sigma exceeds [`OUTAGE_FACTOR`] times its median.
+    /// Spans in which the position sigma exceeds [`OUTAGE_FACTOR`] times its median.
     pub outages: Vec<Outage>,
 }
 
 impl PoseSigmas {
-    /// Of these poses in time order; `None` where no pose has sigmas.
+    /// Summarises poses in time order; `None` if no pose has sigmas.
     pub fn of(poses: &[PoseRecord]) -> Option<Self> {
         let known: Vec<(f64, f64, f64, f64)> = poses
             .iter()
@@ -184,38 +184,37 @@ impl PoseSigmas {
     }
 }
 
-/// Whether the sensor's residuals agree with its sigma by the test of χ²; `None` where nothing
-/// checks them.
+/// Whether the sensor's residuals pass the χ² test of its sigma; `None` without redundancy.
 pub fn passes(sensor: &SensorDiagnostics) -> Option<bool> {
     sensor.variance_component.map(|_| sensor.passes())
 }
 
-/// The outcome of the test of χ² in plain words.
+/// The outcome of the χ² test in words.
 pub fn sigma_words(sensor: &SensorDiagnostics) -> String {
     let Some(component) = sensor.variance_component else {
-        return "nothing checks it".into();
+        return "not checked".into();
     };
     let factor = component.sqrt();
     match (sensor.passes(), factor >= 1.0) {
-        (true, _) => "as its sigma says".into(),
-        (_, true) => format!("{factor:.2} times larger than its sigma says"),
-        (_, false) => format!("{:.2} times smaller than its sigma says", 1.0 / factor),
+        (true, _) => "as expected".into(),
+        (_, true) => format!("{factor:.2} times larger than expected"),
+        (_, false) => format!("{:.2} times smaller than expected", 1.0 / factor),
     }
 }
 
-/// Whether the residuals are so much larger than their sigma says that somebody should look.
+/// Whether the residuals are so much larger than expected that they need attention.
 pub fn is_notable(sensor: &SensorDiagnostics) -> bool {
     let factor = sensor.variance_component.map_or(0.0, f64::sqrt);
     !sensor.passes() && factor > NOTABLE_FACTOR
 }
 
-/// Sensors that took part, or whose records were all left out.
+/// Sensors with any records, used or not.
 pub fn sensors_shown(solution: &Solution) -> impl Iterator<Item = &SensorDiagnostics> {
     let all = solution.sensors.iter();
     all.filter(|s| s.count + s.rejected + s.ignored > 0)
 }
 
-/// Name of a sensor in tables for people.
+/// Display name of a sensor.
 pub fn sensor_name(name: &str) -> &str {
     match name {
         "imu" => "IMU",
@@ -224,7 +223,7 @@ pub fn sensor_name(name: &str) -> &str {
     }
 }
 
-/// A value with the unit that people read: millimetres, degrees.
+/// A value in display units: millimetres, degrees.
 pub fn quantity(value: f64, unit: &str) -> String {
     match unit {
         "m" => number::with_unit(number::millimetres(value), "mm"),
@@ -236,7 +235,8 @@ pub fn quantity(value: f64, unit: &str) -> String {
     }
 }
 
-/// An angle of `value` degrees with so many significant digits; its sign follows without a space.
+/// An angle of `value` degrees with this many significant digits; the degree sign follows without a
+/// space.
 pub fn degrees(value: f64, digits: i32) -> String {
     match value.is_finite() {
         true => format!("{}°", number::significant(value, digits)),
@@ -244,19 +244,19 @@ pub fn degrees(value: f64, digits: i32) -> String {
     }
 }
 
-/// Value, sigma and start of a constant to the digits that its sigma deserves, and their unit.
+/// Value, sigma and initial value of a constant, rounded to its sigma, and their unit.
 pub struct ConstantWords {
-    /// What the drive says; that of the project where the drive does not determine it.
+    /// Estimated value; the project's if the drive does not determine the constant.
     pub value: String,
     /// Its standard deviation.
     pub sigma: Option<String>,
-    /// What the project says.
+    /// Value in the project.
     pub start: String,
-    /// Of all three.
+    /// Unit of all three.
     pub unit: &'static str,
 }
 
-/// An estimated constant in the units that people read.
+/// An estimated constant in display units.
 pub fn constant_words(constant: &crate::trajectory::EstimatedConstant) -> ConstantWords {
     let (factor, unit) = match constant.unit {
         "rad" => (1f64.to_degrees(), "°"),
@@ -264,7 +264,7 @@ pub fn constant_words(constant: &crate::trajectory::EstimatedConstant) -> Consta
         other => (1.0, other),
     };
     let sigma = constant.sigma.map(|sigma| factor * sigma);
-    // Two digits of the sigma, and the value to the same decimal.
+    // Sigma to two significant digits, the value to the same decimal.
     let decimals = sigma
         .filter(|s| *s > 0.0 && s.is_finite())
         .map_or(4, |s| (1.0 - s.log10().floor()).clamp(0.0, 9.0) as usize);
@@ -276,28 +276,28 @@ pub fn constant_words(constant: &crate::trajectory::EstimatedConstant) -> Consta
     }
 }
 
-/// The times of a span as in the logs.
+/// A span as text, with times as in the logs.
 fn span_words(from_s: f64, to_s: f64) -> String {
     format!("from {from_s:.1} s to {to_s:.1} s")
 }
 
-/// Most spans named in one sentence.
-const NAMED_SPANS: usize = 4;
+/// Maximum number of spans listed in one sentence.
+const MAX_SPANS_LISTED: usize = 4;
 
-/// Spans in words, the first few by their times.
+/// Spans as text, the first few one by one.
 fn spans_words(spans: &[(f64, f64)]) -> String {
     let named: Vec<String> = spans
         .iter()
-        .take(NAMED_SPANS)
+        .take(MAX_SPANS_LISTED)
         .map(|(from_s, to_s)| span_words(*from_s, *to_s))
         .collect();
-    match spans.len().saturating_sub(NAMED_SPANS) {
+    match spans.len().saturating_sub(MAX_SPANS_LISTED) {
         0 => named.join(" and "),
-        more => format!("{} and {more} times more", named.join(", ")),
+        more => format!("{} and {more} more spans", named.join(", ")),
     }
 }
 
-/// What to know about the adjustment, in sentences.
+/// Statements about the adjustment.
 pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict> {
     let mut lines = Vec::new();
     let ended = format!(
@@ -308,14 +308,14 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
     );
     lines.push(match solution.converged {
         true => Verdict::good(ended),
-        false => Verdict::attention(format!("{ended} Its sigmas mean nothing.")),
+        false => Verdict::attention(format!("{ended} Its standard deviations are invalid.")),
     });
     let measuring = |s: &&SensorDiagnostics| matches!(s.unit, "m" | "rad");
     for sensor in sensors_shown(solution).filter(measuring) {
         let name = sensor_name(&sensor.name);
         if is_notable(sensor) {
             lines.push(Verdict::attention(format!(
-                "The residuals of {name} are {}: its sigma in the project is too small, or an \
+                "The residuals of {name} are {}: its standard deviation in the project is too small, or an \
                  error is not modelled (latency, lever arm, mounting offset).",
                 sigma_words(sensor)
             )));
@@ -323,7 +323,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         let all = sensor.count + sensor.rejected;
         if sensor.rejected > 0 {
             lines.push(Verdict::neutral(format!(
-                "{} of {} records of {name} do not fit the others and take no part.",
+                "{} of {} records of {name} contradict the others and were rejected.",
                 number::count(sensor.rejected),
                 number::count(all)
             )));
@@ -339,7 +339,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
     }
     if !solution.imu_gaps_s.is_empty() {
         lines.push(Verdict::attention(format!(
-            "The IMU is silent {}.",
+            "The IMU has no samples {}.",
             spans_words(&solution.imu_gaps_s)
         )));
     }
@@ -349,8 +349,8 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         let spans: Vec<(f64, f64)> = sigmas.outages.iter().map(|o| (o.from_s, o.to_s)).collect();
         let worst_m = sigmas.outages.iter().map(|o| o.max_position_m);
         lines.push(Verdict::attention(format!(
-            "The position is known worse than {OUTAGE_FACTOR:.0} times the usual {} mm {}: to {} \
-             mm at worst.",
+            "The standard deviation of the position exceeds {OUTAGE_FACTOR:.0} times its median of \
+             {} mm {}: up to {} mm.",
             number::millimetres(sigmas.position_m.median),
             spans_words(&spans),
             number::millimetres(worst_m.fold(0.0, f64::max))
@@ -364,7 +364,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         .collect();
     if !open.is_empty() {
         lines.push(Verdict::attention(format!(
-            "Not determined by this drive, and held at the project's value: {}.",
+            "Not determined by this drive and held at the project's value: {}.",
             open.join(", ")
         )));
     }

@@ -1,6 +1,6 @@
 //! Figures along the drive: trajectory, pose sigmas, residuals.
 
-use super::axis::{Axis, thin};
+use super::axis::{Axis, decimate};
 use super::chart::Plot;
 use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, degrees, quantity};
 use super::html::{self, escape};
@@ -14,11 +14,11 @@ use crate::geometry::Vec3;
 use crate::geometry::heading::heading_rad;
 use crate::statistics::median;
 
-/// Width of a figure over the whole column.
+/// Width of a full-width figure.
 pub const FULL: f64 = 900.0;
 /// Width of one of two figures side by side.
 pub const HALF: f64 = 440.0;
-/// Most vertices of one line.
+/// Maximum number of vertices of a line.
 pub const VERTICES: usize = 700;
 
 /// Class of the i-th line of a figure.
@@ -26,7 +26,7 @@ pub fn series(i: usize) -> String {
     format!("s{}", i % 6)
 }
 
-/// What is subtracted from large coordinates so that ticks stay short, metres.
+/// Offset subtracted from large coordinates to keep tick labels short, metres.
 pub fn shift(min: f64) -> f64 {
     if min.abs() < 10_000.0 {
         0.0
@@ -35,7 +35,7 @@ pub fn shift(min: f64) -> f64 {
     }
 }
 
-/// Label of a coordinate axis with its shift.
+/// Label of a coordinate axis with its offset.
 pub fn coordinate_label(name: &str, shift: f64) -> String {
     if shift == 0.0 {
         format!("{name} (m)")
@@ -45,7 +45,7 @@ pub fn coordinate_label(name: &str, shift: f64) -> String {
     }
 }
 
-/// What is subtracted from times so that ticks stay short, seconds.
+/// Offset subtracted from times to keep tick labels short, seconds.
 pub fn time_shift(start_s: f64) -> f64 {
     if start_s.is_finite() {
         shift(start_s)
@@ -54,7 +54,7 @@ pub fn time_shift(start_s: f64) -> f64 {
     }
 }
 
-/// Label of a time axis with its shift: ticks are the times of the logs.
+/// Label of a time axis with its offset from the times of the logs.
 pub fn time_label(shift: f64) -> String {
     if shift == 0.0 {
         return "time (s)".into();
@@ -121,7 +121,7 @@ pub fn top_view(tracks: &[Track], background_m: &[Vec3]) -> String {
     )
 }
 
-/// The heights between which nearly all of the ground lies; `None` without any.
+/// The range of heights that holds nearly all ground points; `None` without any.
 fn height_range(ground_m: &[Vec3]) -> Option<[f64; 2]> {
     let mut up: Vec<f64> = ground_m.iter().map(|p| p.z).collect();
     up.retain(|up| up.is_finite());
@@ -140,7 +140,7 @@ fn height_scale(low_m: f64, high_m: f64) -> String {
     )
 }
 
-/// Leaves out the points that lie within a thousandth of the figure of the last one kept.
+/// Drops points closer to the last kept one than a thousandth of the figure.
 fn simplify(track: &[[f64; 2]], bounds: Bounds) -> Vec<[f64; 2]> {
     let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
     let mut out: Vec<[f64; 2]> = Vec::new();
@@ -155,7 +155,7 @@ fn simplify(track: &[[f64; 2]], bounds: Bounds) -> Vec<[f64; 2]> {
     out
 }
 
-/// Arrows along a drive, evenly by the way driven.
+/// Draws arrows along a drive, evenly spaced.
 fn arrows(plot: &mut Plot, drive: &Track, class: &str, origin: [f64; 2], bounds: Bounds) {
     let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
     let spacing = size / 22.0;
@@ -179,7 +179,7 @@ fn arrows(plot: &mut Plot, drive: &Track, class: &str, origin: [f64; 2], bounds:
     }
 }
 
-/// Standard deviations of the poses over time, two charts a drive.
+/// Standard deviations of the poses over time, two charts per drive.
 pub fn pose_sigmas(tracks: &[Track]) -> String {
     let mut shown = String::new();
     let mut folded = String::new();
@@ -197,7 +197,7 @@ pub fn pose_sigmas(tracks: &[Track]) -> String {
                 let value = p.sigma.as_ref().map_or(f64::NAN, pick);
                 [p.time_s - start, value]
             });
-            thin(&points.collect::<Vec<_>>(), VERTICES)
+            decimate(&points.collect::<Vec<_>>(), VERTICES)
         };
         let position: [Vec<[f64; 2]>; 3] =
             std::array::from_fn(|axis| curve(&move |s| s.position_m[axis] * 1e3));
@@ -242,14 +242,17 @@ pub fn pose_sigmas(tracks: &[Track]) -> String {
         out.push_str(&html::figure(
             &format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n"),
             &format!(
-                "Standard deviations of the poses of {}, as the trajectory stage claims them{}.{}",
+                "Standard deviations of the poses of {}{}.{}",
                 escape(drive.name),
-                drive.sigmas.as_ref().map_or_else(String::new, sigma_summary),
+                drive
+                    .sigmas
+                    .as_ref()
+                    .map_or_else(String::new, sigma_summary),
                 if outages.is_empty() {
                     String::new()
                 } else {
                     format!(
-                        " Outage: the position is known worse than {OUTAGE_FACTOR:.0} times the median."
+                        " Outage: the position sigma exceeds {OUTAGE_FACTOR:.0} times its median."
                     )
                 }
             ),
@@ -258,19 +261,19 @@ pub fn pose_sigmas(tracks: &[Track]) -> String {
     shown + &html::details("Standard deviations of the other drives", &folded)
 }
 
-/// Whether positive values are so far apart that a linear axis would hide the smaller ones.
+/// Whether positive values span so wide a range that a linear axis would hide the smaller ones.
 fn spans_decades(values: impl Iterator<Item = f64>) -> bool {
-    /// The usual sigma would be drawn below this share of the axis.
+    /// Smallest share of a linear axis at which the median is still legible.
     const SHARE: f64 = 0.05;
     let values: Vec<f64> = values.filter(|v| v.is_finite() && *v > 0.0).collect();
     let most = values.iter().copied().fold(0.0, f64::max);
     median(values).is_some_and(|median| median < SHARE * most)
 }
 
-/// Medians and largest values, after "as the trajectory stage claims them".
+/// Medians and largest values.
 fn sigma_summary(sigmas: &PoseSigmas) -> String {
     format!(
-        ": position in space {} in the median and {} at most, tilt {} and {}, heading {} and {}",
+        " (median and largest): 3D position {} and {}, tilt {} and {}, heading {} and {}",
         quantity(sigmas.position_m.median, "m"),
         quantity(sigmas.position_m.max, "m"),
         degrees(sigmas.tilt_deg.median, 2),
@@ -280,8 +283,8 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
     )
 }
 
-/// Mean residuals along the drive with the band that poses and noise explain; nothing where there
-/// are none.
+/// Mean residuals along the drive with the band expected from the poses; empty without
+/// any.
 pub fn residuals(calibration: &Calibration) -> String {
     let Some(found) = &calibration.constancy else {
         return String::new();
@@ -325,7 +328,7 @@ pub fn residuals(calibration: &Calibration) -> String {
             shown.collect()
         };
         let curve = with_gaps(&points(&list.iter().collect::<Vec<_>>()));
-        plot.line("s0 fine", &thin(&curve, VERTICES));
+        plot.line("s0 fine", &decimate(&curve, VERTICES));
         if list.len() <= VERTICES {
             plot.dots("dot s0", 2.6, &points(&inside));
             plot.dots("dot s1", 3.0, &points(&outside));
@@ -340,7 +343,7 @@ pub fn residuals(calibration: &Calibration) -> String {
     }
     out.push_str(&html::figure(
         &(html::legend(&entries) + &charts),
-        "Mean residual in blocks of time. Where the mounting is constant, about 95 % of the dots lie in the band; a pattern along the drive says that the mounting moves or that poses err more than they claim.",
+        "Mean residual in blocks of time. If the mounting is constant, about 95 % of the dots lie in the band; a pattern along the drive means that the mounting moves or that the errors of the poses are larger than their standard deviations suggest.",
     ));
     out
 }

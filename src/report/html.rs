@@ -1,4 +1,4 @@
-//! Small pieces of HTML. Every text from outside goes through [`escape`].
+//! Building blocks of HTML. All external text goes through [`escape`].
 
 use super::content::{Status, Verdict};
 
@@ -21,7 +21,7 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// One section with its heading (text); nothing where the body is empty.
+/// A section with its heading (text); empty if the body is.
 pub fn section(id: &str, heading: &str, body: &str) -> String {
     if body.is_empty() {
         return String::new();
@@ -37,14 +37,14 @@ pub fn figure(body: &str, caption: &str) -> String {
     format!("<figure>\n{body}<figcaption>{caption}</figcaption>\n</figure>\n")
 }
 
-/// A table from finished rows, which may scroll sideways on a narrow screen.
+/// A table from finished rows; scrolls sideways on narrow screens.
 pub fn table(class: &str, head: &str, body: &str) -> String {
     format!(
         "<div class=\"scroll\"><table class=\"{class}\">\n<thead>\n{head}</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
     )
 }
 
-/// A body folded under a summary (text); nothing where the body is empty.
+/// A body folded under a summary (text); empty if the body is.
 pub fn details(summary: &str, body: &str) -> String {
     if body.is_empty() {
         return String::new();
@@ -65,7 +65,7 @@ pub fn head(cells: &[&str]) -> String {
     out
 }
 
-/// Statements as a list, each with its sign.
+/// Statements as a list, each with the sign of its severity.
 pub fn verdicts(list: &[Verdict]) -> String {
     if list.is_empty() {
         return String::new();

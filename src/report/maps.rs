@@ -9,14 +9,14 @@ use super::number;
 use super::raster::{self, Bounds};
 use crate::comparison::{Agreement, MountingKind, Statistics};
 
-/// Most pixels of a map in either direction.
+/// Maximum number of pixels of a map in either direction.
 const PIXELS: usize = 420;
 /// Width of one of three panels side by side.
 const THIRD: f64 = 310.0;
 /// Bins of a histogram.
 const BINS: usize = 50;
 
-/// All maps: those of the first drive, then those of the others folded, and what they show.
+/// All maps: those of the first drive with an explanation, then those of the others, folded.
 pub fn maps(drives: &[Drive]) -> String {
     let mut out = String::new();
     for drive in drives {
@@ -31,9 +31,10 @@ pub fn maps(drives: &[Drive]) -> String {
     out
 }
 
-const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point from above; the colours stand under the axis of the histogram. The first maps share one scale, which shows what the calibration changed; the last is magnified to show what is left. Figures 6 and 7 of the paper.</p>\n";
+const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point, seen from above; the colour scale is below the histogram. The first maps share one scale to show the effect of the calibration; the last is magnified to show the remaining distances. Figures 6 and 7 of the paper.</p>\n";
 
-/// One pair of clouds with the initial and the final mounting side by side, each over its histogram.
+/// One pair of clouds with the initial and the final mounting side by side, each above its
+/// histogram.
 fn map(drive: &str, found: &[Agreement]) -> String {
     let shown = |found: &&Agreement| found.mounting != MountingKind::Truth;
     let panels: Vec<&Agreement> = found.iter().filter(shown).collect();
@@ -58,7 +59,7 @@ fn map(drive: &str, found: &[Agreement]) -> String {
     )
 }
 
-/// East, north and distance of the core points that have one, metres.
+/// East, north and distance of the core points with a distance, metres.
 fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
     let all = found.distances.core.iter();
     all.filter(|core| core.distance_m.is_finite())
@@ -85,7 +86,7 @@ fn cell(found: &Agreement, bounds: Bounds, limit_m: f64, addition: &str) -> Stri
     )
 }
 
-/// A round limit that holds 97 % of the distances, at least 1 mm.
+/// A round limit that includes 97 % of the distances, at least 1 mm.
 fn limit_m(found: &Agreement) -> f64 {
     let mut sizes: Vec<f64> = core(found)
         .map(|(_, distance_m)| distance_m.abs())
@@ -111,8 +112,8 @@ fn top_view(found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
     plot.finish(&format!("Map of distances, {}", found.mounting.name()))
 }
 
-/// Histogram of the distances between the ends of the colour scale, bars in the colours of the map,
-/// and all of these under the axis.
+/// Histogram of the distances within the colour scale, with bars in the colours of the map and the
+/// colour scale below the axis.
 fn histogram(statistics: &Statistics, limit_m: f64) -> String {
     let bins = statistics.histogram(-limit_m, limit_m, BINS);
     let x = Axis::over("distance (mm)", [-1e3 * limit_m, 1e3 * limit_m]);

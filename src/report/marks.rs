@@ -1,10 +1,10 @@
-//! What is drawn into a chart: lines, dots, bars, images, texts.
+//! Marks drawn into a chart: lines, dots, bars, images, texts.
 
 use super::axis::{self, Axis};
 use super::chart::{BOTTOM, Plot, TOP};
 use super::html::escape;
 
-/// Dots of one column that are still drawn one by one.
+/// Maximum number of dots in a column that are drawn one by one.
 const CROWD: usize = 4;
 
 impl Plot {
@@ -14,7 +14,7 @@ impl Plot {
         fits(&self.x, p[0]) && fits(&self.y, p[1])
     }
 
-    /// A line through `points`, with gaps where one cannot be drawn.
+    /// Draws a line through `points`, with gaps at points that cannot be drawn.
     pub fn line(&mut self, class: &str, points: &[[f64; 2]]) {
         let mut path = String::new();
         for run in points.split(|p| !self.drawable(p)) {
@@ -33,7 +33,7 @@ impl Plot {
         }
     }
 
-    /// A band between `low` and `high` over x, as (x, low, high), with gaps where one of the
+    /// Draws a band between `low` and `high` over x, as (x, low, high), with gaps where any of the
     /// three cannot be drawn.
     pub fn band(&mut self, class: &str, points: &[[f64; 3]]) {
         let bad = |p: &[f64; 3]| !self.drawable(&[p[0], p[1]]) || !self.drawable(&[p[0], p[2]]);
@@ -52,7 +52,7 @@ impl Plot {
         self.body.push_str(&polygons);
     }
 
-    /// A dot at each point.
+    /// Draws a dot at each point.
     pub fn dots(&mut self, class: &str, radius: f64, points: &[[f64; 2]]) {
         for p in points {
             if !self.drawable(p) {
@@ -66,8 +66,8 @@ impl Plot {
         }
     }
 
-    /// Many dots as one path, no larger however many there are: where more than [`CROWD`] in a row
-    /// fall into one column, a stroke from the least to the greatest stands for them.
+    /// Draws many dots as one path of bounded size: more than [`CROWD`] in a row in one column
+    /// become a stroke from the lowest to the highest.
     pub fn scatter(&mut self, class: &str, points: &[[f64; 2]]) {
         let mut path = String::new();
         for column in self.columns(points) {
@@ -82,7 +82,7 @@ impl Plot {
         self.path(&format!("scatter {class}"), &path);
     }
 
-    /// A cross at each point, two a column at most.
+    /// Draws a cross at each point, at most two per column.
     pub fn crosses(&mut self, class: &str, points: &[[f64; 2]]) {
         let mut path = String::new();
         for column in self.columns(points) {
@@ -94,7 +94,7 @@ impl Plot {
         self.path(class, &path);
     }
 
-    /// A triangle at the edge for the points above and below the plot area, one a column.
+    /// Draws triangles at the edge for points above and below the plot area, one per column.
     pub fn beyond(&mut self, class: &str, points: &[[f64; 2]]) {
         let (top, bottom) = (TOP, self.height - BOTTOM);
         let mut path = String::new();
@@ -116,7 +116,7 @@ impl Plot {
         }
     }
 
-    /// Places of the drawable points, those that follow each other in one unit of width together.
+    /// Positions of the drawable points, with consecutive points in one unit of width grouped.
     fn columns(&self, points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
         let mut columns: Vec<Vec<[f64; 2]>> = Vec::new();
         for p in points.iter().filter(|p| self.drawable(p)) {
@@ -129,7 +129,7 @@ impl Plot {
         columns
     }
 
-    /// Shades the whole plot area between `x0` and `x1`, at least a hair wide.
+    /// Shades the plot area between `x0` and `x1`, at least one hairline wide.
     pub fn shade(&mut self, class: &str, x0: f64, x1: f64) {
         let (from, to) = (x0.max(self.x.min), x1.min(self.x.max));
         if from > to || from.is_nan() || to.is_nan() {
@@ -143,7 +143,7 @@ impl Plot {
         ));
     }
 
-    /// A bar from zero to `height` between `x0` and `x1`, in this colour.
+    /// Draws a bar from zero to `height` between `x0` and `x1`, in this colour.
     pub fn bar(&mut self, fill: &str, x0: f64, x1: f64, height: f64) {
         if !(height > 0.0 && height.is_finite()) {
             return;
@@ -157,7 +157,7 @@ impl Plot {
         ));
     }
 
-    /// A piece of a scale of colours just below the plot area.
+    /// Draws a piece of a colour scale just below the plot area.
     pub fn under(&mut self, fill: &str, x0: f64, x1: f64) {
         let (left, right) = (self.px(x0), self.px(x1));
         self.body.push_str(&format!(
@@ -167,7 +167,7 @@ impl Plot {
         ));
     }
 
-    /// An image whose corners are (x0, y0) at the lower left and (x1, y1) at the upper right.
+    /// Draws an image with the corners (x0, y0) at the lower left and (x1, y1) at the upper right.
     pub fn image(&mut self, uri: &str, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) {
         let (left, top) = (self.px(x0), self.py(y1));
         self.body.push_str(&format!(
@@ -177,8 +177,8 @@ impl Plot {
         ));
     }
 
-    /// An arrow of this length in units of the chart, from a point towards a heading (radians,
-    /// clockwise from up).
+    /// Draws an arrow of this length in units of the chart, from a point towards a heading
+    /// (radians, clockwise from up).
     pub fn arrow(&mut self, class: &str, from: [f64; 2], heading_rad: f64, length: f64) {
         if !self.drawable(&from) || !heading_rad.is_finite() {
             return;
@@ -195,8 +195,8 @@ impl Plot {
         ));
     }
 
-    /// A text centred at a horizontal position (units of the chart) and a height (likewise, from
-    /// the top).
+    /// Draws a text centred at a horizontal position (units of the chart) and a height (likewise,
+    /// from the top).
     pub fn text(&mut self, class: &str, x: f64, y: f64, text: &str) {
         self.body.push_str(&format!(
             "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>\n",
@@ -209,7 +209,7 @@ impl Plot {
         self.height - BOTTOM
     }
 
-    /// A vertical line over the whole plot area.
+    /// Draws a vertical line over the whole plot area.
     pub fn upright(&mut self, class: &str, x: f64) {
         let (x, bottom) = (self.px(x), self.height - BOTTOM);
         self.body.push_str(&format!(

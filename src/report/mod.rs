@@ -1,8 +1,8 @@
-//! The report: one page that opens from disk without a network, with the paper's tables and
-//! figures and a summary in plain words.
+//! The report: one self-contained HTML page with the paper's tables and figures and a summary in
+//! plain words.
 //!
-//! [`content`] says which results are shown; [`render`] makes the page. Charts are inline SVG in the
-//! colours of the page's style, maps of many points are small PNG images in data URIs.
+//! [`content`] defines the results to show; [`render`] makes the page. Charts are inline SVG, maps
+//! of many points are small PNG images in data URIs.
 
 mod adjustment;
 mod axis;

@@ -1,4 +1,4 @@
-//! Table I: the mounting of each scanner at several stages of knowledge.
+//! Table I: the mounting of each scanner, initial, calibrated and true.
 
 use super::content::Calibrations;
 use super::html::{self, escape};
@@ -9,45 +9,45 @@ use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// Errors beyond this many sigmas are marked.
+/// Errors of more than this many standard deviations are marked.
 const BOUND: f64 = NORMAL_97_5_ROUNDED;
 
-/// A column of the table: a mounting of one scanner and where it comes from.
-struct Estimate<'a> {
+/// A column of the table: a mounting of one scanner and its origin.
+struct Column<'a> {
     label: &'static str,
     body_from_scanner: BodyFromScanner,
-    /// The calibration that found it, and the scanner's place there; `None` for initial values.
+    /// The calibration it results from and the index of the scanner; `None` for initial values.
     found: Option<(&'a Calibration, usize)>,
-    /// Its column is emphasised.
+    /// Whether the column is emphasised.
     is_result: bool,
 }
 
-/// Where the value of a parameter comes from.
+/// Origin of the value of a parameter.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Origin {
     /// Written by the user and not estimated in this column.
     Given,
     /// Estimated from the data.
     Estimated,
-    /// Held at its value because the user asked so.
+    /// Fixed by the user.
     Fixed,
-    /// Not observable from the data: held at its initial value.
-    NotObservable,
+    /// Unobservable: held at its initial value.
+    Unobservable,
 }
 
-impl Estimate<'_> {
-    /// Of tx, ty, tz, rx, ry, rz; the last three mark α, β, γ.
+impl Column<'_> {
+    /// Origin of tx, ty, tz, rx, ry or rz; the last three stand for α, β, γ.
     fn origin(&self, parameter: usize) -> Origin {
         match self.found {
             None => Origin::Given,
             Some((found, scanner)) if found.mountings[scanner].fixed[parameter] => Origin::Fixed,
             Some((found, scanner)) if found.is_observable(scanner, parameter) => Origin::Estimated,
-            Some(_) => Origin::NotObservable,
+            Some(_) => Origin::Unobservable,
         }
     }
 }
 
-/// One value with what is known of its error.
+/// One value with its uncertainty and error.
 struct Cell {
     value: f64,
     sigma: Option<f64>,
@@ -88,7 +88,7 @@ impl Block {
         }
     }
 
-    /// Metres or degrees.
+    /// In metres or degrees.
     fn values(self, pose: &BodyFromScanner) -> [f64; 3] {
         match self {
             Self::Translation => pose.translation_m.into(),
@@ -96,9 +96,9 @@ impl Block {
         }
     }
 
-    /// Metres or degrees.
-    fn sigmas(self, estimate: &Estimate) -> [Option<f64>; 3] {
-        let Some((found, scanner)) = estimate.found else {
+    /// In metres or degrees.
+    fn sigmas(self, column: &Column) -> [Option<f64>; 3] {
+        let Some((found, scanner)) = column.found else {
             return [None; 3];
         };
         match self {
@@ -121,9 +121,9 @@ impl Block {
         }
     }
 
-    fn cells(self, estimate: &Estimate, truth: Option<&BodyFromScanner>) -> [Cell; 3] {
-        let values = self.values(&estimate.body_from_scanner);
-        let sigmas = self.sigmas(estimate);
+    fn cells(self, column: &Column, truth: Option<&BodyFromScanner>) -> [Cell; 3] {
+        let values = self.values(&column.body_from_scanner);
+        let sigmas = self.sigmas(column);
         let truth = truth.map(|pose| self.values(pose));
         std::array::from_fn(|i| Cell {
             value: values[i],
@@ -135,7 +135,7 @@ impl Block {
                     Self::Euler(_) => error - 360.0 * (error / 360.0).round(),
                 }
             }),
-            origin: estimate.origin(self.first() + i),
+            origin: column.origin(self.first() + i),
         })
     }
 
@@ -171,8 +171,8 @@ impl Block {
                 }
             }
             Origin::Fixed => out.push_str("<span class=\"held\">fixed by user</span>"),
-            Origin::NotObservable => {
-                out.push_str("<span class=\"held open\">not observable</span>");
+            Origin::Unobservable => {
+                out.push_str("<span class=\"held open\">unobservable</span>");
             }
         }
         if let Some(error) = cell.error.filter(|e| e.is_finite()) {
@@ -189,15 +189,15 @@ impl Block {
     }
 }
 
-/// All scanners.
+/// The tables of all scanners.
 pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
     let scanners = calibrations.result.mountings.iter();
-    let tables: Vec<(&str, Vec<Estimate>, Option<&BodyFromScanner>)> = scanners
+    let tables: Vec<(&str, Vec<Column>, Option<&BodyFromScanner>)> = scanners
         .enumerate()
         .map(|(scanner, mounting)| {
             let truth = truth.map(|truth| &truth[scanner]);
-            (&*mounting.name, estimates(calibrations, scanner), truth)
+            (&*mounting.name, columns(calibrations, scanner), truth)
         })
         .collect();
     if tables.is_empty() {
@@ -205,24 +205,24 @@ pub fn tables(calibrations: &Calibrations) -> String {
     }
     let mut out: String = tables
         .iter()
-        .map(|(name, estimates, truth)| table(name, estimates, *truth))
+        .map(|(name, columns, truth)| table(name, columns, *truth))
         .collect();
     out.push_str("<p class=\"note\">± is one standard deviation.");
     if truth.is_some() {
-        out.push_str(" Below it the error: value minus truth. ‡ marks errors beyond 1.96 σ, of which one in twenty is to be expected.");
+        out.push_str(" The error is value minus truth. ‡ marks errors beyond 1.96 σ; one in twenty is expected.");
     }
-    let mut estimates = tables.iter().flat_map(|(_, estimates, _)| estimates);
-    if estimates.any(|e| (0..6).any(|parameter| e.origin(parameter) == Origin::NotObservable)) {
-        out.push_str(" What is not observable keeps what the initial values say of it.");
+    let mut columns = tables.iter().flat_map(|(_, columns, _)| columns);
+    if columns.any(|e| (0..6).any(|parameter| e.origin(parameter) == Origin::Unobservable)) {
+        out.push_str(" Unobservable parameters are held at their initial values.");
     }
     out.push_str(" Table I of the paper.</p>\n");
     out
 }
 
-/// The columns of one scanner. The paper's method gives no standard deviations and is shown among
-/// the methods.
-fn estimates<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Estimate<'a>> {
-    let of = |label, found: &'a Calibration, is_result| Estimate {
+/// The columns of one scanner. The paper's method has no standard deviations and is shown with the
+/// other methods.
+fn columns<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column<'a>> {
+    let of = |label, found: &'a Calibration, is_result| Column {
         label,
         body_from_scanner: found.mountings[scanner].body_from_scanner,
         found: Some((found, scanner)),
@@ -231,7 +231,7 @@ fn estimates<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Estimat
     let without = calibrations.variant(Variant::WithoutReference);
     let exact = calibrations.variant(Variant::ExactPoses);
     let initial = calibrations.mountings(MountingKind::Initial);
-    let initial = initial.map(|initial| Estimate {
+    let initial = initial.map(|initial| Column {
         label: "initial",
         body_from_scanner: initial[scanner],
         found: None,
@@ -245,14 +245,14 @@ fn estimates<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Estimat
     list
 }
 
-fn table(scanner: &str, estimates: &[Estimate], truth: Option<&BodyFromScanner>) -> String {
+fn table(scanner: &str, columns: &[Column], truth: Option<&BodyFromScanner>) -> String {
     let result = |is_result: bool| if is_result { " class=\"result\"" } else { "" };
     let mut head = String::from("<tr><td></td>");
-    for estimate in estimates {
+    for column in columns {
         head.push_str(&format!(
             "<th scope=\"col\"{}>{}</th>",
-            result(estimate.is_result),
-            estimate.label
+            result(column.is_result),
+            column.label
         ));
     }
     if truth.is_some() {
@@ -260,20 +260,20 @@ fn table(scanner: &str, estimates: &[Estimate], truth: Option<&BodyFromScanner>)
     }
     head.push_str("</tr>\n");
 
-    let columns = 1 + estimates.len() + usize::from(truth.is_some());
+    let width = 1 + columns.len() + usize::from(truth.is_some());
     let mut body = String::new();
     for block in Block::ALL {
         body.push_str(&format!(
-            "<tr class=\"block\"><th colspan=\"{columns}\" scope=\"colgroup\">{}</th></tr>\n",
+            "<tr class=\"block\"><th colspan=\"{width}\" scope=\"colgroup\">{}</th></tr>\n",
             block.heading()
         ));
-        let cells: Vec<[Cell; 3]> = estimates.iter().map(|e| block.cells(e, truth)).collect();
+        let cells: Vec<[Cell; 3]> = columns.iter().map(|e| block.cells(e, truth)).collect();
         for (i, name) in block.names().iter().enumerate() {
             body.push_str(&format!("<tr><th scope=\"row\">{name}</th>"));
-            for (estimate, cells) in estimates.iter().zip(&cells) {
+            for (column, cells) in columns.iter().zip(&cells) {
                 body.push_str(&format!(
                     "<td{}>{}</td>",
-                    result(estimate.is_result),
+                    result(column.is_result),
                     block.markup(&cells[i])
                 ));
             }
@@ -286,15 +286,15 @@ fn table(scanner: &str, estimates: &[Estimate], truth: Option<&BodyFromScanner>)
     }
     if let Some(truth) = truth {
         body.push_str(&format!(
-            "<tr class=\"block\"><th colspan=\"{columns}\" scope=\"colgroup\">Distance from the truth</th></tr>\n<tr><th scope=\"row\">in all</th>"
+            "<tr class=\"block\"><th colspan=\"{width}\" scope=\"colgroup\">Distance from the truth</th></tr>\n<tr><th scope=\"row\">total</th>"
         ));
-        for estimate in estimates {
-            let mounting = &estimate.body_from_scanner;
+        for column in columns {
+            let mounting = &column.body_from_scanner;
             let length = (mounting.translation_m - truth.translation_m).norm();
             let angle = mounting.rotation.angle_to(&truth.rotation).to_degrees();
             body.push_str(&format!(
                 "<td{}>{}<br/>{}°</td>",
-                result(estimate.is_result),
+                result(column.is_result),
                 number::with_unit(number::fixed(length * 1e3, 2), "mm"),
                 number::fixed(angle, 4)
             ));
@@ -321,7 +321,7 @@ mod tests {
             let rotation = rotation_from_euler_deg(EulerConvention::Bonn, angles);
             BodyFromScanner::new(rotation, Vec3::new(1.254, -0.545, 0.587))
         };
-        let initial = Estimate {
+        let initial = Column {
             label: "initial",
             body_from_scanner: mounting(179.95),
             found: None,
@@ -333,15 +333,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_observable_shows_no_sigma() {
+    fn unobservable_parameters_show_no_sigma() {
         let cell = |origin| Cell {
             value: 1.254,
             sigma: Some(1e-3),
             error: None,
             origin,
         };
-        let held = Block::Translation.markup(&cell(Origin::NotObservable));
-        assert!(held.contains("not observable") && !held.contains('±'));
+        let held = Block::Translation.markup(&cell(Origin::Unobservable));
+        assert!(held.contains("unobservable") && !held.contains('±'));
         let estimated = Block::Translation.markup(&cell(Origin::Estimated));
         assert!(estimated.contains("± 1.0"), "{estimated}");
     }

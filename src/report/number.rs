@@ -1,11 +1,11 @@
-//! Numbers as text: sensible digits, units, a true minus sign; a dash for what is not finite.
+//! Numbers as text: rounding, units, a true minus sign, and a dash for values that are not finite.
 
-/// Shown where there is no number.
+/// Shown for a missing number.
 pub const DASH: &str = "–";
 /// Between groups of three digits, and between number and unit.
 const NARROW_SPACE: char = '\u{202f}';
 
-/// `value` with so many decimals.
+/// `value` with this many decimals.
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return DASH.to_owned();
@@ -45,7 +45,7 @@ pub fn count(n: usize) -> String {
     grouped(&n.to_string())
 }
 
-/// Decimals that show `digits` significant digits of `value`, at most `most`.
+/// Number of decimals for `digits` significant digits of `value`, at most `most`.
 fn decimals(value: f64, digits: i32, most: i32) -> usize {
     if value == 0.0 || !value.is_finite() {
         return 0;
@@ -53,7 +53,7 @@ fn decimals(value: f64, digits: i32, most: i32) -> usize {
     (digits - 1 - value.abs().log10().floor() as i32).clamp(0, most) as usize
 }
 
-/// `value` with so many significant digits.
+/// `value` with this many significant digits.
 pub fn significant(value: f64, digits: i32) -> String {
     fixed(value, decimals(value, digits, 12))
 }
@@ -89,7 +89,7 @@ pub fn with_unit(text: String, unit: &str) -> String {
     }
 }
 
-/// A `+` before what is positive.
+/// Puts a `+` before positive numbers.
 pub fn signed(text: String) -> String {
     let positive = text.bytes().any(|b| (b'1'..=b'9').contains(&b)) && !text.starts_with('−');
     if positive { format!("+{text}") } else { text }
@@ -105,7 +105,7 @@ pub fn sigma(value: f64) -> String {
     fixed(value, decimals(value, 2, 4))
 }
 
-/// The fewest digits that give `value` to ten significant ones: for numbers chosen round.
+/// The fewest digits that give `value` to ten significant digits: for round settings.
 pub fn shortest(value: f64) -> String {
     let all = decimals(value, 10, 12);
     let text = fixed(value, all);
@@ -143,13 +143,13 @@ pub fn memory(bytes: u64) -> String {
     }
 }
 
-/// The least of 1, 2, 5 times a power of ten that is not below `value`.
+/// The smallest of 1, 2, 5 times a power of ten that is not below `value`.
 pub fn nice_above(value: f64) -> f64 {
     if !(value > 0.0 && value.is_finite()) {
         return 1.0;
     }
     let decade = 10f64.powf(value.log10().floor());
-    // A hair of slack, so that 5.000000001 stays 5.
+    // A small tolerance, so that 5.000000001 gives 5.
     for factor in [1.0, 2.0, 5.0] {
         if value <= factor * decade * (1.0 + 1e-9) {
             return factor * decade;

@@ -1,4 +1,4 @@
-//! The page: sections in reading order, and its frame.
+//! The HTML page and its sections in reading order.
 
 use super::content::Content;
 use super::html::{self, escape};
@@ -9,7 +9,7 @@ use crate::geometry::Vec3;
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
 
-/// The whole page as one HTML document that needs nothing else. Sections without data are left
+/// Renders the page as one self-contained HTML document. Sections without data are left
 /// out; equal contents give equal bytes.
 pub fn render(content: &Content) -> String {
     let mut links = String::new();
@@ -38,7 +38,7 @@ pub fn render(content: &Content) -> String {
     )
 }
 
-/// Identifier, heading and markup of each section, empty where there are no data.
+/// Identifier, heading and markup of each section; the markup is empty without data.
 fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
     let tracks: Vec<Track> = content.drives.iter().map(Track::of).collect();
     let calibrations = content.calibrations.as_ref();
@@ -54,11 +54,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             "Agreement of the point clouds",
             tables::distances(content.drives),
         ),
-        (
-            "maps",
-            "Where they agree and where not",
-            maps::maps(content.drives),
-        ),
+        ("maps", "Maps of the distances", maps::maps(content.drives)),
         (
             "observability",
             "What the data could determine",
@@ -96,7 +92,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
     ]
 }
 
-/// The drives from above, then how the adjustment went and how well the poses are known.
+/// The drives from above, the course of the adjustment, and the uncertainty of the poses.
 fn trajectory(tracks: &[Track], background_m: &[Vec3]) -> String {
     adjustment::words(tracks)
         + &figures::top_view(tracks, background_m)

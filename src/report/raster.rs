@@ -4,7 +4,7 @@ use super::axis;
 use crate::geometry::Vec3;
 use base64::Engine as _;
 
-/// Colours of a diverging scale, from −1 to 1.
+/// Number of colours in a scale.
 const LEVELS: usize = 41;
 /// Index of a pixel without points: the transparent colour after the scale.
 const EMPTY: u8 = LEVELS as u8;
@@ -27,7 +27,7 @@ pub fn diverging(t: f64) -> [u8; 3] {
     std::array::from_fn(|c| (STOPS[i][c] * (1.0 - f) + STOPS[i + 1][c] * f).round() as u8)
 }
 
-/// As [`diverging`], as a colour of a style sheet.
+/// [`diverging`] as a CSS colour.
 pub fn diverging_css(t: f64) -> String {
     let [r, g, b] = diverging(t);
     format!("#{r:02x}{g:02x}{b:02x}")
@@ -43,12 +43,12 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The least rectangle around the finite ones of `points`; `None` where there is none.
+    /// The smallest rectangle around the finite `points`; `None` without any.
     pub fn around(points: impl Iterator<Item = [f64; 2]> + Clone) -> Option<Self> {
         let finite = points.filter(|p| p[0].is_finite() && p[1].is_finite());
         let (x0, x1) = axis::range(finite.clone().map(|p| p[0]))?;
         let (y0, y1) = axis::range(finite.map(|p| p[1]))?;
-        // A single point or a line still needs an area.
+        // A single point or a line gets a small area.
         let spare = 1e-3f64.max(1e-3 * (x1 - x0).max(y1 - y0));
         Some(Self {
             min: [x0 - spare, y0 - spare],
@@ -70,7 +70,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// At most `most` pixels in either direction.
+    /// A grid of at most `most` pixels in either direction.
     fn new(bounds: Bounds, most: usize) -> Self {
         let [dx, dy] = bounds.size();
         let pixel_m = dx.max(dy) / most as f64;
@@ -83,7 +83,7 @@ impl Grid {
         }
     }
 
-    /// Column and row (from the north) of a point, where it lies inside.
+    /// Column and row (from the north) of a point; `None` outside.
     fn pixel(&self, p: [f64; 2]) -> Option<(usize, usize)> {
         let column = (p[0] - self.bounds.min[0]) / self.pixel_m;
         let row = (self.bounds.max[1] - p[1]) / self.pixel_m;
@@ -92,8 +92,8 @@ impl Grid {
         (inside && column < self.width && row < self.height).then_some((column, row))
     }
 
-    /// Half the edge of the square that a point paints, in pixels, so that neighbours touch:
-    /// from the area the points cover and their number.
+    /// Half the edge of the square painted for a point, in pixels, such that neighbours touch:
+    /// from the area and number of the points.
     fn reach(&self, points: impl Iterator<Item = [f64; 2]> + Clone) -> usize {
         let coarse = Self::new(self.bounds, 40);
         let mut seen = vec![false; coarse.width * coarse.height];
@@ -108,7 +108,7 @@ impl Grid {
         ((0.6 * spacing / self.pixel_m).round() as usize).min(6)
     }
 
-    /// The grid's north-west aligned extent on the ground: the image covers whole pixels.
+    /// Extent of the image on the ground: whole pixels, aligned to the north-west corner.
     fn extent(&self) -> Bounds {
         Bounds {
             min: [
@@ -123,7 +123,7 @@ impl Grid {
     }
 }
 
-/// An image and the ground it covers.
+/// An image and its extent on the ground.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raster {
     /// Data URI of a PNG.
@@ -164,8 +164,7 @@ pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: us
     })
 }
 
-/// Points shaded by their height from `low` to `high`, the highest of a pixel
-/// counting.
+/// Points shaded by their height from `low` to `high`; a pixel shows its highest point.
 pub fn heights(points: &[Vec3], [low, high]: [f64; 2], bounds: Bounds, most: usize) -> Raster {
     let grid = Grid::new(bounds, most);
     let usable = points.iter().filter(|p| p.z.is_finite());
@@ -192,13 +191,13 @@ pub fn heights(points: &[Vec3], [low, high]: [f64; 2], bounds: Bounds, most: usi
     raster(&grid, pixels.collect(), &shade)
 }
 
-/// Red, green, blue and opacity of a height `share` in [0, 1]: one brown, more of it where higher,
-/// which suits light and dark pages.
+/// Red, green, blue and opacity of a height `share` in [0, 1]: brown, more opaque where higher, for
+/// light and dark pages.
 fn shade(share: f64) -> [u8; 4] {
     [150, 104, 40, (26.0 + 204.0 * share).round() as u8]
 }
 
-/// As [`shade`], as a colour of a style sheet.
+/// [`shade`] as a CSS colour.
 pub fn shade_css(share: f64) -> String {
     let [r, g, b, a] = shade(share);
     format!("rgba({r},{g},{b},{:.2})", f64::from(a) / 255.0)
@@ -213,7 +212,7 @@ fn raster(grid: &Grid, pixels: Vec<u8>, colour: &dyn Fn(f64) -> [u8; 4]) -> Rast
     }
 }
 
-/// An indexed PNG whose colours are those of evenly spaced shares, then the transparent one.
+/// Encodes an indexed PNG with [`LEVELS`] evenly spaced colours and a transparent one.
 fn encode(width: u32, height: u32, pixels: &[u8], colour: &dyn Fn(f64) -> [u8; 4]) -> Vec<u8> {
     let colours: Vec<[u8; 4]> = (0..LEVELS)
         .map(|level| colour(level as f64 / (LEVELS - 1) as f64))
@@ -229,12 +228,13 @@ fn encode(width: u32, height: u32, pixels: &[u8], colour: &dyn Fn(f64) -> [u8; 4
     encoder.set_palette(palette);
     encoder.set_trns(alpha);
     encoder.set_compression(png::Compression::High);
-    // Filters help smooth photographs; on palette indices they hinder.
+    // Filters do not help with palette indices.
     encoder.set_filter(png::Filter::NoFilter);
     let written = encoder
         .write_header()
         .and_then(|mut writer| writer.write_image_data(pixels));
-    written.expect("the size is positive, matches the pixels, and memory takes every byte");
+    written
+        .expect("the size is positive and matches the pixels, and writing to memory cannot fail");
     bytes
 }
 

@@ -1,6 +1,6 @@
 //! Figures of the trajectory's adjustment: residuals over time and their distribution, biases.
 
-use super::axis::{self, Axis, thin};
+use super::axis::{self, Axis, decimate};
 use super::chart::Plot;
 use super::diagnostics::{component_name, sensor_name};
 use super::figures::{FULL, HALF, VERTICES, series, time_label, time_shift};
@@ -12,11 +12,11 @@ use crate::sensor::ImuBias;
 use crate::statistics::median;
 use crate::trajectory::{Residual, SensorDiagnostics, Solution};
 
-/// A time without used records is a gap from this many usual steps on, and from this many seconds.
+/// A gap without used records is at least this many usual time steps and this many seconds long.
 const GAP_STEPS: f64 = 5.0;
-const LEAST_GAP_S: f64 = 1.0;
+const MIN_GAP_S: f64 = 1.0;
 /// Half width of the histogram and width of its bars, standard deviations.
-const REACH: f64 = 5.0;
+const HALF_WIDTH: f64 = 5.0;
 const BIN: f64 = 0.25;
 
 /// Residuals over time of every sensor of the first drive that was adjusted.
@@ -34,7 +34,7 @@ pub fn over_time(tracks: &[Track]) -> String {
     format!("<h3>Residuals over time</h3>\n{out}")
 }
 
-/// Sensors with residuals of single records.
+/// Sensors that have residuals of individual records.
 fn measured(solution: &Solution) -> impl Iterator<Item = (&SensorDiagnostics, &[Residual])> {
     let all = solution.sensors.iter().zip(&solution.residuals);
     all.filter(|(_, list)| !list.is_empty())
@@ -112,14 +112,14 @@ fn of_sensor(
     let mut entries = vec![("s0".to_owned(), "used".to_owned())];
     let rejected = residuals.iter().filter(|r| r.weight == 0.0).count();
     if rejected > 0 {
-        let text = "rejected; a triangle at the edge: beyond the scale";
+        let text = "rejected; triangles at the edge are beyond the scale";
         entries.push(("cross".into(), text.into()));
     }
     if !gaps.is_empty() {
         entries.push(("gap".into(), "no record used".into()));
     }
     if !solution.imu_gaps_s.is_empty() {
-        entries.push(("silent".into(), "IMU silent".into()));
+        entries.push(("silent".into(), "no IMU samples".into()));
     }
     html::figure(
         &(html::legend(&entries) + &charts),
@@ -137,12 +137,12 @@ fn of_sensor(
     )
 }
 
-/// Times without used records between these ends.
+/// Spans without used records between two times.
 fn gaps(residuals: &[Residual], (from_s, to_s): (f64, f64)) -> Vec<(f64, f64)> {
     let used = residuals.iter().filter(|r| r.weight > 0.0);
     let times: Vec<f64> = used.map(|r| r.time_s).filter(|t| t.is_finite()).collect();
     let usual = median(times.windows(2).map(|w| w[1] - w[0])).unwrap_or(0.0);
-    let least = (GAP_STEPS * usual).max(LEAST_GAP_S);
+    let least = (GAP_STEPS * usual).max(MIN_GAP_S);
     let ends: Vec<f64> = std::iter::once(from_s).chain(times).chain([to_s]).collect();
     let pairs = ends.windows(2).map(|w| (w[0], w[1]));
     pairs.filter(|(a, b)| b - a > least).collect()
@@ -155,7 +155,7 @@ pub fn histograms(tracks: &[Track]) -> String {
     };
     let mut charts = String::new();
     for (sensor, residuals) in measured(solution) {
-        // A test of zero is a component that nothing checks.
+        // A component without redundancy has a test value of zero.
         let tests: Vec<f64> = residuals
             .iter()
             .filter(|r| r.weight > 0.0)
@@ -178,17 +178,17 @@ pub fn histograms(tracks: &[Track]) -> String {
             "{}<div class=\"pair\">{charts}</div>\n",
             html::legend(&entries)
         ),
-        "Residuals in standard deviations of the residual, all components together. Where the sigmas are right and errors are normal, the bars follow the curve; broader bars say that the sensor errs more than its sigma says, narrower ones less.",
+        "Residuals divided by their standard deviations, all components together. If the sigmas are right and the errors normal, the bars follow the curve; a wider histogram means larger errors than the sigma of the sensor, a narrower one smaller errors.",
     )
 }
 
 fn histogram(name: &str, tests: &[f64]) -> String {
-    let bins = (2.0 * REACH / BIN).round() as usize;
+    let bins = (2.0 * HALF_WIDTH / BIN).round() as usize;
     let mut counts = vec![0usize; bins];
     let mut beyond_three = 0usize;
     for test in tests {
         beyond_three += usize::from(test.abs() > 3.0);
-        let place = ((test + REACH) / BIN).floor();
+        let place = ((test + HALF_WIDTH) / BIN).floor();
         if place >= 0.0 && place < bins as f64 {
             counts[place as usize] += 1;
         }
@@ -196,15 +196,15 @@ fn histogram(name: &str, tests: &[f64]) -> String {
     let share = |count: usize| 100.0 * count as f64 / tests.len() as f64;
     let normal = |z: f64| 100.0 * BIN * (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt();
     let most = counts.iter().map(|c| share(*c)).fold(normal(0.0), f64::max);
-    let x = Axis::over("residual (σ of the residual)", [-REACH, REACH]);
+    let x = Axis::over("residual (σ of the residual)", [-HALF_WIDTH, HALF_WIDTH]);
     let y = Axis::rounded("share (%)", [0.0, most]);
     let mut plot = Plot::new(HALF, 210.0, x, y);
     for (i, count) in counts.iter().enumerate() {
-        let left = -REACH + BIN * i as f64;
+        let left = -HALF_WIDTH + BIN * i as f64;
         plot.bar("var(--s0)", left, left + BIN, share(*count));
     }
     let curve: Vec<[f64; 2]> = (0..=100)
-        .map(|i| -REACH + 2.0 * REACH * f64::from(i) / 100.0)
+        .map(|i| -HALF_WIDTH + 2.0 * HALF_WIDTH * f64::from(i) / 100.0)
         .map(|z| [z, normal(z)])
         .collect();
     plot.line("s1", &curve);
@@ -233,7 +233,7 @@ pub fn biases(tracks: &[Track]) -> String {
         html::figure(
             &body,
             &format!(
-                "Biases along {}, about and along the body's axes, without their means over the drive, which the legend gives.",
+                "Biases along {}, about and along the body's axes, minus their means over the drive (see the legend).",
                 escape(drive.name)
             ),
         )
@@ -262,7 +262,7 @@ fn bias(drive: &Track, name: &str, unit: &str, pick: impl Fn(&ImuBias) -> Vec3) 
             .iter()
             .map(|k| [k.0 - start, k.1[i] - mean[i]])
             .collect();
-        plot.line(&format!("{} fine", series(i)), &thin(&curve, VERTICES));
+        plot.line(&format!("{} fine", series(i)), &decimate(&curve, VERTICES));
         let words = number::with_unit(number::signed(number::significant(mean[i], 3)), unit);
         entries.push((series(i), format!("{axis}, mean {words}")));
     }

@@ -51,7 +51,7 @@ pub fn distances(drives: &[Drive]) -> String {
         return String::new();
     }
     rmse(&pairs)
-        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. The true mounting, where it is listed, is applied on the same estimated poses: what it leaves is the share of poses and noise. Table II of the paper.</p>\n"
+        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. The column of the true mounting, if shown, uses the same estimated poses: its distances are due to poses and noise alone. Table II of the paper.</p>\n"
         + &html::details(
             "Mean, standard deviation, median, number of core points",
             &statistics(&pairs),
@@ -103,7 +103,7 @@ fn rmse(pairs: &[Pair]) -> String {
     html::table("numbers rmse", &head, &body)
 }
 
-/// One table a pair of clouds.
+/// One table per pair of clouds.
 fn statistics(pairs: &[Pair]) -> String {
     let mut out = String::new();
     for (pair, drives) in pairs {
@@ -138,8 +138,8 @@ fn statistics(pairs: &[Pair]) -> String {
     out
 }
 
-/// Correlations of the mountings' parameters as a table coloured by sign and size; nothing without
-/// a covariance.
+/// Correlations of the mountings' parameters as a table coloured by sign and size; empty without a
+/// covariance.
 pub fn correlation(calibration: &Calibration) -> String {
     let Some(covariance) = &calibration.covariance else {
         return String::new();
@@ -177,7 +177,7 @@ pub fn correlation(calibration: &Calibration) -> String {
         body.push_str("</tr>\n");
     }
     html::table("heat", &head, &body)
-        + "<p class=\"note\">Red: the two grow together; blue: one grows as the other falls. Beyond about 0.9 the data can hardly tell them apart. A dash: not estimated.</p>\n"
+        + "<p class=\"note\">Red: positive; blue: negative. Beyond about ± 0.9 the data hardly separate the two parameters. A dash: not estimated.</p>\n"
 }
 
 /// Run time by stage with bars, and peak memory.
@@ -227,7 +227,7 @@ pub fn warnings(list: &[String]) -> String {
     format!("<ul class=\"warnings\">\n{}</ul>\n", items.concat())
 }
 
-/// What the run was: command, project, seed, program.
+/// Provenance of the run: command, project, seed, program.
 pub fn provenance(content: &Content) -> String {
     let mut list = Vec::new();
     let mut add = |label: &str, value: &str| {

@@ -1,29 +1,29 @@
-//! The poses of a drive as they are drawn.
+//! The poses of a drive for drawing.
 
 use super::content::Drive;
 use super::diagnostics::PoseSigmas;
 use crate::sensor::PoseRecord;
 use crate::trajectory::Solution;
 
-/// Most poses drawn of one drive: about ten a second say as much as a hundred.
-const MOST_POSES: usize = 3000;
+/// Maximum number of poses drawn per drive: ten per second look the same as a hundred.
+const MAX_POSES: usize = 3000;
 
-/// What is drawn of one drive.
+/// The data of one drive for drawing.
 pub struct Track<'a> {
     /// Name of the drive.
     pub name: &'a str,
-    /// An even share of the poses.
+    /// Evenly sampled poses.
     pub poses: Vec<&'a PoseRecord>,
-    /// How well all poses are known, not only those drawn.
+    /// Standard deviations of all poses, not only those drawn.
     pub sigmas: Option<PoseSigmas>,
-    /// What the adjustment left; `None` where the poses came from a file.
+    /// Result of the adjustment; `None` if the poses came from a file.
     pub solution: Option<&'a Solution>,
 }
 
 impl<'a> Track<'a> {
-    /// Of this drive.
+    /// The track of a drive.
     pub fn of(drive: &'a Drive) -> Self {
-        let stride = drive.poses.len().div_ceil(MOST_POSES).max(1);
+        let stride = drive.poses.len().div_ceil(MAX_POSES).max(1);
         Self {
             name: &drive.name,
             poses: drive.poses.iter().step_by(stride).collect(),

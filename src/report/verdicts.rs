@@ -1,4 +1,4 @@
-//! The verdict of a run in words a field crew understands.
+//! The summary of a run, in words that a field crew understands.
 
 use super::content::{Calibrations, Content, Status, Verdict};
 use super::number::DASH;
@@ -6,7 +6,7 @@ use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, so3};
 
-/// A length in words.
+/// A length as text.
 fn millimetres(metres: f64) -> String {
     match metres {
         _ if !metres.is_finite() => DASH.into(),
@@ -15,8 +15,8 @@ fn millimetres(metres: f64) -> String {
     }
 }
 
-/// The lines of the verdict: what needs attention first, then how well the clouds agree, then how
-/// well the mounting is known.
+/// The summary: points that need attention first, then the agreement of the clouds, then the
+/// quality of the mountings.
 pub fn summary(content: &Content) -> Vec<Verdict> {
     let Some(calibrations) = &content.calibrations else {
         return Vec::new();
@@ -42,7 +42,7 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
             .collect();
         if !rmse.is_empty() {
             lines.push(Verdict::good(format!(
-                "On {}, which took no part in the calibration: {}.",
+                "On {}, which was not used in the calibration: {}.",
                 drive.name,
                 rmse.join("; ")
             )));
@@ -51,7 +51,7 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
     lines.push(match calibrations.result.converged {
         true => Verdict::good("The adjustment converged at every scale."),
         false => Verdict::attention(
-            "The adjustment did not converge at every scale: treat the result with care.",
+            "The adjustment did not converge at every scale: the result may be wrong.",
         ),
     });
     lines.extend(sigmas(calibrations.result));
@@ -67,7 +67,7 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
     lines
 }
 
-/// How well the mountings are known, from their standard deviations.
+/// The largest standard deviations of the mountings.
 fn sigmas(calibration: &Calibration) -> Option<Verdict> {
     let mut worst = [0.0f64; 2];
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {
@@ -79,27 +79,27 @@ fn sigmas(calibration: &Calibration) -> Option<Verdict> {
     }
     let [length_m, angle_rad] = worst;
     let parts: Vec<String> = [
-        (length_m > 0.0).then(|| format!("positions to ± {}", millimetres(length_m))),
-        (angle_rad > 0.0).then(|| format!("rotations to ± {:.3}°", angle_rad.to_degrees())),
+        (length_m > 0.0).then(|| format!("± {} in position", millimetres(length_m))),
+        (angle_rad > 0.0).then(|| format!("± {:.3}° in rotation", angle_rad.to_degrees())),
     ]
     .into_iter()
     .flatten()
     .collect();
-    let known = parts.join(", ");
+    let sigmas = parts.join(" and ");
     let is_constant = calibration.constancy.as_ref().is_none_or(|c| c.constant);
     (!parts.is_empty()).then(|| match is_constant {
         true => Verdict::good(format!(
-            "The mounting of the scanners is known: {known} or better (one standard deviation)."
+            "The mountings of the scanners are known to {sigmas} or better (one standard deviation)."
         )),
         false => Verdict::neutral(format!(
-            "A constant mounting would be known: {known} or better. This one is not, and its \
+            "Constant mountings would be known to {sigmas} or better. These are not constant, so their \
              standard deviations are too small."
         )),
     })
 }
 
-/// How many of `all` errors may lie beyond 1.96 σ by chance: 1 in 20, and 1.96 binomial standard
-/// deviations more, for one drive is one draw.
+/// Number of `all` errors that may exceed 1.96 σ by chance: 1 in 20, plus 1.96 binomial standard
+/// deviations.
 fn outside_by_chance(all: usize) -> f64 {
     let n = all as f64;
     0.05 * n + 1.96 * (n * 0.05 * 0.95).sqrt()
@@ -113,7 +113,7 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
     for (scanner, (mounting, truth)) in calibration.mountings.iter().zip(truth).enumerate() {
         let found = &mounting.body_from_scanner;
         let shift = found.translation_m - truth.translation_m;
-        // The rotation vector ψ of R_found = Exp(ψ) R_true, body axes, as the covariance has it.
+        // The rotation vector ψ of R_found = Exp(ψ) R_true, in body axes like the covariance.
         let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
         for (parameter, error) in shift.iter().chain(turn.iter()).enumerate() {
             let row = 6 * scanner + parameter;
@@ -127,7 +127,7 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
         }
     }
     let text = format!(
-        "Against the simulated truth the parameters err by at most {} and {:.3}°; {} of {all} errors \
+        "The largest errors against the simulated truth are {} and {:.3}°; {} of {all} errors \
          lie within their 95 % bounds.",
         millimetres(worst[0]),
         worst[1].to_degrees(),
@@ -157,7 +157,7 @@ fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
     let before = all.find(found, MountingKind::Initial);
     match before.map(|before| before.statistics.rmse_m) {
         Some(before) if before < after => Verdict::attention(format!(
-            "{text}: worse than the {} with the initial mounting.",
+            "{text}, worse than with the initial mounting ({}).",
             millimetres(before)
         )),
         Some(before) => Verdict::good(format!("{text} (before: {}).", millimetres(before))),
@@ -165,7 +165,7 @@ fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
     }
 }
 
-/// What the data could and could not determine.
+/// The observability of the parameters.
 pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     let found = statements(calibrations.result, "").into_iter();
     let mut lines: Vec<Verdict> = found.map(Verdict::attention).collect();
@@ -181,34 +181,35 @@ pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     lines
 }
 
-/// What cannot be found, a sentence each.
+/// A sentence for each unobservable direction.
 pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> {
-    let free = calibration.observability.unobservable.iter();
-    free.map(|free| {
-        let mut words = free.words.clone();
-        if let Some(first) = words.get_mut(0..1) {
-            first.make_ascii_uppercase();
-        }
-        format!("{words} cannot be found{circumstance}: held at the initial value.")
-    })
-    .collect()
+    let directions = calibration.observability.unobservable.iter();
+    directions
+        .map(|direction| {
+            let mut words = direction.words.clone();
+            if let Some(first) = words.get_mut(0..1) {
+                first.make_ascii_uppercase();
+            }
+            format!("{words} is unobservable{circumstance}: held at the initial value.")
+        })
+        .collect()
 }
 
-/// Whether the mounting seems constant; `None` where that cannot be judged.
+/// The test of a constant mounting; `None` if it is not possible.
 pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
     let found = calibration.constancy.as_ref()?;
     Some(match not_constant(calibration) {
         Some(text) => Verdict::attention(text),
         None => Verdict::good(format!(
-            "The mounting seems constant: residuals along the drive ({}) are {:.1} times what the \
-             poses' standard deviations explain.",
+            "The mounting appears constant: residuals along the drive ({}) are {:.1} times as large as \
+             the standard deviations of the poses explain.",
             millimetres(found.rms_m),
             found.ratio
         )),
     })
 }
 
-/// Says that the mounting seems not to be constant, where the residuals along the drive say so.
+/// A warning if the residuals along the drive show that the mounting is not constant.
 pub fn not_constant(calibration: &Calibration) -> Option<String> {
     let constancy = calibration
         .constancy
@@ -216,11 +217,11 @@ pub fn not_constant(calibration: &Calibration) -> Option<String> {
         .filter(|found| !found.constant)?;
     let strong = constancy.strongest.filter(|(_, r)| r.abs() > 0.3);
     let with = strong.map_or(String::new(), |(name, r)| {
-        format!(" They go most with {name} (correlation {r:.2}).")
+        format!(" They correlate most with {name} (correlation {r:.2}).")
     });
     Some(format!(
-        "The mounting seems not to be constant: residuals along the drive ({}) are {:.1} times \
-         what the poses' standard deviations explain.{with}",
+        "The mounting does not appear constant: residuals along the drive ({}) are {:.1} times as \
+         large as the standard deviations of the poses explain.{with}",
         millimetres(constancy.rms_m),
         constancy.ratio
     ))

@@ -35,7 +35,7 @@ fn a_full_page_is_whole_and_small() {
         "points agree with the reference scan to 1.3 mm",
         "Scanner left",
         "Scanner right",
-        "not observable",
+        "unobservable",
         "fixed by user",
         "−143.7690",
         "left against right",
