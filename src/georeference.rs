@@ -11,7 +11,7 @@ use crate::trajectory::{PoseCursor, Trajectory};
 
 /// Points left out because the standard deviations of their poses exceed the project's limits.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Refused {
+pub struct ExcludedPoints {
     /// Number of points.
     pub points: u64,
     /// First and last time of each run of such points, seconds on the common clock.
@@ -23,7 +23,7 @@ pub struct Refused {
 /// Number of spans listed one by one.
 const SPANS_LISTED: usize = 5;
 
-impl fmt::Display for Refused {
+impl fmt::Display for ExcludedPoints {
     /// `1200 points from 12.1 s to 14.0 s, whose poses have standard deviations above 0.02 m`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} points", self.points)?;
@@ -62,9 +62,9 @@ pub struct Georeferencer<'a> {
     last: Option<(f64, Option<WorldFromBody>)>,
     read: u64,
     outside: u64,
-    refused: Refused,
-    /// Whether the previous point was refused.
-    in_refused: bool,
+    excluded: ExcludedPoints,
+    /// Whether the previous point was excluded.
+    in_excluded_span: bool,
     span_s: (f64, f64),
 }
 
@@ -84,11 +84,11 @@ impl<'a> Georeferencer<'a> {
             last: None,
             read: 0,
             outside: 0,
-            refused: Refused {
+            excluded: ExcludedPoints {
                 limits: trajectory.limits(),
-                ..Refused::default()
+                ..ExcludedPoints::default()
             },
-            in_refused: false,
+            in_excluded_span: false,
             span_s: (f64::INFINITY, f64::NEG_INFINITY),
         }
     }
@@ -108,7 +108,7 @@ impl<'a> Georeferencer<'a> {
         if pose.is_none() {
             self.count_missing(time_s);
         } else {
-            self.in_refused = false;
+            self.in_excluded_span = false;
         }
         self.span_s = (self.span_s.0.min(time_s), self.span_s.1.max(time_s));
         (time_s, pose)
@@ -119,15 +119,15 @@ impl<'a> Georeferencer<'a> {
         let (first, last) = self.trajectory.span_s();
         if !(first..=last).contains(&time_s) {
             self.outside += 1;
-            self.in_refused = false;
+            self.in_excluded_span = false;
             return;
         }
-        self.refused.points += 1;
-        match self.refused.spans_s.last_mut() {
-            Some((_, last)) if self.in_refused => *last = time_s,
-            _ => self.refused.spans_s.push((time_s, time_s)),
+        self.excluded.points += 1;
+        match self.excluded.spans_s.last_mut() {
+            Some((_, last)) if self.in_excluded_span => *last = time_s,
+            _ => self.excluded.spans_s.push((time_s, time_s)),
         }
-        self.in_refused = true;
+        self.in_excluded_span = true;
     }
 
     /// Number of points passed in.
@@ -141,8 +141,8 @@ impl<'a> Georeferencer<'a> {
     }
 
     /// Points whose pose exceeds the trajectory's limits.
-    pub fn refused(&self) -> &Refused {
-        &self.refused
+    pub fn excluded(&self) -> &ExcludedPoints {
+        &self.excluded
     }
 
     /// Checks that the points passed in so far, all points of scanner `name`, lie on the
@@ -158,14 +158,14 @@ impl<'a> Georeferencer<'a> {
                 "check that the profile file is the right one and not empty",
             ));
         }
-        let refused = &self.refused;
-        if self.outside + refused.points < self.read {
+        let excluded = &self.excluded;
+        if self.outside + excluded.points < self.read {
             return self.check_units(name);
         }
-        if refused.points > 0 {
+        if excluded.points > 0 {
             return Err(Error::of(
                 Problem::NotDetermined,
-                format!("no point of scanner `{name}` can be placed: {refused}"),
+                format!("no point of scanner `{name}` can be placed: {excluded}"),
                 "raise the limit, or improve the trajectory where its standard deviations grow",
             ));
         }
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_is_counted_with_its_times() {
+    fn excluded_points_are_counted_with_their_times() {
         let node = |time_s: f64, sigma: f64| PoseRecord {
             time_s,
             world_from_body: WorldFromBody::identity(),
@@ -283,11 +283,11 @@ mod tests {
         let placed = (-4..40).filter(|i| place.place(&at(f64::from(*i) * 0.25)).is_some());
         // 0 to 1.75, 4 to 5.75, 8 to 9 s; outside are −1 to −0.25 and 9.25 to 9.75 s.
         assert_eq!(placed.count(), 8 + 8 + 5);
-        let refused = place.refused();
-        assert_eq!((place.outside(), refused.points), (7, 16));
-        assert_eq!(refused.spans_s, [(2.0, 3.75), (6.0, 7.75)]);
+        let excluded = place.excluded();
+        assert_eq!((place.outside(), excluded.points), (7, 16));
+        assert_eq!(excluded.spans_s, [(2.0, 3.75), (6.0, 7.75)]);
         assert_eq!(
-            refused.to_string(),
+            excluded.to_string(),
             "16 points from 2.000 s to 3.750 s, from 6.000 s to 7.750 s, whose poses have standard deviations \
              above 0.1 m (max_sigma_position_m)"
         );

@@ -260,7 +260,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
         },
         &[
             "project.toml",
-            "every parameter of every scanner is fixed",
+            "all parameters of all scanners are fixed",
             "remedy: ",
         ],
     );
@@ -274,7 +274,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
         &[
             "far.csv",
             "do not overlap",
-            "miss each other by 9",
+            "the gap between them is 9",
             "remedy: ",
         ],
     );

@@ -10,7 +10,7 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_
 use crate::error::{Error, Result};
 use crate::format::ProfileReader;
 use crate::geometry::{BodyFromScanner, Vec3};
-use crate::georeference::{Georeferencer, Refused};
+use crate::georeference::{ExcludedPoints, Georeferencer};
 use crate::progress::Progress;
 use crate::sensor::ScanPoint;
 use crate::surface::{Profile, ProfilePoint};
@@ -28,7 +28,7 @@ pub struct ScannerSample {
     /// Number of laser points left out because they lie outside the trajectory's span.
     pub outside: u64,
     /// Laser points left out because their poses exceed the trajectory's limits.
-    pub refused: Refused,
+    pub excluded: ExcludedPoints,
 }
 
 impl ScannerSample {
@@ -212,7 +212,7 @@ impl<'a> Sampler<'a> {
             profiles,
             read: self.georeferencer.read(),
             outside: self.georeferencer.outside(),
-            refused: self.georeferencer.refused().clone(),
+            excluded: self.georeferencer.excluded().clone(),
         })
     }
 }

@@ -1,4 +1,4 @@
-//! The whole program on one page.
+//! A whole run: all stages in order.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use crate::project::Project;
 use crate::report::content::Drive;
 use crate::report::{self, verdicts};
 
-/// What is written beside the clouds.
+/// Results other than the clouds.
 const RESULTS: [&str; 5] = [
     "trajectory.csv",
     "calibration.toml",
@@ -25,13 +25,13 @@ const RESULTS: [&str; 5] = [
     "result.json",
 ];
 
-/// The paper reports 50 to 450 iterations a scale.
+/// The paper reports 50 to 450 iterations per scale.
 const PAPER_ITERATIONS: usize = 450;
 
 /// Runs all stages on the project and writes every result into `out`, whole or not at all.
 ///
 /// # Errors
-/// The first thing that any stage finds wrong; `out` then keeps what it held.
+/// The first error of any stage; `out` then keeps its previous content.
 pub fn analyse(
     project: &Project,
     out: &Path,
@@ -53,19 +53,19 @@ pub fn analyse(
         let settings = &project.calibration;
         stages::calibration(project, settings, &poses, &samples, &reference, progress)
     })?;
-    let beside = calibrations_beside(project, extras, &poses, &samples, &reference, &mut job)?;
-    let refusals = stages::refusals(project, &samples);
+    let variants = calibrate_variants(project, extras, &poses, &samples, &reference, &mut job)?;
+    let left_out = stages::left_out(project, &samples);
     drop(samples);
     let kept = clouds::write(project, &poses.trajectory, &calibration.poses(), &mut job)?;
     let mountings = mountings(project, &calibration, extras);
     let drives = drives::compare(project, poses, &reference, &mountings, kept, &mut job)?;
 
-    for warning in warnings(&calibration, &drives, refusals) {
+    for warning in warnings(&calibration, &drives, left_out) {
         job.warn(warning);
     }
     let findings = Findings {
         calibration,
-        beside,
+        variants,
         mountings,
         drives,
         background_m: thinned_for_drawing(&reference),
@@ -77,9 +77,8 @@ pub fn analyse(
     Ok(findings)
 }
 
-/// What stands beside the result: the same drive calibrated under every other condition that `extras`
-/// and a reference allow.
-fn calibrations_beside(
+/// Calibrates the same drive under every other condition that `extras` and the reference allow.
+fn calibrate_variants(
     project: &Project,
     extras: &Extras,
     poses: &Poses,
@@ -88,12 +87,12 @@ fn calibrations_beside(
     job: &mut Job<'_>,
 ) -> Result<Vec<(Variant, Calibration)>> {
     let settings = &project.calibration;
-    let mut beside = Vec::new();
+    let mut variants = Vec::new();
     if !reference.is_empty() {
         let found = job.shown("calibrate without reference", |progress| {
             stages::calibration(project, settings, poses, samples, &[], progress)
         });
-        beside.push((Variant::WithoutReference, found?));
+        variants.push((Variant::WithoutReference, found?));
     }
     if let Some(truth) = &extras.truth {
         let found = job.shown("calibrate with exact poses", |progress| {
@@ -101,7 +100,7 @@ fn calibrations_beside(
             let samples = stages::samples(project, &exact.trajectory, progress)?;
             stages::calibration(project, settings, &exact, &samples, reference, progress)
         });
-        beside.push((Variant::ExactPoses, found?));
+        variants.push((Variant::ExactPoses, found?));
     }
     if !extras.paper_voxels_m.is_empty() {
         let paper = CalibrationSettings {
@@ -113,12 +112,12 @@ fn calibrations_beside(
         let found = job.shown("calibrate as the paper", |progress| {
             stages::calibration(project, &paper, poses, samples, reference, progress)
         });
-        beside.push((Variant::Paper, found?));
+        variants.push((Variant::Paper, found?));
     }
-    Ok(beside)
+    Ok(variants)
 }
 
-/// The mountings that clouds are compared under: initial, final, and the truth where it is known.
+/// The mountings for which clouds are compared: initial, final, and the truth if known.
 fn mountings(
     project: &Project,
     calibration: &Calibration,
@@ -133,22 +132,23 @@ fn mountings(
     mountings
 }
 
-/// What somebody should look at.
-fn warnings(calibration: &Calibration, drives: &[Drive], refusals: Vec<String>) -> Vec<String> {
+/// Results that need attention.
+fn warnings(calibration: &Calibration, drives: &[Drive], left_out: Vec<String>) -> Vec<String> {
     let missing = drives.iter().flat_map(|drive| &drive.agreements.missing);
-    let mut warnings: Vec<String> = missing.cloned().chain(refusals).collect();
+    let mut warnings: Vec<String> = missing.cloned().chain(left_out).collect();
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
     }
     warnings.extend(verdicts::not_constant(calibration));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     if solution.is_some_and(|solution| !solution.converged) {
-        warnings.push("the trajectory did not converge: its sigmas mean nothing".into());
+        warnings
+            .push("the trajectory did not converge: its standard deviations are invalid".into());
     }
     warnings
 }
 
-/// A few thousand points of the reference.
+/// The reference, thinned to a few thousand points.
 fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     const VOXEL_M: f64 = 0.05;
     let kept = voxel::thin(reference, VOXEL_M);

@@ -1,4 +1,4 @@
-//! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
+//! Georeferenced clouds: streamed to files, with a sample of the points kept for comparison.
 
 use std::path::PathBuf;
 
@@ -14,18 +14,19 @@ use crate::sensor::ScanPoint;
 use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
 
-/// Most points of one scanner and drive that are kept for comparing. M3C2 averages over cylinders;
-/// what is left still gives tens of points to each.
-const MOST_KEPT: usize = 2_000_000;
+/// Maximum number of points per scanner and drive that are kept for comparison. M3C2 averages over
+/// cylinders; this many points still put tens of them into each.
+const MAX_KEPT: usize = 2_000_000;
 
-/// An even share of each scanner's laser points, in the frame of the scanner.
+/// An even sample of each scanner's laser points, in the scanner frame.
 pub type KeptPoints = Vec<Vec<ScanPoint>>;
 
-/// Reads all profiles of the project once. Keeps an even share of each scanner's points and, where
-/// `placed` is given, writes all of them: placed with a mounting for each scanner to a file for each.
+/// Reads all profiles of the project once and keeps an even sample of each scanner's points. If
+/// `placed` gives a mounting and a file for each scanner, all points are placed and written as
+/// well.
 ///
 /// # Errors
-/// What the readers find; profiles of which none falls in the trajectory's span; a cloud cannot be
+/// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
 /// written; [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn stream(
     project: &Project,
@@ -40,8 +41,8 @@ pub fn stream(
         .map(|(index, scanner)| {
             let number = u16::try_from(index).map_err(|_| {
                 Error::data(
-                    format!("scanner `{}` is number {index}", scanner.name),
-                    "a cloud can tell 65536 scanners apart: split the project",
+                    format!("scanner `{}` is number {index} in one cloud", scanner.name),
+                    "a cloud can hold at most 65536 scanners: split the project",
                 )
             })?;
             Ok((number, scanner, open_profiles(scanner)?))
@@ -62,7 +63,7 @@ pub fn stream(
             None => (scanner.body_from_scanner, None),
         };
         let mut place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
-        let mut kept = EvenSample::new(MOST_KEPT);
+        let mut kept = EvenSample::new(MAX_KEPT);
         let mut chunk = Vec::new();
         for mut reader in readers {
             let mut bytes = 0;
@@ -96,7 +97,7 @@ pub fn stream(
             warn_of_missing(
                 &scanner.name,
                 (place.outside(), place.read()),
-                place.refused(),
+                place.excluded(),
                 progress,
             );
             points
@@ -132,7 +133,7 @@ pub fn names(project: &Project) -> Vec<String> {
     scanners.map(|scanner| name(&scanner.name)).collect()
 }
 
-/// Writes the cloud of each scanner, placed with these mountings, and keeps an even share.
+/// Writes the cloud of each scanner, placed with these mountings, and keeps an even sample.
 ///
 /// # Errors
 /// As for [`stream`].

@@ -1,4 +1,4 @@
-//! What each command of the command line does, and what it answers.
+//! The commands of the command line, as functions.
 
 use std::path::{Path, PathBuf};
 
@@ -19,13 +19,13 @@ use crate::simulation::{self, Scenario};
 use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Trajectory;
 
-/// Scales at which the demo runs the paper's own method beside ours: the finer ones take minutes.
+/// Scales at which the demo also runs the paper's method: the finer ones take minutes.
 const DEMO_PAPER_VOXELS_M: [f64; 2] = [0.05, 0.04];
 
-/// Simulates the paper's drives, runs everything on them and writes the report.
+/// Simulates the paper's drives, runs all stages on them and writes the report.
 ///
 /// # Errors
-/// Whatever a stage refuses.
+/// Errors of the stages.
 pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let mut scenario = Scenario::demo();
     scenario.seed = options.seed.unwrap_or(scenario.seed);
@@ -43,7 +43,7 @@ pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
         paper_voxels_m: DEMO_PAPER_VOXELS_M.to_vec(),
     };
     let findings = analyse(&project, &options.out, &extras, progress)?;
-    Ok(answer(&findings, &options.out))
+    Ok(outcome(&findings, &options.out))
 }
 
 /// The truth of the first drive: its poses as written into `folder`, and the scenario's mountings.
@@ -70,7 +70,7 @@ fn truth(project: &Project, scenario: &Scenario, folder: &Path) -> Result<Truth>
     })
 }
 
-/// Writes the drives of `scenario` (a name or a file) as sensor files, with the truth beside them.
+/// Writes the drives of `scenario` (a name or a file) as sensor files, together with the truth.
 ///
 /// # Errors
 /// A scenario that cannot be read, a folder that cannot be written.
@@ -107,10 +107,10 @@ pub fn simulate(scenario: &str, options: &Options, progress: &dyn Progress) -> R
     })
 }
 
-/// Logs to trajectory.
+/// Estimates the trajectory from logs.
 ///
 /// # Errors
-/// Whatever the stage refuses.
+/// Errors of the stage.
 pub fn trajectory(
     project: &Project,
     options: &Options,
@@ -142,10 +142,10 @@ pub fn trajectory(
     })
 }
 
-/// Trajectory and profiles to mountings.
+/// Calibrates the mountings from trajectory and profiles.
 ///
 /// # Errors
-/// Whatever a stage refuses.
+/// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = ["calibration.toml"];
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
@@ -165,10 +165,10 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     })
 }
 
-/// Trajectory, profiles and mountings to clouds.
+/// Georeferences the profiles with the project's mountings.
 ///
 /// # Errors
-/// Whatever a stage refuses.
+/// Errors of the stages.
 pub fn georeference(
     project: &Project,
     options: &Options,
@@ -191,10 +191,10 @@ pub fn georeference(
     })
 }
 
-/// All of it, and the report.
+/// Runs all stages and writes the report.
 ///
 /// # Errors
-/// Whatever a stage refuses.
+/// Errors of the stages.
 pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let command = format!("boresight run {}", project.path.display());
     let extras = Extras {
@@ -202,11 +202,11 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
         ..Extras::default()
     };
     let findings = analyse(project, &options.out, &extras, progress)?;
-    Ok(answer(&findings, &options.out))
+    Ok(outcome(&findings, &options.out))
 }
 
-/// What a whole run answers.
-fn answer(findings: &Findings, out: &Path) -> Outcome {
+/// The outcome of a whole run.
+fn outcome(findings: &Findings, out: &Path) -> Outcome {
     let names = ["result.json", "calibration.toml", "trajectory.csv"].map(str::to_owned);
     let scanners = findings.calibration.mountings.iter();
     let clouds = scanners.map(|mounting| clouds::name(&mounting.name));
@@ -222,7 +222,7 @@ fn answer(findings: &Findings, out: &Path) -> Outcome {
     }
 }
 
-/// Files of these names in the folder `out`.
+/// Paths of these names in the folder `out`.
 fn files_in(out: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>) -> Vec<PathBuf> {
     names.into_iter().map(|name| out.join(name)).collect()
 }

@@ -1,4 +1,4 @@
-//! How well the clouds of a drive agree, of the calibration drive and of others.
+//! Agreement of the clouds of the calibration drive and of the evaluation drives.
 
 use std::path::Path;
 
@@ -12,10 +12,10 @@ use crate::progress::Progress;
 use crate::project::{Evaluation, Project};
 use crate::report::content::Drive;
 
-/// Mountings to compare, and which they are.
+/// Mountings to compare, with their kinds.
 pub type Mountings = [(MountingKind, Vec<BodyFromScanner>)];
 
-/// The name of the project's own drive: that of its folder.
+/// The name of the project's own drive, which is that of its folder.
 pub fn name_of(project: &Project) -> String {
     let folder = project.path.parent().and_then(Path::file_name);
     folder.map_or_else(
@@ -24,11 +24,11 @@ pub fn name_of(project: &Project) -> String {
     )
 }
 
-/// Compares the kept points of the project's own drive, placed with each of the mountings, then those
-/// of its evaluation drives.
+/// Compares the kept points of the project's own drive, placed with each of the mountings, and then
+/// those of its evaluation drives.
 ///
 /// # Errors
-/// Settings of the comparison that make no sense; whatever a stage refuses on another drive.
+/// Invalid settings of the comparison; errors of the stages on an evaluation drive.
 pub fn compare(
     project: &Project,
     poses: Poses,
@@ -80,7 +80,7 @@ fn compared(
     Ok(drive(name, poses, agreements))
 }
 
-/// What was found of a drive.
+/// The results of a drive.
 pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
     Drive {
         name: name.into(),
@@ -91,7 +91,8 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
     }
 }
 
-/// The evaluation project with its scanners in the order of `project`, judged by the same rules.
+/// The evaluation project with its scanners in the order of `project`, and with the same
+/// comparison.
 fn aligned(project: &Project, mut other: Project) -> Result<Project> {
     let mut scanners = Vec::new();
     for scanner in &project.scanners {

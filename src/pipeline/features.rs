@@ -1,5 +1,4 @@
-//! `boresight features`: a cloud to the same cloud with the shape of every neighbourhood beside each
-//! point.
+//! `boresight features`: adds the shape of its neighbourhood to every point of a cloud.
 
 use std::path::{Path, PathBuf};
 
@@ -30,13 +29,18 @@ pub fn features(
     let work = tiles::features(cloud, settings, &staging, &output, progress)?;
     warn_of_few(&work, settings, progress);
     staging.commit()?;
-    Ok(answer(&work, settings, target))
+    Ok(outcome(&work, settings, target))
 }
 
 fn file_name(cloud: &Path) -> Result<String> {
-    let stem = cloud
-        .file_stem()
-        .ok_or_else(|| Error::format(cloud, Location::Whole, "no name of a file", "a cloud"))?;
+    let stem = cloud.file_stem().ok_or_else(|| {
+        Error::format(
+            cloud,
+            Location::Whole,
+            "a path without a file name",
+            "a cloud",
+        )
+    })?;
     Ok(format!("{}-features.laz", stem.to_string_lossy()))
 }
 
@@ -45,14 +49,14 @@ fn warn_of_few(work: &FeatureWork, settings: &FeatureSettings, progress: &dyn Pr
         && (k as u64) > work.points
     {
         progress.warn(&format!(
-            "the cloud has {} points: every neighbourhood is the whole cloud, not its {k} nearest \
+            "the cloud has {} points: every neighbourhood is the whole cloud instead of the {k} nearest \
              points",
             work.points
         ));
     }
 }
 
-fn answer(work: &FeatureWork, settings: &FeatureSettings, target: PathBuf) -> Outcome {
+fn outcome(work: &FeatureWork, settings: &FeatureSettings, target: PathBuf) -> Outcome {
     let names: Vec<&str> = settings.features.iter().map(|f| f.name()).collect();
     let neighbourhood = match settings.neighbourhood {
         Neighbourhood::Nearest(k) => format!("{k} nearest points"),
@@ -60,7 +64,7 @@ fn answer(work: &FeatureWork, settings: &FeatureSettings, target: PathBuf) -> Ou
     };
     let rate = work.points as f64 / work.features_s.max(1e-9) / 1e6;
     let summary = format!(
-        "features of {} points, from the {neighbourhood}\n  features   {}\n  pieces     {}\n  time       \
+        "features of {} points, from the {neighbourhood}\n  features   {}\n  tiles      {}\n  time       \
          {:.1} s reading, {:.1} s features ({rate:.2} million points/s), {:.1} s writing",
         work.points,
         names.join(", "),

@@ -1,4 +1,4 @@
-//! What a command works with: staged results, a stopwatch, progress and warnings.
+//! The job of a command: staged results, a stopwatch, progress and warnings.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::{Progress, StageSeconds};
 
-/// One command at work. Its results appear with [`Job::commit`], all or none.
+/// A running command. Its results appear with [`Job::commit`], all or none.
 pub struct Job<'a> {
     staging: Staging,
     progress: &'a dyn Progress,
@@ -16,8 +16,8 @@ pub struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    /// Begins to stage the results `names` of the files `inputs` for the folder `out`, which is
-    /// created where it is missing.
+    /// Starts a job that reads `inputs` and writes results with these `names` to the folder `out`,
+    /// which is created if it is missing.
     ///
     /// # Errors
     /// The folder cannot be created or written; a result would replace an input.
@@ -35,10 +35,10 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Runs `work` and notes how long it took under `name`.
+    /// Runs `work` and records its run time under `name`.
     ///
     /// # Errors
-    /// Those of `work`; [`Error::Cancelled`].
+    /// Errors of `work`; [`Error::Cancelled`].
     pub fn timed<T>(
         &mut self,
         name: &str,
@@ -54,7 +54,7 @@ impl<'a> Job<'a> {
         Ok(done)
     }
 
-    /// As [`Self::timed`], and shown as a stage around those of `work`: for what runs again.
+    /// As [`Self::timed`], and shown as a stage around those of `work`, for work that runs again.
     ///
     /// # Errors
     /// As for [`Self::timed`].
@@ -67,7 +67,7 @@ impl<'a> Job<'a> {
         self.timed(name, work)
     }
 
-    /// Says what somebody should look at, and keeps it.
+    /// Shows a warning and keeps it.
     pub fn warn(&mut self, message: String) {
         self.progress.warn(&message);
         self.warnings.push(message);
@@ -83,7 +83,7 @@ impl<'a> Job<'a> {
         &self.warnings
     }
 
-    /// Where to write what shall become `name` in the folder of the results.
+    /// The path for writing the result `name`, until it is committed.
     pub fn path(&self, name: &str) -> PathBuf {
         self.staging.path(name)
     }
@@ -97,7 +97,7 @@ impl<'a> Job<'a> {
         std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
     }
 
-    /// Makes all results appear.
+    /// Moves all results to their folder.
     ///
     /// # Errors
     /// [`Error::Cancelled`]; a file cannot be flushed or renamed.

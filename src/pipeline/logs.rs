@@ -1,4 +1,4 @@
-//! The logs of a drive as the trajectory stage takes them.
+//! The logs of a drive, read and prepared for the trajectory stage.
 
 use crate::error::Result;
 use crate::format;
@@ -8,29 +8,29 @@ use crate::sensor::{HeadingFix, ImuSample, PositionFix, RejectedRow};
 use crate::trajectory::MotionLogs;
 use crate::trajectory::TrajectorySettings;
 
-/// Rejected rows of one log that are told one by one; all of them are in the results.
-const ROWS_TOLD: usize = 20;
+/// Maximum number of rejected rows of a log that are listed; all of them are in the results.
+const MAX_ROWS_LISTED: usize = 20;
 
-/// What the logs of a project hold: common time, the project's origin subtracted.
+/// The logs of a project, in common time and with the project's origin subtracted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriveLogs {
-    /// Rates and specific forces, in the order of the file.
+    /// Angular rates and specific forces, in the order of the file.
     pub imu: Vec<ImuSample>,
     /// Positions, one stream for each of the settings' positions.
     pub positions: Vec<Vec<PositionFix>>,
-    /// Headings; empty where there is no log of them.
+    /// Headings; empty without a log.
     pub heading: Vec<HeadingFix>,
-    /// Those of the project, with stations moved by the origin as the positions are.
+    /// Settings of the project, with the origin subtracted from stations.
     pub settings: TrajectorySettings,
-    /// Rows that hold no measurement.
+    /// Rows without a measurement.
     pub rejected: Vec<RejectedRow>,
 }
 
 impl DriveLogs {
-    /// Reads the logs of `project`, and tells of rows that hold no measurement.
+    /// Reads the logs of `project`, and reports rows without a measurement.
     ///
     /// # Errors
-    /// What the readers find.
+    /// Errors of the readers.
     pub fn read(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Self> {
         let mut imu = format::read_imu(&logs.imu.path)?;
         imu.iter_mut()
@@ -55,7 +55,7 @@ impl DriveLogs {
             if let Some(station) = &mut settings.station_m {
                 *station -= project.origin_m;
             }
-            tell_rejected(&settings.name, &rows, fixes.len() + rows.len(), progress);
+            report_rejected(&settings.name, &rows, fixes.len() + rows.len(), progress);
             rejected.extend(rows);
             positions.push(fixes);
         }
@@ -79,7 +79,7 @@ impl DriveLogs {
         })
     }
 
-    /// All streams.
+    /// All logs, as input of the trajectory.
     pub fn motion(&self) -> MotionLogs<'_> {
         MotionLogs {
             imu: &self.imu,
@@ -89,17 +89,17 @@ impl DriveLogs {
     }
 }
 
-fn tell_rejected(name: &str, rows: &[RejectedRow], all: usize, progress: &dyn Progress) {
-    for row in rows.iter().take(ROWS_TOLD) {
+fn report_rejected(name: &str, rows: &[RejectedRow], all: usize, progress: &dyn Progress) {
+    for row in rows.iter().take(MAX_ROWS_LISTED) {
         progress.say(&format!("{name}: rejected {row}"));
     }
-    if rows.len() > ROWS_TOLD {
-        let more = rows.len() - ROWS_TOLD;
+    if rows.len() > MAX_ROWS_LISTED {
+        let more = rows.len() - MAX_ROWS_LISTED;
         progress.say(&format!("{name}: rejected {more} more rows"));
     }
     if !rows.is_empty() {
         progress.warn(&format!(
-            "{} of {all} rows of `{name}` hold no measurement and were rejected",
+            "{} of {all} rows of `{name}` contain no measurement and were rejected",
             rows.len()
         ));
     }
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn all_streams_come_on_the_common_clock_and_about_the_origin() {
+    fn all_logs_have_common_time_and_no_origin() {
         let folder = tempfile::tempdir().unwrap();
         let write =
             |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
@@ -174,7 +174,7 @@ mod tests {
         let antenna = &motion.positions[1][0];
         assert_eq!((antenna.time_s, antenna.covariance_m2), (13.0, None));
         assert_eq!(antenna.position_m, Vec3::new(1.0, 2.0, 3.0));
-        // All rows are kept, the first of them told.
+        // All rows are kept, the first of them listed.
         assert_eq!(read.rejected.len(), 25);
         assert_eq!((read.rejected[0].line, read.rejected[0].time_s), (3, 9.0));
         let heard = heard.0.into_inner().unwrap();
@@ -186,7 +186,7 @@ mod tests {
         );
         assert_eq!(heard[20], "prism: rejected 5 more rows");
         assert!(
-            heard[21].starts_with("warning: 25 of 26 rows of `prism` hold"),
+            heard[21].starts_with("warning: 25 of 26 rows of `prism` contain"),
             "{}",
             heard[21]
         );

@@ -1,7 +1,6 @@
 //! The stages in order: reference, poses, samples, calibration, clouds, agreements, report.
 //!
-//! [`analyse`] is the whole program on one page; the other functions are its parts as the command
-//! line calls them.
+//! [`analyse`] runs all stages; the other functions are the single commands of the command line.
 
 mod analyse;
 pub mod clouds;

@@ -1,4 +1,4 @@
-//! What the report is about, beside the findings: title, command, inputs.
+//! Content of the report: the findings, with title, command and inputs.
 
 use super::drives::name_of;
 use super::findings::{Extras, Findings};
@@ -6,7 +6,7 @@ use crate::project::{Motion, Project};
 use crate::report::content::{Calibrations, Content, Drive, Fact};
 use crate::tiles::peak_memory_bytes;
 
-/// The report of a whole run.
+/// Content of the report of a whole run.
 pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -> Content<'a> {
     Content {
         title: format!("Calibration of {}", name_of(project)),
@@ -17,7 +17,7 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
         calibrations: Some(Calibrations {
             mountings: &findings.mountings,
             result: &findings.calibration,
-            beside: &findings.beside,
+            variants: &findings.variants,
         }),
         drives: &findings.drives,
         background_m: &findings.background_m,
@@ -27,7 +27,7 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
     }
 }
 
-/// The page of a trajectory alone.
+/// Content of the page of a trajectory.
 pub fn trajectory<'a>(project: &Project, drives: &'a [Drive], command: String) -> Content<'a> {
     Content {
         title: format!("Trajectory of {}", name_of(project)),
@@ -46,7 +46,7 @@ fn fact(label: &str, value: String) -> Fact {
     }
 }
 
-/// The files that tell the motion.
+/// The files with logs or poses.
 fn log_facts(project: &Project) -> Vec<Fact> {
     let mut facts = Vec::new();
     match &project.motion {

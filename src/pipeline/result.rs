@@ -27,7 +27,7 @@ pub fn document(findings: &Findings) -> Value {
             document["rejected_rows"] = json!(drive.rejected_rows);
         }
     }
-    for (variant, found) in &findings.beside {
+    for (variant, found) in &findings.variants {
         let key = match variant {
             Variant::WithoutReference => "without_reference",
             Variant::ExactPoses => "exact_poses",
@@ -47,11 +47,11 @@ pub fn document(findings: &Findings) -> Value {
     document
 }
 
-/// Worst measurements listed.
+/// Number of worst measurements listed.
 const WORST: usize = 20;
 
-/// The trajectory's adjustment: the solution with the test of each sensor, the worst measurements,
-/// the rejections counted, and how well the poses are known.
+/// The adjustment of the trajectory: the solution with the test of each sensor, the worst
+/// measurements, the number of rejections, and the standard deviations of the poses.
 pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
     let mut value = json!(solution);
     for (i, sensor) in solution.sensors.iter().enumerate() {
@@ -66,7 +66,7 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
     value
 }
 
-/// A calibration: the mountings, and beside them how it went.
+/// A calibration: the mountings, and the course of the calibration.
 pub fn calibrated(found: &Calibration) -> Value {
     let mut calibration = json!(found);
     if let Some(entries) = calibration.as_object_mut() {
@@ -75,7 +75,8 @@ pub fn calibrated(found: &Calibration) -> Value {
     json!({ "scanners": found.scanners(), "calibration": calibration })
 }
 
-/// `evaluation`: final comparisons at the top, those of the initial and the true mounting below.
+/// `evaluation`: comparisons of the final mounting, with those of the initial and the true mounting
+/// nested below.
 fn evaluation(agreements: &Agreements) -> Value {
     let mut value = comparisons(agreements, MountingKind::Final);
     for (key, kind) in [

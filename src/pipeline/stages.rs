@@ -1,4 +1,4 @@
-//! Each stage as a function of the project and what came before.
+//! The stages, as functions of the project and of the results of earlier stages.
 
 use std::path::Path;
 use std::time::Instant;
@@ -10,33 +10,33 @@ use crate::calibration::{
 use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
-use crate::georeference::Refused;
+use crate::georeference::ExcludedPoints;
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
 
-/// What to know about sigmas from poses that have none.
-const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
-     the mounting hold for exact poses, and real ones are larger";
+/// Warning for poses without standard deviations.
+const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
+     assume exact poses and are too small";
 
-/// Where the body was, and how that is known.
+/// The trajectory of the body and its uncertainty.
 #[derive(Debug)]
 pub struct Poses {
     /// The poses, the project's origin subtracted.
     pub trajectory: Trajectory,
-    /// How the adjustment went; `None` where the poses came from a file.
+    /// Result of the adjustment; `None` if the poses came from a file.
     pub solution: Option<Solution>,
-    /// Their joint covariance; `None` where the poses came from a file.
+    /// Joint covariance of the poses; `None` if they came from a file.
     pub covariance: Option<PosteriorCovariance>,
-    /// Rows of the logs that hold no measurement.
+    /// Rows of the logs without a measurement.
     pub rejected_rows: Vec<RejectedRow>,
-    /// Wall time of the estimation, reading left out; `None` where the poses came from a file.
+    /// Wall time of the estimation without reading; `None` if the poses came from a file.
     pub seconds: Option<f64>,
 }
 
 impl Poses {
-    /// Poses that come without a joint covariance.
+    /// Poses without a joint covariance.
     pub fn from_file(trajectory: Trajectory) -> Self {
         Self {
             trajectory,
@@ -51,7 +51,7 @@ impl Poses {
 /// Estimates the trajectory from the logs, or reads it.
 ///
 /// # Errors
-/// What the readers and the adjustment find.
+/// Errors of the readers and the adjustment.
 pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
     match &project.motion {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
@@ -142,18 +142,18 @@ pub fn samples(
         warn_of_missing(
             &scanner.name,
             (sample.outside, sample.read),
-            &sample.refused,
+            &sample.excluded,
             progress,
         );
     }
     Ok(found)
 }
 
-/// Warns of points that have no pose, or none that is known well enough.
+/// Warns about points without a pose, or with a pose beyond the project's limits.
 pub fn warn_of_missing(
     scanner: &str,
     (outside, read): (u64, u64),
-    refused: &Refused,
+    excluded: &ExcludedPoints,
     progress: &dyn Progress,
 ) {
     if outside > 0 {
@@ -162,33 +162,33 @@ pub fn warn_of_missing(
             100.0 * outside as f64 / read as f64,
         ));
     }
-    if let Some(warning) = refusal(scanner, read, refused) {
+    if let Some(warning) = exclusion_warning(scanner, read, excluded) {
         progress.warn(&warning);
     }
 }
 
-/// What to say of the points of `scanner`, of `read` in all, that were refused; `None` without any.
-fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
-    (refused.points > 0).then(|| {
+/// Warning about the excluded points of `scanner`, which has `read` points; `None` without any.
+fn exclusion_warning(scanner: &str, read: u64, excluded: &ExcludedPoints) -> Option<String> {
+    (excluded.points > 0).then(|| {
         format!(
-            "{:.1} % of the points of scanner `{scanner}` were left out: {refused}",
-            100.0 * refused.points as f64 / read as f64,
+            "{:.1} % of the points of scanner `{scanner}` were left out: {excluded}",
+            100.0 * excluded.points as f64 / read as f64,
         )
     })
 }
 
-/// What to say of the points of each scanner that were refused.
-pub fn refusals(project: &Project, samples: &[ScannerSample]) -> Vec<String> {
+/// Warnings about the excluded points of each scanner.
+pub fn left_out(project: &Project, samples: &[ScannerSample]) -> Vec<String> {
     let named = project.scanners.iter().zip(samples);
     named
-        .filter_map(|(scanner, s)| refusal(&scanner.name, s.read, &s.refused))
+        .filter_map(|(scanner, s)| exclusion_warning(&scanner.name, s.read, &s.excluded))
         .collect()
 }
 
-/// Checks that the reference, where there is one, lies where the scanners looked.
+/// Checks that the reference, if there is one, overlaps the scanners' points.
 ///
 /// # Errors
-/// The boxes around both, a metre apart for a mounting that is only roughly known, do not meet.
+/// The bounding boxes of both are more than a metre apart; the margin allows for a rough mounting.
 pub fn check_reference(
     project: &Project,
     samples: &[ScannerSample],
@@ -223,8 +223,8 @@ pub fn check_reference(
     Err(Error::of(
         Problem::NoOverlap,
         format!(
-            "{file}: the reference ({}) and the scanners' points ({}) do not overlap: they miss \
-             each other by {gap_m:.1} m",
+            "{file}: the reference ({}) and the scanners' points ({}) do not overlap: the gap \
+             between them is {gap_m:.1} m",
             words(known),
             words(scanned)
         ),
@@ -233,7 +233,7 @@ pub fn check_reference(
     ))
 }
 
-/// The lowest and the highest coordinates; `None` without points.
+/// Bounding box: the smallest and the largest coordinates; `None` without points.
 fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
     points.fold(None, |found, point| {
         let (low, high) = found.unwrap_or((point, point));
@@ -244,7 +244,7 @@ fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
 /// Opens the profile files of a scanner.
 ///
 /// # Errors
-/// What opening finds.
+/// A file cannot be opened.
 pub fn open_profiles(scanner: &Scanner) -> Result<Vec<Box<dyn format::ProfileReader>>> {
     scanner
         .profiles
@@ -253,16 +253,16 @@ pub fn open_profiles(scanner: &Scanner) -> Result<Vec<Box<dyn format::ProfileRea
         .collect()
 }
 
-/// Runs `work` on every job on the available threads; results in the order of the jobs.
+/// Runs `work` on all jobs in parallel; returns the results in the order of the jobs.
 pub fn in_parallel<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync + Send) -> Vec<R> {
     use rayon::prelude::*;
     jobs.into_par_iter().map(work).collect()
 }
 
-/// Reads the reference, the project's origin subtracted; empty where the project names none.
+/// Reads the reference, with the project's origin subtracted; empty if the project has none.
 ///
 /// # Errors
-/// What the reader finds; a reference without points.
+/// Errors of the reader; a reference without points.
 pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>> {
     let Some(reference) = &project.reference else {
         return Ok(Vec::new());
@@ -294,7 +294,7 @@ pub fn mountings(project: &Project) -> Vec<Mounting> {
     project.scanners.iter().map(mounting).collect()
 }
 
-/// Where the project has its scanners on the body before they are calibrated.
+/// Poses of the scanners on the body before the calibration.
 pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
     let scanners = project.scanners.iter();
     scanners.map(|scanner| scanner.body_from_scanner).collect()
@@ -303,7 +303,7 @@ pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
 /// Calibrates the project's scanners.
 ///
 /// # Errors
-/// Every parameter is fixed; see [`calibrate`].
+/// All parameters are fixed; see [`calibrate`].
 pub fn calibration(
     project: &Project,
     settings: &CalibrationSettings,
@@ -319,10 +319,10 @@ pub fn calibration(
     {
         return Err(Error::data(
             format!(
-                "{}: every parameter of every scanner is fixed: nothing is left to calibrate",
+                "{}: all parameters of all scanners are fixed: there is nothing to calibrate",
                 project.path.display()
             ),
-            "leave some parameters out of `fixed`, or use `boresight georeference`",
+            "remove some parameters from `fixed`, or use `boresight georeference`",
         ));
     }
     let input = Input::new(mountings(project), samples, &poses.trajectory);
@@ -334,7 +334,7 @@ pub fn calibration(
     calibrate(&input, settings, progress)
 }
 
-/// The project with other mountings.
+/// The project with these mountings.
 pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
     let mut project = project.clone();
     for (scanner, pose) in project.scanners.iter_mut().zip(poses) {

@@ -1,4 +1,4 @@
-//! What was found, in a few lines for people.
+//! Summaries of the results as text.
 
 use std::fmt::Write;
 
@@ -12,7 +12,8 @@ use crate::report::verdicts;
 use crate::sensor::PoseRecord;
 use crate::trajectory::{SensorDiagnostics, Solution};
 
-/// A table of the mountings: a row a parameter, a column a scanner; then what was not found.
+/// A table of the mountings with a row per parameter and a column per scanner, then the
+/// unobservable directions.
 pub fn mountings(calibration: &Calibration) -> String {
     let columns: Vec<Vec<String>> = (0..calibration.mountings.len())
         .map(|scanner| column(calibration, scanner))
@@ -21,7 +22,7 @@ pub fn mountings(calibration: &Calibration) -> String {
     rows.extend(PARAMETER_NAMES.iter().map(|name| format!("  {name}")));
     let mut lines = aligned(&rows, &columns);
     for (line, unit) in lines.iter_mut().zip(["", "m", "m", "m", "°", "°", "°"]) {
-        let _ = write!(line, "   {unit}"); // a String takes everything
+        let _ = write!(line, "   {unit}"); // writing to a String cannot fail
     }
     lines.extend(verdicts::statements(calibration, ""));
     if !calibration.converged {
@@ -30,7 +31,7 @@ pub fn mountings(calibration: &Calibration) -> String {
     joined(&lines)
 }
 
-/// Name and convention, then the six parameters of one scanner.
+/// Column of a scanner: name and convention, then its six parameters.
 fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
     let mounting = &calibration.mountings[scanner];
     let pose = &mounting.body_from_scanner;
@@ -49,18 +50,18 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
                 (angles[parameter - 3], sigma, 3)
             }
         };
-        let certainty = match sigma {
+        let sigma = match sigma {
             Some(sigma) => format!("± {sigma:.digits$}"),
             None if mounting.fixed[parameter] => "fixed".into(),
             None if calibration.is_observable(scanner, parameter) => String::new(),
             None => "held".into(),
         };
-        cells.push(format!("{value:.digits$} {certainty:<8}"));
+        cells.push(format!("{value:.digits$} {sigma:<8}"));
     }
     cells
 }
 
-/// A table of the distances: a row a comparison, a column a mounting.
+/// A table of the distances with a row per comparison and a column per mounting.
 pub fn distances(drives: &[Drive]) -> String {
     let kinds = [
         (MountingKind::Initial, "initial"),
@@ -79,7 +80,7 @@ pub fn distances(drives: &[Drive]) -> String {
             }
         }
     }
-    // Only simulations know the truth.
+    // The truth is known only in simulations.
     columns.retain(|column| column[1..].iter().any(|cell| cell != "-"));
     if columns.is_empty() {
         return "No clouds to compare.".into();
@@ -87,7 +88,7 @@ pub fn distances(drives: &[Drive]) -> String {
     joined(&aligned(&rows, &columns))
 }
 
-/// Tables of the adjustment's sensors and constants, and how well the poses are known.
+/// Tables of the pose sigmas, and of the sensors and constants of the adjustment.
 pub fn trajectory(solution: Option<&Solution>, poses: &[PoseRecord]) -> String {
     let seconds = match poses {
         [first, .., last] => last.time_s - first.time_s,
@@ -138,7 +139,7 @@ fn pose_sigmas(sigmas: &PoseSigmas) -> Vec<String> {
     let mut lines = aligned(&rows, &columns);
     for outage in &sigmas.outages {
         lines.push(format!(
-            "  outage from {:.1} s to {:.1} s: position to {:.1} mm",
+            "  outage from {:.1} s to {:.1} s: position up to {:.1} mm",
             outage.from_s,
             outage.to_s,
             1e3 * outage.max_position_m
@@ -175,7 +176,7 @@ fn sensors(solution: &Solution) -> Vec<String> {
     let mut lines = aligned(&rows, &columns);
     let words = column("chi-square test", &|s| diagnostics::sigma_words(s));
     for (line, words) in lines.iter_mut().zip(words) {
-        let _ = write!(line, "   {words}"); // a String takes everything
+        let _ = write!(line, "   {words}"); // writing to a String cannot fail
     }
     lines
 }
@@ -196,7 +197,7 @@ fn constants(solution: &Solution) -> Vec<String> {
     aligned(&rows, &[estimated, project])
 }
 
-/// Rows with their columns, each as wide as its widest cell: names to the left, cells to the right.
+/// Formats a table with names aligned to the left and columns aligned to the right.
 fn aligned(rows: &[String], columns: &[Vec<String>]) -> Vec<String> {
     let width = |cells: &[String]| cells.iter().map(|c| c.chars().count()).max().unwrap_or(0);
     let widest_name = width(rows);
@@ -206,7 +207,7 @@ fn aligned(rows: &[String], columns: &[Vec<String>]) -> Vec<String> {
         .map(|(row, name)| {
             let mut line = format!("{name:<widest_name$}");
             for (column, width) in columns.iter().zip(&widths) {
-                let _ = write!(line, "   {:>width$}", column[row]); // a String takes everything
+                let _ = write!(line, "   {:>width$}", column[row]); // writing to a String cannot fail
             }
             line
         })

@@ -1,4 +1,4 @@
-//! `boresight thin`: one point a voxel of a cloud.
+//! `boresight thin`: thins a cloud to one point per voxel.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use crate::output::Staging;
 use crate::progress::Progress;
 use crate::tiles::{self, peak_memory_bytes};
 
-/// Writes the points of `cloud` that [`tiles::thin`] keeps on voxels of the edge `voxel_m` (metres,
-/// positive) as `<name>-thinned.laz`.
+/// Writes the points of `cloud` that [`tiles::thin`] keeps with voxels of `voxel_m` (metres,
+/// positive) to `<name>-thinned.laz`.
 ///
 /// # Errors
 /// A cloud that cannot be read, a folder that cannot be written.
@@ -22,7 +22,7 @@ pub fn thin(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    // A cloud that is not there leaves no folder behind.
+    // A missing cloud must not leave a new folder behind.
     if let Err(missing @ Error::Io { .. }) = format::detect(cloud) {
         return Err(missing);
     }
@@ -46,7 +46,7 @@ pub fn thin(
             "peak_memory_bytes": peak_memory_bytes(),
         }),
         summary: format!(
-            "{} of {} points kept, one for each voxel of {:.3} mm",
+            "{} of {} points kept, one per voxel of {:.3} mm",
             work.kept,
             work.points,
             voxel_m * 1e3

@@ -46,7 +46,7 @@ pub struct Calibrations<'a> {
     /// The calibration that gives the result.
     pub result: &'a Calibration,
     /// Calibrations of the same drive under other conditions.
-    pub beside: &'a [(Variant, Calibration)],
+    pub variants: &'a [(Variant, Calibration)],
 }
 
 impl<'a> Calibrations<'a> {
@@ -59,7 +59,7 @@ impl<'a> Calibrations<'a> {
 
     /// The calibration under these conditions, if there is one.
     pub fn variant(&self, variant: Variant) -> Option<&'a Calibration> {
-        let mut all = self.beside.iter();
+        let mut all = self.variants.iter();
         all.find(|(other, _)| *other == variant)
             .map(|(_, found)| found)
     }

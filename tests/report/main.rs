@@ -82,7 +82,7 @@ fn one_scanner_without_truth_or_reference_makes_a_page() {
     full.mountings.iter_mut().for_each(|(_, m)| m.truncate(1));
     full.result.mountings.truncate(1);
     full.result.constancy = None;
-    full.beside.clear();
+    full.variants.clear();
     full.drives
         .iter_mut()
         .for_each(|drive| drive.agreements = Agreements::default());
@@ -129,7 +129,7 @@ fn what_is_not_finite_never_reaches_the_page() {
     let constancy = result.constancy.as_mut().unwrap();
     constancy.blocks[0][3].expected_sigma_m = bad;
     constancy.blocks[0][4].time_s = f64::INFINITY;
-    full.beside[0].1.mountings[0]
+    full.variants[0].1.mountings[0]
         .body_from_scanner
         .translation_m
         .x = f64::INFINITY;
@@ -176,7 +176,7 @@ fn text_from_outside_stays_text() {
     full.inputs[0].value = evil.into();
     full.stages[0].name = evil.into();
     full.warnings[0] = evil.into();
-    let calibrations = full.beside.iter_mut().map(|(_, found)| found);
+    let calibrations = full.variants.iter_mut().map(|(_, found)| found);
     for found in calibrations.chain([&mut full.result]) {
         found.mountings[0].name = evil.into();
         found

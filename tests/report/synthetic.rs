@@ -34,7 +34,7 @@ pub struct Full {
     pub inputs: Vec<Fact>,
     pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     pub result: Calibration,
-    pub beside: Vec<(Variant, Calibration)>,
+    pub variants: Vec<(Variant, Calibration)>,
     pub drives: Vec<Drive>,
     pub background_m: Vec<Vec3>,
     pub stages: Vec<StageSeconds>,
@@ -52,7 +52,7 @@ impl Full {
             calibrations: Some(Calibrations {
                 mountings: &self.mountings,
                 result: &self.result,
-                beside: &self.beside,
+                variants: &self.variants,
             }),
             drives: &self.drives,
             background_m: &self.background_m,
@@ -333,7 +333,7 @@ pub fn full(n: usize) -> Full {
             (MountingKind::Truth, truth),
         ],
         result,
-        beside: vec![
+        variants: vec![
             (Variant::WithoutReference, without),
             (Variant::ExactPoses, exact),
             (Variant::Paper, paper),

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::format::{self, ExtraDimension, ExtraKind};
 use crate::progress::Progress;
 
-/// An extra dimension: name, description, what it holds.
+/// An extra dimension: name, description, type and value.
 type Column = (
     &'static str,
     &'static str,
@@ -52,8 +52,8 @@ const COLUMNS: [Column; 11] = [
     ),
 ];
 
-/// Writes the core points with what was found there as extra dimensions, in their order; NaN where
-/// something is unknown.
+/// Writes the core points in their order, with the results as extra dimensions; NaN if a result is
+/// unknown.
 pub(super) fn write(path: &Path, found: &M3c2, progress: &dyn Progress) -> Result<()> {
     let cloud = PointCloud {
         points: found.core.iter().map(|core| core.point).collect(),

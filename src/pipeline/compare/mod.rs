@@ -1,4 +1,4 @@
-//! `boresight compare`: two cloud files to distances at core points.
+//! `boresight compare`: distances between two cloud files at core points.
 
 mod cloud;
 mod table;
@@ -14,11 +14,11 @@ use crate::output::Staging;
 use crate::progress::Progress;
 use crate::tiles::{self, Comparison, peak_memory_bytes};
 
-/// M3C2 from one cloud to the other: statistics, a table of the core points (`m3c2.csv`), and the
-/// same as a cloud with extra dimensions (`m3c2.laz`).
+/// Computes M3C2 between two clouds: statistics, a table of the core points (`m3c2.csv`), and a
+/// cloud of the core points with extra dimensions (`m3c2.laz`).
 ///
-/// # Errors
-/// Clouds that cannot be read or do not meet; settings that [`crate::comparison::m3c2()`] refuses.
+/// # Errors Clouds that cannot be read or do not overlap; settings invalid for
+/// [`crate::comparison::m3c2()`].
 pub fn compare(
     comparison: &Comparison,
     options: &Options,
@@ -58,9 +58,9 @@ fn summary(statistics: &Statistics, settings: &ComparisonSettings) -> String {
         Aggregation::Median => ", medians",
     };
     let significant = if statistics.significant_share.is_nan() {
-        "of no distance: nowhere enough points".to_owned()
+        "not available: too few points everywhere".to_owned()
     } else {
-        format!("{:.1} % beyond it", 100.0 * statistics.significant_share)
+        format!("exceeded by {:.1} %", 100.0 * statistics.significant_share)
     };
     format!(
         "distance of the cloud from the reference (M3C2{aggregation})\n  RMSE                 {}\n  \

@@ -9,18 +9,18 @@ use rayon::prelude::*;
 use crate::comparison::{CoreDistance, M3c2};
 use crate::error::{Error, Result};
 
-/// Rows that one thread turns into text at a time.
+/// Number of rows formatted by one thread at a time.
 const ROWS: usize = 4096;
 
 const HEADER: &str = "east_m,north_m,up_m,distance_m,level_of_detection_m,normal_x,normal_y,\
     normal_z,normal_radius_m,reference_spread_m,compared_spread_m,reference_count,compared_count\n";
 
-/// One line for each core point, in their order; NaN where something is unknown.
+/// Writes one line per core point, in their order; NaN if a value is unknown.
 pub(super) fn write(path: &Path, found: &M3c2) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let mut file = BufWriter::new(File::create(path)?);
         file.write_all(HEADER.as_bytes())?;
-        // Some blocks of rows at a time: text needs more memory than numbers.
+        // Only some blocks at a time: text needs more memory than numbers.
         for rows in found.core.chunks(64 * ROWS) {
             let blocks: Vec<Vec<u8>> = rows.par_chunks(ROWS).map(lines).collect();
             for block in blocks {
@@ -53,7 +53,7 @@ fn lines(rows: &[CoreDistance]) -> Vec<u8> {
             row.reference_count,
             row.compared_count
         );
-        written.expect("a Vec takes all bytes");
+        written.expect("writing to a Vec cannot fail");
     }
     text
 }

@@ -1,7 +1,7 @@
-//! Logs that grow.
+//! Following of growing logs.
 //!
-//! Whole new lines are handed, under the log's own header, to the reader of the log's format: what
-//! can be read at once can be followed.
+//! Complete new lines, with the log's own header, are passed to the reader of the log's format, so
+//! that all formats can be followed.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -15,7 +15,7 @@ use crate::pipeline::job::Job;
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
 
-/// How often growth is looked for.
+/// Interval between checks for new rows.
 const POLL: Duration = Duration::from_millis(20);
 
 /// Reads the logs until none of them has grown for `idle`.
@@ -24,9 +24,9 @@ pub(super) fn follow(
     logs: &Logs,
     idle: Duration,
     (job, progress): (&Job<'_>, &dyn Progress),
-    mut give: impl FnMut(Record) -> Result<()>,
+    mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
-    // Beside the results, and never among them.
+    // A temporary file in the staging folder, not a result.
     let scratch = job.path("new-rows.csv");
     let outcome = (|| {
         let mut imu = Tail::new(&logs.imu.path);
@@ -35,26 +35,26 @@ pub(super) fn follow(
         let mut grown = Instant::now();
         loop {
             let mut new = Vec::new();
-            if imu.grown(&scratch)? {
-                let samples = imu.told(format::read_imu(&scratch))?;
+            if imu.read_new_rows(&scratch)? {
+                let samples = imu.locate(format::read_imu(&scratch))?;
                 new.extend(samples.into_iter().map(|mut sample| {
                     sample.time_s += logs.imu.time_offset_s;
                     Record::Imu(sample)
                 }));
             }
             if let Some((log, tail)) = &mut heading
-                && tail.grown(&scratch)?
+                && tail.read_new_rows(&scratch)?
             {
-                let fixes = tail.told(format::read_heading(&scratch))?;
+                let fixes = tail.locate(format::read_heading(&scratch))?;
                 new.extend(fixes.into_iter().map(|mut fix| {
                     fix.time_s += log.time_offset_s;
                     Record::Heading(fix)
                 }));
             }
             for (sensor, (log, tail)) in logs.positions.iter().zip(&mut positions).enumerate() {
-                if tail.grown(&scratch)? {
+                if tail.read_new_rows(&scratch)? {
                     let read = format::read_new_positions(&scratch, &log.observations);
-                    let format::Positions { fixes, rejected } = tail.told(read)?;
+                    let format::Positions { fixes, rejected } = tail.locate(read)?;
                     for mut row in rejected {
                         row.source = log.path.display().to_string();
                         row.line = tail.line(row.line);
@@ -77,25 +77,25 @@ pub(super) fn follow(
                 continue;
             }
             grown = Instant::now();
-            merged(new).into_iter().try_for_each(&mut give)?;
+            merged(new).into_iter().try_for_each(&mut add)?;
         }
     })();
-    // What is left would become a result.
+    // A remaining file would become a result.
     let _ = std::fs::remove_file(&scratch);
     outcome
 }
 
-/// The end of a log.
+/// A growing log and the position up to which it has been read.
 struct Tail {
     path: PathBuf,
     read: u64,
-    /// A last line that has no end yet.
+    /// An incomplete last line.
     partial: Vec<u8>,
-    /// Lines up to the first that is no comment.
+    /// Lines up to the first that is not a comment.
     header: Vec<u8>,
     header_lines: u64,
     has_header: bool,
-    /// Lines before those last handed out, the header's included.
+    /// Number of lines before the last rows that were read, including the header.
     lines: u64,
     new_lines: u64,
 }
@@ -114,8 +114,8 @@ impl Tail {
         }
     }
 
-    /// Writes the header and the rows that are new to `scratch`; false where there are none.
-    fn grown(&mut self, scratch: &Path) -> Result<bool> {
+    /// Writes the header and the new rows to `scratch`; false without new rows.
+    fn read_new_rows(&mut self, scratch: &Path) -> Result<bool> {
         let fail = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let length = file.metadata().map_err(fail)?.len();
@@ -152,7 +152,7 @@ impl Tail {
                 self.new_lines += 1;
                 continue;
             }
-            // Under a comment that names the columns the first row is one of numbers.
+            // If a comment names the columns, the first row consists of numbers.
             let starts = text
                 .first()
                 .is_some_and(|c| c.is_ascii_digit() || b"+-.".contains(c));
@@ -175,13 +175,13 @@ impl Tail {
         Ok(true)
     }
 
-    /// The line of the log that is this line of what was handed out.
+    /// The line number in the log of a line number in `scratch`.
     fn line(&self, line: u64) -> u64 {
         line.saturating_sub(self.header_lines) + self.lines
     }
 
-    /// What was read of the rows; errors name the log and its line.
-    fn told<T>(&self, read: Result<T>) -> Result<T> {
+    /// Makes errors of reading `scratch` name the log and its line.
+    fn locate<T>(&self, read: Result<T>) -> Result<T> {
         read.map_err(|error| match error {
             Error::Format {
                 at: Location::Line(line),

@@ -19,7 +19,7 @@ use crate::trajectory::TrajectorySettings;
 use record::in_order;
 use session::Session;
 
-/// Where the records come from.
+/// Source of the records.
 pub enum Source<'a> {
     /// The logs of the project, in time order as if live.
     Replay,
@@ -29,11 +29,11 @@ pub enum Source<'a> {
     Lines(&'a mut dyn BufRead),
 }
 
-/// Logs to trajectory, update by update. Every update goes to `rows` as a line of CSV where the
-/// records are not just replayed.
+/// Estimates the trajectory from logs, update by update. Unless the logs are replayed, every update
+/// is written to `rows` as a line of CSV.
 ///
 /// # Errors
-/// A project without logs; whatever readers, smoother and adjustment find.
+/// A project without logs; errors of the readers, the smoother and the adjustment.
 pub fn online(
     project: &Project,
     source: Source<'_>,
@@ -43,7 +43,7 @@ pub fn online(
 ) -> Result<Outcome> {
     let Motion::Logs(logs) = &project.motion else {
         return Err(Error::data(
-            format!("{} has a trajectory, not logs", project.path.display()),
+            format!("{} contains a trajectory, not logs", project.path.display()),
             "use --online with a project that has [imu] and [prism] or [gnss]",
         ));
     };
@@ -60,26 +60,24 @@ pub fn online(
             session = Session::new(&read.settings, project.origin_m, None)?;
             let _stage = progress.stage("online", 0);
             for record in in_order(&read) {
-                session.give(record, progress)?;
+                session.add(record, progress)?;
             }
         }
         Source::Follow(idle) => {
             session = Session::new(&settings(project, logs), project.origin_m, Some(rows))?;
             follow::follow(project, logs, idle, (&job, progress), |record| {
-                session.give(record, progress)
+                session.add(record, progress)
             })?;
         }
         Source::Lines(lines) => {
             session = Session::new(&settings(project, logs), project.origin_m, Some(rows))?;
-            stdin::read(project, logs, lines, |record| {
-                session.give(record, progress)
-            })?;
+            stdin::read(project, logs, lines, |record| session.add(record, progress))?;
         }
     }
     session.finish(project, options, job, live, progress)
 }
 
-/// The project's settings with stations moved by the origin as the positions are.
+/// The project's settings, with the origin subtracted from stations.
 fn settings(project: &Project, logs: &Logs) -> TrajectorySettings {
     let mut settings = logs.settings.clone();
     for station in settings

@@ -1,9 +1,9 @@
-//! Records of all sensors in one order.
+//! Records of all sensors in time order.
 
 use crate::pipeline::logs::DriveLogs;
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 
-/// A record of any sensor, in common time, the project's origin subtracted.
+/// A record of any sensor, in common time and with the project's origin subtracted.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Record {
     Imu(ImuSample),
@@ -20,7 +20,7 @@ impl Record {
         }
     }
 
-    /// The IMU first where times are equal: what it has reached needs no wait.
+    /// Order of records with equal times: the IMU first, so that the others need not wait for it.
     fn order(&self) -> usize {
         match self {
             Self::Imu(_) => 0,
@@ -30,7 +30,7 @@ impl Record {
     }
 }
 
-/// All records in time order.
+/// Sorts records by time.
 pub(super) fn merged(mut records: Vec<Record>) -> Vec<Record> {
     records.sort_by(|a, b| (a.time_s().total_cmp(&b.time_s())).then(a.order().cmp(&b.order())));
     records

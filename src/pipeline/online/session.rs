@@ -1,4 +1,4 @@
-//! A drive through the smoother, record by record.
+//! Online smoothing of a drive, record by record.
 
 use std::io::Write;
 use std::time::Instant;
@@ -17,12 +17,12 @@ use crate::project::Project;
 use crate::sensor::PoseRecord;
 use crate::trajectory::{Jump, Online, OnlineOptions, TrajectorySettings, Update};
 
-/// The smoother and what it has answered.
+/// The smoother and its updates so far.
 pub(super) struct Session<'a> {
     smoother: Online,
     origin_m: Vec3,
     rows: Option<&'a mut dyn Write>,
-    /// Milliseconds of every record that made an update.
+    /// Run time of each record that caused an update, milliseconds.
     times_ms: Vec<f64>,
     poses: Vec<PoseRecord>,
     relinearised: usize,
@@ -44,7 +44,7 @@ impl<'a> Session<'a> {
         })
     }
 
-    pub(super) fn give(&mut self, record: Record, progress: &dyn Progress) -> Result<()> {
+    pub(super) fn add(&mut self, record: Record, progress: &dyn Progress) -> Result<()> {
         progress.check()?;
         let begun = Instant::now();
         let updates = match record {
@@ -60,12 +60,12 @@ impl<'a> Session<'a> {
         }
         self.times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
         for update in &updates {
-            self.take(update, progress)?;
+            self.record(update, progress)?;
         }
         Ok(())
     }
 
-    fn take(&mut self, update: &Update, progress: &dyn Progress) -> Result<()> {
+    fn record(&mut self, update: &Update, progress: &dyn Progress) -> Result<()> {
         let mut pose = update.pose;
         pose.world_from_body.translation_m += self.origin_m;
         self.relinearised += update.relinearised;
@@ -80,15 +80,14 @@ impl<'a> Session<'a> {
         }
         for Jump { sensor, time_s } in &update.jumps {
             progress.warn(&format!(
-                "at {time_s:.3} s the estimate had contradicted {sensor} for too long: it jumps, \
-                 and follows it again"
+                "at {time_s:.3} s: the estimate contradicted {sensor} for too long and was reset to it"
             ));
         }
         if let Some(rows) = &mut self.rows {
             let first = self.poses.is_empty();
             write_row(rows, &pose, first).map_err(|error| Error::io("stdout", error))?;
         }
-        // A late fix betters the same pose.
+        // A late fix updates the same pose.
         match self.poses.last_mut() {
             Some(last) if last.time_s >= pose.time_s => *last = pose,
             _ => self.poses.push(pose),
@@ -96,7 +95,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// The whole trajectory, the files, and the answer.
+    /// Estimates the whole trajectory and writes the files.
     pub(super) fn finish(
         self,
         project: &Project,
@@ -122,7 +121,7 @@ impl<'a> Session<'a> {
         let (first_s, last_s) = estimate.trajectory.span_s();
         let nodes = estimate.trajectory.nodes().len();
         let mut summary = format!(
-            "{} updates, median {:.3} ms, 99.9 % {:.3} ms; {} records refused, {} jumps\n{nodes} \
+            "{} updates, median {:.3} ms, 99.9 % {:.3} ms; {} records rejected, {} jumps\n{nodes} \
              poses over {:.1} s; {solution}",
             self.times_ms.len(),
             times.median,
@@ -132,7 +131,7 @@ impl<'a> Session<'a> {
             last_s - first_s,
         );
         if live {
-            // Beside rows of numbers, words are comments.
+            // Among rows of numbers, text is a comment.
             for file in files.drain(..) {
                 summary.push_str(&format!("\nwrote {}", file.display()));
             }
@@ -159,12 +158,12 @@ impl<'a> Session<'a> {
     }
 }
 
-/// `null` where there is no number.
+/// `null` for NaN.
 fn number(x: f64) -> Value {
     if x.is_nan() { Value::Null } else { json!(x) }
 }
 
-/// Quantiles of the times of updates; NaN without updates.
+/// Quantiles of the run times of updates; NaN without updates.
 struct TimesMs {
     median: f64,
     p999: f64,
@@ -188,7 +187,7 @@ impl TimesMs {
     }
 }
 
-/// Time, position, attitude and standard deviations as a line, flushed so that it arrives.
+/// Writes time, position, attitude and standard deviations as a line, and flushes it.
 fn write_row(rows: &mut dyn Write, pose: &PoseRecord, first: bool) -> std::io::Result<()> {
     if first {
         writeln!(

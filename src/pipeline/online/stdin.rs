@@ -1,4 +1,4 @@
-//! One merged stream of lines.
+//! Records of all sensors as lines of one stream.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -9,28 +9,28 @@ use crate::geometry::Vec3;
 use crate::project::{Logs, Project};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 
-/// Longer lines are none of sensors'.
-const LONGEST_LINE: usize = 4096;
+/// Maximum length of a line, bytes.
+const MAX_LINE: usize = 4096;
 
-/// Reads lines to the end: `imu,time_s,gyro_x_rad_s,…,accel_z_m_s2`, the name of a position sensor
-/// with `time_s,east_m,north_m,up_m` and perhaps `sigma_m`, and `heading,time_s,heading_deg` with
-/// perhaps `sigma_deg`. Empty lines and comments (`#`) are left out. Offsets of clocks and the
-/// origin are the project's.
+/// Reads all lines: `imu,time_s,gyro_x_rad_s,…,accel_z_m_s2`, the name of a position sensor with
+/// `time_s,east_m,north_m,up_m` and optionally `sigma_m`, and `heading,time_s,heading_deg` with
+/// optionally `sigma_deg`. Empty lines and comments (`#`) are skipped. Time offsets and the origin
+/// are those of the project.
 ///
 /// # Errors
-/// Names the line.
+/// A line that is not a record, with its number.
 pub(super) fn read(
     project: &Project,
     logs: &Logs,
     lines: &mut dyn BufRead,
-    mut give: impl FnMut(Record) -> Result<()>,
+    mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
     let mut line = Vec::new();
     let mut number = 0;
     loop {
         line.clear();
         number += 1;
-        let mut limited = std::io::Read::take(&mut *lines, LONGEST_LINE as u64);
+        let mut limited = std::io::Read::take(&mut *lines, MAX_LINE as u64);
         let read = limited
             .read_until(b'\n', &mut line)
             .map_err(|error| Error::io("stdin", error))?;
@@ -40,8 +40,11 @@ pub(super) fn read(
         let fail = |found: String, expected: String| {
             Error::format(Path::new("stdin"), Location::Line(number), found, expected)
         };
-        if read == LONGEST_LINE {
-            return Err(fail("a very long line".into(), "a record".into()));
+        if read == MAX_LINE {
+            return Err(fail(
+                format!("a line of {MAX_LINE} bytes or more"),
+                "a record".into(),
+            ));
         }
         let text = std::str::from_utf8(&line)
             .map_err(|_| fail("bytes that are not text".into(), "text (UTF-8)".into()))?
@@ -51,7 +54,7 @@ pub(super) fn read(
         }
         let record =
             parse(project, logs, text).map_err(|(found, expected)| fail(found, expected))?;
-        give(record)?;
+        add(record)?;
     }
 }
 
@@ -91,7 +94,7 @@ fn parse(
             }))
         }
         (_, Some(sensor)) => {
-            let columns = "time_s,east_m,north_m,up_m and perhaps sigma_m";
+            let columns = "time_s,east_m,north_m,up_m and optionally sigma_m";
             let x = numbers(4, 5, columns)?;
             let time_s = x[0] + logs.positions[sensor].time_offset_s;
             let position_m = Vec3::new(x[1], x[2], x[3]) - project.origin_m;
@@ -102,7 +105,7 @@ fn parse(
             ))
         }
         ("heading", None) => {
-            let x = numbers(2, 3, "time_s,heading_deg and perhaps sigma_deg")?;
+            let x = numbers(2, 3, "time_s,heading_deg and optionally sigma_deg")?;
             let offset_s = logs.heading.as_ref().map_or(0.0, |log| log.time_offset_s);
             let sigma_rad = x.get(2).map(|sigma| sigma.to_radians());
             Ok(Record::Heading(HeadingFix::new(
