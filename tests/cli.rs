@@ -177,11 +177,11 @@ fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
         "gravity                 9.81 m/s²",
         "gyro noise              0.15 °/√h = 4.363e-5 rad/s/√Hz",
         "lever arm in the body   0.1, 0.05, -0.55 m",
-        "rotation to start       -145, 0, 90 ° (bonn, the project's)",
+        "initial rotation        -145, 0, 90 ° (bonn, as in the project)",
         "voxel sizes             50, 40, 30, 20, 10, 5 mm",
         "1. estimate the trajectory from IMU and prism",
         "2. calibrate left on 6 scales against its own passes; without a reference its height \
-         cannot be found and is held",
+         is unobservable and is held",
         "cloud-left.laz",
     ] {
         assert!(run.out.contains(expected), "{expected}\n{}", run.out);

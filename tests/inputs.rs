@@ -87,7 +87,7 @@ fn polar_observations_give_the_trajectory_that_coordinates_give() {
     for expected in [
         "polar.csv, line 50, ",
         "zero range (status 2)",
-        "2 of 152 rows of `prism` hold no measurement",
+        "2 of 152 rows of `prism` contain no measurement",
     ] {
         assert!(run.err.contains(expected), "{expected}\n{}", run.err);
     }
@@ -147,14 +147,14 @@ fn inspect_tells_all_of_the_sensors_with_units() {
         "sigma of angles         2″",
         "sigma of tracking       0 mm",
         "prism b\n",
-        "sigma                   5 mm where the log has none",
+        "sigma                   5 mm if the log has none",
         "gnss\n",
-        "sigma                   20, 20, 40 mm (east, north, up) where",
-        "the logarithm of their square (Cauchy)",
+        "sigma                   20, 20, 40 mm (east, north, up) if",
+        "logarithmic for large residuals (Cauchy)",
         "nodes                   at every IMU sample",
-        "estimated beside it     a.incidence_bias, imu.noise_scale",
-        "largest position sigma  20 mm: else points are not placed",
-        "largest rotation sigma  0.5°: else",
+        "estimated constants     a.incidence_bias, imu.noise_scale",
+        "largest position sigma  20 mm; points beyond are left out",
+        "largest rotation sigma  0.5°; points",
         "1. estimate the trajectory from IMU, a, b and gnss",
     ] {
         assert!(run.out.contains(expected), "{expected}\n{}", run.out);

@@ -1,4 +1,4 @@
-//! `boresight inspect --allan`: noise figures in the project file's keys and units.
+//! `boresight inspect --allan`: noise figures in the keys and units of the project file.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseFound, allan};
 /// Standard gravity, the g of datasheets, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;
 
-/// One key of `[imu]`, and the figure of each axis behind it.
+/// A key of `[imu]` with the figures of the three axes.
 struct Key {
     name: &'static str,
     unit: &'static str,
@@ -32,7 +32,7 @@ impl Key {
         Self { name, unit, axes }
     }
 
-    /// The project has one value for all axes: that of the noisiest, where every axis has one.
+    /// The project's value for all axes: that of the noisiest, if all axes are determined.
     fn recommended(&self) -> Option<f64> {
         let values = self.axes.iter().map(Figure::determined);
         values
@@ -41,7 +41,7 @@ impl Key {
             .reduce(f64::max)
     }
 
-    /// What no axis exceeds, as far as the log shows it.
+    /// Upper bound of all axes, as far as the log determines it.
     fn bound(&self) -> Option<f64> {
         let bounds = self.axes.iter().map(|figure| match *figure {
             Figure::Determined { value, .. } | Figure::AtMost { value } => Some(value),
@@ -120,9 +120,9 @@ impl Keys {
         [&self.white, &self.instability, &self.walk]
     }
 
-    /// The lines of `[imu]`. A walk that is seen is given itself: the instability would stand for
-    /// one that reaches it in the correlation time of biases. What is not determined stays a
-    /// comment, so that the datasheet's value or the default keeps its place.
+    /// The lines of `[imu]`. A bias walk that is determined replaces the instability, from which
+    /// the project would derive one. Values that are not determined become comments, so that the
+    /// datasheet's value or the default stays in force.
     fn snippet(&self) -> String {
         let mut text = line(&self.white, self.white.recommended());
         match self.walk.recommended() {
@@ -146,7 +146,7 @@ fn line(key: &Key, value: Option<f64>) -> String {
     }
 }
 
-/// Four digits, as TOML and people read them.
+/// Four significant digits, valid as TOML.
 fn digits(value: f64) -> String {
     if (1e-3..1e5).contains(&value) {
         let decimals = (3 - value.log10().floor() as i32).max(0) as usize;
@@ -156,7 +156,7 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// The noise figures of the static log `file`, as a document and as text.
+/// Noise figures of the static log `file`, as JSON and as text.
 pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
     let format = format::detect(file)?;
     if format != Format::ImuCsv {
@@ -164,7 +164,7 @@ pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
             file,
             Location::Whole,
             format.to_string(),
-            "an IMU log at rest: --allan reads nothing else",
+            "an IMU log at rest, which is the only input of --allan",
         ));
     }
     let found = allan(&format::read_imu(file)?)?;
@@ -223,8 +223,8 @@ fn text(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str) -> 
     curves(&mut text, found);
     let _ = write!(
         text,
-        "\nFor the project, the noisiest axis of each sensor (values beyond the log's reach stay \
-         those of the datasheet):\n\n[imu]\n{snippet}"
+        "\nFor the project, the noisiest axis of each sensor (keep the datasheet's values \
+         where the log does not determine them):\n\n[imu]\n{snippet}"
     );
     text
 }
@@ -237,7 +237,7 @@ fn figure_text(figure: &Figure) -> String {
     }
 }
 
-/// Two digits are enough for a sigma.
+/// A sigma with two significant digits.
 fn short(sigma: f64) -> String {
     if (1e-4..100.0).contains(&sigma) {
         let decimals = (1 - sigma.log10().floor() as i32).max(0) as usize;
@@ -247,7 +247,7 @@ fn short(sigma: f64) -> String {
     }
 }
 
-/// The Allan deviations, an octave a line.
+/// Appends the Allan deviations, one line per octave.
 fn curves(text: &mut String, found: &ImuNoiseFound) {
     let _ = writeln!(
         text,

@@ -4,7 +4,7 @@ use super::context::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
-/// Find the mounting of every scanner of a project
+/// Calibrate the mountings of all scanners of a project
 #[derive(Debug, clap::Args)]
 pub(super) struct Calibrate {
     #[command(flatten)]

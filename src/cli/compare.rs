@@ -13,32 +13,32 @@ use crate::tiles::{Comparison, NormalSource};
 /// Measure the distances between two clouds along their normals (M3C2)
 ///
 /// Distances are positive where the cloud lies beyond the reference in the direction of the normal.
-/// Radii are radii; with --diameter they are diameters, as in CloudCompare.
+/// Sizes are radii; with --diameter they are diameters, as in CloudCompare.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct Compare {
-    /// The cloud to judge
+    /// The cloud to compare
     cloud: PathBuf,
-    /// The cloud to judge it by
+    /// The reference cloud
     reference: PathBuf,
-    /// Folder of the results [default: `out` beside the cloud]
+    /// Folder for the results [default: `out` next to the cloud]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Core points: any cloud; the columns normal_x, normal_y, normal_z of a table are taken for
+    /// Core points: any cloud; the columns normal_x, normal_y, normal_z of a table are used as
     /// normals unless radii or a direction are given [default: the reference, thinned]
     #[arg(long, value_name = "FILE", conflicts_with = "core_spacing_m")]
     core: Option<PathBuf>,
     /// Spacing of the core points [default: 0.02]
     #[arg(long, value_name = "M", value_parser = positive)]
     core_spacing_m: Option<f64>,
-    /// Radii of the neighbourhoods for normals, separated by commas; the most planar one counts
+    /// Radii of the neighbourhoods for normals, separated by commas; the most planar one is used
     /// [default: 0.04]
     #[arg(long, value_name = "M,...", value_parser = positive, value_delimiter = ',')]
     normal_radii_m: Option<Vec<f64>>,
-    /// One direction in the place of normals: `vertical`, or east,north,up
+    /// One direction instead of estimated normals: `vertical`, or east,north,up
     #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true, conflicts_with_all = ["normal_radii_m", "orientation"])]
     direction: Option<Vec3>,
-    /// Side that found normals are turned to, east,north,up [default: 0,0,1]
+    /// Direction that estimated normals are oriented towards, east,north,up [default: 0,0,1]
     #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true)]
     orientation: Option<Vec3>,
     /// Radius of the cylinder [default: 0.02]
@@ -51,23 +51,23 @@ pub(super) struct Compare {
     /// Half length of the cylinder [default: 0.1]
     #[arg(long, value_name = "M", value_parser = positive)]
     max_distance_m: Option<f64>,
-    /// Cylinders reach along the normal only, not against it: for both clouds
+    /// Cylinders extend along the normal only, not against it, for both clouds
     #[arg(long)]
     one_sided: bool,
-    /// Median and inter-quartile range in the place of mean and standard deviation
+    /// Median and inter-quartile range instead of mean and standard deviation
     #[arg(long)]
     robust: bool,
-    /// Level of detection from Student's t distribution: right for few points too
+    /// Level of detection from Student's t distribution, valid for few points too
     #[arg(long)]
     student: bool,
-    /// Points of each cloud in the cylinder that a distance needs [default: 1]
+    /// Minimum number of points of each cloud in the cylinder [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     min_points: Option<u32>,
     /// Registration error, added to the level of detection [default: 0]
     #[arg(long, value_name = "M", value_parser = not_negative)]
     registration_error_m: Option<f64>,
-    /// Memory to keep to; larger clouds (LAS, LAZ) are compared tile by tile, with the same numbers
-    /// [default: half of what is free]
+    /// Memory limit; larger clouds (LAS, LAZ) are compared tile by tile, with the same results
+    /// [default: half of the free memory]
     #[arg(long, value_name = "MB")]
     memory_mb: Option<u32>,
 }

@@ -1,4 +1,4 @@
-//! What every command is given, and the log that it leaves.
+//! The context of a command, and its log file.
 
 use std::path::{Path, PathBuf};
 
@@ -11,20 +11,20 @@ use crate::pipeline::{Options, Outcome};
 use crate::progress::Progress;
 use crate::project::Project;
 
-/// A project to work on and where its results go.
+/// Arguments of commands that work on a project.
 #[derive(Debug, Args)]
 pub(super) struct OnProject {
     /// The project file
     pub(super) project: PathBuf,
-    /// Folder of the results [default: `out` beside the project]
+    /// Folder for the results [default: `out` next to the project]
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
 }
 
-/// The file of what a command reports.
+/// Name of the log file.
 const LOG: &str = "log.txt";
 
-/// What every command is given.
+/// The context of a command.
 pub(super) struct Context {
     pub(super) seed: Option<u64>,
     pub(super) terminal: Terminal,
@@ -38,7 +38,7 @@ impl Context {
         }
     }
 
-    /// Reads a project, looks for its files, runs `stage` on it and keeps the log.
+    /// Reads a project, checks that its files exist, runs `stage` on it and writes the log.
     pub(super) fn on_project(
         &self,
         on: &OnProject,
@@ -52,8 +52,8 @@ impl Context {
         })
     }
 
-    /// Runs `work`, which reads `inputs`, and writes what it reported to `log.txt` in `out`, also
-    /// when it failed there.
+    /// Runs `work`, which reads `inputs`, and writes its messages to `log.txt` in `out`, even
+    /// if it fails.
     pub(super) fn logged(
         &self,
         out: &Path,
@@ -67,7 +67,7 @@ impl Context {
         }
         if out.is_dir() {
             let written = self.terminal.write_log(&out.join(LOG));
-            // The error of the work matters more than one of its log.
+            // An error of the work takes precedence over one of its log.
             outcome.and_then(|outcome| written.map(|()| outcome))
         } else {
             outcome
@@ -75,7 +75,7 @@ impl Context {
     }
 }
 
-/// The folder that was asked for, or `out` beside `file`.
+/// The requested folder, or `out` next to `file`.
 pub(super) fn out_folder(asked: &Option<PathBuf>, file: &Path) -> PathBuf {
     asked.clone().unwrap_or_else(|| file.with_file_name("out"))
 }

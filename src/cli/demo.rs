@@ -9,7 +9,7 @@ use crate::pipeline::{self, Outcome};
 /// Simulate three drives over a test field and run everything on them, in a minute or two
 #[derive(Debug, clap::Args)]
 pub(super) struct Demo {
-    /// Folder of the drives and the results
+    /// Folder for the drives and the results
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
 }

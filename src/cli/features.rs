@@ -10,34 +10,34 @@ use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 use crate::tiles::FeatureSettings;
 
-/// Write the shape of every point's neighbourhood beside it: omnivariance, planarity, normals, ...
+/// Compute features of every point's neighbourhood: omnivariance, planarity, normals, ...
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct Features {
-    /// The cloud, of any format
+    /// The cloud, in any format
     cloud: PathBuf,
-    /// Neighbourhoods of the N nearest points, the point itself among them [default: 50]
+    /// Neighbourhoods of the N nearest points, including the point itself [default: 50]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     neighbours: Option<u32>,
     /// Neighbourhoods of all points within this radius instead
     #[arg(long, value_name = "M", value_parser = positive, conflicts_with = "neighbours")]
     radius_m: Option<f64>,
-    /// What to write, separated by commas: omnivariance, linearity, planarity, sphericity,
+    /// Features to write, separated by commas: omnivariance, linearity, planarity, sphericity,
     /// anisotropy, eigenentropy, change_of_curvature, verticality, eigenvalue_sum, normal,
     /// neighbours, radius, or all [default: omnivariance,linearity,planarity,sphericity,
     /// verticality,change_of_curvature,normal]
     #[arg(long, value_name = "NAME,...", value_parser = chosen, value_delimiter = ',')]
     features: Option<Vec<Chosen>>,
-    /// Folder of the results [default: `out` beside the cloud]
+    /// Folder for the results [default: `out` next to the cloud]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Memory to keep to, some 150 at least: a cloud that takes more is worked on tile by tile, with
-    /// the same numbers [default: half of what is free]
+    /// Memory limit, at least about 150: a cloud that needs more is processed tile by tile, with
+    /// the same results [default: half of the free memory]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
 }
 
-/// One name of the list.
+/// An item of the list.
 #[derive(Debug, Clone)]
 enum Chosen {
     One(Feature),

@@ -4,7 +4,7 @@ use super::context::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
-/// Turn the profiles of a project into clouds, with the mountings it holds
+/// Georeference the profiles of a project with its mountings
 #[derive(Debug, clap::Args)]
 pub(super) struct Georeference {
     #[command(flatten)]

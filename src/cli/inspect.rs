@@ -11,19 +11,19 @@ use crate::format::{self, Format};
 use crate::pipeline::Outcome;
 use crate::project::Project;
 
-/// Say what files hold: format, span, rate, gaps, units, counts; for a project, what will be done
+/// Describe files: format, span, rate, gaps, units, counts; for a project, what a run will do
 #[derive(Debug, clap::Args)]
 pub(super) struct Inspect {
     /// Project files or data files
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Noise figures of IMU logs at rest, from their Allan deviation, in the keys of a project
+    /// Estimate the noise of IMU logs at rest from their Allan deviation, as keys of a project
     #[arg(long)]
     allan: bool,
 }
 
 impl Inspect {
-    /// Of several files each is told what it holds or what is wrong with it; the flag says whether
+    /// Describes each file, or the error in reading it if there are several; the flag says whether
     /// all could be read.
     pub fn execute(&self) -> Result<(Outcome, bool)> {
         let mut documents = Vec::new();

@@ -1,4 +1,4 @@
-//! The command line: one file a command; here they are parsed, run, and mapped to exit codes.
+//! The command line, with one file per command: parses arguments, runs commands, sets exit codes.
 
 mod allan;
 mod calibrate;
@@ -28,10 +28,10 @@ use context::Context;
 use print::{print_error, print_outcome};
 use terminal::Terminal;
 
-/// Calibrates laser profile scanners on a moving platform and proves how good the calibration is.
+/// Calibrates laser profile scanners on a moving platform and validates the result.
 ///
-/// `boresight demo` shows everything on simulated drives; `boresight run project.toml` does
-/// everything with yours. Exit codes: 0 done, 1 failed, 2 wrong use.
+/// `boresight demo` runs everything on simulated drives; `boresight run project.toml` runs it
+/// on yours. Exit codes: 0 done, 1 failed, 2 wrong use.
 #[derive(Debug, Parser)]
 #[command(name = "boresight", version, max_term_width = 100)]
 struct CommandLine {
@@ -46,16 +46,16 @@ struct Global {
     /// Print the result as one JSON document on stdout
     #[arg(long, global = true)]
     json: bool,
-    /// Work on N threads [default: one per core]
+    /// Use N threads [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Seed of every random draw [default: the scenario's, 1]
+    /// Seed of all random numbers [default: the scenario's, 1]
     #[arg(long, global = true, value_name = "N")]
     seed: Option<u64>,
-    /// Print nothing but the result and errors
+    /// Print only the result and errors
     #[arg(long, global = true, conflicts_with = "verbose")]
     quiet: bool,
-    /// Say what each stage finds and decides
+    /// Print what each stage finds and decides
     #[arg(short, long, global = true)]
     verbose: bool,
 }
@@ -79,7 +79,7 @@ pub fn main() -> ExitCode {
     let line = match CommandLine::try_parse() {
         Ok(line) => line,
         Err(error) => {
-            // Nothing is left to do where the terminal does not take the message.
+            // A message that cannot be printed is lost.
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
@@ -99,7 +99,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// What the command found, and whether that is all that it was asked for.
+/// Returns the outcome of the command and whether it is complete.
 fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
     let global = line.global;
     let threads = usize::from(global.threads.unwrap_or(0));
@@ -108,8 +108,8 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         .build()
         .map_err(|error| {
             Error::data(
-                format!("the system refuses {threads} threads: {error}"),
-                "ask for fewer with --threads",
+                format!("{threads} threads cannot be started: {error}"),
+                "use fewer with --threads",
             )
         })?;
     let context = Context {

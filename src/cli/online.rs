@@ -8,10 +8,10 @@ use crate::pipeline::Outcome;
 use crate::pipeline::online::{Source, online};
 use crate::project::Project;
 
-/// How the online smoother is fed.
+/// Input of the online smoother.
 #[derive(Debug, clap::Args)]
 pub(super) struct OnlineFlags {
-    /// Go through the logs update by update as if live; writes the newest poses to online.csv
+    /// Process the logs update by update as if live; writes the newest poses to online.csv
     #[arg(long)]
     pub online: bool,
     /// The logs may still grow: follow them, and print every update as a line of CSV
@@ -20,7 +20,7 @@ pub(super) struct OnlineFlags {
     /// With --follow: stop when no log has grown for S seconds
     #[arg(long, requires = "follow", value_name = "S", default_value = "10", value_parser = seconds)]
     idle_s: Duration,
-    /// Read records from standard input, one a line after the name of its sensor (`imu,…`,
+    /// Read records from standard input, one per line after the name of its sensor (`imu,…`,
     /// `prism,…`, `heading,…`), and print every update as a line of CSV
     #[arg(long, requires = "online")]
     stdin: bool,

@@ -1,4 +1,4 @@
-//! What commands print: results and errors, as text or as JSON.
+//! Output of results and errors, as text or as JSON.
 
 use std::io::Write;
 
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::error::{Error, Location, Result};
 use crate::pipeline::Outcome;
 
-/// Prints what a command found.
+/// Prints the outcome of a command.
 pub(super) fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
     let mut text = if json {
         format!("{:#}\n", outcome.result)
@@ -23,13 +23,13 @@ pub(super) fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
         }
     }
     match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
+        // The reader has closed the pipe.
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         written => written.map_err(|error| Error::io("stdout", error)),
     }
 }
 
-/// Says once what went wrong; nothing is left to do where that cannot be written.
+/// Prints an error; if that fails, the message is lost.
 pub(super) fn print_error(error: &Error, json: bool) {
     let _ = if json {
         writeln!(std::io::stdout(), "{:#}", error_json(error))
@@ -72,11 +72,11 @@ fn error_json(error: &Error) -> Value {
     json!({ "error": details })
 }
 
-/// The error of a result that JSON cannot hold.
+/// Error for a result that cannot be represented as JSON.
 pub(super) fn unprintable(error: impl std::fmt::Display) -> Error {
     Error::data(
-        format!("what was found cannot be printed as JSON: {error}"),
-        "inspect without --json",
+        format!("the result cannot be printed as JSON: {error}"),
+        "run the command without --json",
     )
 }
 

@@ -4,7 +4,7 @@ use super::context::{Context, OnProject};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
-/// Do everything with a project: trajectory, calibration, clouds, comparison, report
+/// Run all stages on a project: trajectory, calibration, clouds, comparison, report
 #[derive(Debug, clap::Args)]
 pub(super) struct Run {
     #[command(flatten)]

@@ -6,13 +6,13 @@ use super::context::Context;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
-/// Write simulated drives as sensor files, with the truth beside them
+/// Write simulated drives as sensor files, together with the truth
 #[derive(Debug, clap::Args)]
 pub(super) struct Simulate {
     /// `demo`, `full` (the paper's size) or a scenario file
     #[arg(long, value_name = "NAME|FILE", default_value = "demo")]
     scenario: String,
-    /// Folder of the drives
+    /// Folder for the drives
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

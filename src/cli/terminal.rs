@@ -1,4 +1,4 @@
-//! Progress on stderr, and the log that stays.
+//! Progress on stderr, and the log.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -10,14 +10,14 @@ use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Rates are too uncertain before this to tell the time left.
+/// Time until the rate is certain enough to show the remaining time.
 const RATE_KNOWN_AFTER: Duration = Duration::from_secs(2);
 
-/// Draws bars where somebody watches, says one line a stage where not, and keeps every line.
+/// Shows bars on a terminal and one line per stage elsewhere, and keeps every line for the log.
 pub(super) struct Terminal {
     quiet: bool,
     verbose: bool,
-    /// Somebody watches stderr.
+    /// Whether stderr is a terminal.
     bars: bool,
     start: Instant,
     state: Mutex<State>,
@@ -28,7 +28,7 @@ struct State {
     /// The running stages, innermost last.
     stages: Vec<Stage>,
     log: String,
-    /// Warnings so far: the same one said twice helps nobody.
+    /// Warnings so far: each is shown only once.
     warned: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ impl Terminal {
         }
     }
 
-    /// Keeps `line` in the log without showing it.
+    /// Adds `line` to the log without showing it.
     pub fn note(&self, line: &str) {
         self.keep(&mut self.state(), line);
     }
@@ -61,7 +61,7 @@ impl Terminal {
         crate::output::write_whole(path, self.state().log.as_bytes())
     }
 
-    /// A poisoned state is still worth showing.
+    /// Locks the state; a poisoned state is still valid.
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -73,7 +73,7 @@ impl Terminal {
         }
     }
 
-    /// Shows `line` above the bar that runs. Nothing is left to do where stderr is closed.
+    /// Shows `line` above the running bar; if stderr is closed, it is lost.
     fn show(&self, state: &State, line: &str) {
         let write = || {
             let _ = writeln!(std::io::stderr(), "{line}");
@@ -106,12 +106,12 @@ impl Terminal {
 
 fn time_left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
     if state.elapsed() > RATE_KNOWN_AFTER && state.pos() > 0 {
-        // The bar shows less, nothing more, where it cannot be written.
+        // If it cannot be written, the bar only shows less.
         let _ = write!(out, " {} left", duration(state.eta()));
     }
 }
 
-/// `duration` as people say it.
+/// `duration` as short text.
 fn duration(duration: Duration) -> String {
     let seconds = duration.as_secs_f64();
     if seconds < 9.95 {
@@ -131,7 +131,7 @@ fn duration(duration: Duration) -> String {
 impl Progress for Terminal {
     fn begin(&self, stage: &str, total: u64) {
         let mut state = self.state();
-        // An outer bar makes room while an inner one runs.
+        // An outer bar is hidden while an inner one runs.
         if let Some(outer) = state.stages.last() {
             outer.bar.finish_and_clear();
         }

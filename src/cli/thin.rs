@@ -7,18 +7,18 @@ use super::values::positive;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
-/// Keep one point a voxel of a cloud: the one nearest to the voxel's centre
+/// Thin a cloud to one point per voxel: the one nearest the voxel's centre
 ///
-/// Writes `<name>-thinned.laz`. Points of LAS and LAZ files keep everything they carry, bit by bit.
+/// Writes `<name>-thinned.laz`. Points of LAS and LAZ files keep all their attributes unchanged.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct Thin {
     /// The cloud to thin
     cloud: PathBuf,
-    /// Edge of the voxels
+    /// Size of the voxels
     #[arg(long, value_name = "M", value_parser = positive)]
     voxel_m: f64,
-    /// Folder of the result [default: `out` beside the cloud]
+    /// Folder for the result [default: `out` next to the cloud]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! Values of arguments, as people type them.
+//! Parsers of argument values.
 
 use crate::geometry::Vec3;
 

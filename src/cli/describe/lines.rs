@@ -7,7 +7,7 @@ use crate::geometry::Vec3;
 /// Lines of names and values under headings.
 pub(super) struct Lines {
     pub(super) text: String,
-    /// Files in it are named relative to it.
+    /// Folder of the project; files in it are shown relative to it.
     pub(super) folder: PathBuf,
 }
 
@@ -53,7 +53,7 @@ pub(super) fn vector(v: &Vec3) -> String {
     [v.x, v.y, v.z].map(short).join(", ")
 }
 
-/// To a millionth, without the zeros that add nothing.
+/// A number to six decimals, without trailing zeros.
 pub(super) fn short(value: f64) -> String {
     let text = format!("{value:.6}");
     let text = text.trim_end_matches('0').trim_end_matches('.');

@@ -1,4 +1,4 @@
-//! A project in words: every value with its unit, and what will be done.
+//! Description of a project: every value with its unit, and the steps of a run.
 
 mod lines;
 mod motion;
@@ -12,7 +12,7 @@ use crate::geometry::{BodyAxes, EulerConvention};
 use crate::project::{Motion, Project, Scanner};
 use lines::{Lines, millimetres, short, vector};
 
-/// Everything about `project` as text.
+/// Describes `project` as text.
 pub(super) fn project(project: &Project) -> String {
     let mut lines = Lines {
         text: format!("project {}\n", project.path.display()),
@@ -50,7 +50,7 @@ pub(super) fn project(project: &Project) -> String {
     lines.text
 }
 
-/// What will be done with `project`, in order.
+/// The steps of a run of `project`, in order.
 pub(super) fn steps(project: &Project) -> Vec<String> {
     let mut steps = Vec::new();
     match &project.motion {
@@ -72,10 +72,10 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
         (Some(_), 1) => "against the reference",
         (Some(_), _) => "against the reference and each other",
         (None, 1) => {
-            "against its own passes; without a reference its height cannot be found and is held"
+            "against its own passes; without a reference its height is unobservable and is held"
         }
         (None, _) => {
-            "against each other; without a reference their common height cannot be found and is held"
+            "against each other; without a reference their common height is unobservable and is held"
         }
     };
     steps.push(format!(
@@ -95,7 +95,7 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
         steps.push("compare the scanners with each other (M3C2)".to_owned());
     }
     for evaluation in &project.evaluations {
-        steps.push(format!("judge the mountings on {}", evaluation.name));
+        steps.push(format!("evaluate the mountings on {}", evaluation.name));
     }
     steps.push("write the report".to_owned());
     steps
@@ -109,7 +109,7 @@ fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
     lines.offset(scanner.time_offset_s);
     let mounting = &scanner.body_from_scanner;
     lines.value(
-        "translation to start",
+        "initial translation",
         format!("{} m", vector(&mounting.translation_m)),
     );
     for (name, convention) in [
@@ -120,11 +120,11 @@ fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
             .map(short)
             .join(", ");
         let typed = if convention == scanner.convention {
-            ", the project's"
+            ", as in the project"
         } else {
             ""
         };
-        lines.value("rotation to start", format!("{angles} ° ({name}{typed})"));
+        lines.value("initial rotation", format!("{angles} ° ({name}{typed})"));
     }
     let fixed: Vec<&str> = PARAMETER_NAMES
         .into_iter()
@@ -132,7 +132,7 @@ fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
         .filter_map(|(name, fixed)| fixed.then_some(name))
         .collect();
     if !fixed.is_empty() {
-        lines.value("held", fixed.join(", "));
+        lines.value("fixed", fixed.join(", "));
     }
 }
 
@@ -140,7 +140,7 @@ fn calibration_of(lines: &mut Lines, settings: &CalibrationSettings) {
     lines.section("calibration");
     let method = match settings.method {
         Method::Reweighted => "reweighted least squares, analytic derivatives",
-        Method::Paper => "as in the paper: Gauss-Newton on omnivariances, numeric derivatives",
+        Method::Paper => "the paper's: Gauss-Newton on omnivariances, numeric derivatives",
     };
     lines.value("method", method);
     let sizes: Vec<String> = settings
@@ -151,24 +151,27 @@ fn calibration_of(lines: &mut Lines, settings: &CalibrationSettings) {
     lines.value("voxel sizes", format!("{} mm", sizes.join(", ")));
     lines.value("neighbours", settings.neighbours);
     lines.value(
-        "iterations a scale",
+        "iterations per scale",
         format!("at most {}", settings.max_iterations),
     );
     lines.value(
-        "another pass after",
+        "new pass after",
         format!("{} s", short(settings.pass_gap_s)),
     );
 }
 
 fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
     lines.section("comparison");
-    lines.value("core points every", millimetres(settings.core_spacing_m));
+    lines.value(
+        "spacing of core points",
+        millimetres(settings.core_spacing_m),
+    );
     let radii: Vec<String> = settings
         .normal_radii_m
         .iter()
         .map(|r| short(r * 1e3))
         .collect();
-    lines.value("radii for normals", format!("{} mm", radii.join(", ")));
+    lines.value("radii of normals", format!("{} mm", radii.join(", ")));
     lines.value(
         "radius of the cylinder",
         millimetres(settings.cylinder_radius_m),
@@ -182,7 +185,7 @@ fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
         Aggregation::Mean => ("mean", "standard deviation"),
         Aggregation::Median => ("median", "inter-quartile range"),
     };
-    lines.value("points of a cylinder", format!("{middle} and {spread}"));
+    lines.value("statistics", format!("{middle} and {spread}"));
     let distribution = match settings.detection {
         Detection::Normal => "normal distribution",
         Detection::Student => "Student's t",
@@ -193,7 +196,7 @@ fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
     }
     if settings.min_points > 1 {
         lines.value(
-            "points for a distance",
+            "points per distance",
             format!("{} or more", settings.min_points),
         );
     }

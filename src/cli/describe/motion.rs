@@ -1,4 +1,4 @@
-//! Logs, poses and the bounds on their sigmas, in words.
+//! Description of logs, poses and limits of their sigmas.
 
 use super::lines::{Lines, degrees, millimetres, short, vector};
 use crate::project::{Logs, PosesFile, PositionLog};
@@ -40,14 +40,14 @@ pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
         lines.section("heading");
         lines.log(&log.path, log.time_offset_s);
         lines.value("sigma", degrees(heading.sigma_rad));
-        lines.value("sigma of the pitch", degrees(heading.pitch_sigma_rad));
+        lines.value("sigma of pitch", degrees(heading.pitch_sigma_rad));
         lines.value("mounting offset", degrees(heading.mounting_offset_rad));
         lines.value("grid convergence", degrees(heading.grid_convergence_rad));
-        lines.value("large residuals count", loss(heading.loss));
+        lines.value("loss", loss(heading.loss));
     }
     lines.section("trajectory");
     let nodes = match settings.nodes {
-        Nodes::Prism => "at positions, and at least one a second",
+        Nodes::Prism => "at positions, and at least one per second",
         Nodes::Imu => "at every IMU sample",
     };
     lines.value("nodes", nodes);
@@ -57,10 +57,10 @@ pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
         .map(|constant| constant.name(&settings.positions))
         .collect();
     let constants = match constants.is_empty() {
-        true => "nothing".to_owned(),
+        true => "none".to_owned(),
         false => constants.join(", "),
     };
-    lines.value("estimated beside it", constants);
+    lines.value("estimated constants", constants);
     let rest = match settings.zero_velocity {
         true => "velocity held at zero",
         false => "not used",
@@ -86,7 +86,7 @@ fn position_of(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings
             true => millimetres(s.x),
             false => format!("{} mm (east, north, up)", vector(&(s * 1e3))),
         };
-        lines.value("sigma", format!("{sigma} where the log has none"));
+        lines.value("sigma", format!("{sigma} if the log has none"));
         if log.observations == Observations::Cartesian && settings.kind == PositionKind::Prism {
             lines.value("observations", "coordinates");
         }
@@ -96,7 +96,7 @@ fn position_of(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings
     }
     let lever_arm = vector(&settings.lever_arm_m);
     lines.value("lever arm in the body", format!("{lever_arm} m"));
-    lines.value("large residuals count", loss(settings.loss));
+    lines.value("loss", loss(settings.loss));
 }
 
 fn polar_of(lines: &mut Lines, station: &TotalStation) {
@@ -136,10 +136,10 @@ fn polar_of(lines: &mut Lines, station: &TotalStation) {
 
 fn loss(loss: Loss) -> &'static str {
     match loss {
-        Loss::None => "their square (least squares)",
-        Loss::Huber => "their distance (Huber)",
-        Loss::Cauchy => "the logarithm of their square (Cauchy)",
-        Loss::Truncated => "nothing beyond a limit (truncated)",
+        Loss::None => "quadratic (least squares)",
+        Loss::Huber => "linear for large residuals (Huber)",
+        Loss::Cauchy => "logarithmic for large residuals (Cauchy)",
+        Loss::Truncated => "constant for large residuals (truncated)",
     }
 }
 
@@ -150,7 +150,7 @@ pub(super) fn limits_of(lines: &mut Lines, limits: &PoseLimits) {
     ];
     for (name, bound) in bounds {
         if let Some(bound) = bound {
-            lines.value(name, format!("{bound}: else points are not placed"));
+            lines.value(name, format!("{bound}; points beyond are left out"));
         }
     }
 }
@@ -160,8 +160,8 @@ pub(super) fn poses_of(lines: &mut Lines, poses: &PosesFile) {
     lines.file("file", &poses.path);
     lines.offset(poses.time_offset_s);
     let else_unknown = |sigma: Option<String>| {
-        sigma.map_or("as the file says".to_owned(), |sigma| {
-            format!("{sigma} where the file has none")
+        sigma.map_or("from the file".to_owned(), |sigma| {
+            format!("{sigma} if the file has none")
         })
     };
     lines.value(
