@@ -1,4 +1,4 @@
-# What can be done here; `just` lists it.
+# Recipes; `just` lists them.
 
 _list:
     @just --list
@@ -7,7 +7,7 @@ _list:
 test:
     cargo test --release
 
-# Three simulated drives, everything on them, and the report in out/
+# Simulates three drives and runs everything on them; the report is in out/
 demo:
     cargo run --release -- demo
 
@@ -26,26 +26,26 @@ lint:
 deny:
     cargo deny check
 
-# The trajectory beside gtsam on the same logs; writes docs/performance.md (needs Python)
+# Benchmark of the trajectory against gtsam on the same logs; writes docs/performance.md (needs Python)
 bench-trajectory *ARGS:
     python3 benches/trajectory/run.py {{ARGS}}
 
-# Errors of the calibration against its sigmas over SEEDS simulated drives
+# Errors of the calibration compared with its sigmas over SEEDS simulated drives
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
 
-# What an update of the online smoother costs through an hour (needs the shared pose_case)
+# Run time of the online smoother's updates over an hour (needs the shared pose_case)
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
 
-# Errors of the poses and constants against their covariances over DRIVES simulated drives
+# Errors of the poses and constants compared with their covariances over DRIVES simulated drives
 consistency DRIVES="50":
     cargo run --release --example consistency -- {{DRIVES}}
 
-# The kernels beside their peers on the same files; writes docs/performance.md (needs Python)
+# Benchmark of the kernels against their peers on the same files; writes docs/performance.md (needs Python)
 bench-kernels *ARGS:
     python3 benches/kernels/run.py {{ARGS}}
 
-# Every message that a user can meet, for reading aloud (needs Python)
+# All messages that users can see, for proofreading (needs Python)
 messages *FILES:
     python3 tools/messages.py {{FILES}}

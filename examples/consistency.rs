@@ -1,9 +1,9 @@
-//! Many simulated drives: are the errors of the poses as large as their covariances say?
+//! Consistency of the poses' errors with their covariances over many simulated drives.
 //!
 //! `cargo run --release --example consistency -- 50` prints, for position (3 degrees of freedom),
-//! tilt (2) and yaw (1), the mean normalised squared error at 20 epochs over the drives, and how
-//! many lie within the 95 % band of χ² with as many degrees; then the constants. A second number
-//! is the first seed, 0 if absent: `-- 50 50` are 50 drives that `-- 50` has not seen.
+//! tilt (2) and yaw (1), the mean normalised squared error at 20 epochs over the drives, and the
+//! number of epochs within the 95 % band of χ²; then the same for the constants. An optional second
+//! argument is the first seed, 0 by default: `-- 50 50` runs 50 other drives than `-- 50`.
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;
@@ -119,7 +119,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Bounds of χ² that hold 95 % (Wilson and Hilferty 1931).
+/// Bounds of χ² at 95 % (Wilson and Hilferty 1931).
 fn band(degrees: f64) -> [f64; 2] {
     let spread = 2.0 / (9.0 * degrees);
     [-1.96, 1.96].map(|z| degrees * (1.0 - spread + z * spread.sqrt()).powi(3))

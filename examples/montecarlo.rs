@@ -1,6 +1,6 @@
-//! Simulates drives with different seeds, calibrates them and holds errors against sigmas.
+//! Simulates drives with different seeds, calibrates them and compares the errors with the sigmas.
 //!
-//! `cargo run --release --example montecarlo -- 20` prints one line a seed and kind of run, then
+//! `cargo run --release --example montecarlo -- 20` prints one line per seed and kind of run, then
 //! the share of errors inside the 95 % bounds.
 
 use std::path::Path;
@@ -22,8 +22,8 @@ fn main() -> Result<()> {
     for seed in first..first + seeds {
         let folder = std::env::temp_dir().join(format!("boresight-montecarlo-{seed}"));
         for (kind, calibration) in run(seed, &folder)?.into_iter().enumerate() {
-            let name = ["own poses", "no reference", "exact poses"][kind];
-            let (covered, all) = judge(seed, name, &calibration);
+            let name = ["estimated poses", "no reference", "exact poses"][kind];
+            let (covered, all) = print_errors(seed, name, &calibration);
             inside[kind].0 += covered;
             inside[kind].1 += all;
         }
@@ -33,7 +33,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// With own poses, without the reference, and with exact poses.
+/// Calibrates with estimated poses, without the reference, and with exact poses.
 fn run(seed: u64, folder: &Path) -> Result<[Calibration; 3]> {
     let mut scenario = Scenario {
         seed,
@@ -65,7 +65,7 @@ fn run(seed: u64, folder: &Path) -> Result<[Calibration; 3]> {
     ])
 }
 
-/// Root mean square errors of the poses and how they compare with their sigmas.
+/// Prints the root mean square errors of the poses, absolute and normalised.
 fn pose_errors(poses: &Poses, exact: &Poses) {
     let mut sums = [[0.0; 2]; 6];
     let nodes = poses.trajectory.nodes();
@@ -104,8 +104,9 @@ fn pose_errors(poses: &Poses, exact: &Poses) {
     );
 }
 
-/// Prints errors and sigmas of one calibration; how many of how many lie inside 95 %.
-fn judge(seed: u64, name: &str, calibration: &Calibration) -> (usize, usize) {
+/// Prints errors and sigmas of one calibration; returns how many errors are inside 95 %, and of how
+/// many.
+fn print_errors(seed: u64, name: &str, calibration: &Calibration) -> (usize, usize) {
     let convention = EulerConvention::Bonn;
     let truth = Scenario::demo().true_mountings();
     let (mut covered, mut all) = (0, 0);

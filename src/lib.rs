@@ -1,10 +1,10 @@
-//! Calibrates laser profile scanners on a moving platform and proves how good the calibration is.
+//! Calibrates laser profile scanners on a moving platform and validates the result.
 //!
 //! The method is that of Esser, Tombrink, Cornelißen, Klingbeil and Kuhlmann,
 //! *System Calibration of a Field Phenotyping Robot with Multiple High-Precision Profile Laser
 //! Scanners* (arXiv 2403.17788). The program `boresight` reads files and writes a report; the
-//! library works from plain arrays just as well. Lengths are in metres, angles in radians and times
-//! in seconds; units stand in names, and transforms carry their frames in their types.
+//! library works on plain arrays as well. Lengths are in metres, angles in radians and times in
+//! seconds; names carry units, and transforms carry their frames in their types.
 //!
 //! # Georeference a point
 //!
@@ -29,7 +29,7 @@
 //!
 //! # Smooth a drive
 //!
-//! From the samples of an IMU, positions of a prism and headings to poses with standard deviations:
+//! Poses with standard deviations from IMU samples, positions of a prism and headings:
 //!
 //! ```
 //! use boresight::geometry::BodyAxes;
@@ -63,8 +63,8 @@
 //!
 //! # Calibrate two scanners
 //!
-//! From the trajectory of the body, the points of a reference in the world, and each scanner's times
-//! and points in its own frame:
+//! Mountings from the trajectory of the body, the points of a reference in the world, and each
+//! scanner's times and points in its own frame:
 //!
 //! ```
 //! use boresight::Result;
@@ -132,7 +132,7 @@
 //!
 //! # Compare two clouds
 //!
-//! M3C2: signed distances along local normals with their level of detection:
+//! M3C2 distances: signed, along local normals, with their level of detection:
 //!
 //! ```
 //! use boresight::comparison::{ComparisonSettings, Normals, Statistics, core_points, m3c2};
@@ -157,27 +157,27 @@
 //!
 //! Data flows down this list, and modules import only from above:
 //!
-//! | module | room for |
+//! | module | contents |
 //! |---|---|
-//! | [`error`] | the one error type, with file, line and remedy |
-//! | [`progress`] | stages as they run, and how they are told to stop |
-//! | [`output`] | results that appear whole or not at all |
+//! | [`error`] | the error type, with file, line and remedy |
+//! | [`progress`] | progress of stages, cancellation |
+//! | [`output`] | result files, written completely or not at all |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`statistics`] | median, quantiles, χ², Student's t |
-//! | [`sensor`] | what each sensor measured, validated |
+//! | [`sensor`] | measurements of each sensor, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
-//! | [`mod@format`] | one file per file format, in and out; detection |
+//! | [`mod@format`] | readers and writers, one file per format; detection |
 //! | [`trajectory`] | preintegration, factors, the chain's solver, batch and online smoother, diagnostics, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
 //! | [`comparison`] | M3C2 and its statistics |
-//! | [`tiles`] | clouds larger than memory, from file to file: features, M3C2, thinning |
-//! | [`simulation`] | scene, drives, sensors: the twin with known truth, which knows no estimator |
+//! | [`tiles`] | clouds larger than memory: features, M3C2, thinning |
+//! | [`simulation`] | scene, drives and sensors with known truth; does not use the estimators |
 //! | [`report`] | tables, figures, the page |
-//! | [`project`] | `project.toml`: as written, then checked |
+//! | [`project`] | `project.toml`: parsing and validation |
 //! | [`pipeline`] | the stages in order |
-//! | [`cli`] | one file per command |
+//! | [`cli`] | the command line, one file per command |
 
 pub mod calibration;
 #[cfg(feature = "cli")]
