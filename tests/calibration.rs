@@ -135,7 +135,7 @@ fn without_a_reference_the_common_height_is_named_and_held() {
     let found = calibrate(&case.own, &[], &case.project.calibration);
     assert_eq!(found.observability.unobservable.len(), 1);
     assert_eq!(
-        found.observability.unobservable[0].words,
+        found.observability.unobservable[0].description,
         "all scanners' common height"
     );
     assert_eq!(found.unobservable(0), ["tz"]);
@@ -167,7 +167,7 @@ fn the_height_of_a_single_scanner_is_not_invented_either() {
     let settings = &project.calibration;
     let found = stages::calibration(&project, settings, &case.own, &samples, &[], &Silent).unwrap();
     assert_eq!(
-        found.observability.unobservable[0].words,
+        found.observability.unobservable[0].description,
         "the height of `left`"
     );
     assert_eq!(found.unobservable(0), ["tz"]);

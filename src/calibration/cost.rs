@@ -252,7 +252,7 @@ mod tests {
                 slow += centred.transpose() * weight * &centred * (2.0 / members.len() as f64);
             }
         }
-        // Two eigenvalue solvers differ by some roundings times the eigenvalues' ratio.
+        // Two eigenvalue solvers differ by rounding errors times the ratio of the eigenvalues.
         assert!((&fast.matrix - &slow).amax() < 1e-10 * slow.amax());
     }
 }

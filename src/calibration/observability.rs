@@ -34,7 +34,7 @@ pub struct UnobservableDirection {
     pub share: f64,
     /// Description of the direction.
     #[serde(rename = "what")]
-    pub words: String,
+    pub description: String,
     /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
     #[serde(skip)]
     pub parameters: Vec<(usize, usize)>,
@@ -86,12 +86,12 @@ impl Observability {
                     scale[row] * eigen.eigenvectors[(row, i)]
                 });
                 let direction = (basis * coordinates).normalize();
-                let parameters = concerned(&direction, mountings, None);
-                let words = in_words(&direction, &parameters, mountings);
+                let parameters = affected_parameters(&direction, mountings, None);
+                let description = describe(&direction, &parameters, mountings);
                 UnobservableDirection {
                     direction,
                     share: share(i),
-                    words,
+                    description,
                     parameters,
                 }
             })
@@ -109,7 +109,7 @@ impl Observability {
         if self.unobservable.is_empty() {
             return basis;
         }
-        // Constraint rows nᵀ P B z = 0; the null space of all of them, by QR of the transpose.
+        // Null space of the constraints nᵀ P B z = 0, by QR of the transpose.
         let constraints =
             DMatrix::from_fn(basis.ncols(), self.unobservable.len(), |column, row| {
                 self.unobservable[row].weighted().dot(&basis.column(column))
@@ -149,7 +149,8 @@ impl UnobservableDirection {
         convention: EulerConvention,
         mountings: &[Mounting],
     ) -> bool {
-        concerned(&self.direction, mountings, Some(convention)).contains(&(scanner, parameter))
+        affected_parameters(&self.direction, mountings, Some(convention))
+            .contains(&(scanner, parameter))
     }
 
     /// P n: the direction restricted to the parameters it mainly moves, rotations weighted by
@@ -192,7 +193,7 @@ fn null_space(constraints: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// Parameters that a direction moves by at least a third of its largest component; angles
 /// in `convention`, or in each mounting's own.
-fn concerned(
+fn affected_parameters(
     direction: &DVector<f64>,
     mountings: &[Mounting],
     convention: Option<EulerConvention>,
@@ -232,7 +233,7 @@ fn amounts(
     amounts
 }
 
-fn in_words(
+fn describe(
     direction: &DVector<f64>,
     parameters: &[(usize, usize)],
     mountings: &[Mounting],
@@ -274,7 +275,7 @@ mod tests {
     use super::*;
     use crate::geometry::BodyFromScanner;
 
-    /// Normal equations with this matrix where each parameter alone would be known by one.
+    /// Normal equations with this matrix, where each parameter alone would have information 1.
     fn equations(matrix: DMatrix<f64>) -> NormalEquations {
         let size = matrix.nrows();
         NormalEquations {
@@ -292,14 +293,17 @@ mod tests {
 
     #[test]
     fn a_common_height_is_found_named_and_held() {
-        // Everything determined but the sum of both heights.
+        // Everything is determined except the sum of both heights.
         let mut null = DVector::zeros(12);
         null[2] = 0.5f64.sqrt();
         null[8] = 0.5f64.sqrt();
         let matrix = DMatrix::identity(12, 12) - &null * null.transpose();
         let seen = Observability::of(&equations(matrix), &two());
         assert_eq!(seen.unobservable.len(), 1);
-        assert_eq!(seen.unobservable[0].words, "all scanners' common height");
+        assert_eq!(
+            seen.unobservable[0].description,
+            "all scanners' common height"
+        );
         assert_eq!(seen.unobservable[0].parameters, [(0, 2), (1, 2)]);
         let held = seen.determined(&two());
         assert_eq!(held.ncols(), 11);
@@ -320,7 +324,7 @@ mod tests {
 
     #[test]
     fn a_single_weak_parameter_is_unobservable_too() {
-        // One scanner, only its height free, and next to nothing left once the planes move along.
+        // One scanner with only its height free, and almost no information left.
         let mut matrix = DMatrix::zeros(6, 6);
         matrix[(2, 2)] = 1e-6;
         let mut mounting = two().remove(0);
@@ -328,13 +332,13 @@ mod tests {
         let mountings = [mounting];
         let seen = Observability::of(&equations(matrix), &mountings);
         assert_eq!(seen.unobservable.len(), 1);
-        assert_eq!(seen.unobservable[0].words, "the height of `left`");
+        assert_eq!(seen.unobservable[0].description, "the height of `left`");
         assert_eq!(seen.determined(&mountings).ncols(), 0);
     }
 
     #[test]
     fn two_unobservable_directions_are_both_restored() {
-        // Both heights free: any two directions that span them must bring both back.
+        // Both heights are unobservable: any two directions that span them must restore both.
         let mut matrix = DMatrix::identity(12, 12);
         matrix[(2, 2)] = 0.0;
         matrix[(8, 8)] = 0.0;

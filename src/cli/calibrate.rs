@@ -1,6 +1,6 @@
 //! `boresight calibrate`
 
-use super::context::{Context, OnProject};
+use super::context::{Context, ProjectArguments};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -8,11 +8,11 @@ use crate::pipeline::{self, Outcome};
 #[derive(Debug, clap::Args)]
 pub(super) struct Calibrate {
     #[command(flatten)]
-    on: OnProject,
+    on: ProjectArguments,
 }
 
 impl Calibrate {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        context.on_project(&self.on, pipeline::calibrate)
+        context.with_project(&self.on, pipeline::calibrate)
     }
 }

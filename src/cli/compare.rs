@@ -188,7 +188,7 @@ mod tests {
             ..radii
         };
         assert_eq!(diameters.settings(), expected);
-        // What nobody typed is a radius.
+        // Defaults are radii.
         let default = parse(&["--diameter"]).unwrap().settings();
         assert_eq!(default, ComparisonSettings::default());
     }

@@ -13,7 +13,7 @@ use crate::project::Project;
 
 /// Arguments of commands that work on a project.
 #[derive(Debug, Args)]
-pub(super) struct OnProject {
+pub(super) struct ProjectArguments {
     /// The project file
     pub(super) project: PathBuf,
     /// Folder for the results [default: `out` next to the project]
@@ -39,9 +39,9 @@ impl Context {
     }
 
     /// Reads a project, checks that its files exist, runs `stage` on it and writes the log.
-    pub(super) fn on_project(
+    pub(super) fn with_project(
         &self,
-        on: &OnProject,
+        on: &ProjectArguments,
         stage: fn(&Project, &Options, &dyn Progress) -> Result<Outcome>,
     ) -> Result<Outcome> {
         let project = Project::read(&on.project)?;

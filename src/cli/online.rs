@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::context::{Context, OnProject, out_folder};
+use super::context::{Context, ProjectArguments, out_folder};
 use crate::error::Result;
 use crate::pipeline::Outcome;
 use crate::pipeline::online::{Source, online};
@@ -32,7 +32,7 @@ fn seconds(text: &str) -> std::result::Result<Duration, String> {
 }
 
 impl OnlineFlags {
-    pub fn execute(&self, on: &OnProject, context: &Context) -> Result<Outcome> {
+    pub fn execute(&self, on: &ProjectArguments, context: &Context) -> Result<Outcome> {
         let project = Project::read(&on.project)?;
         if !self.stdin {
             project.check_files()?;

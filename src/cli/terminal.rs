@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn durations_read_well() {
+    fn durations_are_short() {
         let said = |seconds| duration(Duration::from_secs_f64(seconds));
         assert_eq!(said(0.04), "0.0 s");
         assert_eq!(said(9.94), "9.9 s");
@@ -221,7 +221,7 @@ mod tests {
         terminal.warn("beware");
         terminal.end();
         terminal.end();
-        terminal.end(); // one too many does no harm
+        terminal.end(); // a surplus end is harmless
         terminal.note("over");
         let state = terminal.state();
         let lines: Vec<&str> = state

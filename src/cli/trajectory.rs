@@ -1,6 +1,6 @@
 //! `boresight trajectory`
 
-use super::context::{Context, OnProject};
+use super::context::{Context, ProjectArguments};
 use super::online::OnlineFlags;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
@@ -9,7 +9,7 @@ use crate::pipeline::{self, Outcome};
 #[derive(Debug, clap::Args)]
 pub(super) struct Trajectory {
     #[command(flatten)]
-    on: OnProject,
+    on: ProjectArguments,
     #[command(flatten)]
     online: OnlineFlags,
 }
@@ -19,6 +19,6 @@ impl Trajectory {
         if self.online.online {
             return self.online.execute(&self.on, context);
         }
-        context.on_project(&self.on, pipeline::trajectory)
+        context.with_project(&self.on, pipeline::trajectory)
     }
 }

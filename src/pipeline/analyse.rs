@@ -139,7 +139,7 @@ fn warnings(calibration: &Calibration, drives: &[Drive], left_out: Vec<String>) 
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
     }
-    warnings.extend(verdicts::not_constant(calibration));
+    warnings.extend(verdicts::constancy_warning(calibration));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     if solution.is_some_and(|solution| !solution.converged) {
         warnings

@@ -27,7 +27,7 @@ pub type KeptPoints = Vec<Vec<ScanPoint>>;
 ///
 /// # Errors
 /// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
-/// written; [`Error::Cancelled`](crate::Error::Cancelled).
+/// written; [`Error::Cancelled`].
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,

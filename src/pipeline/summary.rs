@@ -174,7 +174,7 @@ fn sensors(solution: &Solution) -> Vec<String> {
         column("variance component", &component),
     ];
     let mut lines = aligned(&rows, &columns);
-    let words = column("chi-square test", &|s| diagnostics::sigma_words(s));
+    let words = column("chi-square test", &|s| diagnostics::chi_square_text(s));
     for (line, words) in lines.iter_mut().zip(words) {
         let _ = write!(line, "   {words}"); // writing to a String cannot fail
     }
@@ -186,7 +186,7 @@ fn constants(solution: &Solution) -> Vec<String> {
     let mut estimated = vec![String::from("estimated")];
     let mut project = vec![String::from("project")];
     for constant in &solution.constants {
-        let words = diagnostics::constant_words(constant);
+        let words = diagnostics::constant_text(constant);
         rows.push(format!("  {}", constant.name));
         estimated.push(match &words.sigma {
             Some(sigma) => format!("{} ± {sigma} {}", words.value, words.unit),

@@ -1,8 +1,8 @@
 //! Tables of the trajectory's adjustment: sensors, constants, worst and rejected measurements.
 
 use super::diagnostics::{
-    constant_words, is_notable, quantity, rejection_counts, sensor_name, sensors_shown,
-    sigma_words, verdicts, worst,
+    chi_square_text, constant_text, is_notable, quantity, rejection_counts, sensor_name,
+    sensors_shown, verdicts, worst,
 };
 use super::html::{self, escape};
 use super::number::{self, DASH};
@@ -15,7 +15,7 @@ const WORST: usize = 20;
 const MAX_LISTED: usize = 1000;
 
 /// Statements about the adjustment of the first drive; empty if its poses came from a file.
-pub fn words(tracks: &[Track]) -> String {
+pub fn statements(tracks: &[Track]) -> String {
     let first = adjusted(tracks).next();
     first.map_or(String::new(), |(track, solution)| {
         html::verdicts(&verdicts(solution, track.sigmas.as_ref()))
@@ -81,7 +81,7 @@ fn sensors(solution: &Solution) -> String {
             number::fixed(sensor.rms_normalised, 2),
             number::fixed(sensor.redundancy, 0),
             number::fixed(checked.unwrap_or(f64::NAN), 2),
-            escape(&sigma_words(sensor))
+            escape(&chi_square_text(sensor))
         ));
     }
     let ignored = match with_ignored {
@@ -100,21 +100,21 @@ fn constants(solution: &Solution) -> String {
     }
     let mut body = String::new();
     for constant in &solution.constants {
-        let words = constant_words(constant);
-        let found = match &words.sigma {
+        let text = constant_text(constant);
+        let found = match &text.sigma {
             Some(sigma) => format!(
                 "<td class=\"result\">{}<span class=\"sigma\">± {sigma}</span></td><td>{}</td><td class=\"text\"></td>",
-                words.value, words.start
+                text.value, text.start
             ),
             None => format!(
                 "<td>{DASH}</td><td>{}</td><td class=\"text out\">not determined by this drive</td>",
-                words.start
+                text.start
             ),
         };
         body.push_str(&format!(
             "<tr><th scope=\"row\">{}</th>{found}<td class=\"text\">{}</td></tr>\n",
             escape(&constant.name),
-            escape(words.unit)
+            escape(text.unit)
         ));
     }
     let head = "<tr><th scope=\"col\">constant</th><th scope=\"col\">estimated</th><th scope=\"col\">project</th><th scope=\"col\"></th><th scope=\"col\" class=\"text\">unit</th></tr>\n";

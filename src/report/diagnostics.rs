@@ -190,7 +190,7 @@ pub fn passes(sensor: &SensorDiagnostics) -> Option<bool> {
 }
 
 /// The outcome of the χ² test in words.
-pub fn sigma_words(sensor: &SensorDiagnostics) -> String {
+pub fn chi_square_text(sensor: &SensorDiagnostics) -> String {
     let Some(component) = sensor.variance_component else {
         return "not checked".into();
     };
@@ -245,7 +245,7 @@ pub fn degrees(value: f64, digits: i32) -> String {
 }
 
 /// Value, sigma and initial value of a constant, rounded to its sigma, and their unit.
-pub struct ConstantWords {
+pub struct ConstantText {
     /// Estimated value; the project's if the drive does not determine the constant.
     pub value: String,
     /// Its standard deviation.
@@ -257,7 +257,7 @@ pub struct ConstantWords {
 }
 
 /// An estimated constant in display units.
-pub fn constant_words(constant: &crate::trajectory::EstimatedConstant) -> ConstantWords {
+pub fn constant_text(constant: &crate::trajectory::EstimatedConstant) -> ConstantText {
     let (factor, unit) = match constant.unit {
         "rad" => (1f64.to_degrees(), "°"),
         "s" => (1e3, "ms"),
@@ -268,7 +268,7 @@ pub fn constant_words(constant: &crate::trajectory::EstimatedConstant) -> Consta
     let decimals = sigma
         .filter(|s| *s > 0.0 && s.is_finite())
         .map_or(4, |s| (1.0 - s.log10().floor()).clamp(0.0, 9.0) as usize);
-    ConstantWords {
+    ConstantText {
         value: number::fixed(factor * constant.value, decimals),
         sigma: sigma.map(|sigma| number::fixed(sigma, decimals)),
         start: number::shortest(factor * constant.start),
@@ -277,7 +277,7 @@ pub fn constant_words(constant: &crate::trajectory::EstimatedConstant) -> Consta
 }
 
 /// A span as text, with times as in the logs.
-fn span_words(from_s: f64, to_s: f64) -> String {
+fn span_text(from_s: f64, to_s: f64) -> String {
     format!("from {from_s:.1} s to {to_s:.1} s")
 }
 
@@ -285,11 +285,11 @@ fn span_words(from_s: f64, to_s: f64) -> String {
 const MAX_SPANS_LISTED: usize = 4;
 
 /// Spans as text, the first few one by one.
-fn spans_words(spans: &[(f64, f64)]) -> String {
+fn spans_text(spans: &[(f64, f64)]) -> String {
     let named: Vec<String> = spans
         .iter()
         .take(MAX_SPANS_LISTED)
-        .map(|(from_s, to_s)| span_words(*from_s, *to_s))
+        .map(|(from_s, to_s)| span_text(*from_s, *to_s))
         .collect();
     match spans.len().saturating_sub(MAX_SPANS_LISTED) {
         0 => named.join(" and "),
@@ -317,7 +317,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             lines.push(Verdict::attention(format!(
                 "The residuals of {name} are {}: its standard deviation in the project is too small, or an \
                  error is not modelled (latency, lever arm, mounting offset).",
-                sigma_words(sensor)
+                chi_square_text(sensor)
             )));
         }
         let all = sensor.count + sensor.rejected;
@@ -340,7 +340,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
     if !solution.imu_gaps_s.is_empty() {
         lines.push(Verdict::attention(format!(
             "The IMU has no samples {}.",
-            spans_words(&solution.imu_gaps_s)
+            spans_text(&solution.imu_gaps_s)
         )));
     }
     if let Some(sigmas) = sigmas
@@ -352,7 +352,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             "The standard deviation of the position exceeds {OUTAGE_FACTOR:.0} times its median of \
              {} mm {}: up to {} mm.",
             number::millimetres(sigmas.position_m.median),
-            spans_words(&spans),
+            spans_text(&spans),
             number::millimetres(worst_m.fold(0.0, f64::max))
         )));
     }

@@ -283,8 +283,7 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
     )
 }
 
-/// Mean residuals along the drive with the band expected from the poses; empty without
-/// any.
+/// Mean residuals along the drive with the band expected from the poses; empty without any.
 pub fn residuals(calibration: &Calibration) -> String {
     let Some(found) = &calibration.constancy else {
         return String::new();
@@ -348,7 +347,7 @@ pub fn residuals(calibration: &Calibration) -> String {
     out
 }
 
-/// Adds a gap wherever more time passes than twice the shortest step.
+/// Inserts a gap between points that are more than twice the shortest step apart.
 fn with_gaps(curve: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let steps = curve.windows(2).map(|w| w[1][0] - w[0][0]);
     let shortest = steps.filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);

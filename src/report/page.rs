@@ -94,7 +94,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
 
 /// The drives from above, the course of the adjustment, and the uncertainty of the poses.
 fn trajectory(tracks: &[Track], background_m: &[Vec3]) -> String {
-    adjustment::words(tracks)
+    adjustment::statements(tracks)
         + &figures::top_view(tracks, background_m)
         + &figures::pose_sigmas(tracks)
         + &adjustment::tables(tracks)

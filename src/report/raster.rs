@@ -104,7 +104,7 @@ impl Grid {
         }
         let covered = seen.iter().filter(|s| **s).count() as f64 * coarse.pixel_m.powi(2);
         let spacing = (covered / n.max(1) as f64).sqrt();
-        // Irregular points need a little more than half their mean spacing.
+        // Irregular points need slightly more than half their mean spacing.
         ((0.6 * spacing / self.pixel_m).round() as usize).min(6)
     }
 

@@ -148,7 +148,7 @@ fn gaps(residuals: &[Residual], (from_s, to_s): (f64, f64)) -> Vec<(f64, f64)> {
     pairs.filter(|(a, b)| b - a > least).collect()
 }
 
-/// Residuals in their own standard deviations against the standard normal, one chart a sensor.
+/// Histograms of the normalised residuals with the standard normal, one chart per sensor.
 pub fn histograms(tracks: &[Track]) -> String {
     let Some((_, solution)) = adjusted(tracks).next() else {
         return String::new();

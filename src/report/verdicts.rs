@@ -186,11 +186,11 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
     let directions = calibration.observability.unobservable.iter();
     directions
         .map(|direction| {
-            let mut words = direction.words.clone();
-            if let Some(first) = words.get_mut(0..1) {
+            let mut text = direction.description.clone();
+            if let Some(first) = text.get_mut(0..1) {
                 first.make_ascii_uppercase();
             }
-            format!("{words} is unobservable{circumstance}: held at the initial value.")
+            format!("{text} is unobservable{circumstance}: held at the initial value.")
         })
         .collect()
 }
@@ -198,7 +198,7 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
 /// The test of a constant mounting; `None` if it is not possible.
 pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
     let found = calibration.constancy.as_ref()?;
-    Some(match not_constant(calibration) {
+    Some(match constancy_warning(calibration) {
         Some(text) => Verdict::attention(text),
         None => Verdict::good(format!(
             "The mounting appears constant: residuals along the drive ({}) are {:.1} times as large as \
@@ -210,7 +210,7 @@ pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
 }
 
 /// A warning if the residuals along the drive show that the mounting is not constant.
-pub fn not_constant(calibration: &Calibration) -> Option<String> {
+pub fn constancy_warning(calibration: &Calibration) -> Option<String> {
     let constancy = calibration
         .constancy
         .as_ref()

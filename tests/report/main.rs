@@ -183,7 +183,7 @@ fn text_from_outside_stays_text() {
             .observability
             .unobservable
             .iter_mut()
-            .for_each(|free| free.words = evil.into());
+            .for_each(|free| free.description = evil.into());
     }
     for drive in &mut full.drives {
         drive.name = evil.into();

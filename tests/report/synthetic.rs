@@ -166,7 +166,7 @@ fn without_height(mut found: Calibration, initial: &[BodyFromScanner]) -> Calibr
     found.observability.unobservable = vec![UnobservableDirection {
         direction: DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height))),
         share: 1e-6,
-        words: "the common height of all scanners".into(),
+        description: "the common height of all scanners".into(),
         parameters: vec![(0, height), (1, height)],
     }];
     found

@@ -26,19 +26,19 @@ pub(super) fn project(project: &Project) -> String {
     lines.value("body axes", axes);
     lines.value("origin", format!("{} m", vector(&project.origin_m)));
     match &project.motion {
-        Motion::Logs(logs) => motion::logs_of(&mut lines, logs),
-        Motion::Poses(poses) => motion::poses_of(&mut lines, poses),
+        Motion::Logs(logs) => motion::describe_logs(&mut lines, logs),
+        Motion::Poses(poses) => motion::describe_poses(&mut lines, poses),
     }
-    motion::limits_of(&mut lines, &project.limits);
+    motion::describe_limits(&mut lines, &project.limits);
     for scanner in &project.scanners {
-        scanner_of(&mut lines, scanner);
+        describe_scanner(&mut lines, scanner);
     }
     if let Some(reference) = &project.reference {
         lines.section("reference");
         lines.file("file", &reference.path);
     }
-    calibration_of(&mut lines, &project.calibration);
-    comparison_of(&mut lines, &project.comparison);
+    describe_calibration(&mut lines, &project.calibration);
+    describe_comparison(&mut lines, &project.comparison);
     for evaluation in &project.evaluations {
         lines.section(&format!("evaluation {}", evaluation.name));
         lines.file("project", &evaluation.project);
@@ -101,7 +101,7 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
     steps
 }
 
-fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
+fn describe_scanner(lines: &mut Lines, scanner: &Scanner) {
     lines.section(&format!("scanner {}", scanner.name));
     for path in &scanner.profiles {
         lines.file("profiles", path);
@@ -136,7 +136,7 @@ fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
     }
 }
 
-fn calibration_of(lines: &mut Lines, settings: &CalibrationSettings) {
+fn describe_calibration(lines: &mut Lines, settings: &CalibrationSettings) {
     lines.section("calibration");
     let method = match settings.method {
         Method::Reweighted => "reweighted least squares, analytic derivatives",
@@ -160,7 +160,7 @@ fn calibration_of(lines: &mut Lines, settings: &CalibrationSettings) {
     );
 }
 
-fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
+fn describe_comparison(lines: &mut Lines, settings: &ComparisonSettings) {
     lines.section("comparison");
     lines.value(
         "spacing of core points",

@@ -5,7 +5,7 @@ use crate::project::{Logs, PosesFile, PositionLog};
 use crate::sensor::{Observations, TotalStation, VerticalAngle};
 use crate::trajectory::{Loss, Nodes, PoseLimits, PositionKind, PositionSettings};
 
-pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
+pub(super) fn describe_logs(lines: &mut Lines, logs: &Logs) {
     let settings = &logs.settings;
     let noise = &settings.imu;
     lines.value("gravity", format!("{} m/s²", short(settings.gravity_m_s2)));
@@ -33,7 +33,7 @@ pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
         format!("{:.3e} m/s²/√s", noise.accel_bias_walk),
     );
     for (log, position) in logs.positions.iter().zip(&settings.positions) {
-        position_of(lines, log, position);
+        describe_position(lines, log, position);
     }
     if let Some(log) = &logs.heading {
         let heading = &settings.heading;
@@ -68,7 +68,7 @@ pub(super) fn logs_of(lines: &mut Lines, logs: &Logs) {
     lines.value("rest", rest);
 }
 
-fn position_of(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings) {
+fn describe_position(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings) {
     let kind = match settings.kind {
         PositionKind::Prism => "prism",
         PositionKind::Gnss => "gnss",
@@ -79,7 +79,7 @@ fn position_of(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings
     });
     lines.log(&log.path, log.time_offset_s);
     if let Observations::Polar(station) = &log.observations {
-        polar_of(lines, station);
+        describe_polar(lines, station);
     } else {
         let s = &settings.sigma_m;
         let sigma = match s.x == s.y && s.y == s.z {
@@ -99,7 +99,7 @@ fn position_of(lines: &mut Lines, log: &PositionLog, settings: &PositionSettings
     lines.value("loss", loss(settings.loss));
 }
 
-fn polar_of(lines: &mut Lines, station: &TotalStation) {
+fn describe_polar(lines: &mut Lines, station: &TotalStation) {
     lines.value(
         "observations",
         "slope distance, horizontal and vertical angle",
@@ -143,7 +143,7 @@ fn loss(loss: Loss) -> &'static str {
     }
 }
 
-pub(super) fn limits_of(lines: &mut Lines, limits: &PoseLimits) {
+pub(super) fn describe_limits(lines: &mut Lines, limits: &PoseLimits) {
     let bounds = [
         ("largest position sigma", limits.position_m.map(millimetres)),
         ("largest rotation sigma", limits.rotation_rad.map(degrees)),
@@ -155,7 +155,7 @@ pub(super) fn limits_of(lines: &mut Lines, limits: &PoseLimits) {
     }
 }
 
-pub(super) fn poses_of(lines: &mut Lines, poses: &PosesFile) {
+pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile) {
     lines.section("trajectory");
     lines.file("file", &poses.path);
     lines.offset(poses.time_offset_s);
