@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::table::{Columns, Table, header_names};
+use super::lines::header_names;
+use super::table::{Columns, Table};
 use super::{Format, read_cloud};
 use crate::error::Result;
 use crate::geometry::Vec3;

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use super::file::nothing_in;
+use super::lines::Lines;
 use super::native::{Sheet, read_rows};
-use super::table::{Columns, Lines, Table, numbers};
+use super::table::{Columns, Table};
 use crate::error::Result;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
@@ -104,28 +105,18 @@ pub(crate) fn read_lines<const N: usize>(
     mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,
 ) -> Result<Vec<PoseRecord>> {
     let mut lines = Lines::open(path)?;
-    let mut cells = Vec::with_capacity(N);
+    let (mut cells, mut row) = (Vec::with_capacity(N), [0.0; N]);
     let mut records: Vec<PoseRecord> = Vec::new();
-    while lines.advance()? {
-        let text = lines.text();
-        if text.is_empty() || text.starts_with('#') {
-            continue;
-        }
-        let numeric = numbers(text, &mut cells) && cells.iter().all(|v| v.is_finite());
-        let row: &[f64; N] = match cells.as_slice().try_into() {
-            Ok(row) if numeric => row,
-            _ => {
-                let found: String = text.chars().take(80).collect();
-                return Err(lines.error(format!("`{found}`"), format!("{N} finite numbers")));
-            }
-        };
+    let expected = || format!("{N} finite numbers");
+    while lines.next_numbers(&mut cells, |n| n == N, expected)? {
+        row.copy_from_slice(&cells);
         if let Some(last) = records.last().filter(|last| row[0] <= last.time_s) {
             return Err(lines.error(
                 format!("time {} s after {} s", row[0], last.time_s),
                 "times that increase",
             ));
         }
-        records.push(record(row, &lines)?);
+        records.push(record(&row, &lines)?);
     }
     if records.is_empty() {
         return Err(nothing_in(path, "pose"));
