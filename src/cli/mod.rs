@@ -8,7 +8,6 @@ mod demo;
 mod describe;
 mod features;
 mod inspect;
-mod online;
 mod print;
 mod simulate;
 mod terminal;

@@ -5,10 +5,14 @@ mod inspection;
 
 use std::path::Path;
 
+use super::cloud::read_cloud;
 use super::detect::{Format, TABLES, detect};
 use super::las::{LasFile, PoseColumns, extra_names};
+use super::mounting::read_mounting;
+use super::profile::open_profiles;
+use super::sbet;
 use super::table::{Columns, Table};
-use super::{open_profiles, read_cloud, read_mounting, read_trajectory, sbet};
+use super::trajectory::read_trajectory;
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
