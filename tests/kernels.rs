@@ -486,3 +486,68 @@ fn omnivariance_equals_jakteristics() {
     assert!(worst < 1e-6 && worst_value < 1e-6);
     assert!(other_count * 1000 < points.len());
 }
+
+/// Points at one place share their neighbours, and a search among them ends with the smallest
+/// indices: each of these clouds would take hours if every query looked at all of them.
+#[test]
+fn points_at_one_place_cost_no_more_than_others() {
+    const MANY: usize = 200_000;
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let mut surface = |count: usize| -> Vec<Vec3> {
+        let point = |_| {
+            Vec3::new(
+                random.random(),
+                random.random(),
+                0.01 * random.random::<f64>(),
+            )
+        };
+        (0..count).map(point).collect()
+    };
+    let place = Vec3::new(0.5, 0.5, 0.005);
+    let mut clustered = surface(MANY / 2);
+    clustered.extend(std::iter::repeat_n(place, MANY / 2));
+    let mut with_outlier = surface(MANY);
+    with_outlier.push(Vec3::new(1e30, -1e30, 0.0));
+    let clouds = [
+        ("at one place", vec![place; MANY]),
+        ("half of them at one place", clustered),
+        ("one far away", with_outlier),
+    ];
+    for (name, points) in clouds {
+        let start = std::time::Instant::now();
+        let index = NeighbourIndex::new(&points);
+        let mut some: Vec<Vec3> = points.iter().step_by(MANY / 7).copied().collect();
+        some.push(place + Vec3::new(0.0, 0.0, 0.001));
+        let mut found = Vec::new();
+        for query in &some {
+            let brute = brute_order(&points, query);
+            index.nearest(query, 50, &mut found);
+            let expected: Vec<u32> = brute.iter().take(50).map(|pair| pair.1).collect();
+            assert_eq!(found, expected, "{name}");
+        }
+        let nearest = Neighbourhood::Nearest(50);
+        let all = index
+            .surroundings(&points, nearest, &Silent, |_, s| *s)
+            .unwrap();
+        for query in &some[..7] {
+            let alone = index
+                .surroundings(&[*query], nearest, &Silent, |_, s| *s)
+                .unwrap();
+            let at = points.iter().position(|point| point == query).unwrap();
+            assert_eq!(all[at], alone[0], "{name}");
+        }
+        let members = index.nearest_of_all(&points, 20);
+        assert_eq!(members.len(), 20 * points.len());
+        let within = Neighbourhood::Within(0.003);
+        let counts = index
+            .surroundings(&points, within, &Silent, |_, s| s.tensor.count)
+            .unwrap();
+        index.within(&points[0], 0.003, &mut found);
+        assert_eq!(counts[0], found.len(), "{name}");
+        let kept = thin(&points, 0.01);
+        assert!(!kept.is_empty() && kept.len() < points.len());
+        let took = start.elapsed();
+        println!("{name}: {took:.2?}");
+        assert!(took.as_secs() < 30, "{name}: {took:?}");
+    }
+}

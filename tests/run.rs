@@ -9,32 +9,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Run, boresight};
+use common::{Run, TINY_SCENARIO, boresight};
 use serde_json::Value;
-
-/// One board, two passes, ten coarse profiles a second.
-const SCENARIO: &str = r#"
-name = "tiny"
-boards = [{ center_m = [1.2, 1.2, 0.5], tilt_deg = 30.0, azimuth_deg = 70.0, size_m = [1.0, 1.0] }]
-drives = [{ passes = [{ board = 0, heading_deg = 90.0 }, { board = 0, heading_deg = 270.0 }] }]
-[field]
-size_m = [2.4, 2.4]
-margin_m = 4.0
-[profiles]
-rate_hz = 10.0
-width = 64
-[reference]
-board_spacing_m = 0.015
-soil_spacing_m = 0.03
-[motion]
-rest_s = 3.0
-"#;
 
 /// The folder of the simulated drive, with a space in its path, and what keeps it.
 fn simulated() -> (tempfile::TempDir, PathBuf) {
     let kept = tempfile::tempdir().unwrap();
     let scenario = kept.path().join("tiny.toml");
-    fs::write(&scenario, SCENARIO).unwrap();
+    fs::write(&scenario, TINY_SCENARIO).unwrap();
     let out = kept.path().join("test field");
     let run = boresight(&[
         "simulate",

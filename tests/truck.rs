@@ -81,7 +81,7 @@ fn off_deg(found: &BodyFromScanner) -> f64 {
 fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
     let poses = stages::poses(project, &Silent).unwrap();
     let trajectory = &poses.trajectory;
-    let kept = clouds::stream(project, trajectory, &[*mounting], None, &Silent).unwrap();
+    let kept = clouds::stream(project, trajectory, None, &Silent).unwrap();
     let placed = clouds::place(project, trajectory, &[*mounting], &kept);
     // The passes are 41 s apart.
     let middle_s = 0.5 * (trajectory.span_s().0 + trajectory.span_s().1);
@@ -153,8 +153,8 @@ fn poses_beside_points_lead_back_to_the_points() {
     let folder = tempfile::tempdir().unwrap();
     let project = project(&laz, Vec3::zeros(), folder.path());
     let poses = stages::poses(&project, &Silent).unwrap();
-    let identity = BodyFromScanner::new(boresight::geometry::Rotation::identity(), Vec3::zeros());
-    let kept = clouds::stream(&project, &poses.trajectory, &[identity], None, &Silent).unwrap();
+    let identity = BodyFromScanner::identity();
+    let kept = clouds::stream(&project, &poses.trajectory, None, &Silent).unwrap();
     let placed = clouds::place(&project, &poses.trajectory, &[identity], &kept);
     let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&laz)
         .unwrap()

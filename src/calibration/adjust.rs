@@ -2,9 +2,11 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::cost::{NormalEquations, cost, normal_equations};
-use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud, farthest_move, find};
-use super::parameters::{self, Mounting};
+use super::cost::{NormalEquations, cost};
+use super::damping::Damping;
+use super::observability::Observability;
+use super::parameters::{moved, poses};
+use super::scale::{Adjusted, Ending, ScaleProblem, State};
 use crate::error::Result;
 use crate::progress::Progress;
 
@@ -23,184 +25,145 @@ const CONVERGED_COST: f64 = 1e-5;
 /// And when neighbourhoods found anew have not lowered it by more than this: they alternate.
 const WORTH_SEARCHING: f64 = 1e-4;
 
-/// Damping at the start, relative to the diagonal of the normal matrix.
-const INITIAL_DAMPING: f64 = 1e-6;
-
-/// Damping above which no step is worth trying: it would move points by less than rounding.
-const LARGEST_DAMPING: f64 = 1e10;
-
-/// How a scale ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ending {
-    /// The last step was below the threshold.
-    Converged,
-    /// No damping lowers the cost further: the cost is at its floor.
-    CostFloor,
-    /// New neighbourhoods no longer lower the cost; the best mountings so far are kept.
-    Alternating,
-    /// The data determine no direction in which to step.
-    NotDetermined,
-    /// The allowed number of iterations ran out.
-    IterationsExhausted,
-}
-
-/// The adjustment of one scale.
-#[derive(Debug, Clone)]
-pub struct ScaleResult {
-    /// Mountings found.
-    pub mountings: Vec<Mounting>,
-    /// How it ended.
-    pub ending: Ending,
-    /// Accepted and refused steps.
-    pub iterations: usize,
-    /// The method's own cost before the first step and after every iteration.
-    pub costs: Vec<f64>,
-    /// Points placed with the mountings found.
-    pub placed: Placed,
-    /// Neighbourhoods of the last search.
-    pub neighbourhoods: Neighbourhoods,
-}
-
-/// Settings of one scale.
-#[derive(Debug, Clone, Copy)]
-pub struct ScaleSettings {
-    /// Metres.
-    pub voxel_m: f64,
-    /// Neighbours.
-    pub k: usize,
-    /// Every how many-th scanner point is a centre.
-    pub stride: usize,
-    /// Most iterations.
-    pub max_iterations: usize,
-}
-
-/// Minimises the [`cost`](super::cost) over the directions that `basis_of` gives at the current
-/// mountings (6 s × f).
+/// Minimises the [`cost`](super::cost) from `start` over the directions in which `observability`
+/// lets the mountings move.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
-pub fn adjust_scale(
-    cloud: &ScaleCloud,
-    start: &[Mounting],
-    basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
-    settings: ScaleSettings,
+pub fn minimise(
+    problem: &ScaleProblem,
+    start: State,
+    observability: &Observability,
     progress: &dyn Progress,
-) -> Result<ScaleResult> {
-    let mut mountings = start.to_vec();
-    let mut placed = cloud.place(&mountings);
-    let mut neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
-    let mut searched = placed.clone();
-    let mut equations = normal_equations(cloud, &placed, &neighbourhoods);
-    let mut costs = vec![equations.cost];
-    let mut best = (equations.cost, mountings.clone());
-    let mut damping = INITIAL_DAMPING;
+) -> Result<Adjusted> {
+    let mut now = start;
+    let mut searched_at = poses(&now.mountings);
+    let mut best = (now.cost, now.mountings.clone());
+    let mut costs = vec![now.cost];
+    let mut damping = Damping::default();
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
-    let count = neighbourhoods.len() as f64;
-    while iterations < settings.max_iterations {
+    let count = now.surface.planes.len() as f64;
+    while iterations < problem.max_iterations {
         progress.check()?;
         iterations += 1;
-        let basis = basis_of(&mountings);
-        let Some(step) = damped_step(&equations, &basis, damping) else {
+        let basis = observability.determined(&now.mountings);
+        let Some(step) = damped_step(&now.equations, &basis, damping) else {
             ending = Ending::NotDetermined;
             break;
         };
-        let candidate = parameters::moved(&mountings, &step);
-        let candidate_placed = cloud.place(&candidate);
-        let moved_m = farthest_move(&placed, &candidate_placed);
-        let candidate_cost = cost(cloud, &candidate_placed, &neighbourhoods);
-        let lowered = equations.cost - candidate_cost;
-        let small = moved_m < CONVERGED_SHARE * cloud.floor_m || lowered < CONVERGED_COST * count;
-        if lowered < 0.0 {
-            costs.push(equations.cost);
-            if moved_m < CONVERGED_SHARE * cloud.floor_m || damping > LARGEST_DAMPING {
+        let mountings = moved(&now.mountings, &step);
+        let there = poses(&mountings);
+        let moved_m = problem.cloud.farthest_move(&poses(&now.mountings), &there);
+        let is_small = moved_m < CONVERGED_SHARE * problem.floor_m;
+        let surface = now.surface.moved(&there);
+        let lowered = now.cost - cost(&surface.planes, problem.floor_m);
+        if !damping.accepts(lowered) {
+            costs.push(now.cost);
+            if is_small || damping.is_exhausted() {
                 ending = Ending::CostFloor;
                 break;
             }
-            damping = (damping * 10.0).max(1e-4);
             continue;
         }
-        mountings = candidate;
-        placed = candidate_placed;
-        damping = (damping * 0.1).max(1e-12);
-        if farthest_move(&searched, &placed) > SEARCH_AGAIN_SHARE * settings.voxel_m {
-            neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
-            searched = placed.clone();
-            equations = normal_equations(cloud, &placed, &neighbourhoods);
-            costs.push(equations.cost.min(best.0));
-            if equations.cost > best.0 - WORTH_SEARCHING * count {
+        let searched_m = problem.cloud.farthest_move(&searched_at, &there);
+        if searched_m > SEARCH_AGAIN_SHARE * problem.voxel_m {
+            now = problem.state(mountings, surface.find_again());
+            searched_at = there;
+            costs.push(now.cost.min(best.0));
+            if now.cost > best.0 - WORTH_SEARCHING * count {
                 ending = Ending::Alternating;
-                if equations.cost > best.0 {
-                    mountings = best.1;
-                    placed = cloud.place(&mountings);
-                    neighbourhoods = find(cloud, &placed, settings.k, settings.stride);
+                if now.cost > best.0 {
+                    now = problem.at(best.1);
                 }
                 break;
             }
-            best = (equations.cost, mountings.clone());
+            best = (now.cost, now.mountings.clone());
             continue;
         }
-        if small {
-            costs.push(candidate_cost);
+        now = problem.state(mountings, surface);
+        costs.push(now.cost);
+        if is_small || lowered < CONVERGED_COST * count {
             ending = Ending::Converged;
             break;
         }
-        equations = normal_equations(cloud, &placed, &neighbourhoods);
-        costs.push(equations.cost);
     }
-    Ok(ScaleResult {
-        mountings,
+    Ok(Adjusted {
+        state: now,
         ending,
         iterations,
         costs,
-        placed,
-        neighbourhoods,
     })
 }
 
-/// −(BᵀHB + μ diag)⁻¹ Bᵀg, back in all parameters; `None` where nothing is free or the matrix
-/// cannot be factorised at any sensible damping.
+/// −(BᵀHB + μ diag)⁻¹ Bᵀg, back in all parameters; `None` where nothing is free, the gradient is no
+/// number, or the matrix cannot be factorised at any sensible damping.
 fn damped_step(
     equations: &NormalEquations,
     basis: &DMatrix<f64>,
-    damping: f64,
+    mut damping: Damping,
 ) -> Option<DVector<f64>> {
-    if basis.ncols() == 0 {
-        return None;
-    }
     let matrix = basis.transpose() * &equations.matrix * basis;
     let gradient = basis.transpose() * &equations.gradient;
-    let mut damping = damping;
+    if gradient.is_empty() || gradient.iter().any(|entry| !entry.is_finite()) {
+        return None;
+    }
     loop {
         let mut damped = matrix.clone();
         for i in 0..damped.nrows() {
-            damped[(i, i)] *= 1.0 + damping;
+            damped[(i, i)] *= 1.0 + damping.share();
         }
         if let Some(factor) = Cholesky::new(damped) {
             return Some(-(basis * factor.solve(&gradient)));
         }
-        damping = (damping * 100.0).max(1e-9);
-        if damping > LARGEST_DAMPING {
+        if !damping.raise() {
             return None;
         }
     }
 }
 
-impl Ending {
-    /// Whether more iterations would not have changed the result.
-    pub fn is_converged(self) -> bool {
-        matches!(self, Self::Converged | Self::CostFloor | Self::Alternating)
-    }
-}
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
 
-impl std::fmt::Display for Ending {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Converged => "converged",
-            Self::CostFloor => "at the floor of the cost",
-            Self::Alternating => "converged as far as its neighbourhoods tell",
-            Self::NotDetermined => "not determined by the data",
-            Self::IterationsExhausted => "stopped at the allowed number of iterations",
-        })
+    use super::*;
+    use crate::calibration::small_case::{FLOOR_M, case};
+    use crate::geometry::Vec3;
+    use crate::progress::Silent;
+
+    fn minimised(spoil: bool) -> (State, Adjusted) {
+        let (mut cloud, mountings) = case();
+        if spoil {
+            cloud.movable[7].position_m = Vec3::repeat(1e300);
+        }
+        let problem = ScaleProblem {
+            cloud: Arc::new(cloud),
+            voxel_m: 0.5,
+            floor_m: FLOOR_M,
+            k: 20,
+            stride: 1,
+            max_iterations: 30,
+        };
+        let start = problem.at(mountings);
+        let all_free = Observability::of(&start.equations, &start.mountings);
+        assert!(all_free.free.is_empty());
+        let adjusted = minimise(&problem, start.clone(), &all_free, &Silent).unwrap();
+        (start, adjusted)
+    }
+
+    #[test]
+    fn costs_never_rise() {
+        let (start, end) = minimised(false);
+        assert!(end.ending.is_converged(), "{}", end.ending);
+        assert!(end.costs.is_sorted_by(|a, b| a >= b), "{:?}", end.costs);
+        assert!(end.state.cost < start.cost - 1.0);
+    }
+
+    #[test]
+    fn a_cost_that_is_no_number_is_no_convergence() {
+        let (start, end) = minimised(true);
+        assert!(start.cost.is_nan());
+        assert_eq!(end.ending, Ending::NotDetermined);
+        assert_eq!(end.state.mountings, start.mountings);
     }
 }

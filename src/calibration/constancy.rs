@@ -4,15 +4,17 @@
 //! against what errors of the poses alone would give it. A rigid mounting stays within; a mounting
 //! that bends with roll, pitch or acceleration leaves a pattern far larger.
 
-use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
+use rayon::prelude::*;
+use serde::Serialize;
+
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
-use crate::sensor::PoseRecord;
 use crate::statistics::rms;
+use crate::surface::Surface;
 use crate::trajectory::Trajectory;
 
 /// Length of a block, seconds: a pass over a plane of 1 m at 10 cm/s has five.
-pub const BLOCK_S: f64 = 2.0;
+const BLOCK_S: f64 = 2.0;
 
 /// Fewest points whose mean is worth a block.
 const FEWEST_POINTS: usize = 30;
@@ -20,13 +22,16 @@ const FEWEST_POINTS: usize = 30;
 /// Fewest reference members that make a plane.
 const FEWEST_REFERENCE: usize = 6;
 
+/// Fewest blocks that show a pattern.
+const FEWEST_BLOCKS: usize = 10;
+
 /// The block means may be this many times as large as the poses explain before the mounting
 /// counts as not constant. Poses that are a little worse than they claim give 1 to 1.5;
 /// millimetres of bending give 4 and more.
 const SUSPICIOUS_RATIO: f64 = 2.0;
 
 /// One block of one scanner.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Block {
     /// Middle, seconds.
     pub time_s: f64,
@@ -37,102 +42,131 @@ pub struct Block {
 }
 
 /// What the residuals along the drive say.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Constancy {
     /// Blocks of each scanner in time order.
+    #[serde(skip)]
     pub blocks: Vec<Vec<Block>>,
     /// Root mean square of mean / expected over all blocks.
+    #[serde(rename = "ratio_to_expected")]
     pub ratio: f64,
     /// Root mean square of the block means, metres.
+    #[serde(rename = "block_rms_m")]
     pub rms_m: f64,
     /// Whether the mounting seems constant.
     pub constant: bool,
     /// What of the motion the residuals go with most, and how strongly (correlation).
+    #[serde(rename = "strongest_correlation", serialize_with = "named")]
     pub strongest: Option<(&'static str, f64)>,
+}
+
+fn named<S: serde::Serializer>(
+    strongest: &Option<(&'static str, f64)>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Correlation {
+        with: &'static str,
+        coefficient: f64,
+    }
+    strongest
+        .map(|(with, coefficient)| Correlation { with, coefficient })
+        .serialize(serializer)
+}
+
+/// The distance of one scanner point to the reference.
+struct Residual {
+    scanner: usize,
+    time_s: f64,
+    distance_m: f64,
+    /// What the poses alone would give the distance.
+    variance_m2: f64,
 }
 
 #[derive(Clone, Default)]
 struct Sums {
     n: usize,
-    residual: f64,
-    variance: f64,
+    distance_m: f64,
+    variance_m2: f64,
 }
 
-/// Judges the residuals against the reference; `None` without a reference, without standard
-/// deviations of the poses, or where too little of the drive meets the reference.
-pub fn judge(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    neighbourhoods: &Neighbourhoods,
-    trajectory: &Trajectory,
-) -> Option<Constancy> {
-    let (start_s, end_s) = trajectory.span_s();
-    let count = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
-    let mut sums = vec![vec![Sums::default(); count]; cloud.scanners];
-    let movable = cloud.movable.len();
-    let mut reference = Vec::new();
-    for index in 0..neighbourhoods.len() {
-        reference.clear();
-        reference.extend(
-            neighbourhoods
-                .of(index)
-                .iter()
-                .filter(|&&m| m as usize >= movable),
-        );
-        if reference.len() < FEWEST_REFERENCE {
-            continue;
+impl Constancy {
+    /// Holds the distances to the reference against the poses; `None` without a reference, without
+    /// standard deviations of the poses, or where too little of the drive meets the reference.
+    pub fn of(surface: &Surface, trajectory: &Trajectory) -> Option<Self> {
+        let (start_s, end_s) = trajectory.span_s();
+        let count = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
+        let mut sums = vec![vec![Sums::default(); count]; surface.cloud.scanners];
+        let residuals: Vec<Residual> = (0..surface.neighbourhoods.len())
+            .into_par_iter()
+            .filter_map(|index| Residual::of(surface, trajectory, index))
+            .collect();
+        for residual in residuals {
+            let block = ((residual.time_s - start_s) / BLOCK_S) as usize;
+            let sum = &mut sums[residual.scanner][block];
+            sum.n += 1;
+            sum.distance_m += residual.distance_m;
+            sum.variance_m2 += residual.variance_m2;
         }
-        let centre = neighbourhoods.centres[index] as usize;
-        let point = &cloud.movable[centre];
-        let (node, _) = trajectory.locate(point.time_s)?;
-        let shape = StructureTensor::of(&placed.world, &reference);
-        let Some(normal) = upward_normal(&shape) else {
-            continue;
+        let block = |(index, sum): (usize, &Sums)| Block {
+            time_s: start_s + (index as f64 + 0.5) * BLOCK_S,
+            mean_m: sum.distance_m / sum.n as f64,
+            expected_sigma_m: (sum.variance_m2 / sum.n as f64).sqrt(),
         };
-        let Some(variance) = pose_variance(
-            &trajectory.nodes()[node],
-            &(placed.world[centre] - point.body_m),
-            &normal,
-        ) else {
-            continue;
-        };
-        let block = ((point.time_s - start_s) / BLOCK_S) as usize;
-        let sum = &mut sums[point.scanner as usize][block];
-        sum.n += 1;
-        sum.residual += normal.dot(&(placed.world[centre] - shape.mean));
-        sum.variance += variance;
-    }
-    let blocks: Vec<Vec<Block>> = sums
-        .iter()
-        .map(|scanner| {
-            scanner
-                .iter()
-                .enumerate()
-                .filter(|(_, sum)| sum.n >= FEWEST_POINTS)
-                .map(|(block, sum)| Block {
-                    time_s: start_s + (block as f64 + 0.5) * BLOCK_S,
-                    mean_m: sum.residual / sum.n as f64,
-                    expected_sigma_m: (sum.variance / sum.n as f64).sqrt(),
-                })
-                .collect()
+        let blocks: Vec<Vec<Block>> = sums
+            .iter()
+            .map(|scanner| {
+                let sums = scanner.iter().enumerate();
+                sums.filter(|(_, sum)| sum.n >= FEWEST_POINTS)
+                    .map(block)
+                    .collect()
+            })
+            .collect();
+        let all: Vec<&Block> = blocks.iter().flatten().collect();
+        if all.len() < FEWEST_BLOCKS {
+            return None;
+        }
+        let ratio = rms(all
+            .iter()
+            .map(|block| block.mean_m / block.expected_sigma_m));
+        Some(Self {
+            ratio,
+            rms_m: rms(all.iter().map(|block| block.mean_m)),
+            constant: ratio < SUSPICIOUS_RATIO,
+            strongest: strongest_correlation(&blocks, trajectory),
+            blocks,
         })
-        .collect();
-    let all: Vec<&Block> = blocks.iter().flatten().collect();
-    if all.len() < 10 {
-        return None;
     }
-    let ratio = rms(all
-        .iter()
-        .map(|block| block.mean_m / block.expected_sigma_m));
-    let rms_m = rms(all.iter().map(|block| block.mean_m));
-    let strongest = strongest_correlation(&blocks, trajectory);
-    Some(Constancy {
-        blocks,
-        ratio,
-        rms_m,
-        constant: ratio < SUSPICIOUS_RATIO,
-        strongest,
-    })
+}
+
+impl Residual {
+    /// Of the centre of neighbourhood `index`; `None` where the reference has no plane there, or the
+    /// pose no standard deviations.
+    fn of(surface: &Surface, trajectory: &Trajectory, index: usize) -> Option<Self> {
+        let Surface { cloud, placed, .. } = surface;
+        let movable = cloud.movable.len();
+        let members = surface.neighbourhoods.of(index).iter().copied();
+        let reference: Vec<u32> = members.filter(|&m| m as usize >= movable).collect();
+        if reference.len() < FEWEST_REFERENCE {
+            return None;
+        }
+        let centre = surface.neighbourhoods.centres()[index] as usize;
+        let profile = cloud.profile(&cloud.movable[centre]);
+        let (node, _) = trajectory.locate(profile.time_s)?;
+        let shape = StructureTensor::of(&placed.world, &reference);
+        let normal = upward_normal(&shape)?;
+        let sigma = trajectory.nodes()[node].sigma?;
+        let by_pose = surface.rows(centre, &normal).by_pose;
+        // Standard deviations of rotations are about world axes.
+        let moment = profile.rotation * by_pose.rotation;
+        Some(Self {
+            scanner: profile.scanner as usize,
+            time_s: profile.time_s,
+            distance_m: normal.dot(&(placed.world[centre] - shape.mean)),
+            variance_m2: normal.component_mul(&sigma.position_m).norm_squared()
+                + moment.component_mul(&sigma.rotation_rad).norm_squared(),
+        })
+    }
 }
 
 /// The normal of a flat neighbourhood, pointing up; `None` where it is not flat enough to have one.
@@ -145,24 +179,16 @@ fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
     Some(if normal.z < 0.0 { -normal } else { normal })
 }
 
-/// Variance along `normal` that the pose's standard deviations give a point at `arm` (world axes,
-/// from the body's origin): Σ (n·e)² σ_p² + Σ (n · (e × arm))² σ_ω².
-fn pose_variance(node: &PoseRecord, arm: &Vec3, normal: &Vec3) -> Option<f64> {
-    let sigma = node.sigma?;
-    let moment = arm.cross(normal);
-    Some(
-        normal.component_mul(&sigma.position_m).norm_squared()
-            + moment.component_mul(&sigma.rotation_rad).norm_squared(),
-    )
-}
-
 /// The part of the motion that the block means follow most, over all scanners.
 fn strongest_correlation(
     blocks: &[Vec<Block>],
     trajectory: &Trajectory,
 ) -> Option<(&'static str, f64)> {
     let mut best: Option<(&'static str, f64)> = None;
-    for scanner in blocks.iter().filter(|scanner| scanner.len() >= 10) {
+    for scanner in blocks
+        .iter()
+        .filter(|scanner| scanner.len() >= FEWEST_BLOCKS)
+    {
         let residuals: Vec<f64> = scanner.iter().map(|block| block.mean_m).collect();
         let mut motion: [(&'static str, Vec<f64>); 4] =
             ["roll", "pitch", "acceleration along track", "time"].map(|name| (name, Vec::new()));

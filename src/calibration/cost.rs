@@ -32,112 +32,74 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 
-use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
-use crate::cloud::StructureTensor;
-use crate::geometry::Vec3;
+use crate::surface::{Plane, PointRows, Surface};
 
 /// Neighbourhoods a parallel task works on; sums run over tasks in order, so that results do not
 /// depend on the number of threads.
 const CHUNK: usize = 2048;
 
-/// The normal equations at given mountings.
+/// The normal equations at given mountings: six parameters (δp, δφ) a scanner.
 #[derive(Debug, Clone)]
 pub struct NormalEquations {
-    /// Σ ln(λ₃ + s²), lengths in metres.
-    pub cost: f64,
-    /// ∂cost/∂θ, 6 a scanner: (δt, δψ) in body axes.
+    /// g = ∂cost/∂θ.
     pub gradient: DVector<f64>,
-    /// Gauss-Newton matrix, 6 s × 6 s.
+    /// H.
     pub matrix: DMatrix<f64>,
     /// Its diagonal before the means are taken off, 2w/k Σ a_j²: what the points would say of each
     /// parameter if the planes stood still.
     pub uncentred: DVector<f64>,
 }
 
-/// The plane of a neighbourhood and its weight.
-#[derive(Debug, Clone, Copy)]
-pub struct LocalPlane {
-    /// x̄, metres.
-    pub mean: Vec3,
-    /// Unit normal, of either sign.
-    pub normal: Vec3,
-    /// λ₃ + s², m².
-    pub variance: f64,
-    /// 2w/k.
-    pub weight: f64,
+/// λ₃ + s² with s = `floor_m`.
+fn variance(plane: &Plane, floor_m: f64) -> f64 {
+    plane.variance_m2 + floor_m * floor_m
 }
 
-impl LocalPlane {
-    /// The plane of neighbourhood `index`.
-    pub fn of(
-        cloud: &ScaleCloud,
-        placed: &Placed,
-        neighbourhoods: &Neighbourhoods,
-        index: usize,
-    ) -> Self {
-        let members = neighbourhoods.of(index);
-        let tensor = StructureTensor::of(&placed.world, members);
-        let eigen = tensor.eigen();
-        let variance = eigen.values.z + cloud.floor_m * cloud.floor_m;
-        Self {
-            mean: tensor.mean,
-            normal: eigen.vectors.column(2).into(),
-            variance,
-            weight: 2.0 / (variance * members.len() as f64),
-        }
-    }
-
-    /// a = ∂(n·x)/∂(δt, δψ) of the movable point `index`: (Rᵀn, v × Rᵀn) with R = R_mb, v = R_bs x_s.
-    #[inline]
-    pub fn derivative(&self, cloud: &ScaleCloud, placed: &Placed, index: usize) -> Vector6<f64> {
-        let body = cloud.movable[index].world_from_body.tr_mul(&self.normal);
-        let moment = placed.arm[index].cross(&body);
-        Vector6::new(body.x, body.y, body.z, moment.x, moment.y, moment.z)
-    }
+/// 2w/k of a plane through `k` points.
+pub fn weight(plane: &Plane, floor_m: f64, k: usize) -> f64 {
+    2.0 / (variance(plane, floor_m) * k as f64)
 }
 
-/// Σ ln(λ₃ + s²) alone.
-pub fn cost(cloud: &ScaleCloud, placed: &Placed, neighbourhoods: &Neighbourhoods) -> f64 {
-    let partial: Vec<f64> = (0..neighbourhoods.len().div_ceil(CHUNK))
-        .into_par_iter()
+/// a = ∂(n·x)/∂θ of a point in the order of the parameters, (δp, δφ).
+#[inline]
+pub fn derivative(rows: &PointRows) -> Vector6<f64> {
+    let (shift, turn) = (&rows.by_mounting.translation, &rows.by_mounting.rotation);
+    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+}
+
+/// Σ ln(λ₃ + s²).
+pub fn cost(planes: &[Plane], floor_m: f64) -> f64 {
+    let partial: Vec<f64> = planes
+        .par_chunks(CHUNK)
         .map(|chunk| {
-            chunk_range(chunk, neighbourhoods.len())
-                .map(|index| {
-                    let members = neighbourhoods.of(index);
-                    let smallest = StructureTensor::of(&placed.world, members).eigen().values.z;
-                    (smallest + cloud.floor_m * cloud.floor_m).ln()
-                })
+            chunk
+                .iter()
+                .map(|plane| variance(plane, floor_m).ln())
                 .sum()
         })
         .collect();
     partial.iter().sum()
 }
 
-/// The cost, its gradient and the normal matrix.
-pub fn normal_equations(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    neighbourhoods: &Neighbourhoods,
-) -> NormalEquations {
-    let partial: Vec<NormalEquations> = (0..neighbourhoods.len().div_ceil(CHUNK))
+/// Gradient and normal matrix of the cost.
+pub fn normal_equations(surface: &Surface, floor_m: f64) -> NormalEquations {
+    let partial: Vec<NormalEquations> = (0..surface.planes.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
-            let mut sums = Sums::new(cloud.scanners);
-            for index in chunk_range(chunk, neighbourhoods.len()) {
-                sums.add(cloud, placed, neighbourhoods, index);
+            let mut sums = Sums::new(surface.cloud.scanners);
+            for index in chunk * CHUNK..((chunk + 1) * CHUNK).min(surface.planes.len()) {
+                sums.add(surface, floor_m, index);
             }
             sums.finish()
         })
         .collect();
-    let size = 6 * cloud.scanners;
+    let size = 6 * surface.cloud.scanners;
     let zero = NormalEquations {
-        cost: 0.0,
         gradient: DVector::zeros(size),
         matrix: DMatrix::zeros(size, size),
         uncentred: DVector::zeros(size),
     };
     partial.into_iter().fold(zero, |mut total, part| {
-        total.cost += part.cost;
         total.gradient += part.gradient;
         total.matrix += part.matrix;
         total.uncentred += part.uncentred;
@@ -145,13 +107,8 @@ pub fn normal_equations(
     })
 }
 
-fn chunk_range(chunk: usize, len: usize) -> std::ops::Range<usize> {
-    chunk * CHUNK..((chunk + 1) * CHUNK).min(len)
-}
-
 /// Sums over the neighbourhoods of one task.
 struct Sums {
-    cost: f64,
     gradient: Vec<Vector6<f64>>,
     own: Vec<Matrix6<f64>>,
     matrix: DMatrix<f64>,
@@ -161,7 +118,6 @@ struct Sums {
 impl Sums {
     fn new(scanners: usize) -> Self {
         Self {
-            cost: 0.0,
             gradient: vec![Vector6::zeros(); scanners],
             own: vec![Matrix6::zeros(); scanners],
             matrix: DMatrix::zeros(6 * scanners, 6 * scanners),
@@ -169,37 +125,32 @@ impl Sums {
         }
     }
 
-    fn add(
-        &mut self,
-        cloud: &ScaleCloud,
-        placed: &Placed,
-        neighbourhoods: &Neighbourhoods,
-        index: usize,
-    ) {
-        let plane = LocalPlane::of(cloud, placed, neighbourhoods, index);
-        self.cost += plane.variance.ln();
+    fn add(&mut self, surface: &Surface, floor_m: f64, index: usize) {
+        let Surface { cloud, placed, .. } = surface;
+        let plane = &surface.planes[index];
+        let members = surface.neighbourhoods.of(index);
+        let weight = weight(plane, floor_m, members.len());
         self.derivative.fill(Vector6::zeros());
-        let members = neighbourhoods.of(index);
         for &member in members {
             let member = member as usize;
             let Some(point) = cloud.movable.get(member) else {
                 continue;
             };
-            let scanner = point.scanner as usize;
-            let derivative = plane.derivative(cloud, placed, member);
-            let weighted = derivative * plane.weight;
+            let scanner = cloud.profile(point).scanner as usize;
+            let derivative = derivative(&surface.rows(member, &plane.normal));
+            let weighted = derivative * weight;
             let own = &mut self.own[scanner];
             for column in 0..6 {
                 for row in 0..=column {
                     own[(row, column)] += weighted[row] * derivative[column];
                 }
             }
-            let residual = plane.normal.dot(&(placed.world[member] - plane.mean));
+            let residual = plane.normal.dot(&(placed.world[member] - plane.mean_m));
             self.gradient[scanner] += weighted * residual;
             self.derivative[scanner] += derivative;
         }
         // −k ā āᵀ · 2w/k, where `derivative` holds k ā of each scanner.
-        let factor = plane.weight / members.len() as f64;
+        let factor = weight / members.len() as f64;
         for a in 0..cloud.scanners {
             let weighted = self.derivative[a] * factor;
             for b in a..cloud.scanners {
@@ -218,19 +169,10 @@ impl Sums {
             let mut block = self.matrix.fixed_view_mut::<6, 6>(6 * scanner, 6 * scanner);
             block += &*own;
         }
-        for row in 0..6 * scanners {
-            for column in 0..row {
-                self.matrix[(row, column)] = self.matrix[(column, row)];
-            }
-        }
-        let entries = self
-            .gradient
-            .iter()
-            .flat_map(|gradient| gradient.iter().copied());
-        let gradient = DVector::from_iterator(6 * scanners, entries);
+        self.matrix.fill_lower_triangle_with_upper_triangle();
+        let entries = self.gradient.iter().flatten().copied();
         NormalEquations {
-            cost: self.cost,
-            gradient,
+            gradient: DVector::from_iterator(6 * scanners, entries),
             matrix: self.matrix,
             uncentred,
         }
@@ -240,32 +182,24 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::neighbourhoods::find;
-    use crate::calibration::parameters::moved;
-    use crate::calibration::small_case::case;
+    use crate::calibration::parameters::{moved, poses};
+    use crate::calibration::small_case::{FLOOR_M, case, surface};
+    use crate::cloud::StructureTensor;
     use crate::geometry::so3;
 
     #[test]
     fn the_gradient_meets_finite_differences() {
         let (cloud, mountings) = case();
-        let placed = cloud.place(&mountings);
-        let neighbourhoods = find(&cloud, &placed, 20, 1);
-        let equations = normal_equations(&cloud, &placed, &neighbourhoods);
-        assert!(
-            (equations.cost - cost(&cloud, &placed, &neighbourhoods)).abs()
-                < 1e-12 * equations.cost.abs()
-        );
+        let surface = surface(cloud, &mountings, 1);
+        let equations = normal_equations(&surface, FLOOR_M);
         let scale = equations.gradient.amax();
         for parameter in 0..12 {
             // Central differences of 1e-6 on a cost of order 1 are good to about 1e-9.
             let at = |step: f64| {
                 let mut delta = DVector::zeros(12);
                 delta[parameter] = step;
-                cost(
-                    &cloud,
-                    &cloud.place(&moved(&mountings, &delta)),
-                    &neighbourhoods,
-                )
+                let moved = surface.moved(&poses(&moved(&mountings, &delta)));
+                cost(&moved.planes, FLOOR_M)
             };
             let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
             let error = (numeric - equations.gradient[parameter]).abs();
@@ -279,29 +213,31 @@ mod tests {
     #[test]
     fn the_normal_matrix_is_the_definition_summed_point_by_point() {
         let (cloud, mountings) = case();
-        let placed = cloud.place(&mountings);
-        let neighbourhoods = find(&cloud, &placed, 20, 3);
-        let fast = normal_equations(&cloud, &placed, &neighbourhoods);
+        let surface = surface(cloud, &mountings, 3);
+        let Surface { cloud, placed, .. } = &surface;
+        let fast = normal_equations(&surface, FLOOR_M);
         let mut slow = DMatrix::zeros(12, 12);
-        for index in 0..neighbourhoods.len() {
-            let members = neighbourhoods.of(index);
+        for index in 0..surface.planes.len() {
+            let members = surface.neighbourhoods.of(index);
             let tensor = StructureTensor::of(&placed.world, members);
             let eigen = tensor.covariance.symmetric_eigen();
             let smallest = eigen.eigenvalues.imin();
             let normal = eigen.eigenvectors.column(smallest).into_owned();
             let variance = eigen.eigenvalues[smallest];
-            let weight = normal * normal.transpose() / (variance + cloud.floor_m.powi(2));
+            let weight = normal * normal.transpose() / (variance + FLOOR_M.powi(2));
             let derivatives: Vec<DMatrix<f64>> = members
                 .iter()
                 .map(|&member| {
                     let mut full = DMatrix::zeros(3, 12);
                     if let Some(point) = cloud.movable.get(member as usize) {
-                        let at = 6 * point.scanner as usize;
-                        let arm = so3::hat(&placed.arm[member as usize]);
-                        full.view_mut((0, at), (3, 3))
-                            .copy_from(&point.world_from_body);
-                        let turned = -(point.world_from_body * arm);
-                        full.view_mut((0, at + 3), (3, 3)).copy_from(&turned);
+                        let profile = cloud.profile(point);
+                        let scanner = profile.scanner as usize;
+                        let mounting = &mountings[scanner].body_from_scanner;
+                        let arm = so3::hat(&(mounting.rotation * point.position_m));
+                        full.view_mut((0, 6 * scanner), (3, 3))
+                            .copy_from(&profile.rotation);
+                        full.view_mut((0, 6 * scanner + 3), (3, 3))
+                            .copy_from(&-(profile.rotation * arm));
                     }
                     full
                 })

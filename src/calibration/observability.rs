@@ -10,8 +10,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::cost::NormalEquations;
-use super::parameters::{Mounting, euler_jacobian_body};
-use crate::calibration::PARAMETER_NAMES;
+use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
 use crate::geometry::EulerConvention;
 
 /// A rotation counts as the shift it causes at this distance, metres: the working range of a
@@ -24,83 +23,89 @@ pub const LEVER_M: f64 = 1.5;
 pub const WEAK_SHARE: f64 = 2e-4;
 
 /// A direction that the data leave free.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct FreeDirection {
-    /// Six numbers a scanner: shifts in metres, rotations in radians, in body axes.
+    /// (δp, δφ) of every scanner: metres and radians, in body axes.
+    #[serde(skip)]
     pub direction: DVector<f64>,
     /// Share of the information that is left.
+    #[serde(rename = "eigenvalue_share")]
     pub share: f64,
     /// What cannot be found, in words.
+    #[serde(rename = "what")]
     pub words: String,
     /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
+    #[serde(skip)]
     pub parameters: Vec<(usize, usize)>,
 }
 
 /// Eigenvalues of the scaled normal matrix and the directions that are free.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Observability {
     /// Shares of the information that are left, ascending.
+    #[serde(rename = "eigenvalue_shares")]
     pub shares: Vec<f64>,
     /// Free directions; empty where all is determined.
+    #[serde(rename = "undetermined")]
     pub free: Vec<FreeDirection>,
 }
 
-/// Judges the normal equations over the directions `basis` of the mountings.
-pub fn judge(
-    equations: &NormalEquations,
-    basis: &DMatrix<f64>,
-    mountings: &[Mounting],
-) -> Observability {
-    if basis.ncols() == 0 {
-        return Observability {
-            shares: Vec::new(),
-            free: Vec::new(),
-        };
-    }
-    let reduced = basis.transpose() * &equations.matrix * basis;
-    let scale: Vec<f64> = basis
-        .column_iter()
-        .map(|column| {
-            let said = column.component_mul(&column).dot(&equations.uncentred);
-            said.max(f64::MIN_POSITIVE).sqrt().recip()
-        })
-        .collect();
-    let scaled = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
-        reduced[(i, j)] * scale[i] * scale[j]
-    });
-    let eigen = SymmetricEigen::new(scaled);
-    let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let share = |i: usize| eigen.eigenvalues[i].max(0.0);
-    let free = order
-        .iter()
-        .filter(|&&i| share(i) < WEAK_SHARE)
-        .map(|&i| {
-            let coordinates = DVector::from_fn(scale.len(), |row, _| {
-                scale[row] * eigen.eigenvectors[(row, i)]
-            });
-            let direction = (basis * coordinates).normalize();
-            let parameters = concerned(&direction, mountings, None);
-            let words = in_words(&direction, &parameters, mountings);
-            FreeDirection {
-                direction,
-                share: share(i),
-                words,
-                parameters,
-            }
-        })
-        .collect();
-    Observability {
-        shares: order.iter().map(|&i| share(i)).collect(),
-        free,
-    }
-}
-
 impl Observability {
-    /// The part of `basis` in which the free directions stand still.
-    pub fn determined(&self, basis: &DMatrix<f64>) -> DMatrix<f64> {
+    /// What the normal equations at `mountings` say of their free parameters.
+    pub fn of(equations: &NormalEquations, mountings: &[Mounting]) -> Self {
+        let basis = &free_basis(mountings);
+        let reduced = basis.transpose() * &equations.matrix * basis;
+        // Points so far off that their squares overflow leave no numbers, and no eigenvalues.
+        if reduced.is_empty() || reduced.iter().any(|entry| !entry.is_finite()) {
+            return Self {
+                shares: Vec::new(),
+                free: Vec::new(),
+            };
+        }
+        let scale: Vec<f64> = basis
+            .column_iter()
+            .map(|column| {
+                let said = column.component_mul(&column).dot(&equations.uncentred);
+                said.max(f64::MIN_POSITIVE).sqrt().recip()
+            })
+            .collect();
+        let scaled = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
+            reduced[(i, j)] * scale[i] * scale[j]
+        });
+        let eigen = SymmetricEigen::new(scaled);
+        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+        let share = |i: usize| eigen.eigenvalues[i].max(0.0);
+        let free = order
+            .iter()
+            .filter(|&&i| share(i) < WEAK_SHARE)
+            .map(|&i| {
+                let coordinates = DVector::from_fn(scale.len(), |row, _| {
+                    scale[row] * eigen.eigenvectors[(row, i)]
+                });
+                let direction = (basis * coordinates).normalize();
+                let parameters = concerned(&direction, mountings, None);
+                let words = in_words(&direction, &parameters, mountings);
+                FreeDirection {
+                    direction,
+                    share: share(i),
+                    words,
+                    parameters,
+                }
+            })
+            .collect();
+        Self {
+            shares: order.iter().map(|&i| share(i)).collect(),
+            free,
+        }
+    }
+
+    /// The directions in which the free parameters of `mountings` move and those that the data leave
+    /// free stand still: 6 s × f.
+    pub fn determined(&self, mountings: &[Mounting]) -> DMatrix<f64> {
+        let basis = free_basis(mountings);
         if self.free.is_empty() {
-            return basis.clone();
+            return basis;
         }
         // Constraint rows nᵀ P B z = 0; the null space of all of them, by QR of the transpose.
         let constraints = DMatrix::from_fn(basis.ncols(), self.free.len(), |column, row| {
@@ -265,7 +270,6 @@ mod tests {
     fn equations(matrix: DMatrix<f64>) -> NormalEquations {
         let size = matrix.nrows();
         NormalEquations {
-            cost: 0.0,
             gradient: DVector::zeros(size),
             uncentred: DVector::repeat(size, 1.0),
             matrix,
@@ -274,12 +278,7 @@ mod tests {
 
     fn two() -> Vec<Mounting> {
         ["left", "right"]
-            .map(|name| Mounting {
-                name: name.into(),
-                body_from_scanner: BodyFromScanner::identity(),
-                convention: EulerConvention::Zyx,
-                fixed: [false; 6],
-            })
+            .map(|name| Mounting::new(name, BodyFromScanner::identity()))
             .to_vec()
     }
 
@@ -290,12 +289,11 @@ mod tests {
         null[2] = 0.5f64.sqrt();
         null[8] = 0.5f64.sqrt();
         let matrix = DMatrix::identity(12, 12) - &null * null.transpose();
-        let basis = DMatrix::identity(12, 12);
-        let seen = judge(&equations(matrix), &basis, &two());
+        let seen = Observability::of(&equations(matrix), &two());
         assert_eq!(seen.free.len(), 1);
         assert_eq!(seen.free[0].words, "all scanners' common height");
         assert_eq!(seen.free[0].parameters, [(0, 2), (1, 2)]);
-        let held = seen.determined(&basis);
+        let held = seen.determined(&two());
         assert_eq!(held.ncols(), 11);
         assert!((held.transpose() * &null).norm() < 1e-12);
         let mut change = DVector::zeros(12);
@@ -307,16 +305,9 @@ mod tests {
 
     #[test]
     fn a_full_matrix_frees_nothing() {
-        let seen = judge(
-            &equations(DMatrix::identity(12, 12)),
-            &DMatrix::identity(12, 12),
-            &two(),
-        );
+        let seen = Observability::of(&equations(DMatrix::identity(12, 12)), &two());
         assert!(seen.free.is_empty());
-        assert_eq!(
-            seen.determined(&DMatrix::identity(12, 12)),
-            DMatrix::identity(12, 12)
-        );
+        assert_eq!(seen.determined(&two()), DMatrix::identity(12, 12));
     }
 
     #[test]
@@ -326,11 +317,11 @@ mod tests {
         matrix[(2, 2)] = 1e-6;
         let mut mounting = two().remove(0);
         mounting.fixed = [true, true, false, true, true, true];
-        let basis = mounting.free_basis();
-        let seen = judge(&equations(matrix), &basis, &[mounting]);
+        let mountings = [mounting];
+        let seen = Observability::of(&equations(matrix), &mountings);
         assert_eq!(seen.free.len(), 1);
         assert_eq!(seen.free[0].words, "the height of `left`");
-        assert_eq!(seen.determined(&basis).ncols(), 0);
+        assert_eq!(seen.determined(&mountings).ncols(), 0);
     }
 
     #[test]
@@ -339,8 +330,7 @@ mod tests {
         let mut matrix = DMatrix::identity(12, 12);
         matrix[(2, 2)] = 0.0;
         matrix[(8, 8)] = 0.0;
-        let basis = DMatrix::identity(12, 12);
-        let mut seen = judge(&equations(matrix), &basis, &two());
+        let mut seen = Observability::of(&equations(matrix), &two());
         assert_eq!(seen.free.len(), 2);
         for (free, (left, right)) in seen.free.iter_mut().zip([(1.0, 0.9), (0.9, 1.0)]) {
             free.direction = DVector::zeros(12);

@@ -5,12 +5,13 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::adjust::{Ending, ScaleResult, ScaleSettings};
-use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud, farthest_move, find};
-use super::parameters::{self, Mounting};
+use super::observability::Observability;
+use super::parameters::{Mounting, moved, poses};
+use super::scale::{Adjusted, Ending, ScaleProblem};
 use crate::cloud::{StructureTensor, voxel};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::surface::{Neighbourhoods, Placed, SurfaceCloud};
 
 /// Step of the numeric differences: metres and radians.
 const STEP: f64 = 1e-4;
@@ -32,24 +33,50 @@ const FARTHEST_VOXELS: f64 = 4.0;
 /// meet, so that undamped steps overshoot by degrees.
 const HALVINGS: i32 = 12;
 
-/// Keeps one point a voxel of scanners and reference together, with the mountings as now known.
-fn thin(cloud: &ScaleCloud, mountings: &[Mounting], voxel_m: f64) -> ScaleCloud {
-    let placed = cloud.place(mountings);
-    let kept = voxel::thin(&placed.world, voxel_m);
-    let movable = cloud.movable.len();
-    let split = kept.partition_point(|&index| (index as usize) < movable);
-    ScaleCloud {
-        movable: kept[..split]
-            .iter()
-            .map(|&index| cloud.movable[index as usize])
-            .collect(),
-        fixed: kept[split..]
-            .iter()
-            .map(|&index| placed.world[index as usize])
-            .collect(),
-        scanners: cloud.scanners,
-        floor_m: cloud.floor_m,
+/// One point a voxel of scanners and reference together, and the residuals of its neighbourhoods.
+struct Thinned {
+    cloud: SurfaceCloud,
+    neighbourhoods: Neighbourhoods,
+    residuals: DVector<f64>,
+}
+
+impl Thinned {
+    fn new(problem: &ScaleProblem, mountings: &[Mounting]) -> Self {
+        let all = &problem.cloud;
+        let kept = voxel::thin(&all.place(&poses(mountings)).world, problem.voxel_m);
+        let cloud = all.subset(&kept);
+        let placed = cloud.place(&poses(mountings));
+        let centres = (0..cloud.movable.len() as u32).step_by(problem.stride);
+        let neighbourhoods = Neighbourhoods::find(&placed.world, centres.collect(), problem.k);
+        Self {
+            residuals: omnivariances(&placed, &neighbourhoods),
+            cloud,
+            neighbourhoods,
+        }
     }
+
+    /// The residuals of the same neighbourhoods with other mountings.
+    fn residuals_at(&self, mountings: &[Mounting]) -> DVector<f64> {
+        omnivariances(&self.cloud.place(&poses(mountings)), &self.neighbourhoods)
+    }
+
+    /// ∂σ/∂z for a step along each column of `basis`, by central differences over [`STEP`].
+    fn jacobian(&self, mountings: &[Mounting], basis: &DMatrix<f64>) -> DMatrix<f64> {
+        let at = |direction: DVector<f64>| self.residuals_at(&moved(mountings, &direction));
+        let columns: Vec<DVector<f64>> = basis
+            .column_iter()
+            .map(|column| (at(column * STEP) - at(column * -STEP)) / (2.0 * STEP))
+            .collect();
+        DMatrix::from_columns(&columns)
+    }
+}
+
+fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f64> {
+    let values: Vec<f64> = (0..neighbourhoods.len())
+        .into_par_iter()
+        .map(|index| StructureTensor::of(&placed.world, neighbourhoods.of(index)).omnivariance())
+        .collect();
+    DVector::from_vec(values)
 }
 
 /// Minimises Σσ² by Gauss-Newton on the residuals σ; the voxel filter and the neighbourhoods are
@@ -57,61 +84,52 @@ fn thin(cloud: &ScaleCloud, mountings: &[Mounting], voxel_m: f64) -> ScaleCloud 
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
-pub fn adjust_scale(
-    all: &ScaleCloud,
-    start: &[Mounting],
-    basis_of: &dyn Fn(&[Mounting]) -> DMatrix<f64>,
-    settings: ScaleSettings,
+pub fn minimise(
+    problem: &ScaleProblem,
+    start: Vec<Mounting>,
+    observability: &Observability,
     progress: &dyn Progress,
-) -> Result<ScaleResult> {
-    let mut mountings = start.to_vec();
-    let mut costs = Vec::new();
+) -> Result<Adjusted> {
+    let mut mountings = start;
+    let mut thinned = Thinned::new(problem, &mountings);
+    let mut costs = vec![thinned.residuals.norm_squared()];
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
     let (mut lowest, mut lowest_at) = (f64::INFINITY, 0);
-    let found = |mountings: &[Mounting]| {
-        let cloud = thin(all, mountings, settings.voxel_m);
-        let placed = cloud.place(mountings);
-        let neighbourhoods = find(&cloud, &placed, settings.k, settings.stride);
-        let residuals = omnivariances(&placed, &neighbourhoods);
-        (cloud, placed, neighbourhoods, residuals)
-    };
-    let (mut cloud, mut placed, mut neighbourhoods, mut residuals) = found(&mountings);
-    costs.push(residuals.norm_squared());
-    while iterations < settings.max_iterations {
+    while iterations < problem.max_iterations {
         progress.check()?;
         iterations += 1;
-        let basis = basis_of(&mountings);
+        let basis = observability.determined(&mountings);
         if basis.ncols() == 0 {
             ending = Ending::NotDetermined;
             break;
         }
-        let jacobian = jacobian(&cloud, &neighbourhoods, &mountings, &basis);
-        let gradient = jacobian.tr_mul(&residuals);
+        let jacobian = thinned.jacobian(&mountings, &basis);
+        let gradient = jacobian.tr_mul(&thinned.residuals);
         let Some(factor) = Cholesky::new(jacobian.tr_mul(&jacobian)) else {
             ending = Ending::NotDetermined;
             break;
         };
         let step = -(basis * factor.solve(&gradient));
-        let cost = residuals.norm_squared();
+        let cost = thinned.residuals.norm_squared();
+        let here = poses(&mountings);
         let lowered = (0..HALVINGS).find_map(|halvings| {
-            let candidate = parameters::moved(&mountings, &(&step * 0.5f64.powi(halvings)));
-            let moved = cloud.place(&candidate);
+            let candidate = moved(&mountings, &(&step * 0.5f64.powi(halvings)));
+            let moved_m = thinned.cloud.farthest_move(&here, &poses(&candidate));
             // Beyond a few voxels the neighbourhoods say nothing of what would be found there.
-            let near = farthest_move(&placed, &moved) < FARTHEST_VOXELS * settings.voxel_m;
-            let lower = near && omnivariances(&moved, &neighbourhoods).norm_squared() < cost;
-            lower.then_some((candidate, moved))
+            let is_near = moved_m < FARTHEST_VOXELS * problem.voxel_m;
+            let is_lower = is_near && thinned.residuals_at(&candidate).norm_squared() < cost;
+            is_lower.then_some((candidate, moved_m))
         });
-        let Some((candidate, moved)) = lowered else {
+        let Some((candidate, moved_m)) = lowered else {
             ending = Ending::CostFloor;
             break;
         };
-        let moved_m = farthest_move(&placed, &moved);
         mountings = candidate;
-        (cloud, placed, neighbourhoods, residuals) = found(&mountings);
-        let cost = residuals.norm_squared();
+        thinned = Thinned::new(problem, &mountings);
+        let cost = thinned.residuals.norm_squared();
         costs.push(cost);
-        let mean = cost / residuals.len() as f64;
+        let mean = cost / thinned.residuals.len() as f64;
         if moved_m < CONVERGED_M {
             ending = Ending::Converged;
             break;
@@ -123,43 +141,11 @@ pub fn adjust_scale(
             break;
         }
     }
-    // What judges the result afterwards works on all points.
-    let placed = all.place(&mountings);
-    let neighbourhoods = find(all, &placed, settings.k, settings.stride);
-    Ok(ScaleResult {
-        mountings,
+    Ok(Adjusted {
+        // What the result is worth is estimated from all points.
+        state: problem.at(mountings),
         ending,
         iterations,
         costs,
-        placed,
-        neighbourhoods,
     })
-}
-
-fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f64> {
-    let values: Vec<f64> = (0..neighbourhoods.len())
-        .into_par_iter()
-        .map(|index| StructureTensor::of(&placed.world, neighbourhoods.of(index)).omnivariance())
-        .collect();
-    DVector::from_vec(values)
-}
-
-/// ∂σ/∂z for a step along each column of `basis`, by central differences over [`STEP`].
-fn jacobian(
-    cloud: &ScaleCloud,
-    neighbourhoods: &Neighbourhoods,
-    mountings: &[Mounting],
-    basis: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let at = |column: usize, step: f64| {
-        let delta = basis.column(column) * step;
-        omnivariances(
-            &cloud.place(&parameters::moved(mountings, &delta)),
-            neighbourhoods,
-        )
-    };
-    let columns: Vec<DVector<f64>> = (0..basis.ncols())
-        .map(|column| (at(column, STEP) - at(column, -STEP)) / (2.0 * STEP))
-        .collect();
-    DMatrix::from_columns(&columns)
 }

@@ -3,10 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
-use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3};
+use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3, so3};
+
+/// Names of the six parameters of a mounting: translation, then rotation about the body's axes.
+pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
 
 /// The mounting of one scanner as the adjustment sees it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Mounting {
     /// Name of the scanner.
     pub name: String,
@@ -20,12 +23,23 @@ pub struct Mounting {
 }
 
 impl Mounting {
-    /// The tangent of the six-vector (δt, δψ), t ← t + δt and R ← Exp(δψ) R (both in body axes),
-    /// that this scanner's free parameters span: a 6 × f matrix.
+    /// A mounting of which every parameter is free.
+    pub fn new(name: impl Into<String>, body_from_scanner: BodyFromScanner) -> Self {
+        Self {
+            name: name.into(),
+            body_from_scanner,
+            convention: EulerConvention::default(),
+            fixed: [false; 6],
+        }
+    }
+
+    /// What this scanner's free parameters span of its
+    /// [perturbation](crate::geometry::Transform#perturbations), written (δp, δφ) as the parameters
+    /// are: a 6 × f matrix.
     ///
-    /// Free rotations keep δψ itself; where single Euler angles are held, the columns are the
+    /// Free rotations keep δφ itself; where single Euler angles are held, the columns are the
     /// directions in which one of the other angles moves alone.
-    pub fn free_basis(&self) -> DMatrix<f64> {
+    fn free_basis(&self) -> DMatrix<f64> {
         let mut columns: Vec<[f64; 6]> = Vec::new();
         for axis in (0..3).filter(|&axis| !self.fixed[axis]) {
             let mut column = [0.0; 6];
@@ -46,7 +60,7 @@ impl Mounting {
         DMatrix::from_fn(6, columns.len(), |row, column| columns[column][row])
     }
 
-    /// dψ/d(α, β, γ) where single angles are held, `None` where all three move.
+    /// dφ/d(α, β, γ) where single angles are held, `None` where all three move.
     fn body_rotation_from_angles(&self) -> Option<Mat3> {
         if !self.fixed[3..].contains(&true) {
             return None;
@@ -54,18 +68,18 @@ impl Mounting {
         self.angles_from_body_rotation().try_inverse()
     }
 
-    /// d(α, β, γ)/dψ in the mounting's own convention, radians per radian.
+    /// d(α, β, γ)/dφ in the mounting's own convention, radians per radian.
     fn angles_from_body_rotation(&self) -> Mat3 {
         euler_jacobian_body(self.convention, &self.body_from_scanner)
     }
 
-    /// Moves the mounting by the six-vector (δt, δψ). Held angles come out unchanged to the last
+    /// The mounting perturbed by (δp, δφ). Held angles come out unchanged to the last
     /// bit that the conversion keeps.
-    pub fn moved(&self, delta: &[f64]) -> Self {
+    fn moved(&self, delta: &[f64]) -> Self {
         let mut moved = self.clone();
-        let psi = Vec3::new(delta[3], delta[4], delta[5]);
-        let shift_m = Vec3::new(delta[0], delta[1], delta[2]);
-        moved.body_from_scanner = self.body_from_scanner.perturbed(&psi, &shift_m);
+        let dp_m = Vec3::new(delta[0], delta[1], delta[2]);
+        let dphi_rad = Vec3::new(delta[3], delta[4], delta[5]);
+        moved.body_from_scanner = self.body_from_scanner.perturbed(&dphi_rad, &dp_m);
         if self.fixed[3..].contains(&true) {
             let rotation = &mut moved.body_from_scanner.rotation;
             let held = euler_deg_from_rotation(self.convention, &self.body_from_scanner.rotation);
@@ -79,7 +93,7 @@ impl Mounting {
     }
 }
 
-/// d(α, β, γ)/dψ for R ← Exp(ψ) R: the columns of [`euler_jacobian`] turned into body axes.
+/// d(α, β, γ)/dφ for R ← Exp(φ) R: the columns of [`euler_jacobian`] turned into body axes.
 pub fn euler_jacobian_body(
     convention: EulerConvention,
     body_from_scanner: &BodyFromScanner,
@@ -103,7 +117,7 @@ pub fn free_basis(mountings: &[Mounting]) -> DMatrix<f64> {
     basis
 }
 
-/// Moves every mounting by its six entries of `delta`.
+/// Perturbs every mounting by its six entries of `delta`.
 pub fn moved(mountings: &[Mounting], delta: &DVector<f64>) -> Vec<Mounting> {
     mountings
         .iter()
@@ -112,20 +126,34 @@ pub fn moved(mountings: &[Mounting], delta: &DVector<f64>) -> Vec<Mounting> {
         .collect()
 }
 
+/// The (δp, δφ) that lead from `from` to `to`.
+pub fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
+    let parts = from.iter().zip(to).flat_map(|(from, to)| {
+        let (from, to) = (&from.body_from_scanner, &to.body_from_scanner);
+        let shift: Vec3 = to.translation_m - from.translation_m;
+        let turn = so3::log(&(to.rotation * from.rotation.inverse()));
+        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+    });
+    DVector::from_iterator(6 * from.len(), parts)
+}
+
+/// Where the scanners sit on the body.
+pub fn poses(mountings: &[Mounting]) -> Vec<BodyFromScanner> {
+    mountings.iter().map(|m| m.body_from_scanner).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn left(fixed: [bool; 6]) -> Mounting {
         let convention = EulerConvention::Bonn;
+        let rotation = rotation_from_euler_deg(convention, [-145.0, 2.0, 88.0]);
+        let pose = BodyFromScanner::new(rotation, Vec3::new(1.2, -0.5, 0.5));
         Mounting {
-            name: "left".into(),
-            body_from_scanner: BodyFromScanner::new(
-                rotation_from_euler_deg(convention, [-145.0, 2.0, 88.0]),
-                Vec3::new(1.2, -0.5, 0.5),
-            ),
             convention,
             fixed,
+            ..Mounting::new("left", pose)
         }
     }
 
@@ -150,9 +178,8 @@ mod tests {
     fn free_mountings_move_as_the_tangent_says() {
         let mounting = left([false; 6]);
         assert_eq!(mounting.free_basis(), DMatrix::identity(6, 6));
-        let moved = mounting.moved(&[0.1, 0.2, 0.3, 0.01, -0.02, 0.03]);
-        let turned =
-            moved.body_from_scanner.rotation * mounting.body_from_scanner.rotation.inverse();
-        assert!((turned.scaled_axis() - Vec3::new(0.01, -0.02, 0.03)).norm() < 1e-12);
+        let delta = DVector::from_column_slice(&[0.1, 0.2, 0.3, 0.01, -0.02, 0.03]);
+        let moved = mounting.moved(delta.as_slice());
+        assert!((change(&[mounting], &[moved]) - delta).norm() < 1e-12);
     }
 }

@@ -4,31 +4,25 @@
 //! the voxel for a while. Keeping every pass apart matters: their disagreement is what the
 //! calibration looks for, and one point a voxel would hide it.
 
+use super::parameters::Mounting;
+use super::settings::CalibrationSettings;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_key};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format::ProfileReader;
-use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::{Georeferencer, Refused};
 use crate::progress::Progress;
 use crate::sensor::ScanPoint;
+use crate::surface::{Profile, ProfilePoint};
 use crate::trajectory::Trajectory;
 
-/// A laser point that takes part in the adjustment, with the pose at its time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SamplePoint {
-    /// Seconds.
-    pub time_s: f64,
-    /// Scanner frame, metres.
-    pub position_m: Vec3,
-    /// Pose of the body at `time_s`.
-    pub world_from_body: WorldFromBody,
-}
-
-/// What reading a scanner's profiles gave.
+/// What a scanner measured, thinned.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScannerSample {
-    /// Points in time order.
-    pub points: Vec<SamplePoint>,
+    /// Profiles in time order.
+    pub profiles: Vec<Profile>,
+    /// Points in the order of their profiles.
+    pub points: Vec<ProfilePoint>,
     /// Laser points read.
     pub read: u64,
     /// Laser points outside the trajectory's span, left out.
@@ -37,12 +31,82 @@ pub struct ScannerSample {
     pub refused: Refused,
 }
 
+impl ScannerSample {
+    /// Thins `points_m` (scanner frame, metres), measured at `times_s` (seconds on the trajectory's
+    /// clock, in time order), on the finest grid of `settings`.
+    ///
+    /// # Errors
+    /// As many times as points are needed, finite, in time order; some within the trajectory's span.
+    pub fn from_points(
+        mounting: &Mounting,
+        times_s: &[f64],
+        points_m: &[Vec3],
+        trajectory: &Trajectory,
+        settings: &CalibrationSettings,
+    ) -> Result<Self> {
+        let name = &mounting.name;
+        let wrong = |problem, remedy: &str| {
+            let problem = format!("scanner `{name}`: {problem}");
+            Err(Error::data(problem, remedy))
+        };
+        if times_s.len() != points_m.len() {
+            let (times, points) = (times_s.len(), points_m.len());
+            let found = format!("{times} times for {points} points");
+            return wrong(found, "give one time for each point");
+        }
+        let points = times_s.iter().zip(points_m);
+        let finite = |(time_s, point): (&f64, &Vec3)| (time_s + point.sum()).is_finite();
+        if let Some(index) = points.clone().position(|point| !finite(point)) {
+            let found = format!("the coordinates or the time of point {index} are not finite");
+            return wrong(found, "leave out points that were not measured");
+        }
+        if let Some(pair) = times_s.windows(2).find(|pair| pair[1] < pair[0]) {
+            let found = format!("time goes back from {} s to {} s", pair[0], pair[1]);
+            return wrong(found, "sort the points by time");
+        }
+        let mut sampler = Sampler::new(mounting, 0.0, trajectory, settings)?;
+        for (&time_s, &position_m) in points {
+            sampler.show(&ScanPoint {
+                time_s,
+                position_m,
+                intensity: 0.0,
+            });
+        }
+        sampler.finish()
+    }
+
+    /// Where the points are in the world with this mounting, metres.
+    pub fn placed(&self, body_from_scanner: &BodyFromScanner) -> impl Iterator<Item = Vec3> {
+        self.points.iter().map(|point| {
+            let pose = &self.profiles[point.profile as usize].world_from_body;
+            pose.map(&body_from_scanner.map(&point.position_m))
+        })
+    }
+
+    /// Indices of the points left on a grid of `voxel_m` with this mounting, profile by profile.
+    pub(super) fn thinned(
+        &self,
+        body_from_scanner: &BodyFromScanner,
+        voxel_m: f64,
+        pass_gap_s: f64,
+    ) -> Vec<u32> {
+        let profile = |index: u32| self.points[index as usize].profile;
+        let mut thinner = Thinner::new(voxel_m, pass_gap_s);
+        for (index, world) in (0..).zip(self.placed(body_from_scanner)) {
+            let time_s = self.profiles[profile(index) as usize].time_s;
+            thinner.show(index, time_s, &world);
+        }
+        thinner.kept.sort_by_key(|&index| profile(index));
+        thinner.kept
+    }
+}
+
 /// Keeps, of the points it is shown in time order, the one nearest each voxel's centre a pass.
-struct Thinner {
+struct Thinner<Point> {
     voxel_m: f64,
     pass_gap_s: f64,
     latest: VoxelMap<VoxelKey, Latest>,
-    kept: Vec<SamplePoint>,
+    kept: Vec<Point>,
 }
 
 struct Latest {
@@ -51,7 +115,7 @@ struct Latest {
     offset_squared: f64,
 }
 
-impl Thinner {
+impl<Point> Thinner<Point> {
     fn new(voxel_m: f64, pass_gap_s: f64) -> Self {
         Self {
             voxel_m,
@@ -61,23 +125,23 @@ impl Thinner {
         }
     }
 
-    fn show(&mut self, point: SamplePoint, world: &Vec3) {
+    fn show(&mut self, point: Point, time_s: f64, world: &Vec3) {
         let key = voxel_key(world, self.voxel_m);
         let offset_squared = squared_distance_to_centre(world, self.voxel_m);
         let next = self.kept.len();
         let entry = self.latest.entry(key).or_insert(Latest {
             kept: next,
-            seen_s: point.time_s,
+            seen_s: time_s,
             offset_squared: f64::INFINITY,
         });
-        if point.time_s - entry.seen_s > self.pass_gap_s {
+        if time_s - entry.seen_s > self.pass_gap_s {
             *entry = Latest {
                 kept: next,
-                seen_s: point.time_s,
+                seen_s: time_s,
                 offset_squared: f64::INFINITY,
             };
         }
-        entry.seen_s = point.time_s;
+        entry.seen_s = time_s;
         if entry.kept == next {
             self.kept.push(point);
             entry.offset_squared = offset_squared;
@@ -86,116 +150,178 @@ impl Thinner {
             entry.offset_squared = offset_squared;
         }
     }
+}
 
-    fn finish(mut self) -> Vec<SamplePoint> {
-        self.kept.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        self.kept
+/// Thins a scanner's points as they stream by.
+struct Sampler<'a> {
+    mounting: &'a Mounting,
+    trajectory: &'a Trajectory,
+    georeferencer: Georeferencer<'a>,
+    /// Times and places in the scanner frame.
+    thinner: Thinner<(f64, Vec3)>,
+}
+
+impl<'a> Sampler<'a> {
+    fn new(
+        mounting: &'a Mounting,
+        time_offset_s: f64,
+        trajectory: &'a Trajectory,
+        settings: &CalibrationSettings,
+    ) -> Result<Self> {
+        let (_, finest_m) = settings.scales()?;
+        let pose = mounting.body_from_scanner;
+        Ok(Self {
+            mounting,
+            trajectory,
+            georeferencer: Georeferencer::new(trajectory, pose, time_offset_s),
+            thinner: Thinner::new(finest_m, settings.pass_gap_s),
+        })
+    }
+
+    fn show(&mut self, point: &ScanPoint) {
+        if let (time_s, Some(pose)) = self.georeferencer.body_at(point) {
+            let body = self.mounting.body_from_scanner.map(&point.position_m);
+            let kept = (time_s, point.position_m);
+            self.thinner.show(kept, time_s, &pose.map(&body));
+        }
+    }
+
+    fn finish(self) -> Result<ScannerSample> {
+        self.georeferencer.check(&self.mounting.name)?;
+        let mut kept = self.thinner.kept;
+        kept.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut profiles: Vec<Profile> = Vec::new();
+        let mut cursor = self.trajectory.cursor();
+        // Every point kept has a pose, the same as when it was shown.
+        let points = kept.into_iter().filter_map(|(time_s, position_m)| {
+            if profiles.last().is_none_or(|last| last.time_s != time_s) {
+                let world_from_body = cursor.pose_at(time_s)?;
+                profiles.push(Profile {
+                    time_s,
+                    world_from_body,
+                });
+            }
+            Some(ProfilePoint {
+                profile: profiles.len() as u32 - 1,
+                position_m,
+            })
+        });
+        Ok(ScannerSample {
+            points: points.collect(),
+            profiles,
+            read: self.georeferencer.read(),
+            outside: self.georeferencer.outside(),
+            refused: self.georeferencer.refused().clone(),
+        })
     }
 }
 
-/// Reads a scanner's profiles once, in bounded memory, and thins them on a grid of `voxel_m`.
+/// Reads a scanner's profiles once, in bounded memory, and thins them on the finest grid of
+/// `settings`.
 ///
-/// The voxels are those of the mounting `body_from_scanner` as known so far: within a pass a wrong
-/// mounting shifts all points alike, so the density comes out right all the same. `offset_s` is
-/// added to the sensor's times.
+/// The voxels are those of `mounting` as known so far: within a pass a wrong mounting shifts all
+/// points alike, so the density comes out right all the same. `time_offset_s` is added to the
+/// sensor's times.
 ///
 /// # Errors
 /// What the reader finds; no point within the trajectory's span (with both spans).
-#[allow(clippy::too_many_arguments)]
 pub fn sample_profiles(
-    name: &str,
+    mounting: &Mounting,
     readers: Vec<Box<dyn ProfileReader>>,
-    offset_s: f64,
+    time_offset_s: f64,
     trajectory: &Trajectory,
-    body_from_scanner: &BodyFromScanner,
-    voxel_m: f64,
-    pass_gap_s: f64,
+    settings: &CalibrationSettings,
     progress: &dyn Progress,
 ) -> Result<ScannerSample> {
-    let mut thinner = Thinner::new(voxel_m, pass_gap_s);
-    let mut georeferencer = Georeferencer::new(trajectory, *body_from_scanner, offset_s);
+    let mut sampler = Sampler::new(mounting, time_offset_s, trajectory, settings)?;
     let mut chunk: Vec<ScanPoint> = Vec::new();
     for mut reader in readers {
         let mut bytes = 0;
         while reader.next_chunk(&mut chunk)? {
-            for point in &chunk {
-                let (time_s, pose) = georeferencer.body_at(point);
-                let Some(world_from_body) = pose else {
-                    continue;
-                };
-                let position_m = point.position_m;
-                let world = world_from_body.map(&body_from_scanner.map(&position_m));
-                thinner.show(
-                    SamplePoint {
-                        time_s,
-                        position_m,
-                        world_from_body,
-                    },
-                    &world,
-                );
-            }
+            chunk.iter().for_each(|point| sampler.show(point));
             progress.advance(reader.bytes_read() - bytes);
             progress.check()?;
             bytes = reader.bytes_read();
         }
     }
-    georeferencer.check(name)?;
-    Ok(ScannerSample {
-        points: thinner.finish(),
-        read: georeferencer.read(),
-        outside: georeferencer.outside(),
-        refused: georeferencer.refused().clone(),
-    })
-}
-
-/// Thins a sample further, on a grid of `voxel_m`, with the mounting as now known.
-pub fn thin_further(
-    points: &[SamplePoint],
-    body_from_scanner: &BodyFromScanner,
-    voxel_m: f64,
-    pass_gap_s: f64,
-) -> Vec<SamplePoint> {
-    let mut thinner = Thinner::new(voxel_m, pass_gap_s);
-    for point in points {
-        let body = body_from_scanner.map(&point.position_m);
-        thinner.show(*point, &point.world_from_body.map(&body));
-    }
-    thinner.finish()
+    sampler.finish()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::WorldFromBody;
+    use crate::sensor::PoseRecord;
 
-    fn at(time_s: f64, x: f64) -> SamplePoint {
-        SamplePoint {
+    /// Points on a line, (time, x), from a body at rest.
+    fn sampled(points: &[(f64, f64)], voxel_m: f64) -> Result<ScannerSample> {
+        let record = |time_s| PoseRecord {
             time_s,
-            position_m: Vec3::new(x, 0.5, 0.5),
             world_from_body: WorldFromBody::identity(),
-        }
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        };
+        let trajectory = Trajectory::new(vec![record(0.0), record(100.0)]).unwrap();
+        let (times, points): (Vec<f64>, Vec<Vec3>) = points
+            .iter()
+            .map(|&(time_s, x)| (time_s, Vec3::new(x, 0.5, 0.5)))
+            .unzip();
+        let settings = CalibrationSettings {
+            voxel_sizes_m: vec![voxel_m],
+            ..CalibrationSettings::default()
+        };
+        let mounting = Mounting::new("left", BodyFromScanner::identity());
+        ScannerSample::from_points(&mounting, &times, &points, &trajectory, &settings)
     }
+
+    fn found(sample: &ScannerSample, indices: impl IntoIterator<Item = u32>) -> Vec<(f64, f64)> {
+        let point = |index: u32| {
+            let point = &sample.points[index as usize];
+            let profile = &sample.profiles[point.profile as usize];
+            (profile.time_s, point.position_m.x)
+        };
+        indices.into_iter().map(point).collect()
+    }
+
+    /// Voxel [0, 1): seen at 0–0.3 s, again at 10 s; voxel [1, 2) once, with the time of another.
+    const SEEN: [(f64, f64); 6] = [
+        (0.0, 0.1),
+        (0.1, 0.45),
+        (0.2, 0.9),
+        (0.2, 1.2),
+        (0.3, 0.7),
+        (10.0, 0.8),
+    ];
 
     #[test]
     fn each_pass_keeps_the_point_nearest_the_centre() {
-        // Voxel [0, 1): seen at 0–0.3 s, again at 10 s; voxel [1, 2) once.
-        let points = [
-            at(0.0, 0.1),
-            at(0.1, 0.45),
-            at(0.2, 0.9),
-            at(0.3, 1.2),
-            at(10.0, 0.8),
-        ];
-        let kept = thin_further(&points, &BodyFromScanner::identity(), 1.0, 3.0);
-        let found: Vec<_> = kept.iter().map(|p| (p.time_s, p.position_m.x)).collect();
-        assert_eq!(found, [(0.1, 0.45), (0.3, 1.2), (10.0, 0.8)]);
+        let kept = [(0.1, 0.45), (0.2, 1.2), (10.0, 0.8)];
+        let sample = sampled(&SEEN, 1.0).unwrap();
+        assert_eq!(found(&sample, 0..3), kept);
+        let all = sampled(&SEEN, 0.01).unwrap();
+        assert_eq!(found(&all, 0..6), SEEN);
+        assert_eq!(all.profiles.len(), 5);
+        let thinned = all.thinned(&BodyFromScanner::identity(), 1.0, 3.0);
+        assert_eq!(found(&all, thinned), kept);
     }
 
     #[test]
     fn a_standing_scanner_makes_one_pass_however_long_it_stands() {
-        let points: Vec<_> = (0..100).map(|i| at(f64::from(i), 0.5)).collect();
-        assert_eq!(
-            thin_further(&points, &BodyFromScanner::identity(), 1.0, 3.0).len(),
-            1
-        );
+        let points: Vec<_> = (0..100).map(|i| (f64::from(i), 0.5)).collect();
+        assert_eq!(sampled(&points, 1.0).unwrap().points.len(), 1);
+    }
+
+    #[test]
+    fn arrays_that_are_no_scan_are_refused() {
+        for (points, named) in [
+            (&[(0.0, 0.1), (1.0, f64::NAN)][..], "point 1 are not finite"),
+            (&[(1.0, 0.1), (0.5, 0.1)], "goes back from 1 s to 0.5 s"),
+            (&[(101.0, 0.1)], "miss each other by 1.000 s"),
+            (&[], "has no points"),
+        ] {
+            let error = sampled(points, 1.0).unwrap_err().to_string();
+            assert!(error.contains(named) && error.contains("left"), "{error}");
+        }
     }
 }

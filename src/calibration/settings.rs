@@ -1,5 +1,7 @@
 //! How the mountings are found.
 
+use crate::error::{Error, Result};
+
 /// How the mounting is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -38,5 +40,32 @@ impl Default for CalibrationSettings {
     }
 }
 
-/// Names of the six parameters of a mounting: translation, then rotation about the body's axes.
-pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
+impl CalibrationSettings {
+    /// The voxel sizes but the last, and the last.
+    ///
+    /// # Errors
+    /// No voxel size, or sizes that are not positive and ever smaller; neighbourhoods of fewer than
+    /// four points.
+    pub(super) fn scales(&self) -> Result<(&[f64], f64)> {
+        let sizes = &self.voxel_sizes_m;
+        let is_positive = sizes.iter().all(|&size| size > 0.0 && size.is_finite());
+        let falls = sizes.is_sorted_by(|a, b| a > b);
+        let (true, true, Some((&finest, coarser))) = (is_positive, falls, sizes.split_last())
+        else {
+            return Err(Error::data(
+                format!("voxel_sizes_m = {sizes:?}"),
+                "give at least one size above 0 m, each smaller than the one before",
+            ));
+        };
+        if self.neighbours < 4 {
+            return Err(Error::data(
+                format!(
+                    "neighbours = {}: three points always lie in a plane",
+                    self.neighbours
+                ),
+                "use 4 or more",
+            ));
+        }
+        Ok((coarser, finest))
+    }
+}

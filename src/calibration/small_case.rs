@@ -1,8 +1,13 @@
 //! A small scene for tests: every kind of point, nothing symmetric.
 
-use super::neighbourhoods::{MovablePoint, ScaleCloud};
-use super::parameters::Mounting;
-use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
+use std::sync::Arc;
+
+use super::parameters::{Mounting, poses};
+use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
+use crate::surface::{Profile, ProfilePoint, Surface, SurfaceCloud};
+
+/// The thickness below which flatness says nothing.
+pub const FLOOR_M: f64 = 0.02;
 
 /// Numbers in [-1, 1) from a linear congruential generator: the same everywhere.
 fn numbers() -> impl FnMut() -> f64 {
@@ -16,20 +21,22 @@ fn numbers() -> impl FnMut() -> f64 {
 }
 
 /// Two scanners over a bumpy surface, each point with a pose of its own, and a reference.
-pub fn case() -> (ScaleCloud, Vec<Mounting>) {
+pub fn case() -> (SurfaceCloud, Vec<Mounting>) {
     let mut next = numbers();
-    let movable = (0..400)
-        .map(|i| {
-            let turn = Rotation::from_scaled_axis(Vec3::new(next(), next(), next()) * 0.3);
-            MovablePoint {
-                scanner: i % 2,
-                time_s: f64::from(i),
-                position_m: Vec3::new(next(), 0.1 * next(), -1.0 + 0.05 * next()),
-                world_from_body: *turn.to_rotation_matrix().matrix(),
-                body_m: Vec3::new(next(), next(), 2.0),
-            }
-        })
-        .collect();
+    let mut scanners = [(); 2].map(|()| (Vec::new(), Vec::new()));
+    for i in 0..400 {
+        let turn = Rotation::from_scaled_axis(Vec3::new(next(), next(), next()) * 0.3);
+        let position_m = Vec3::new(next(), 0.1 * next(), -1.0 + 0.05 * next());
+        let (profiles, points) = &mut scanners[i % 2];
+        points.push(ProfilePoint {
+            profile: profiles.len() as u32,
+            position_m,
+        });
+        profiles.push(Profile {
+            time_s: i as f64 * 1e-3,
+            world_from_body: WorldFromBody::new(turn, Vec3::new(next(), next(), 2.0)),
+        });
+    }
     let fixed = (0..100)
         .map(|_| Vec3::new(next(), next(), 1.0 + 0.3 * next()))
         .collect();
@@ -37,21 +44,17 @@ pub fn case() -> (ScaleCloud, Vec<Mounting>) {
         .map(|name| {
             let translation_m = Vec3::new(0.3 * next(), 0.3 * next(), 0.1 * next());
             let rotation = Rotation::from_scaled_axis(Vec3::new(next(), next(), next()));
-            Mounting {
-                name: name.into(),
-                body_from_scanner: BodyFromScanner::new(rotation, translation_m),
-                convention: EulerConvention::Zyx,
-                fixed: [false; 6],
-            }
+            Mounting::new(name, BodyFromScanner::new(rotation, translation_m))
         })
         .to_vec();
-    (
-        ScaleCloud {
-            movable,
-            fixed,
-            scanners: 2,
-            floor_m: 0.02,
-        },
-        mountings,
-    )
+    let mut cloud = SurfaceCloud::new(fixed);
+    for (profiles, points) in scanners {
+        cloud.add_scanner(&profiles, points);
+    }
+    (cloud, mountings)
+}
+
+/// The cloud placed, with neighbourhoods of 20 around every `stride`-th point.
+pub fn surface(cloud: SurfaceCloud, mountings: &[Mounting], stride: usize) -> Surface {
+    Surface::new(Arc::new(cloud), &poses(mountings), 20, stride)
 }

@@ -6,266 +6,301 @@
 //!   G_l = Σ_{i ∋ l} 2w_i/k (a_l − ā_i) n_iᵀ,
 //!
 //! and the mountings by −N⁻¹ G_l dx. Two things move points: the scanner's noise and roughness,
-//! independent from point to point, and the poses, whose errors are correlated along the drive:
-//! dx = dp − R_mb (u)× dφ with u = t_bs + R_bs x_s. The smoother propagates the latter with its
-//! full posterior covariance, correlations in time included. Uncertainties that ignore the poses
-//! would be too small by an order of magnitude. The
-//! reference counts as exact: its own noise averages out over thousands of points, and an error of
-//! its registration moves all scanners alike.
+//! independent from point to point, and the poses, whose errors are correlated along the drive and
+//! reach a profile's points through their rows by the pose. The smoother propagates the latter with
+//! its full posterior covariance, correlations in time included. Uncertainties that ignore the poses
+//! would be too small by an order of magnitude. The reference counts as exact: its own noise averages
+//! out over thousands of points, and an error of its registration moves all scanners alike.
 
-use nalgebra::{DMatrix, Matrix6x3, Vector6};
+use nalgebra::{Cholesky, DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
-use super::cost::LocalPlane;
-use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
-use super::parameters::Mounting;
-use crate::cloud::StructureTensor;
-use crate::geometry::{Mat3, Vec3, so3};
-use crate::sensor::PoseRecord;
-use crate::trajectory::{PoseGradient, PosteriorCovariance, Trajectory};
-
-/// What is known of the errors of the poses.
-#[derive(Debug, Clone, Copy)]
-pub enum PoseUncertainty<'a> {
-    /// The smoother's posterior, correlations included.
-    Smoothed(&'a PosteriorCovariance),
-    /// Standard deviations beside the poses; errors are taken as constant over [`BLOCK_S`].
-    Sigmas,
-    /// Nothing is known, or the poses are exact: sigmas hold for exact poses.
-    None,
-}
+use super::cost::{derivative, weight};
+use super::input::{Input, PoseUncertainty};
+use super::scale::Solved;
+use crate::geometry::Vec3;
+use crate::surface::{Memberships, PosedProfile, Surface};
+use crate::trajectory::{PoseGradient, Trajectory};
 
 /// Time over which errors of poses given with standard deviations alone count as constant,
 /// seconds: about the time a total station's position and a filter's attitude keep their error.
-pub const BLOCK_S: f64 = 5.0;
+const BLOCK_S: f64 = 5.0;
 
-/// ∂g/∂x of every movable point for the six rows of one scanner.
-fn point_gradients(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    neighbourhoods: &Neighbourhoods,
-    scanner: usize,
-) -> Vec<Matrix6x3<f64>> {
-    let mut gradients = vec![Matrix6x3::zeros(); cloud.movable.len()];
-    let mut derivatives = Vec::new();
-    for index in 0..neighbourhoods.len() {
-        let members = neighbourhoods.of(index);
-        let plane = LocalPlane::of(cloud, placed, neighbourhoods, index);
-        derivatives.clear();
-        derivatives.extend(members.iter().map(|&member| {
-            let own = cloud.movable.get(member as usize);
-            let own = own.is_some_and(|point| point.scanner as usize == scanner);
-            own.then(|| plane.derivative(cloud, placed, member as usize))
-        }));
-        if derivatives.iter().all(Option::is_none) {
-            continue;
+/// Points a parallel task works on.
+const CHUNK: usize = 4096;
+
+/// Tasks whose results are held at a time.
+const BATCH: usize = 16;
+
+/// How the gradient g changes where single points move.
+struct Sensitivity<'a> {
+    surface: &'a Surface,
+    /// 2w/k of each neighbourhood.
+    weights: Vec<f64>,
+    /// ā of each neighbourhood, scanner by scanner.
+    means: Vec<Vector6<f64>>,
+    memberships: Memberships,
+}
+
+impl<'a> Sensitivity<'a> {
+    fn new(surface: &'a Surface, floor_m: f64) -> Self {
+        let cloud = &surface.cloud;
+        let k = surface.neighbourhoods.k();
+        let means = (0..surface.planes.len())
+            .into_par_iter()
+            .flat_map_iter(|index| {
+                let mut means = vec![Vector6::zeros(); cloud.scanners];
+                for &member in surface.neighbourhoods.of(index) {
+                    if let Some(point) = cloud.movable.get(member as usize) {
+                        let rows = surface.rows(member as usize, &surface.planes[index].normal);
+                        means[cloud.profile(point).scanner as usize] += derivative(&rows);
+                    }
+                }
+                means.into_iter().map(move |sum| sum / k as f64)
+            });
+        Self {
+            weights: surface
+                .planes
+                .iter()
+                .map(|plane| weight(plane, floor_m, k))
+                .collect(),
+            means: means.collect(),
+            memberships: surface.neighbourhoods.memberships(cloud.movable.len()),
+            surface,
         }
-        let sum = derivatives
-            .iter()
-            .flatten()
-            .fold(Vector6::zeros(), |sum, a| sum + a);
-        let mean = sum / members.len() as f64;
-        let weighted = (plane.normal * plane.weight).transpose();
-        for (&member, derivative) in members.iter().zip(&derivatives) {
-            if let Some(gradient) = gradients.get_mut(member as usize) {
-                *gradient += (derivative.unwrap_or_default() - mean) * weighted;
+    }
+
+    /// G_l = ∂g/∂x of movable point `l`: the six rows of every scanner.
+    fn of(&self, l: usize) -> Vec<Matrix6x3<f64>> {
+        let cloud = &self.surface.cloud;
+        let own = cloud.profile(&cloud.movable[l]).scanner as usize;
+        let mut gradients = vec![Matrix6x3::zeros(); cloud.scanners];
+        for &index in self.memberships.of(l) {
+            let index = index as usize;
+            let normal = &self.surface.planes[index].normal;
+            let weighted = (normal * self.weights[index]).transpose();
+            let means = &self.means[cloud.scanners * index..];
+            for (scanner, (gradient, mean)) in gradients.iter_mut().zip(means).enumerate() {
+                let a = if scanner == own {
+                    derivative(&self.surface.rows(l, normal))
+                } else {
+                    Vector6::zeros()
+                };
+                *gradient += (a - mean) * weighted;
+            }
+        }
+        gradients
+    }
+}
+
+/// What part of the points contributes.
+struct Part {
+    /// Σ G_l s_l² G_lᵀ.
+    scatter: DMatrix<f64>,
+    /// ∂g/∂(δφ, δp) of the pose of each profile, row by row.
+    by_pose: Vec<(u32, Vec<f64>)>,
+}
+
+impl Part {
+    /// Of the points of `range`, whose scatter s_l² is in `variances`.
+    fn new(
+        sensitivity: &Sensitivity<'_>,
+        variances: &[f64],
+        range: std::ops::Range<usize>,
+    ) -> Self {
+        let surface = sensitivity.surface;
+        let size = 6 * surface.cloud.scanners;
+        let mut part = Self {
+            scatter: DMatrix::zeros(size, size),
+            by_pose: Vec::new(),
+        };
+        let mut l = range.start;
+        for points in surface.cloud.movable[range].chunk_by(|a, b| a.profile == b.profile) {
+            let mut by_pose = vec![0.0; 6 * size];
+            for _ in points {
+                let gradients = sensitivity.of(l);
+                part.add_scatter(&gradients, variances[l]);
+                let directions = gradients.iter().flat_map(|rows| rows.row_iter());
+                for (sums, direction) in by_pose.chunks_exact_mut(6).zip(directions) {
+                    let row = surface.rows(l, &direction.transpose()).by_pose;
+                    for axis in 0..3 {
+                        sums[axis] += row.rotation[axis];
+                        sums[3 + axis] += row.translation[axis];
+                    }
+                }
+                l += 1;
+            }
+            part.by_pose.push((points[0].profile, by_pose));
+        }
+        part
+    }
+
+    fn add_scatter(&mut self, gradients: &[Matrix6x3<f64>], variance: f64) {
+        for (a, left) in gradients.iter().enumerate() {
+            for (b, right) in gradients.iter().enumerate().skip(a) {
+                let mut block = self.scatter.fixed_view_mut::<6, 6>(6 * a, 6 * b);
+                block += left * right.transpose() * variance;
             }
         }
     }
-    gradients
 }
 
 /// Covariance of the gradient g: what scatter of the points and errors of the poses do to it.
-pub fn gradient_covariance(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    neighbourhoods: &Neighbourhoods,
-    mountings: &[Mounting],
+fn gradient_covariance(
+    surface: &Surface,
+    floor_m: f64,
     trajectory: &Trajectory,
     poses: PoseUncertainty<'_>,
 ) -> DMatrix<f64> {
-    let gradients: Vec<Vec<Matrix6x3<f64>>> = (0..cloud.scanners)
-        .into_par_iter()
-        .map(|scanner| point_gradients(cloud, placed, neighbourhoods, scanner))
-        .collect();
-    let mut covariance = scatter_part(cloud, placed, neighbourhoods, &gradients);
-    covariance += match poses {
-        PoseUncertainty::Smoothed(posterior) => {
-            smoothed_part(cloud, placed, &gradients, mountings, trajectory, posterior)
-        }
-        PoseUncertainty::Sigmas => sigmas_part(cloud, placed, &gradients, trajectory),
-        PoseUncertainty::None => DMatrix::zeros(covariance.nrows(), covariance.ncols()),
-    };
-    covariance
-}
-
-/// Σ_l G_l s_l² G_lᵀ with s_l² the smallest eigenvalue of the neighbourhood around point l: its
-/// scatter about the local plane. Points that are no centre take the mean of the others.
-fn scatter_part(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    neighbourhoods: &Neighbourhoods,
-    gradients: &[Vec<Matrix6x3<f64>>],
-) -> DMatrix<f64> {
-    let variances: Vec<f64> = (0..neighbourhoods.len())
-        .into_par_iter()
-        .map(|index| {
-            let members = neighbourhoods.of(index);
-            StructureTensor::of(&placed.world, members).eigen().values.z
-        })
-        .collect();
-    let mean = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
-    let mut of_point = vec![mean; cloud.movable.len()];
-    for (&centre, &variance) in neighbourhoods.centres.iter().zip(&variances) {
-        of_point[centre as usize] = variance;
-    }
-    let size = 6 * cloud.scanners;
+    let sensitivity = Sensitivity::new(surface, floor_m);
+    let variances = scatter(surface);
+    let size = 6 * surface.cloud.scanners;
+    let points = surface.cloud.movable.len();
     let mut covariance = DMatrix::zeros(size, size);
-    for a in 0..cloud.scanners {
-        for b in a..cloud.scanners {
-            let mut block = nalgebra::Matrix6::zeros();
-            for (l, variance) in of_point.iter().enumerate() {
-                block += gradients[a][l] * gradients[b][l].transpose() * *variance;
+    let mut errors = PoseErrors::new(size, trajectory, poses);
+    for batch in (0..points).step_by(BATCH * CHUNK) {
+        let starts = (batch..points.min(batch + BATCH * CHUNK))
+            .into_par_iter()
+            .step_by(CHUNK);
+        let parts: Vec<Part> = starts
+            .map(|start| Part::new(&sensitivity, &variances, start..points.min(start + CHUNK)))
+            .collect();
+        for part in parts {
+            covariance += part.scatter;
+            for (profile, gradient) in &part.by_pose {
+                errors.add(&surface.cloud.profiles[*profile as usize], gradient);
             }
-            covariance
-                .fixed_view_mut::<6, 6>(6 * a, 6 * b)
-                .copy_from(&block);
-            covariance
-                .fixed_view_mut::<6, 6>(6 * b, 6 * a)
-                .copy_from(&block.transpose());
         }
     }
-    covariance
+    covariance.fill_lower_triangle_with_upper_triangle();
+    covariance + errors.covariance()
 }
 
-/// G_x Cov(nodes) G_xᵀ by the smoother, poses between nodes shared between both by time.
-fn smoothed_part(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    gradients: &[Vec<Matrix6x3<f64>>],
-    mountings: &[Mounting],
-    trajectory: &Trajectory,
-    posterior: &PosteriorCovariance,
-) -> DMatrix<f64> {
-    let size = 6 * cloud.scanners;
-    let mut functional = PoseGradient::new(size, trajectory.nodes().len());
-    for (l, point) in cloud.movable.iter().enumerate() {
-        let Some((node, fraction)) = trajectory.locate(point.time_s) else {
-            continue;
+/// s_l²: the smallest eigenvalue of the neighbourhood around each movable point; points that are no
+/// centre take the mean of the others.
+fn scatter(surface: &Surface) -> Vec<f64> {
+    let planes = &surface.planes;
+    let sum: f64 = planes.iter().map(|plane| plane.variance_m2).sum();
+    let mut variances = vec![sum / planes.len().max(1) as f64; surface.cloud.movable.len()];
+    for (&centre, plane) in surface.neighbourhoods.centres().iter().zip(planes) {
+        variances[centre as usize] = plane.variance_m2;
+    }
+    variances
+}
+
+/// What errors of the poses do to the gradient.
+struct PoseErrors<'a> {
+    trajectory: &'a Trajectory,
+    poses: PoseUncertainty<'a>,
+    by_node: PoseGradient,
+    by_block: Vec<DMatrix<f64>>,
+}
+
+impl<'a> PoseErrors<'a> {
+    fn new(size: usize, trajectory: &'a Trajectory, poses: PoseUncertainty<'a>) -> Self {
+        let (start_s, end_s) = trajectory.span_s();
+        let blocks = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
+        Self {
+            trajectory,
+            poses,
+            by_node: PoseGradient::new(size, trajectory.nodes().len()),
+            by_block: vec![DMatrix::zeros(size, 6); blocks],
+        }
+    }
+
+    /// Adds the gradient by the pose of a profile, (δφ, δp) row by row.
+    fn add(&mut self, profile: &PosedProfile, gradient: &[f64]) {
+        let Some((node, fraction)) = self.trajectory.locate(profile.time_s) else {
+            return;
         };
-        let lever = mountings[point.scanner as usize]
-            .body_from_scanner
-            .translation_m
-            + placed.arm[l];
-        let turning = -(point.world_from_body * so3::hat(&lever));
-        for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
-            let block = functional.block_mut(node);
-            for (scanner, rows) in gradients.iter().enumerate() {
-                let rotation = rows[l] * turning;
-                for row in 0..6 {
-                    let entries = &mut block[6 * (6 * scanner + row)..][..6];
+        match self.poses {
+            // Poses between nodes are shared between both by time.
+            PoseUncertainty::Smoothed(_) => {
+                for (node, share) in [(node, 1.0 - fraction), (node + 1, fraction)] {
+                    let sums = self.by_node.block_mut(node);
+                    sums.iter_mut()
+                        .zip(gradient)
+                        .for_each(|(sum, entry)| *sum += entry * share);
+                }
+            }
+            // Errors are constant over a block, and independent between blocks and axes.
+            PoseUncertainty::Sigmas => {
+                let Some(sigma) = self.trajectory.nodes()[node].sigma else {
+                    return;
+                };
+                let block = (profile.time_s - self.trajectory.span_s().0) / BLOCK_S;
+                let sums = &mut self.by_block[block as usize];
+                for (row, entries) in gradient.chunks_exact(6).enumerate() {
+                    // Standard deviations of rotations are about world axes.
+                    let turn = profile.rotation * Vec3::from_row_slice(&entries[..3]);
                     for axis in 0..3 {
-                        entries[axis] += rotation[(row, axis)] * share;
-                        entries[3 + axis] += rows[l][(row, axis)] * share;
+                        sums[(row, axis)] += turn[axis] * sigma.rotation_rad[axis];
+                        sums[(row, 3 + axis)] += entries[3 + axis] * sigma.position_m[axis];
                     }
                 }
             }
+            PoseUncertainty::None => {}
         }
     }
-    posterior.of_functional(&functional)
-}
 
-/// The same from standard deviations alone: errors constant over blocks of [`BLOCK_S`],
-/// independent between blocks and axes.
-fn sigmas_part(
-    cloud: &ScaleCloud,
-    placed: &Placed,
-    gradients: &[Vec<Matrix6x3<f64>>],
-    trajectory: &Trajectory,
-) -> DMatrix<f64> {
-    let size = 6 * cloud.scanners;
-    let mut covariance = DMatrix::zeros(size, size);
-    let (start_s, end_s) = trajectory.span_s();
-    let blocks = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
-    let mut sums = vec![DMatrix::<f64>::zeros(size, 6); blocks];
-    for (l, point) in cloud.movable.iter().enumerate() {
-        let Some((node, _)) = trajectory.locate(point.time_s) else {
-            continue;
-        };
-        let Some((position, rotation)) = sigma_matrices(&trajectory.nodes()[node]) else {
-            continue;
-        };
-        let block = ((point.time_s - start_s) / BLOCK_S) as usize;
-        // Rotations are about world axes through the body's origin: dx = dω × (x − t_mb).
-        let turning = -so3::hat(&(placed.world[l] - point.body_m)) * rotation;
-        for (scanner, rows) in gradients.iter().enumerate() {
-            let mut sum = sums[block].fixed_view_mut::<6, 6>(6 * scanner, 0);
-            let mut both = nalgebra::Matrix6::zeros();
-            both.fixed_view_mut::<6, 3>(0, 0)
-                .copy_from(&(rows[l] * position));
-            both.fixed_view_mut::<6, 3>(0, 3)
-                .copy_from(&(rows[l] * turning));
-            sum += both;
+    fn covariance(&self) -> DMatrix<f64> {
+        match self.poses {
+            PoseUncertainty::Smoothed(posterior) => posterior.of_functional(&self.by_node),
+            _ => {
+                let zero = DMatrix::zeros(self.by_node.rows(), self.by_node.rows());
+                let blocks = self.by_block.iter();
+                blocks.fold(zero, |sum, block| sum + block * block.transpose())
+            }
         }
     }
-    for sum in &sums {
-        covariance += sum * sum.transpose();
-    }
-    covariance
 }
 
-fn sigma_matrices(node: &PoseRecord) -> Option<(Mat3, Mat3)> {
-    let diagonal = |v: &Vec3| Mat3::from_diagonal(v);
-    node.sigma
-        .as_ref()
-        .map(|s| (diagonal(&s.position_m), diagonal(&s.rotation_rad)))
-}
-
-/// Covariance of the mountings (δt, δψ), zero in directions outside `basis`:
-/// M S Mᵀ with M = B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient.
-pub fn mounting_covariance(
-    normal_matrix: &DMatrix<f64>,
-    basis: &DMatrix<f64>,
-    gradient_covariance: &DMatrix<f64>,
-) -> Option<DMatrix<f64>> {
-    let reduced = basis.transpose() * normal_matrix * basis;
-    let inverse = nalgebra::Cholesky::new(reduced)?.inverse();
-    let spread = basis * inverse * basis.transpose();
-    let covariance = &spread * gradient_covariance * spread.transpose();
+/// Covariance of the mountings (δp, δφ), zero in directions that are held or free:
+/// M S Mᵀ with M = B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient. `None` where BᵀNB is singular.
+pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
+    let state = &solved.state;
+    let basis = solved.observability.determined(&state.mountings);
+    let reduced = basis.transpose() * &state.equations.matrix * &basis;
+    let inverse = Cholesky::new(reduced)?.inverse();
+    let spread = &basis * inverse * basis.transpose();
+    let gradient = gradient_covariance(
+        &state.surface,
+        solved.floor_m,
+        input.trajectory,
+        input.poses,
+    );
+    let covariance = &spread * gradient * spread.transpose();
     Some((&covariance + covariance.transpose()) * 0.5)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use nalgebra::DVector;
 
     use super::*;
-    use crate::calibration::neighbourhoods::find;
-    use crate::calibration::small_case::case;
-    use crate::geometry::WorldFromBody;
+    use crate::calibration::small_case::{FLOOR_M, case, surface};
+    use crate::geometry::{WorldFromBody, so3};
     use crate::sensor::{PoseRecord, PoseSigma};
 
-    /// g with planes, weights and derivatives frozen at `placed` and the points at `world`.
-    fn frozen_gradient(
-        cloud: &ScaleCloud,
-        placed: &Placed,
-        neighbourhoods: &Neighbourhoods,
-        world: &[Vec3],
-    ) -> DVector<f64> {
+    /// g with planes, weights and derivatives frozen on `surface` and the points at `world`.
+    fn frozen_gradient(surface: &Surface, world: &[Vec3]) -> DVector<f64> {
+        let cloud = &surface.cloud;
         let mut gradient = DVector::zeros(6 * cloud.scanners);
-        for index in 0..neighbourhoods.len() {
-            let members = neighbourhoods.of(index);
-            let plane = LocalPlane::of(cloud, placed, neighbourhoods, index);
+        for (index, plane) in surface.planes.iter().enumerate() {
+            let members = surface.neighbourhoods.of(index);
             let mean =
                 members.iter().map(|&m| world[m as usize]).sum::<Vec3>() / members.len() as f64;
             for &member in members {
                 let Some(point) = cloud.movable.get(member as usize) else {
                     continue;
                 };
-                let a = plane.derivative(cloud, placed, member as usize);
+                let a = derivative(&surface.rows(member as usize, &plane.normal));
                 let distance = plane.normal.dot(&(world[member as usize] - mean));
-                let mut rows = gradient.rows_mut(6 * point.scanner as usize, 6);
-                rows += a * (plane.weight * distance);
+                let scanner = cloud.profile(point).scanner as usize;
+                let mut rows = gradient.rows_mut(6 * scanner, 6);
+                rows += a * (weight(plane, FLOOR_M, members.len()) * distance);
             }
         }
         gradient
@@ -274,19 +309,16 @@ mod tests {
     #[test]
     fn moving_a_point_moves_the_gradient_as_the_sensitivity_says() {
         let (cloud, mountings) = case();
-        let placed = cloud.place(&mountings);
-        let neighbourhoods = find(&cloud, &placed, 20, 1);
-        let sensitivities: Vec<_> = (0..2)
-            .map(|scanner| point_gradients(&cloud, &placed, &neighbourhoods, scanner))
-            .collect();
-        let before = frozen_gradient(&cloud, &placed, &neighbourhoods, &placed.world);
-        for l in [0, 7, 150, 399] {
+        let surface = surface(cloud, &mountings, 1);
+        let sensitivity = Sensitivity::new(&surface, FLOOR_M);
+        let before = frozen_gradient(&surface, &surface.placed.world);
+        for l in [0, 7, 250, 399] {
             let step = Vec3::new(0.01, -0.02, 0.03);
-            let mut world = placed.world.clone();
+            let mut world = surface.placed.world.clone();
             world[l] += step;
-            let change = frozen_gradient(&cloud, &placed, &neighbourhoods, &world) - &before;
-            for (scanner, sensitivity) in sensitivities.iter().enumerate() {
-                let predicted = sensitivity[l] * step;
+            let change = frozen_gradient(&surface, &world) - &before;
+            for (scanner, gradient) in sensitivity.of(l).iter().enumerate() {
+                let predicted = gradient * step;
                 let found = change.rows(6 * scanner, 6);
                 // Linear in the points: only rounding is left.
                 assert!(
@@ -305,10 +337,9 @@ mod tests {
             so3::exp(&Vec3::new(0.1, -0.2, 0.3)),
             Vec3::new(1.0, 2.0, 3.0),
         );
-        for (l, point) in cloud.movable.iter_mut().enumerate() {
-            point.time_s = l as f64 * 1e-3;
-            point.world_from_body = *world_from_body.rotation.to_rotation_matrix().matrix();
-            point.body_m = world_from_body.translation_m;
+        for profile in Arc::make_mut(&mut cloud.profiles) {
+            profile.rotation = *world_from_body.rotation.to_rotation_matrix().matrix();
+            profile.translation_m = world_from_body.translation_m;
         }
         let sigma = PoseSigma {
             position_m: Vec3::new(1e-3, 2e-3, 3e-3),
@@ -322,34 +353,28 @@ mod tests {
             sigma: Some(sigma),
         };
         let trajectory = Trajectory::new(vec![node(0.0), node(1.0)]).expect("two nodes");
-        let placed = cloud.place(&mountings);
-        let neighbourhoods = find(&cloud, &placed, 20, 1);
-        let covariance_with = |poses| {
-            gradient_covariance(
-                &cloud,
-                &placed,
-                &neighbourhoods,
-                &mountings,
-                &trajectory,
-                poses,
-            )
-        };
+        let surface = surface(cloud, &mountings, 1);
+        let covariance_with = |poses| gradient_covariance(&surface, FLOOR_M, &trajectory, poses);
         let found =
             covariance_with(PoseUncertainty::Sigmas) - covariance_with(PoseUncertainty::None);
-        let before = frozen_gradient(&cloud, &placed, &neighbourhoods, &placed.world);
+        let before = frozen_gradient(&surface, &surface.placed.world);
         let mut expected = DMatrix::zeros(12, 12);
         for axis in 0..6 {
-            let mut world = placed.world.clone();
-            for (x, point) in world.iter_mut().zip(&cloud.movable) {
+            let mut world = surface.placed.world.clone();
+            for (l, x) in world[..surface.cloud.movable.len()].iter_mut().enumerate() {
                 if axis < 3 {
                     x[axis] += sigma.position_m[axis];
                 } else {
                     let mut turn = Vec3::zeros();
                     turn[axis - 3] = sigma.rotation_rad[axis - 3];
-                    *x = point.body_m + so3::exp(&turn) * (*x - point.body_m);
+                    let body_m = surface
+                        .cloud
+                        .profile(&surface.cloud.movable[l])
+                        .translation_m;
+                    *x = body_m + so3::exp(&turn) * (*x - body_m);
                 }
             }
-            let change = frozen_gradient(&cloud, &placed, &neighbourhoods, &world) - &before;
+            let change = frozen_gradient(&surface, &world) - &before;
             expected += &change * change.transpose();
         }
         // Finite rotations of up to 3e-4 rad differ from their derivative by half of that.

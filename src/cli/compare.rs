@@ -83,7 +83,7 @@ impl Compare {
             settings: self.settings(),
             memory_bytes: self.memory_mb.map(|mb| u64::from(mb) * 1_000_000),
         };
-        context.logged(&out, |options| {
+        context.logged(&out, &comparison.inputs(), |options| {
             pipeline::compare(&comparison, options, &context.terminal)
         })
     }

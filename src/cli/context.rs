@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::terminal::Terminal;
 use crate::error::Result;
+use crate::output::keep_inputs;
 use crate::pipeline::{Options, Outcome};
 use crate::progress::Progress;
 use crate::project::Project;
@@ -19,6 +20,9 @@ pub(super) struct OnProject {
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
 }
+
+/// The file of what a command reports.
+const LOG: &str = "log.txt";
 
 /// What every command is given.
 pub(super) struct Context {
@@ -43,21 +47,26 @@ impl Context {
         let project = Project::read(&on.project)?;
         project.check_files()?;
         let out = out_folder(&on.out, &on.project);
-        self.logged(&out, |options| stage(&project, options, &self.terminal))
+        self.logged(&out, &project.inputs(), |options| {
+            stage(&project, options, &self.terminal)
+        })
     }
 
-    /// Runs `work` and writes what it reported to `log.txt` in `out`, also when it failed there.
+    /// Runs `work`, which reads `inputs`, and writes what it reported to `log.txt` in `out`, also
+    /// when it failed there.
     pub(super) fn logged(
         &self,
         out: &Path,
+        inputs: &[PathBuf],
         work: impl FnOnce(&Options) -> Result<Outcome>,
     ) -> Result<Outcome> {
+        keep_inputs(out, inputs, &[LOG])?;
         let outcome = work(&self.options(out));
         if let Err(error) = &outcome {
             self.terminal.note(&format!("error: {error}"));
         }
         if out.is_dir() {
-            let written = self.terminal.write_log(&out.join("log.txt"));
+            let written = self.terminal.write_log(&out.join(LOG));
             // The error of the work matters more than one of its log.
             outcome.and_then(|outcome| written.map(|()| outcome))
         } else {

@@ -48,7 +48,8 @@ impl Features {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let out = out_folder(&self.out, &self.cloud);
         let settings = self.settings();
-        context.logged(&out, |options| {
+        let inputs = [self.cloud.clone()];
+        context.logged(&out, &inputs, |options| {
             pipeline::features(&self.cloud, &settings, options, &context.terminal)
         })
     }

@@ -61,7 +61,11 @@ fn error_json(error: &Error) -> Value {
             }
             details
         }
-        Error::Data { problem, remedy } => json!({ "problem": problem, "remedy": remedy }),
+        Error::Data {
+            kind,
+            problem,
+            remedy,
+        } => json!({ "kind": kind, "problem": problem, "remedy": remedy }),
         Error::Cancelled => json!({ "problem": "cancelled" }),
     };
     details["message"] = json!(error.to_string());

@@ -26,7 +26,8 @@ pub(super) struct Thin {
 impl Thin {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let out = out_folder(&self.out, &self.cloud);
-        context.logged(&out, |options| {
+        let inputs = [self.cloud.clone()];
+        context.logged(&out, &inputs, |options| {
             pipeline::thin(&self.cloud, self.voxel_m, options, &context.terminal)
         })
     }

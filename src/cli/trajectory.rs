@@ -52,7 +52,7 @@ impl Trajectory {
         } else {
             Source::Replay
         };
-        context.logged(&out, |options| {
+        context.logged(&out, &project.inputs(), |options| {
             online(&project, source, options, &mut rows, &context.terminal)
         })
     }

@@ -35,6 +35,8 @@ pub(super) struct Node {
     pub(super) end: u32,
     /// The second child, counted from this node; 0 for a leaf.
     second: u32,
+    /// Smallest index of the points.
+    least: u32,
 }
 
 impl Node {
@@ -187,21 +189,21 @@ impl NeighbourIndex {
         enter: impl Fn(&Bounds) -> bool,
         mut each: impl FnMut(std::ops::Range<usize>),
     ) {
-        // A depth-first search keeps one waiting sibling a level: three grids of 63 bits and the
+        // A depth-first search keeps one waiting sibling a level: the bits of all grids and the
         // halvings of points at one place.
-        let mut waiting = [0usize; 3 * 63 + 32];
+        let mut waiting = [0u32; Grid::MOST_BITS + 32];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
             depth -= 1;
             let at = waiting[depth];
-            let node = &self.nodes[at];
+            let node = &self.nodes[at as usize];
             if !enter(&node.bounds) {
                 continue;
             }
             if node.second == 0 {
                 each(node.points());
             } else {
-                waiting[depth] = at + node.second as usize;
+                waiting[depth] = at + node.second;
                 waiting[depth + 1] = at + 1;
                 depth += 2;
             }
@@ -249,8 +251,7 @@ impl NeighbourIndex {
             [(to_first, first), (to_second, second)]
         };
         for (distance, child) in ordered {
-            // A box exactly as far as the k-th point may hold a tie with a smaller index.
-            if distance <= nearest.limit() {
+            if nearest.may_take(distance, self.nodes[child].least) {
                 self.collect_nearest(nearest, child);
             }
         }
@@ -287,21 +288,25 @@ impl Run<'_> {
             first: self.first,
             end: self.first + count as u32,
             second: 0,
+            least: u32::MAX,
         });
         if count <= LEAF {
             if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
                 self.sort_to_the_last(grid);
             }
             nodes[at].bounds = Bounds::of(&*self.ordered);
+            nodes[at].least = self.keyed.iter().fold(u32::MAX, |least, k| least.min(k.1));
             return;
         }
         let mut finer = *grid;
         let mut differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
         while differing == 0 {
-            let Some(inside) = finer.inside(&self.ordered[0]) else {
-                break;
-            };
-            finer = inside;
+            let next = finer.inside(&self.ordered[0]).or_else(|| {
+                let bounds = Bounds::of(&*self.ordered);
+                finer.around(&bounds.low, &bounds.high)
+            });
+            let Some(next) = next else { break };
+            finer = next;
             self.sort_by(&finer);
             differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
         }
@@ -321,8 +326,9 @@ impl Run<'_> {
             nodes[at].second = (nodes.len() - at) as u32;
             high.build(&finer, nodes);
         }
-        let other = nodes[at + nodes[at].second as usize].bounds;
-        nodes[at].bounds = nodes[at + 1].bounds.with(&other);
+        let (first, second) = (nodes[at + 1], nodes[at + nodes[at].second as usize]);
+        nodes[at].bounds = first.bounds.with(&second.bounds);
+        nodes[at].least = first.least.min(second.least);
     }
 
     fn split(self, half: usize) -> (Self, Self) {

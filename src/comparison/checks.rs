@@ -2,7 +2,7 @@
 
 use super::normals;
 use super::settings::ComparisonSettings;
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 
 /// Where the normals of the core points come from.
@@ -30,7 +30,8 @@ impl Normals<'_> {
 
 /// The error of a cloud without points.
 pub(super) fn empty(name: &str) -> Error {
-    Error::data(
+    Error::of(
+        Problem::TooFew,
         format!("the {name} cloud of the comparison holds no points"),
         "check the file, and the filters and time spans that were applied to it",
     )

@@ -1,5 +1,6 @@
 //! How far apart two clouds are: M3C2 and its statistics.
 
+mod agreement;
 mod cells;
 mod checks;
 mod cylinder;
@@ -15,6 +16,7 @@ pub mod statistics;
 mod sums;
 mod window;
 
+pub use agreement::{Against, Agreement, Agreements, MountingKind, agreements};
 pub use checks::Normals;
 pub use m3c2::{core_indices, core_points, m3c2};
 pub use result::{CoreDistance, M3c2};

@@ -1,7 +1,7 @@
 //! A comparison in numbers.
 
 use super::result::M3c2;
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::statistics::{mean, quantile, rms};
 
 /// Statistics of the finite distances of a comparison, metres.
@@ -62,12 +62,6 @@ impl Statistics {
         })
     }
 
-    /// The distance below which the share `p` of them lies, between neighbours by straight lines;
-    /// the smallest for p ≤ 0, the largest for p ≥ 1.
-    pub fn quantile_m(&self, p: f64) -> f64 {
-        quantile(&self.sorted_m, p)
-    }
-
     /// Counts of the distances in `bins` (at least one) equal intervals from `low_m` to `high_m`.
     pub fn histogram(&self, low_m: f64, high_m: f64, bins: usize) -> Histogram {
         let bins = bins.max(1);
@@ -113,7 +107,8 @@ fn clouds_do_not_meet(comparison: &M3c2) -> Error {
     let without_normal = core.iter().filter(|core| core.normal.x.is_nan()).count();
     let reference = core.iter().filter(|core| core.reference_count > 0).count();
     let compared = core.iter().filter(|core| core.compared_count > 0).count();
-    Error::data(
+    Error::of(
+        Problem::NoOverlap,
         format!(
             "the clouds do not meet: of {} core points none has points of both clouds in its \
              cylinder ({reference} have points of the reference, {compared} of the compared cloud, \

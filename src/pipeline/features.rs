@@ -25,13 +25,7 @@ pub fn features(
 ) -> Result<Outcome> {
     let name = file_name(cloud)?;
     let target = options.out.join(&name);
-    if is_same_file(cloud, &target) {
-        return Err(Error::data(
-            format!("{} would be replaced by its own features", cloud.display()),
-            "name another folder with --out",
-        ));
-    }
-    let staging = Staging::new(&options.out)?;
+    let staging = Staging::new(&options.out, &[cloud.to_owned()], &[&name])?;
     let output = staging.path(&name);
     let work = tiles::features(cloud, settings, &staging, &output, progress)?;
     warn_of_few(&work, settings, progress);
@@ -44,13 +38,6 @@ fn file_name(cloud: &Path) -> Result<String> {
         .file_stem()
         .ok_or_else(|| Error::format(cloud, Location::Whole, "no name of a file", "a cloud"))?;
     Ok(format!("{}-features.laz", stem.to_string_lossy()))
-}
-
-fn is_same_file(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    }
 }
 
 fn warn_of_few(work: &FeatureWork, settings: &FeatureSettings, progress: &dyn Progress) {

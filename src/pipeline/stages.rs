@@ -1,11 +1,13 @@
 //! Each stage as a function of the project and what came before.
 
+use std::path::Path;
+use std::time::Instant;
+
 use super::logs::DriveLogs;
-use crate::calibration::CalibrationSettings;
 use crate::calibration::{
-    Calibration, Input, Mounting, PoseUncertainty, ScannerSample, calibrate, sample_profiles,
+    Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Refused;
@@ -13,7 +15,6 @@ use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
-use std::time::Instant;
 
 /// What to know about sigmas from poses that have none.
 const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
@@ -35,22 +36,6 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// What the calibration may assume about the errors of the poses.
-    pub fn uncertainty(&self) -> PoseUncertainty<'_> {
-        match &self.covariance {
-            Some(covariance) => PoseUncertainty::Smoothed(covariance),
-            None if self
-                .trajectory
-                .nodes()
-                .iter()
-                .any(|node| node.sigma.is_some()) =>
-            {
-                PoseUncertainty::Sigmas
-            }
-            None => PoseUncertainty::None,
-        }
-    }
-
     /// Poses that come without a joint covariance.
     pub fn from_file(trajectory: Trajectory) -> Self {
         Self {
@@ -126,12 +111,6 @@ pub fn samples(
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
-    let finest_m = project
-        .calibration
-        .voxel_sizes_m
-        .iter()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
     let all = project
         .scanners
         .iter()
@@ -143,18 +122,11 @@ pub fn samples(
         .map(|reader| reader.bytes_total())
         .sum();
     let stage = progress.stage("reading profiles", bytes);
-    let jobs: Vec<_> = project.scanners.iter().zip(all).collect();
-    let found = in_parallel(jobs, |(scanner, readers)| {
-        sample_profiles(
-            &scanner.name,
-            readers,
-            scanner.time_offset_s,
-            trajectory,
-            &scanner.body_from_scanner,
-            finest_m,
-            project.calibration.pass_gap_s,
-            progress,
-        )
+    let mountings = mountings(project);
+    let jobs: Vec<_> = mountings.iter().zip(&project.scanners).zip(all).collect();
+    let found = in_parallel(jobs, |((mounting, scanner), readers)| {
+        let (offset_s, settings) = (scanner.time_offset_s, &project.calibration);
+        sample_profiles(mounting, readers, offset_s, trajectory, settings, progress)
     })
     .into_iter()
     .collect::<Result<Vec<ScannerSample>>>()?;
@@ -196,13 +168,21 @@ pub fn warn_of_missing(
 }
 
 /// What to say of the points of `scanner`, of `read` in all, that were refused; `None` without any.
-pub fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
+fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
     (refused.points > 0).then(|| {
         format!(
             "{:.1} % of the points of scanner `{scanner}` were left out: {refused}",
             100.0 * refused.points as f64 / read as f64,
         )
     })
+}
+
+/// What to say of the points of each scanner that were refused.
+pub fn refusals(project: &Project, samples: &[ScannerSample]) -> Vec<String> {
+    let named = project.scanners.iter().zip(samples);
+    named
+        .filter_map(|(scanner, s)| refusal(&scanner.name, s.read, &s.refused))
+        .collect()
 }
 
 /// Checks that the reference, where there is one, lies where the scanners looked.
@@ -219,12 +199,7 @@ pub fn check_reference(
         .scanners
         .iter()
         .zip(samples)
-        .flat_map(|(scanner, sample)| {
-            sample.points.iter().map(|point| {
-                let body = scanner.body_from_scanner.map(&point.position_m);
-                point.world_from_body.map(&body)
-            })
-        });
+        .flat_map(|(scanner, sample)| sample.placed(&scanner.body_from_scanner));
     let (Some(scanned), Some(known)) = (box_of(scanned), box_of(reference.iter().copied())) else {
         return Ok(());
     };
@@ -245,7 +220,8 @@ pub fn check_reference(
         || "the reference".to_owned(),
         |file| file.path.display().to_string(),
     );
-    Err(Error::data(
+    Err(Error::of(
+        Problem::NoOverlap,
         format!(
             "{file}: the reference ({}) and the scanners' points ({}) do not overlap: they miss \
              each other by {gap_m:.1} m",
@@ -295,7 +271,8 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
     let mut points = format::read_cloud(&reference.path)?.points;
     drop(stage);
     if points.is_empty() {
-        return Err(Error::data(
+        return Err(Error::of(
+            Problem::TooFew,
             format!("{}: the reference has no points", reference.path.display()),
             "check that the file is the right one and not empty",
         ));
@@ -308,16 +285,19 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
 
 /// The initial mountings of the project.
 pub fn mountings(project: &Project) -> Vec<Mounting> {
-    project
-        .scanners
-        .iter()
-        .map(|scanner| Mounting {
-            name: scanner.name.clone(),
-            body_from_scanner: scanner.body_from_scanner,
-            convention: scanner.convention,
-            fixed: scanner.fixed,
-        })
-        .collect()
+    let mounting = |scanner: &Scanner| Mounting {
+        name: scanner.name.clone(),
+        body_from_scanner: scanner.body_from_scanner,
+        convention: scanner.convention,
+        fixed: scanner.fixed,
+    };
+    project.scanners.iter().map(mounting).collect()
+}
+
+/// Where the project has its scanners on the body before they are calibrated.
+pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
+    let scanners = project.scanners.iter();
+    scanners.map(|scanner| scanner.body_from_scanner).collect()
 }
 
 /// Calibrates the project's scanners.
@@ -345,12 +325,11 @@ pub fn calibration(
             "leave some parameters out of `fixed`, or use `boresight georeference`",
         ));
     }
-    let input = Input {
-        mountings: mountings(project),
-        samples: samples.iter().collect(),
-        reference,
-        trajectory: &poses.trajectory,
-        poses: poses.uncertainty(),
+    let input = Input::new(mountings(project), samples, &poses.trajectory);
+    let input = input.with_reference(reference);
+    let input = match &poses.covariance {
+        Some(covariance) => input.with_pose_covariance(covariance),
+        None => input,
     };
     calibrate(&input, settings, progress)
 }
@@ -362,4 +341,16 @@ pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
         scanner.body_from_scanner = *pose;
     }
     project
+}
+
+/// Writes poses with the project's origin added back.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_trajectory(path: &Path, poses: &[PoseRecord], origin_m: &Vec3) -> Result<()> {
+    let mut poses = poses.to_vec();
+    poses
+        .iter_mut()
+        .for_each(|pose| pose.world_from_body.translation_m += origin_m);
+    format::write_trajectory(path, &poses)
 }

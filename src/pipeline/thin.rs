@@ -28,7 +28,7 @@ pub fn thin(
     }
     let stem = cloud.file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{stem}-thinned.laz");
-    let staging = Staging::new(&options.out)?;
+    let staging = Staging::new(&options.out, &[cloud.to_owned()], &[&name])?;
     let work = tiles::thin(cloud, voxel_m, &staging.path(&name), progress)?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });

@@ -15,7 +15,7 @@ pub use checked::{
 #[cfg(test)]
 mod tests;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::Result;
 
@@ -37,6 +37,11 @@ impl Project {
     /// Names the first file that is missing, the key that asks for it, and its line.
     pub fn check_files(&self) -> Result<()> {
         files::check(self)
+    }
+
+    /// Every file that is read for the project: its own, and those of its evaluation drives.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        files::inputs(self)
     }
 
     /// The project as a project file with every value as used: it reads back to the same project.

@@ -44,6 +44,15 @@ pub struct Comparison {
     pub memory_bytes: Option<u64>,
 }
 
+impl Comparison {
+    /// The files that are read.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        let mut inputs = vec![self.cloud.clone(), self.reference.clone()];
+        inputs.extend(self.core.clone());
+        inputs
+    }
+}
+
 /// Where the normals of the core points come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormalSource {

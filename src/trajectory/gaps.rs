@@ -2,14 +2,21 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::ImuSample;
+use crate::sensor::{ImuSample, unit_of_times};
 use crate::statistics::median;
 use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
 pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
-/// No IMU is as fast; and gaps would be filled with samples without number, seconds.
-pub(super) const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+/// No IMU is as fast, seconds.
+const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+/// Nor does a slower one tell how a body moves, seconds.
+const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
+/// Interval of a common IMU, seconds: tells the unit of times that cannot be seconds.
+const COMMON_IMU_INTERVAL_S: f64 = 5e-3;
+/// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
+/// of a log whose stamps come in bursts would be filled with samples without number.
+const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);
 /// An IMU interval longer than this many times the median has lost samples.
 pub(super) const GAP_INTERVALS: f64 = 2.5;
 /// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
@@ -17,6 +24,49 @@ pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
 
 pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
     median(imu.windows(2).map(|w| w[1].time_s - w[0].time_s)).unwrap_or(f64::NAN)
+}
+
+/// Checks the time from sample to sample.
+///
+/// # Errors
+/// Names the unit that the times seem to be in, where they cannot be seconds.
+pub(super) fn check_interval(interval_s: f64) -> Result<()> {
+    if interval_s < SHORTEST_IMU_INTERVAL_S {
+        return Err(Error::data(
+            format!("the IMU log's samples lie {interval_s:.1e} s apart"),
+            "check the unit of its times: seconds",
+        ));
+    }
+    if interval_s > LONGEST_IMU_INTERVAL_S {
+        let unit = unit_of_times(interval_s / COMMON_IMU_INTERVAL_S);
+        let question = unit.map_or_else(String::new, |unit| format!(": are these {unit}?"));
+        return Err(Error::data(
+            format!("time steps of {interval_s} s between IMU samples{question}"),
+            format!(
+                "give the times of the IMU log in seconds, and at least {} samples a second",
+                1.0 / LONGEST_IMU_INTERVAL_S
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// Checks that `bridging` samples are not too many for a log of `recorded`.
+///
+/// # Errors
+/// The stamps leave more gaps than a log has.
+pub(super) fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
+    let (share, least) = MOST_BRIDGING;
+    if bridging <= share.saturating_mul(recorded).saturating_add(least) {
+        return Ok(());
+    }
+    Err(Error::data(
+        format!(
+            "the gaps of the IMU log would take {bridging} samples or more to bridge, and it holds \
+             {recorded}: its stamps come in bursts, or most of it is missing"
+        ),
+        "check the times of the IMU log",
+    ))
 }
 
 /// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
@@ -28,6 +78,7 @@ pub(super) fn bridge(
     let mut samples = Vec::with_capacity(imu.len());
     let mut bridged = Vec::with_capacity(imu.len());
     let mut gaps = Vec::new();
+    let mut bridging = 0;
     for pair in imu.windows(2) {
         samples.push(pair[0]);
         bridged.push(false);
@@ -47,12 +98,19 @@ pub(super) fn bridge(
             ));
         }
         gaps.push((from + interval_s, to));
+        bridging += bridging_samples(to - from, interval_s);
+        check_bridging(bridging, imu.len())?;
         samples.extend(bridged_samples(&pair[0], &pair[1], interval_s));
         bridged.resize(samples.len(), true);
     }
     samples.extend(imu.last());
     bridged.push(false);
     Ok((samples, bridged, gaps))
+}
+
+/// How many samples bridge a gap from sample to sample of `gap_s`.
+pub(super) fn bridging_samples(gap_s: f64, interval_s: f64) -> usize {
+    ((gap_s / interval_s).round() as usize).saturating_sub(1)
 }
 
 /// Samples at the interval of the log on the line between two of them.
@@ -63,7 +121,7 @@ pub(super) fn bridged_samples(
 ) -> impl Iterator<Item = ImuSample> {
     let (from, to) = (*from, *to);
     let gap_s = to.time_s - from.time_s;
-    let pieces = (gap_s / interval_s).round() as usize;
+    let pieces = bridging_samples(gap_s, interval_s) + 1;
     (1..pieces).map(move |piece| {
         let u = piece as f64 / pieces as f64;
         ImuSample {

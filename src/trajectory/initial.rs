@@ -71,7 +71,8 @@ struct Hint {
 /// Start values of every node.
 ///
 /// # Errors
-/// Neither headings nor enough motion to tell where the body points.
+/// Neither headings nor enough motion to tell where the body points; positions or headings of which
+/// none fits the others.
 pub(super) fn initial(
     streams: &Streams,
     timeline: &Timeline,
@@ -79,6 +80,12 @@ pub(super) fn initial(
     settings: &TrajectorySettings,
 ) -> Result<Initial> {
     let (prism, arm) = fixes(streams, settings);
+    if prism.is_empty() {
+        return Err(Error::data(
+            "no two positions lie near each other, as those of a drive do",
+            "check the unit of the position log: metres",
+        ));
+    }
     let motion: Vec<Motion> = (0..prism.len()).map(|i| parabola(&prism, i)).collect();
     let length = |rest: &Rest| rest.to_s - rest.from_s;
     let rest = rests
@@ -272,7 +279,19 @@ fn hints(
     gyro_bias: &Vec3,
 ) -> Result<(Vec<Hint>, bool)> {
     if !streams.heading.is_empty() {
-        return Ok((measured_hints(streams, settings, gyro_bias), false));
+        let hints = measured_hints(streams, settings, gyro_bias);
+        if hints.is_empty() {
+            return Err(Error::data(
+                format!(
+                    "none of the {} headings within the IMU's span agrees with the gyro and the \
+                     headings around it",
+                    streams.heading.len()
+                ),
+                "check the unit of the headings (degrees, clockwise from north), the axes of the \
+                 IMU and the clocks, or leave the heading log out",
+            ));
+        }
+        return Ok((hints, false));
     }
     let start = motion[0].position_m;
     let moved = motion

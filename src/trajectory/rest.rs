@@ -75,8 +75,8 @@ fn between<T>(records: &[T], time_s: impl Fn(&T) -> f64, from_s: f64, to_s: f64)
 pub(super) fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
     let to_s = from_s + REST_BLOCK_S;
     let samples = between(&streams.imu, |s| s.time_s, from_s, to_s);
-    let bridged = streams.bridged[streams.imu.partition_point(|s| s.time_s < from_s)];
-    if samples.len() < 2 || bridged {
+    let bridged = streams.imu.partition_point(|s| s.time_s < from_s);
+    if samples.len() < 2 || streams.bridged[bridged] {
         return false;
     }
     let count = samples.len() as f64;

@@ -1,11 +1,13 @@
 //! The logs as they come, made fit for the adjustment: values checked, records out of time order
 //! dropped and named, gaps of the IMU bridged.
 
-use super::gaps::{SHORTEST_IMU_INTERVAL_S, bridge, bridge_noise, median_interval_s};
+use super::gaps::{bridge, bridge_noise, check_interval, median_interval_s};
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, is_finite};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
+use crate::sensor::{
+    HeadingFix, ImuSample, PositionFix, Timed, check_overlap, unit_of_times_within,
+};
 use crate::trajectory::{ImuNoise, TrajectorySettings};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
@@ -103,12 +105,7 @@ impl Streams {
             ));
         }
         let interval_s = median_interval_s(&imu);
-        if interval_s < SHORTEST_IMU_INTERVAL_S {
-            return Err(Error::data(
-                format!("the IMU log's samples lie {interval_s:.1e} s apart"),
-                "check the unit of its times: seconds",
-            ));
-        }
+        check_interval(interval_s)?;
         let (imu, bridged, gaps_s) = bridge(&imu, interval_s)?;
         let span = (imu[0].time_s, imu[imu.len() - 1].time_s + interval_s);
         let mut positions = Vec::with_capacity(logs.positions.len());
@@ -337,6 +334,26 @@ fn longest_increasing(values: &[f64]) -> Vec<usize> {
     kept
 }
 
+/// Refuses times whose span is that of the IMU log times a power of 1000, in steps that no sensor of
+/// a drive takes.
+fn check_unit(name: &str, own: (f64, f64), count: usize, imu: (f64, f64)) -> Result<()> {
+    const LONGEST_USUAL_STEP_S: f64 = 20.0;
+    const ALIKE: f64 = 4.0;
+    let span_s = own.1 - own.0;
+    let step_s = span_s / (count.max(2) - 1) as f64;
+    let unit = unit_of_times_within(span_s / (imu.1 - imu.0), ALIKE);
+    match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
+        Some(unit) => Err(Error::data(
+            format!("time steps of {step_s:.3} s in the {name}: are these {unit}?"),
+            format!(
+                "give its times in seconds: the IMU log spans {:.3} s, and this one {span_s:.3}",
+                imu.1 - imu.0
+            ),
+        )),
+        None => Ok(()),
+    }
+}
+
 /// The records inside the IMU's span; the others are dropped and named.
 fn within<T: Shift>(
     records: Vec<Numbered<T>>,
@@ -349,6 +366,7 @@ fn within<T: Shift>(
     if let (Some(first), Some(last)) = (records.first(), records.last()) {
         let own = (time_s(first), time_s(last));
         check_overlap(("IMU log", span), (&names.log(stream), own))?;
+        check_unit(&names.log(stream), own, records.len(), span)?;
     }
     let (inside, outside): (Vec<_>, Vec<_>) = records
         .into_iter()

@@ -123,7 +123,8 @@ fn child_that_writes_results_until_it_is_killed() {
         return;
     };
     for i in 0u64.. {
-        let staging = boresight::output::Staging::new(Path::new(&dir)).unwrap();
+        let staging =
+            boresight::output::Staging::new(Path::new(&dir), &[], &["result.json"]).unwrap();
         let body = format!("{}\n", i % 10).repeat(200_000);
         std::fs::write(staging.path("cloud.txt"), &body).unwrap();
         std::fs::write(staging.path("result.json"), &body).unwrap();
@@ -158,7 +159,7 @@ fn killed_at_any_moment_results_are_whole() {
         }
     }
     assert!(seen > 0, "no child came far enough to write anything");
-    drop(boresight::output::Staging::new(dir.path()).unwrap());
+    drop(boresight::output::Staging::new(dir.path(), &[], &["result.json"]).unwrap());
     let left: Vec<_> = std::fs::read_dir(dir.path())
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -16,6 +16,7 @@ mod pose_case_faults;
 mod recorded_flight;
 mod rover;
 mod twin;
+mod units;
 
 use boresight::geometry::{Rotation, Vec3};
 use boresight::progress::Silent;

@@ -8,6 +8,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::format::las::LasFile;
 use crate::format::las_out::{LasOut, is_compressed};
+use crate::output::keep_inputs;
 use crate::progress::Progress;
 
 /// Copies those points of the LAS or LAZ file `input` that `row` accepts to `output` (compressed
@@ -22,7 +23,7 @@ use crate::progress::Progress;
 /// for each point read; the stage is the caller's.
 ///
 /// # Errors
-/// An input that is damaged, holds no point or waveforms; names that LAS cannot hold; an output
+/// An input that is the output, is damaged, holds no point or waveforms; names that LAS cannot hold; an output
 /// that cannot be written; what `row` refuses.
 pub fn copy_las(
     input: &Path,
@@ -32,6 +33,7 @@ pub fn copy_las(
     progress: &dyn Progress,
 ) -> Result<u64> {
     dimension::check(output, dimensions)?;
+    keep_inputs(Path::new(""), &[input.to_owned()], &[output])?;
     let mut file = LasFile::open(input)?;
     let format = *file.header().point_format();
     let expected = file.header().number_of_points();

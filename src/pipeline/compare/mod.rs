@@ -25,7 +25,8 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let settings = &comparison.settings;
-    let staging = Staging::new(&options.out)?;
+    let names = ["m3c2.laz", "m3c2.csv"];
+    let staging = Staging::new(&options.out, &comparison.inputs(), &names)?;
     let work = tiles::compare(comparison, &staging, progress)?;
     let statistics = Statistics::of(&work.found)?;
     let start = Instant::now();
@@ -46,9 +47,7 @@ pub fn compare(
     Ok(Outcome {
         result,
         summary: summary(&statistics, settings),
-        files: ["m3c2.laz", "m3c2.csv"]
-            .map(|name| options.out.join(name))
-            .into(),
+        files: names.map(|name| options.out.join(name)).into(),
     })
 }
 

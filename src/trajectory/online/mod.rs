@@ -15,7 +15,7 @@ mod start;
 
 pub use options::{OnlineOptions, Thresholds};
 
-use super::gaps::LONGEST_IMU_GAP_S;
+use super::gaps::{LONGEST_IMU_GAP_S, check_interval, median_interval_s};
 use super::solution::{Rejection, RejectionReason};
 use super::streams::{
     MotionLogs, Numbered, check_settings, check_value_of_fix, check_value_of_heading,
@@ -34,6 +34,8 @@ const LONGEST_WAIT_S: f64 = LONGEST_STEP_S + 0.25;
 /// IMU stamps in a row that leap ahead by more than a gap that can be bridged: with more the log
 /// goes on there, and not here.
 const MOST_LEAPS: usize = 10;
+/// Of so many samples the median interval tells whether times are in seconds.
+const UNIT_KNOWN_AFTER: usize = 50;
 
 /// The newest pose after an update.
 #[derive(Debug, Clone, PartialEq)]
@@ -160,7 +162,8 @@ impl Online {
     /// Takes an IMU sample; the updates of the fixes that it has reached.
     ///
     /// # Errors
-    /// Values that are not finite, a gap of minutes, a trajectory that is not determined.
+    /// Values that are not finite, times that are not in seconds, a gap of minutes, a trajectory that
+    /// is not determined.
     pub fn imu(&mut self, sample: ImuSample) -> Result<Vec<Update>> {
         if !samples::is_finite(&sample) {
             return Err(not_finite("IMU log", self.given.imu.len(), sample.time_s));
@@ -172,6 +175,7 @@ impl Online {
         if ahead_s <= 0.0 || leaps {
             self.leaps = if leaps { self.leaps + 1 } else { 0 };
             if self.leaps > MOST_LEAPS {
+                check_interval(median_interval_s(&self.given.imu))?;
                 return Err(Error::data(
                     format!(
                         "the IMU log has a gap of {ahead_s:.3} s from {:.3} s to {:.3} s",
@@ -193,8 +197,11 @@ impl Online {
             Stage::Starting { next_s } if *next_s == f64::NEG_INFINITY => {
                 *next_s = sample.time_s + self.options.start_s;
             }
+            Stage::Starting { .. } if record == UNIT_KNOWN_AFTER => {
+                check_interval(median_interval_s(&self.given.imu))?;
+            }
             Stage::Starting { .. } => {}
-            Stage::Running(running) => running.sample(sample, &self.scatter, &self.settings.imu),
+            Stage::Running(running) => running.sample(sample, &self.scatter, &self.settings.imu)?,
         }
         self.go_on()
     }

@@ -1,10 +1,13 @@
 //! IMU samples as they come: gaps bridged, their noise known from the scatter so far.
 
 use super::running::Running;
+use crate::error::Result;
 use crate::geometry::{self, Vec3};
 use crate::sensor::ImuSample;
 use crate::trajectory::ImuNoise;
-use crate::trajectory::gaps::{GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples};
+use crate::trajectory::gaps::{
+    GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples, bridging_samples, check_bridging,
+};
 
 pub(super) fn is_finite(sample: &ImuSample) -> bool {
     let vectors = [&sample.gyro_rad_s, &sample.accel_m_s2];
@@ -49,11 +52,17 @@ impl Scatter {
 
 impl Running {
     /// Takes a sample, later than all before, and those that bridge a gap before it.
-    pub fn sample(&mut self, sample: ImuSample, scatter: &Scatter, noise: &ImuNoise) {
+    ///
+    /// # Errors
+    /// More gaps than a log has.
+    pub fn sample(&mut self, sample: ImuSample, scatter: &Scatter, noise: &ImuNoise) -> Result<()> {
         let last = self.streams.imu[self.streams.imu.len() - 1];
         let interval_s = self.streams.interval_s;
         let gap_s = sample.time_s - last.time_s;
         if gap_s > GAP_INTERVALS * interval_s {
+            let recorded = scatter.count as usize;
+            let bridging = self.streams.imu.len().saturating_sub(recorded);
+            check_bridging(bridging + bridging_samples(gap_s, interval_s), recorded)?;
             self.streams
                 .gaps_s
                 .push((last.time_s + interval_s, sample.time_s));
@@ -65,6 +74,7 @@ impl Running {
             }
         }
         self.push(sample, false);
+        Ok(())
     }
 
     fn push(&mut self, sample: ImuSample, bridged: bool) {

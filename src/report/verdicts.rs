@@ -1,50 +1,43 @@
 //! The verdict of a run in words a field crew understands.
 
-use super::evaluate::{Against, Agreement, Drive};
-use super::{Findings, page};
-use crate::calibration::Calibration;
+use super::content::{Calibrations, Content, Status, Verdict};
+use super::number::DASH;
+use crate::calibration::{Calibration, Variant};
+use crate::comparison::{Against, Agreement, Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, so3};
-use crate::project::Project;
-use crate::report::content::{MountingKind, Status, Verdict};
 
 /// A length in words.
-pub fn millimetres(metres: f64) -> String {
-    if metres >= 0.01 {
-        format!("{:.0} mm", metres * 1e3)
-    } else {
-        format!("{:.1} mm", metres * 1e3)
+fn millimetres(metres: f64) -> String {
+    match metres {
+        _ if !metres.is_finite() => DASH.into(),
+        0.01.. => format!("{:.0} mm", metres * 1e3),
+        _ => format!("{:.1} mm", metres * 1e3),
     }
 }
 
 /// The lines of the verdict: what needs attention first, then how well the clouds agree, then how
 /// well the mounting is known.
-pub fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
-    let constancy = page::residuals(project, &findings.calibration).map(|figure| figure.verdict);
+pub fn summary(content: &Content) -> Vec<Verdict> {
+    let Some(calibrations) = &content.calibrations else {
+        return Vec::new();
+    };
+    let constancy = constancy(calibrations.result);
     let is_constant = constancy.as_ref().is_none_or(|v| v.status == Status::Good);
     let mut lines = Vec::new();
     if !is_constant {
         lines.extend(constancy.clone());
     }
-    if let Some(drive) = findings.drives.first() {
-        for found in drive
-            .agreements
-            .iter()
-            .filter(|found| found.mounting == MountingKind::Final)
-        {
-            lines.push(agreement_verdict(project, drive, found));
-        }
+    if let Some(drive) = content.drives.first() {
+        let last = drive.agreements.under(MountingKind::Final);
+        lines.extend(last.map(|found| agreement(&drive.agreements, found)));
     }
-    for drive in findings.drives.iter().skip(1) {
+    for drive in content.drives.iter().skip(1) {
         let rmse: Vec<String> = drive
             .agreements
-            .iter()
-            .filter(|found| found.mounting == MountingKind::Final)
+            .under(MountingKind::Final)
             .map(|found| {
-                format!(
-                    "{}: {}",
-                    found.pair(project),
-                    millimetres(found.statistics.rmse_m)
-                )
+                let rmse = millimetres(found.statistics.rmse_m);
+                format!("{}: {rmse}", found.pair())
             })
             .collect();
         if !rmse.is_empty() {
@@ -55,22 +48,18 @@ pub fn summary(project: &Project, findings: &Findings) -> Vec<Verdict> {
             )));
         }
     }
-    if findings.calibration.converged {
-        lines.push(Verdict::good("The adjustment converged at every scale."));
-    } else {
-        lines.push(Verdict::attention(
+    lines.push(match calibrations.result.converged {
+        true => Verdict::good("The adjustment converged at every scale."),
+        false => Verdict::attention(
             "The adjustment did not converge at every scale: treat the result with care.",
-        ));
+        ),
+    });
+    lines.extend(sigmas(calibrations.result));
+    if let Some(truth) = calibrations.mountings(MountingKind::Truth) {
+        lines.extend(errors(calibrations.result, truth));
     }
-    lines.extend(sigmas(&findings.calibration));
-    if let Some(truth) = &findings.truth_mountings {
-        lines.extend(errors(&findings.calibration, truth));
-    }
-    lines.extend(
-        page::observability(findings)
-            .into_iter()
-            .filter(|v| v.status != Status::Good),
-    );
+    let observability = observability(calibrations).into_iter();
+    lines.extend(observability.filter(|v| v.status != Status::Good));
     if is_constant {
         lines.extend(constancy);
     }
@@ -151,23 +140,21 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
     })
 }
 
-fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Verdict {
-    let before = drive.find(found.scanner, found.against, MountingKind::Initial);
+fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
     let after = found.statistics.rmse_m;
-    let name = |index: usize| project.scanners[index].name.as_str();
-    let text = match found.against {
+    let text = match &found.against {
         Against::Reference => format!(
             "Scanner {}: points agree with the reference scan to {}",
-            name(found.scanner),
+            found.scanner,
             millimetres(after)
         ),
         Against::Scanner(other) => format!(
-            "Scanners {} and {} agree with each other to {}",
-            name(other),
-            name(found.scanner),
+            "Scanners {other} and {} agree with each other to {}",
+            found.scanner,
             millimetres(after)
         ),
     };
+    let before = all.find(found, MountingKind::Initial);
     match before.map(|before| before.statistics.rmse_m) {
         Some(before) if before < after => Verdict::attention(format!(
             "{text}: worse than the {} with the initial mounting.",
@@ -176,4 +163,65 @@ fn agreement_verdict(project: &Project, drive: &Drive, found: &Agreement) -> Ver
         Some(before) => Verdict::good(format!("{text} (before: {}).", millimetres(before))),
         None => Verdict::good(format!("{text}.")),
     }
+}
+
+/// What the data could and could not determine.
+pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
+    let found = statements(calibrations.result, "").into_iter();
+    let mut lines: Vec<Verdict> = found.map(Verdict::attention).collect();
+    if lines.is_empty() {
+        lines.push(Verdict::good(
+            "Every free parameter is determined by the data.",
+        ));
+    }
+    if let Some(without) = calibrations.variant(Variant::WithoutReference) {
+        let found = statements(without, " without a reference").into_iter();
+        lines.extend(found.map(Verdict::neutral));
+    }
+    lines
+}
+
+/// What cannot be found, a sentence each.
+pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> {
+    let free = calibration.observability.free.iter();
+    free.map(|free| {
+        let mut words = free.words.clone();
+        if let Some(first) = words.get_mut(0..1) {
+            first.make_ascii_uppercase();
+        }
+        format!("{words} cannot be found{circumstance}: held at the initial value.")
+    })
+    .collect()
+}
+
+/// Whether the mounting seems constant; `None` where that cannot be judged.
+pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
+    let found = calibration.constancy.as_ref()?;
+    Some(match not_constant(calibration) {
+        Some(text) => Verdict::attention(text),
+        None => Verdict::good(format!(
+            "The mounting seems constant: residuals along the drive ({}) are {:.1} times what the \
+             poses' standard deviations explain.",
+            millimetres(found.rms_m),
+            found.ratio
+        )),
+    })
+}
+
+/// Says that the mounting seems not to be constant, where the residuals along the drive say so.
+pub fn not_constant(calibration: &Calibration) -> Option<String> {
+    let constancy = calibration
+        .constancy
+        .as_ref()
+        .filter(|found| !found.constant)?;
+    let strong = constancy.strongest.filter(|(_, r)| r.abs() > 0.3);
+    let with = strong.map_or(String::new(), |(name, r)| {
+        format!(" They go most with {name} (correlation {r:.2}).")
+    });
+    Some(format!(
+        "The mounting seems not to be constant: residuals along the drive ({}) are {:.1} times \
+         what the poses' standard deviations explain.{with}",
+        millimetres(constancy.rms_m),
+        constancy.ratio
+    ))
 }

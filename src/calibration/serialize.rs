@@ -1,0 +1,139 @@
+//! Results as they are written out.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
+use serde::{Serialize, Serializer};
+
+use super::constancy::Constancy;
+use super::observability::Observability;
+use super::parameters::PARAMETER_NAMES;
+use super::result::{Calibration, Scale};
+use super::settings::Method;
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::{BodyFromScanner, EulerConvention};
+
+/// A number for each convention of Euler angles, degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct EulerDeg<T> {
+    zyx: [T; 3],
+    bonn: [T; 3],
+}
+
+impl<T> EulerDeg<T> {
+    fn of(angles: impl Fn(EulerConvention) -> [T; 3]) -> Self {
+        Self {
+            zyx: angles(EulerConvention::Zyx),
+            bonn: angles(EulerConvention::Bonn),
+        }
+    }
+}
+
+/// A mounting in every form that others read: quaternion and both conventions of Euler angles.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MountingForms {
+    #[serde(flatten)]
+    body_from_scanner: BodyFromScanner,
+    euler_deg: EulerDeg<f64>,
+}
+
+impl From<&BodyFromScanner> for MountingForms {
+    fn from(pose: &BodyFromScanner) -> Self {
+        Self {
+            body_from_scanner: *pose,
+            euler_deg: EulerDeg::of(|convention| {
+                euler_deg_from_rotation(convention, &pose.rotation)
+            }),
+        }
+    }
+}
+
+/// What was found of one scanner.
+#[derive(Debug, Clone, Serialize)]
+pub struct ScannerResult {
+    body_from_scanner: MountingForms,
+    sigma: Sigma,
+    rotation_convention: EulerConvention,
+    unobservable: Vec<&'static str>,
+}
+
+/// Standard deviations; null for what was held.
+#[derive(Debug, Clone, Serialize)]
+struct Sigma {
+    translation_m: [Option<f64>; 3],
+    /// Of the mounting's own angles.
+    rotation_deg: [Option<f64>; 3],
+    euler_deg: EulerDeg<Option<f64>>,
+}
+
+impl Calibration {
+    /// What was found of each scanner, by name, to be written out.
+    pub fn scanners(&self) -> BTreeMap<&str, ScannerResult> {
+        let scanner = |index: usize| {
+            let mounting = &self.mountings[index];
+            let own = self.sigmas(index, mounting.convention);
+            let degrees = |convention| {
+                let [.., a, b, c] = self.sigmas(index, convention);
+                [a, b, c].map(|sigma| sigma.map(f64::to_degrees))
+            };
+            ScannerResult {
+                body_from_scanner: MountingForms::from(&mounting.body_from_scanner),
+                sigma: Sigma {
+                    translation_m: [own[0], own[1], own[2]],
+                    rotation_deg: degrees(mounting.convention),
+                    euler_deg: EulerDeg::of(degrees),
+                },
+                rotation_convention: mounting.convention,
+                unobservable: self.unobservable(index),
+            }
+        };
+        let mountings = self.mountings.iter().enumerate();
+        mountings
+            .map(|(index, mounting)| (mounting.name.as_str(), scanner(index)))
+            .collect()
+    }
+}
+
+/// As `calibration` and `scanners` of `result.json`.
+impl Serialize for Calibration {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Parameter {
+            name: String,
+            unit: &'static str,
+        }
+        #[derive(Serialize)]
+        struct Written<'a> {
+            method: Method,
+            converged: bool,
+            scanners: BTreeMap<&'a str, ScannerResult>,
+            scales: &'a [Scale],
+            #[serde(flatten)]
+            observability: &'a Observability,
+            mounting_constant: &'a Option<Constancy>,
+            parameters: Vec<Parameter>,
+            covariance: Option<Vec<Vec<f64>>>,
+        }
+        let parameters = self.mountings.iter().flat_map(|mounting| {
+            (0..6).map(|index| Parameter {
+                name: format!("{}.{}", mounting.name, PARAMETER_NAMES[index]),
+                unit: if index < 3 { "m" } else { "rad" },
+            })
+        });
+        let rows = |matrix: &DMatrix<f64>| {
+            let rows = matrix.row_iter();
+            rows.map(|row| row.iter().copied().collect()).collect()
+        };
+        Written {
+            method: self.method,
+            converged: self.converged,
+            scanners: self.scanners(),
+            scales: &self.scales,
+            observability: &self.observability,
+            mounting_constant: &self.constancy,
+            parameters: parameters.collect(),
+            covariance: self.covariance.as_ref().map(rows),
+        }
+        .serialize(serializer)
+    }
+}

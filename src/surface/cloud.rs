@@ -1,0 +1,185 @@
+//! Points of all scanners and of a reference, and where they are with given mountings.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::profile::{Profile, ProfilePoint};
+use super::rows::PointRows;
+use crate::geometry::{BodyFromScanner, Mat3, Vec3};
+
+/// A profile of one of several scanners, its pose ready for many points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PosedProfile {
+    /// Index of the scanner.
+    pub scanner: u32,
+    /// Seconds.
+    pub time_s: f64,
+    /// R_mb.
+    pub rotation: Mat3,
+    /// t_mb, metres.
+    pub translation_m: Vec3,
+}
+
+/// Points of all scanners, which move with the mountings and the poses, and points of a reference,
+/// which stay. Indices count the movable points first, then the fixed ones.
+#[derive(Debug, Clone, Default)]
+pub struct SurfaceCloud {
+    /// How many scanners there are.
+    pub scanners: usize,
+    /// The profiles of the first scanner in time order, then those of the next.
+    pub profiles: Arc<Vec<PosedProfile>>,
+    /// Scanner points in the order of their profiles.
+    pub movable: Vec<ProfilePoint>,
+    /// Reference points in the world, metres.
+    pub fixed: Vec<Vec3>,
+}
+
+/// Where the points of a [`SurfaceCloud`] are with given mountings.
+#[derive(Debug, Clone)]
+pub struct Placed {
+    /// World coordinates, metres.
+    pub world: Vec<Vec3>,
+    mountings: Vec<Mounted>,
+}
+
+/// The mounting of a scanner, ready for many points.
+#[derive(Debug, Clone, Copy)]
+struct Mounted {
+    rotation: Mat3,
+    translation_m: Vec3,
+}
+
+impl Mounted {
+    fn all(mountings: &[BodyFromScanner]) -> Vec<Self> {
+        let ready = |mounting: &BodyFromScanner| Self {
+            rotation: *mounting.rotation.to_rotation_matrix().matrix(),
+            translation_m: mounting.translation_m,
+        };
+        mountings.iter().map(ready).collect()
+    }
+
+    /// R_bs x_s.
+    #[inline]
+    fn arm(&self, point: &ProfilePoint) -> Vec3 {
+        self.rotation * point.position_m
+    }
+
+    /// t_bs + R_bs x_s.
+    #[inline]
+    fn lever(&self, point: &ProfilePoint) -> Vec3 {
+        self.translation_m + self.arm(point)
+    }
+}
+
+impl SurfaceCloud {
+    /// The points of a reference alone.
+    pub fn new(fixed: Vec<Vec3>) -> Self {
+        Self {
+            fixed,
+            ..Self::default()
+        }
+    }
+
+    /// Adds a scanner: `points` of `profiles`, in their order. Profiles without points are left out.
+    pub fn add_scanner(
+        &mut self,
+        profiles: &[Profile],
+        points: impl IntoIterator<Item = ProfilePoint>,
+    ) {
+        let table = Arc::make_mut(&mut self.profiles);
+        let mut last = None;
+        for point in points {
+            if last != Some(point.profile) {
+                last = Some(point.profile);
+                let profile = &profiles[point.profile as usize];
+                let pose = &profile.world_from_body;
+                table.push(PosedProfile {
+                    scanner: self.scanners as u32,
+                    time_s: profile.time_s,
+                    rotation: *pose.rotation.to_rotation_matrix().matrix(),
+                    translation_m: pose.translation_m,
+                });
+            }
+            self.movable.push(ProfilePoint {
+                profile: table.len() as u32 - 1,
+                ..point
+            });
+        }
+        self.scanners += 1;
+    }
+
+    /// The points of these indices, which ascend.
+    pub fn subset(&self, indices: &[u32]) -> Self {
+        let movable = self.movable.len();
+        let split = indices.partition_point(|&index| (index as usize) < movable);
+        let (moving, fixed) = indices.split_at(split);
+        let (moving, fixed) = (moving.iter(), fixed.iter());
+        Self {
+            scanners: self.scanners,
+            profiles: Arc::clone(&self.profiles),
+            movable: moving.map(|&index| self.movable[index as usize]).collect(),
+            fixed: fixed
+                .map(|&index| self.fixed[index as usize - movable])
+                .collect(),
+        }
+    }
+
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.movable.len() + self.fixed.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The profile of a movable point.
+    #[inline]
+    pub fn profile(&self, point: &ProfilePoint) -> &PosedProfile {
+        &self.profiles[point.profile as usize]
+    }
+
+    /// Places every point with these mountings: x_m = t_mb + R_mb (t_bs + R_bs x_s).
+    pub fn place(&self, mountings: &[BodyFromScanner]) -> Placed {
+        let mountings = Mounted::all(mountings);
+        let place = |point: &ProfilePoint| {
+            let profile = self.profile(point);
+            let lever = mountings[profile.scanner as usize].lever(point);
+            profile.translation_m + profile.rotation * lever
+        };
+        let mut world = Vec::with_capacity(self.len());
+        self.movable
+            .par_iter()
+            .map(place)
+            .collect_into_vec(&mut world);
+        world.extend_from_slice(&self.fixed);
+        Placed { world, mountings }
+    }
+
+    /// How far movable point `index` moves along `direction` (world axes) with its pose and its
+    /// mounting.
+    #[inline]
+    pub(super) fn rows(&self, placed: &Placed, index: usize, direction: &Vec3) -> PointRows {
+        let point = &self.movable[index];
+        let profile = self.profile(point);
+        let mounting = &placed.mountings[profile.scanner as usize];
+        let arm = mounting.arm(point);
+        let lever = mounting.translation_m + arm;
+        PointRows::along(direction, &profile.rotation, &lever, &arm)
+    }
+
+    /// The farthest that any point moves between two sets of mountings, metres. Poses do not matter.
+    pub fn farthest_move(&self, from: &[BodyFromScanner], to: &[BodyFromScanner]) -> f64 {
+        let (from, to) = (Mounted::all(from), Mounted::all(to));
+        self.movable
+            .par_iter()
+            .map(|point| {
+                let scanner = self.profile(point).scanner as usize;
+                (to[scanner].lever(point) - from[scanner].lever(point)).norm_squared()
+            })
+            .reduce(|| 0.0, f64::max)
+            .sqrt()
+    }
+}

@@ -1,0 +1,72 @@
+//! A cloud placed with given mountings, and the planes of its neighbourhoods there.
+
+use std::sync::Arc;
+
+use super::cloud::{Placed, SurfaceCloud};
+use super::neighbourhoods::Neighbourhoods;
+use super::plane::Plane;
+use super::rows::PointRows;
+use crate::geometry::{BodyFromScanner, Vec3};
+
+/// The planes of neighbourhoods for given mountings. Points and neighbourhoods are shared with the
+/// surfaces made from this one.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// The points.
+    pub cloud: Arc<SurfaceCloud>,
+    /// Where they are.
+    pub placed: Placed,
+    /// Which of them lie around which.
+    pub neighbourhoods: Arc<Neighbourhoods>,
+    /// The plane of every neighbourhood.
+    pub planes: Vec<Plane>,
+}
+
+impl Surface {
+    /// Places the points of `cloud` and finds the `k` points nearest to every `stride`-th movable
+    /// one.
+    pub fn new(
+        cloud: Arc<SurfaceCloud>,
+        mountings: &[BodyFromScanner],
+        k: usize,
+        stride: usize,
+    ) -> Self {
+        let placed = cloud.place(mountings);
+        let centres = (0..cloud.movable.len() as u32).step_by(stride.max(1));
+        let neighbourhoods = Neighbourhoods::find(&placed.world, centres.collect(), k);
+        Self {
+            planes: neighbourhoods.planes(&placed.world),
+            neighbourhoods: Arc::new(neighbourhoods),
+            placed,
+            cloud,
+        }
+    }
+
+    /// The same neighbourhoods with other mountings.
+    pub fn moved(&self, mountings: &[BodyFromScanner]) -> Self {
+        let placed = self.cloud.place(mountings);
+        Self {
+            cloud: Arc::clone(&self.cloud),
+            planes: self.neighbourhoods.planes(&placed.world),
+            neighbourhoods: Arc::clone(&self.neighbourhoods),
+            placed,
+        }
+    }
+
+    /// The same points with neighbours sought anew where they are now.
+    pub fn find_again(self) -> Self {
+        let neighbourhoods = self.neighbourhoods.find_again(&self.placed.world);
+        Self {
+            planes: neighbourhoods.planes(&self.placed.world),
+            neighbourhoods: Arc::new(neighbourhoods),
+            ..self
+        }
+    }
+
+    /// How far movable point `index` moves along `direction` (world axes) with its pose and its
+    /// mounting.
+    #[inline]
+    pub fn rows(&self, index: usize, direction: &Vec3) -> PointRows {
+        self.cloud.rows(&self.placed, index, direction)
+    }
+}

@@ -1,0 +1,133 @@
+//! Which points lie around which.
+
+use rayon::prelude::*;
+
+use super::plane::Plane;
+use crate::cloud::NeighbourIndex;
+use crate::geometry::Vec3;
+
+/// The k nearest neighbours of chosen points, themselves among them: found once and kept while the
+/// points move little.
+#[derive(Debug, Clone)]
+pub struct Neighbourhoods {
+    k: usize,
+    centres: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl Neighbourhoods {
+    /// The `k` points nearest to each of `centres`, which are indices into `points`; all where there
+    /// are fewer.
+    pub fn find(points: &[Vec3], centres: Vec<u32>, k: usize) -> Self {
+        let index = NeighbourIndex::new(points);
+        let places: Vec<Vec3> = centres
+            .iter()
+            .map(|&centre| points[centre as usize])
+            .collect();
+        Self {
+            k: k.min(points.len()),
+            members: index.nearest_of_all(&places, k),
+            centres,
+        }
+    }
+
+    /// Neighbourhoods of the same size around the same points where these have moved to.
+    pub fn find_again(&self, points: &[Vec3]) -> Self {
+        Self::find(points, self.centres.clone(), self.k)
+    }
+
+    /// Points in each neighbourhood.
+    pub fn k(&self) -> usize {
+        self.k
+    }
+
+    /// Indices of the centres.
+    pub fn centres(&self) -> &[u32] {
+        &self.centres
+    }
+
+    /// Indices of the points of neighbourhood `index`.
+    #[inline]
+    pub fn of(&self, index: usize) -> &[u32] {
+        &self.members[index * self.k..(index + 1) * self.k]
+    }
+
+    /// How many neighbourhoods there are.
+    pub fn len(&self) -> usize {
+        self.centres.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.centres.is_empty()
+    }
+
+    /// The plane of every neighbourhood.
+    pub fn planes(&self, points: &[Vec3]) -> Vec<Plane> {
+        (0..self.len())
+            .into_par_iter()
+            .map(|index| Plane::of(points, self.of(index)))
+            .collect()
+    }
+
+    /// In which neighbourhoods each of the first `points` points is.
+    pub fn memberships(&self, points: usize) -> Memberships {
+        let known = |&&member: &&u32| (member as usize) < points;
+        let mut starts = vec![0; points + 1];
+        for &member in self.members.iter().filter(known) {
+            starts[member as usize + 1] += 1;
+        }
+        for point in 0..points {
+            starts[point + 1] += starts[point];
+        }
+        let mut next = starts.clone();
+        let mut neighbourhoods = vec![0; starts[points]];
+        for index in 0..self.len() {
+            for &member in self.of(index).iter().filter(known) {
+                let at = &mut next[member as usize];
+                neighbourhoods[*at] = index as u32;
+                *at += 1;
+            }
+        }
+        Memberships {
+            starts,
+            neighbourhoods,
+        }
+    }
+}
+
+/// The neighbourhoods of every point.
+#[derive(Debug, Clone)]
+pub struct Memberships {
+    starts: Vec<usize>,
+    neighbourhoods: Vec<u32>,
+}
+
+impl Memberships {
+    /// Those that point `index` is in, ascending.
+    #[inline]
+    pub fn of(&self, index: usize) -> &[u32] {
+        &self.neighbourhoods[self.starts[index]..self.starts[index + 1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn members_and_memberships_tell_the_same() {
+        let points: Vec<Vec3> = (0..40)
+            .map(|i| Vec3::new(f64::from(i * i % 17), f64::from(i % 7), 0.0))
+            .collect();
+        let found = Neighbourhoods::find(&points, vec![0, 3, 30, 39], 6);
+        let memberships = found.memberships(35);
+        for point in 0..35 {
+            let expected: Vec<u32> = (0..found.len() as u32)
+                .filter(|&index| found.of(index as usize).contains(&(point as u32)))
+                .collect();
+            assert_eq!(memberships.of(point), expected, "point {point}");
+        }
+        assert!(found.of(2).contains(&30));
+    }
+}
