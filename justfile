@@ -34,7 +34,7 @@ bench-trajectory *ARGS:
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
 
-# What an update of the online smoother costs through an hour (needs the shared pose_case)
+# What an update of the online smoother costs through an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
 

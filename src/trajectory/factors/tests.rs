@@ -29,16 +29,17 @@ fn sample() -> ImuSample {
     }
 }
 
+const NOISE: ImuNoise = ImuNoise {
+    gyro_density: 1e-3,
+    accel_density: 1e-2,
+    gyro_bias_walk: 0.0,
+    accel_bias_walk: 0.0,
+};
+
 fn preintegrated() -> Preintegrated {
-    let noise = ImuNoise {
-        gyro_density: 1e-3,
-        accel_density: 1e-2,
-        gyro_bias_walk: 0.0,
-        accel_bias_walk: 0.0,
-    };
     let mut sums = Preintegrated::new(ImuBias::default());
     for _ in 0..3 {
-        sums.add(sample().gyro_rad_s, sample().accel_m_s2, 0.05, &noise);
+        sums.add(sample().gyro_rad_s, sample().accel_m_s2, 0.05, &NOISE);
     }
     sums
 }
@@ -259,14 +260,8 @@ fn normal_equations_are_those_of_the_whitened_rows() {
 
 #[test]
 fn a_body_at_rest_feels_gravity_upwards() {
-    let noise = ImuNoise {
-        gyro_density: 1e-3,
-        accel_density: 1e-2,
-        gyro_bias_walk: 0.0,
-        accel_bias_walk: 0.0,
-    };
     let mut sums = Preintegrated::new(ImuBias::default());
-    sums.add(Vec3::zeros(), Vec3::new(0.0, 0.0, GRAVITY), 0.01, &noise);
+    sums.add(Vec3::zeros(), Vec3::new(0.0, 0.0, GRAVITY), 0.01, &NOISE);
     let factor = ImuFactor::new(&sums).expect("positive covariance");
     let rest = NodeState {
         rotation: Rotation::identity(),
