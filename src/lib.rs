@@ -9,7 +9,8 @@
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
 //! | [`mod@format`] | one file per file format, in and out; detection |
 //! | [`project`] | `project.toml`: as written, then checked |
-//! | [`trajectory`] | preintegration, factors, smoother, interpolation |
+//! | [`adjustment`] | least squares on a chain with border: normal equations, covariances, losses |
+//! | [`trajectory`] | states, factors, graph, smoother, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
 //! | [`comparison`] | M3C2 and its statistics |
@@ -22,6 +23,7 @@
 //! *System Calibration of a Field Phenotyping Robot with Multiple High-Precision Profile Laser
 //! Scanners* (arXiv 2403.17788).
 
+pub mod adjustment;
 pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod cli;

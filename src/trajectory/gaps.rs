@@ -1,27 +1,27 @@
 //! Gaps of the IMU: filled with samples that nobody recorded, and with the noise of unknown motion.
 
+use super::settings::ImuNoise;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::sensor::ImuSample;
 use crate::statistics::median;
-use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
-pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
+pub const LONGEST_IMU_GAP_S: f64 = 120.0;
 /// No IMU is as fast; and gaps would be filled with samples without number, seconds.
-pub(super) const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+pub const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
 /// An IMU interval longer than this many times the median has lost samples.
-pub(super) const GAP_INTERVALS: f64 = 2.5;
+pub const GAP_INTERVALS: f64 = 2.5;
 /// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
-pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
+pub const MOTION_CORRELATION_S: f64 = 0.5;
 
-pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
+pub fn median_interval_s(imu: &[ImuSample]) -> f64 {
     median(imu.windows(2).map(|w| w[1].time_s - w[0].time_s)).unwrap_or(f64::NAN)
 }
 
 /// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
 #[expect(clippy::type_complexity, reason = "read once, by the caller above")]
-pub(super) fn bridge(
+pub fn bridge(
     imu: &[ImuSample],
     interval_s: f64,
 ) -> Result<(Vec<ImuSample>, Vec<bool>, Vec<(f64, f64)>)> {
@@ -56,7 +56,7 @@ pub(super) fn bridge(
 }
 
 /// Samples at the interval of the log on the line between two of them.
-pub(super) fn bridged_samples(
+pub fn bridged_samples(
     from: &ImuSample,
     to: &ImuSample,
     interval_s: f64,
@@ -76,7 +76,7 @@ pub(super) fn bridged_samples(
 
 /// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
 /// the density of white noise with the same effect over its correlation time.
-pub(super) fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
+pub fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
     let count = imu.len() as f64;
     let density = |part: fn(&ImuSample) -> Vec3| {
         let mean = imu.iter().map(part).sum::<Vec3>() / count;

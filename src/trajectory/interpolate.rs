@@ -1,9 +1,9 @@
 //! Poses between nodes.
 
+use super::settings::PoseLimits;
 use crate::error::{Error, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::PoseRecord;
-use crate::trajectory::PoseLimits;
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///

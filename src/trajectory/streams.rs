@@ -1,12 +1,13 @@
 //! The logs as they come, made fit for the adjustment: values checked, records out of time order
 //! dropped and named, gaps of the IMU bridged.
 
-use super::gaps::{SHORTEST_IMU_INTERVAL_S, bridge, bridge_noise, median_interval_s};
+use super::gaps::{SHORTEST_IMU_INTERVAL_S, median_interval_s};
+use super::imu_series::ImuSeries;
+use super::settings::TrajectorySettings;
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, is_finite};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
-use crate::trajectory::{ImuNoise, TrajectorySettings};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
 pub(super) const FEWEST_FIXES: usize = 5;
@@ -53,16 +54,7 @@ pub(super) struct Numbered<T> {
 /// The logs in time order.
 #[derive(Debug, Clone)]
 pub(super) struct Streams {
-    /// Samples, those that bridge gaps included.
-    pub imu: Vec<ImuSample>,
-    /// Which samples bridge a gap.
-    pub bridged: Vec<bool>,
-    /// Noise of the samples that bridge gaps: the motion that nobody recorded.
-    pub bridge_noise: ImuNoise,
-    /// Gaps of the IMU, seconds from and to.
-    pub gaps_s: Vec<(f64, f64)>,
-    /// Median interval of the IMU, seconds.
-    pub interval_s: f64,
+    pub imu: ImuSeries,
     /// Within the IMU's span.
     pub positions: Vec<Vec<Numbered<PositionFix>>>,
     /// Within the IMU's span.
@@ -109,8 +101,8 @@ impl Streams {
                 "check the unit of its times: seconds",
             ));
         }
-        let (imu, bridged, gaps_s) = bridge(&imu, interval_s)?;
-        let span = (imu[0].time_s, imu[imu.len() - 1].time_s + interval_s);
+        let imu = ImuSeries::new(imu, interval_s, &settings.imu)?;
+        let span = imu.span_s();
         let mut positions = Vec::with_capacity(logs.positions.len());
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let stream = Stream::Position(sensor);
@@ -136,21 +128,16 @@ impl Streams {
         );
         let heading = within(heading, span, Stream::Heading, &names, &mut dropped)?;
         Ok(Self {
-            bridge_noise: bridge_noise(&imu, &settings.imu),
             imu,
-            bridged,
-            gaps_s,
-            interval_s,
             positions,
             heading,
             dropped,
         })
     }
 
-    /// First and last time, seconds; the last sample lasts the median interval.
+    /// First and last time, seconds.
     pub fn span_s(&self) -> (f64, f64) {
-        let last = self.imu[self.imu.len() - 1].time_s;
-        (self.imu[0].time_s, last + self.interval_s)
+        self.imu.span_s()
     }
 }
 
