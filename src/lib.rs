@@ -167,7 +167,8 @@
 //! | [`sensor`] | what each sensor measured, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
 //! | [`mod@format`] | one file per file format, in and out; detection |
-//! | [`trajectory`] | preintegration, factors, the chain's solver, batch and online smoother, diagnostics, interpolation |
+//! | [`adjustment`] | least squares on a chain with border: normal equations, covariances, losses |
+//! | [`trajectory`] | states, factors, graph, batch and online smoother, diagnostics, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
@@ -179,6 +180,7 @@
 //! | [`pipeline`] | the stages in order |
 //! | [`cli`] | one file per command |
 
+pub mod adjustment;
 pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -1,6 +1,6 @@
 //! The trajectory: from logs to poses with standard deviations, and poses at any time between.
 
-mod chain;
+mod batch;
 mod clock;
 mod conclusion;
 mod constants;
@@ -10,9 +10,10 @@ mod estimate;
 mod factors;
 mod gaps;
 mod graph;
+mod imu_series;
 mod initial;
 mod interpolate;
-mod marginals;
+mod motion_sums;
 mod online;
 mod preintegration;
 mod recovery;
@@ -20,8 +21,10 @@ mod rest;
 mod robust;
 mod settings;
 mod solution;
+mod states;
 mod streams;
 mod timeline;
+mod variance;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
 pub use estimate::{Estimate, estimate};

@@ -1,5 +1,6 @@
 //! What the trajectory needs to know beside the logs, in SI units.
 
+pub use crate::adjustment::Loss;
 use crate::geometry::{BodyAxes, Vec3};
 
 /// Noise of the IMU as continuous-time densities.
@@ -22,22 +23,6 @@ pub enum PositionKind {
     Prism,
     /// A GNSS antenna.
     Gnss,
-}
-
-/// What a large residual counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Loss {
-    /// Its square.
-    None,
-    /// Beyond 1.345 σ its distance (Huber 1964).
-    Huber,
-    /// The logarithm of its square (Cauchy).
-    Cauchy,
-    /// Its square up to a limit and nothing beyond, reached by graduated non-convexity (Yang,
-    /// Antonante, Tzoumas, Carlone 2020): what lies beyond is rejected, and named.
-    #[default]
-    Truncated,
 }
 
 /// A prism or a GNSS antenna on the body.

@@ -1,7 +1,8 @@
 //! Covariances of linear functionals of all unknowns, by one forward substitution.
 
+use super::chain::ChainFactor;
 use super::front::{change_place, forward};
-use super::{BIAS, CHANGE, ChainFactor, ChainLayout, NODE, STEP, TAIL};
+use super::layout::{CHANGE, ChainLayout, NODE, SEGMENT, STEP, TAIL};
 use nalgebra::DMatrix;
 
 /// Mark of a block that is zero.
@@ -44,24 +45,24 @@ impl Blocks {
     }
 }
 
-/// Gradient G of m linear functionals by all unknowns, sparse over nodes and biases. Blocks are
+/// Gradient G of m linear functionals by all unknowns, sparse over nodes and segments. Blocks are
 /// row by row.
 #[derive(Debug, Clone)]
 pub struct ChainGradient {
     rows: usize,
     nodes: Blocks,
-    biases: Blocks,
-    constants: Vec<f64>,
+    segments: Blocks,
+    border: Vec<f64>,
 }
 
 impl ChainGradient {
     /// No dependence yet, for m = `rows` functionals.
-    pub fn new(rows: usize, layout: &ChainLayout, constants: usize) -> Self {
+    pub fn new(rows: usize, layout: &ChainLayout, border: usize) -> Self {
         Self {
             rows,
             nodes: Blocks::new(layout.nodes(), rows * NODE),
-            biases: Blocks::new(layout.biases(), rows * BIAS),
-            constants: vec![0.0; rows * constants],
+            segments: Blocks::new(layout.segments(), rows * SEGMENT),
+            border: vec![0.0; rows * border],
         }
     }
 
@@ -70,37 +71,37 @@ impl ChainGradient {
         self.nodes.get_mut(node)
     }
 
-    /// The m × 6 block of a bias, to add to.
-    pub fn bias_mut(&mut self, bias: usize) -> &mut [f64] {
-        self.biases.get_mut(bias)
+    /// The m × 6 block of a segment, to add to.
+    pub fn segment_mut(&mut self, segment: usize) -> &mut [f64] {
+        self.segments.get_mut(segment)
     }
 
-    /// The m × n block of the constants, to add to.
+    /// The m × n block of the border, to add to.
     #[cfg_attr(
         not(test),
-        expect(dead_code, reason = "poses do not reach constants yet")
+        expect(dead_code, reason = "poses do not reach the border yet")
     )]
-    pub fn constants_mut(&mut self) -> &mut [f64] {
-        &mut self.constants
+    pub fn border_mut(&mut self) -> &mut [f64] {
+        &mut self.border
     }
 }
 
 impl ChainFactor {
-    /// G H⁻¹ Gᵀ (m × m) = V Vᵀ + Vk Vkᵀ with V = G U⁻¹ and, of the constants,
+    /// G H⁻¹ Gᵀ (m × m) = V Vᵀ + Vk Vkᵀ with V = G U⁻¹ and, of the border,
     /// Vk = (Gk − V Y) U_k⁻¹.
     pub fn of_functional(&self, gradient: &ChainGradient) -> DMatrix<f64> {
-        let (m, n) = (gradient.rows, self.constants());
+        let (m, n) = (gradient.rows, self.border());
         if m == 0 {
             return DMatrix::zeros(0, 0);
         }
         let steps = self.layout.steps();
         let mut sums = Sums::new(gradient, n);
-        // Right-hand sides of (node, bias), 15 rows of m; fronts below read and pass them on.
+        // Right-hand sides of (node, segment), 15 rows of m; fronts below read and pass them on.
         let mut carry = vec![0.0; TAIL * m];
         let mut front = vec![0.0; STEP * m];
         for i in self.first_step(gradient)..steps {
             if self.layout.changes_before(i) {
-                let old = self.layout.bias_of_step[i - 1] as usize;
+                let old = self.layout.segment_of_step[i - 1] as usize;
                 let front = &mut front[..CHANGE * m];
                 front[TAIL * m..].fill(0.0);
                 for (a, carried) in carry.chunks_exact(m).enumerate() {
@@ -109,17 +110,19 @@ impl ChainFactor {
                 }
                 let (change, border) = self.change(old);
                 forward(&change.rows, front, m);
-                sums.add(&front[..BIAS * m], border);
-                carry.copy_from_slice(&front[BIAS * m..]);
+                sums.add(&front[..SEGMENT * m], border);
+                carry.copy_from_slice(&front[SEGMENT * m..]);
             }
-            let (next, bias) = (NODE * m, 2 * NODE * m);
+            let (next, shared) = (NODE * m, 2 * NODE * m);
             front[..next].copy_from_slice(&carry[..next]);
-            front[next..bias].fill(0.0);
-            front[bias..].copy_from_slice(&carry[next..]);
+            front[next..shared].fill(0.0);
+            front[shared..].copy_from_slice(&carry[next..]);
             add_block::<NODE>(gradient.nodes.get(i), m, &mut front[..next]);
             if i == 0 || self.layout.changes_before(i) {
-                let block = gradient.biases.get(self.layout.bias_of_step[i] as usize);
-                add_block::<BIAS>(block, m, &mut front[bias..]);
+                let block = gradient
+                    .segments
+                    .get(self.layout.segment_of_step[i] as usize);
+                add_block::<SEGMENT>(block, m, &mut front[shared..]);
             }
             let (step, border) = self.step(i);
             forward(&step.rows, &mut front, m);
@@ -130,22 +133,22 @@ impl ChainFactor {
         let (tail, border) = self.tail();
         forward(&tail.rows, &mut carry, m);
         sums.add(&carry, border);
-        let mut constants = std::mem::take(&mut sums.constants);
-        self.constants.forward(&mut constants, m);
-        sums.add_squares(&constants);
+        let mut border = std::mem::take(&mut sums.border);
+        self.border_factor().forward(&mut border, m);
+        sums.add_squares(&border);
         DMatrix::from_fn(m, m, |a, b| sums.squares[a.min(b) * m + a.max(b)])
     }
 
     /// The first step whose front sees the gradient; all before it stay zero.
     fn first_step(&self, gradient: &ChainGradient) -> usize {
         let steps = self.layout.steps();
-        let of_bias = gradient.biases.first().map(|first| {
+        let of_segment = gradient.segments.first().map(|first| {
             self.layout
-                .bias_of_step
-                .partition_point(|&bias| (bias as usize) < first)
+                .segment_of_step
+                .partition_point(|&segment| (segment as usize) < first)
         });
         let of_node = gradient.nodes.first();
-        of_node.into_iter().chain(of_bias).min().unwrap_or(steps)
+        of_node.into_iter().chain(of_segment).min().unwrap_or(steps)
     }
 }
 
@@ -165,18 +168,18 @@ struct Sums {
     /// The upper triangle of V Vᵀ, m × m.
     squares: Vec<f64>,
     /// (Gk − V Y)ᵀ, n × m.
-    constants: Vec<f64>,
+    border: Vec<f64>,
 }
 
 impl Sums {
     fn new(gradient: &ChainGradient, n: usize) -> Self {
         let m = gradient.rows;
-        let constants = (0..n * m).map(|at| gradient.constants[(at % m) * n + at / m]);
+        let border = (0..n * m).map(|at| gradient.border[(at % m) * n + at / m]);
         Self {
             m,
             n,
             squares: vec![0.0; m * m],
-            constants: constants.collect(),
+            border: border.collect(),
         }
     }
 
@@ -185,7 +188,7 @@ impl Sums {
         self.add_squares(v);
         if self.n > 0 {
             for (v, y) in v.chunks_exact(self.m).zip(border.chunks_exact(self.n)) {
-                for (factor, target) in y.iter().zip(self.constants.chunks_exact_mut(self.m)) {
+                for (factor, target) in y.iter().zip(self.border.chunks_exact_mut(self.m)) {
                     for (x, v) in target.iter_mut().zip(v) {
                         *x -= factor * v;
                     }

@@ -1,34 +1,41 @@
 //! Random chains, as fronts and dense.
 
-use super::*;
+use crate::adjustment::chain::{ChainFactor, ChainStep, ChainSystem, NotPositive};
+use crate::adjustment::layout::{ChainLayout, NODE, SEGMENT, STEP, TAIL};
+use crate::adjustment::prior::{BorderPrior, Prior};
+use crate::adjustment::system::{BorderSystem, StepSystem};
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// A small chain with every shape of front, and the same normal equations assembled densely.
 pub struct Case {
     pub layout: ChainLayout,
     pub steps: Vec<StepSystem>,
-    pub borders: Vec<Border>,
-    pub walks: Vec<WalkSystem>,
-    pub prior: PriorSystem,
+    pub borders: Vec<BorderSystem>,
+    pub walks: Vec<Prior<SEGMENT>>,
+    pub prior: Prior<TAIL>,
     pub damping: [f64; TAIL],
-    pub constants: ConstantsSystem,
+    pub border: BorderPrior,
+    pub border_damping: Vec<f64>,
     pub h: DMatrix<f64>,
     pub g: DVector<f64>,
 }
 
 impl Case {
-    /// Steps of random normal equations that touch n constants; biases as listed.
-    pub fn new(bias_of_step: &[u32], n: usize, damping: f64) -> Self {
+    /// Steps of random normal equations that touch a border of n columns; segments as listed.
+    pub fn new(segment_of_step: &[u32], n: usize, damping: f64) -> Self {
         let layout = ChainLayout {
-            bias_of_step: bias_of_step.to_vec(),
+            segment_of_step: segment_of_step.to_vec(),
         };
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut draw = || random.random_range(-1.0..1.0);
-        let chain_size = layout.nodes() * NODE + layout.biases() * BIAS;
+        let chain_size = layout.nodes() * NODE + layout.segments() * SEGMENT;
         let size = chain_size + n;
         let mut h = DMatrix::zeros(size, size);
         let mut g = DVector::zeros(size);
         let node_at = |i: usize| i * NODE;
-        let bias_at = |k: usize| layout.nodes() * NODE + k * BIAS;
+        let segment_at = |k: usize| layout.nodes() * NODE + k * SEGMENT;
         let (steps, borders) = (0..layout.steps())
             .map(|i| {
                 let rows = DMatrix::from_fn(12, STEP + n, |_, _| draw());
@@ -38,7 +45,7 @@ impl Case {
                 );
                 let place = |a: usize| match a {
                     a if a < 2 * NODE => node_at(i) + a,
-                    a if a < STEP => bias_at(bias_of_step[i] as usize) + a - 2 * NODE,
+                    a if a < STEP => segment_at(segment_of_step[i] as usize) + a - 2 * NODE,
                     a => chain_size + a - STEP,
                 };
                 for a in 0..STEP + n {
@@ -53,7 +60,7 @@ impl Case {
                     h: std::array::from_fn(|a| std::array::from_fn(|b| upper(a, b))),
                     g: std::array::from_fn(|a| step_g[a]),
                 };
-                let border = Border {
+                let border = BorderSystem {
                     count: n,
                     h: (STEP..STEP + n)
                         .map(|c| std::array::from_fn(|a| step_h[(a, c)]))
@@ -66,49 +73,54 @@ impl Case {
                 (system, border)
             })
             .unzip();
-        let walks: Vec<_> = (1..layout.biases())
+        let walks: Vec<_> = (1..layout.segments())
             .map(|new| {
-                let walk = WalkSystem {
+                let walk = Prior {
                     weight: std::array::from_fn(|_| 2.0 + draw()),
-                    difference: std::array::from_fn(|_| draw()),
+                    miss: std::array::from_fn(|_| draw()),
                 };
-                for i in 0..BIAS {
-                    let (a, b, w) = (bias_at(new - 1) + i, bias_at(new) + i, walk.weight[i]);
+                for i in 0..SEGMENT {
+                    let (a, b, w) = (segment_at(new - 1) + i, segment_at(new) + i, walk.weight[i]);
                     h[(a, a)] += w;
                     h[(b, b)] += w;
                     h[(a, b)] -= w;
                     h[(b, a)] -= w;
-                    g[a] += w * walk.difference[i];
-                    g[b] -= w * walk.difference[i];
+                    g[a] += w * walk.miss[i];
+                    g[b] -= w * walk.miss[i];
                 }
                 walk
             })
             .collect();
-        let prior = PriorSystem {
+        let prior = Prior {
             weight: std::array::from_fn(|_| 2.0 + draw()),
-            g: std::array::from_fn(|_| draw()),
+            miss: std::array::from_fn(|_| draw()),
         };
         for a in 0..TAIL {
-            let place = if a < NODE { a } else { bias_at(0) + a - NODE };
+            let place = if a < NODE {
+                a
+            } else {
+                segment_at(0) + a - NODE
+            };
             h[(place, place)] += prior.weight[a];
-            g[place] += prior.g[a];
+            g[place] -= prior.weight[a] * prior.miss[a];
         }
-        let constants = ConstantsSystem {
+        let border = BorderPrior {
             weight: (0..n).map(|_| 2.0 + draw()).collect(),
-            g: (0..n).map(|_| draw()).collect(),
-            damping: (0..n).map(|c| damping * (2.0 + c as f64)).collect(),
+            miss: (0..n).map(|_| draw()).collect(),
         };
-        for c in 0..n {
+        let border_damping: Vec<f64> = (0..n).map(|c| damping * (2.0 + c as f64)).collect();
+        for (c, damping) in border_damping.iter().enumerate() {
             let place = chain_size + c;
-            h[(place, place)] += constants.weight[c] + constants.damping[c];
-            g[place] += constants.g[c];
+            h[(place, place)] += border.weight[c] + damping;
+            g[place] -= border.weight[c] * border.miss[c];
         }
         let damping = std::array::from_fn(|i| damping * (1.0 + i as f64));
         for i in 0..layout.nodes() {
             (0..NODE).for_each(|a| h[(node_at(i) + a, node_at(i) + a)] += damping[a]);
         }
-        for k in 0..layout.biases() {
-            (0..BIAS).for_each(|a| h[(bias_at(k) + a, bias_at(k) + a)] += damping[NODE + a]);
+        for k in 0..layout.segments() {
+            (0..SEGMENT)
+                .for_each(|a| h[(segment_at(k) + a, segment_at(k) + a)] += damping[NODE + a]);
         }
         Self {
             layout,
@@ -117,7 +129,8 @@ impl Case {
             walks,
             prior,
             damping,
-            constants,
+            border,
+            border_damping,
             h,
             g,
         }
@@ -126,22 +139,35 @@ impl Case {
     pub fn factor(&self) -> Result<ChainFactor, NotPositive> {
         let mut factor = ChainFactor::new(self.layout.clone(), self.count());
         factor.factorise(&ChainSystem {
-            step: &|i: usize, system: &mut StepSystem, border: &mut Border| {
-                assert_eq!(*border, Border::new(self.count()), "handed out cleared");
+            step: &|i: usize, system: &mut StepSystem, border: &mut BorderSystem| {
+                assert_eq!(
+                    *border,
+                    BorderSystem::new(self.count()),
+                    "handed out cleared"
+                );
                 *system = self.steps[i].clone();
                 *border = self.borders[i].clone();
             },
             walk: &|k: usize| self.walks[k],
             prior: self.prior,
             damping: self.damping,
-            constants: self.constants.clone(),
+            border: self.border.clone(),
+            border_damping: self.border_damping.clone(),
         })?;
         Ok(factor)
     }
 
-    /// Number of constants.
+    /// The solution.
+    pub fn solve(&self) -> ChainStep {
+        let factor = self.factor().expect("positive definite");
+        let mut step = ChainStep::new(&self.layout, self.count());
+        factor.back_substitute(&mut step);
+        step
+    }
+
+    /// Columns of the border.
     pub fn count(&self) -> usize {
-        self.constants.weight.len()
+        self.border.weight.len()
     }
 
     /// Where unknown `a` of step i stands in the dense system.
@@ -149,16 +175,16 @@ impl Case {
         if a < 2 * NODE {
             i * NODE + a
         } else {
-            self.bias_at(self.layout.bias_of_step[i] as usize) + a - 2 * NODE
+            self.segment_at(self.layout.segment_of_step[i] as usize) + a - 2 * NODE
         }
     }
 
-    pub fn bias_at(&self, k: usize) -> usize {
-        self.layout.nodes() * NODE + k * BIAS
+    pub fn segment_at(&self, k: usize) -> usize {
+        self.layout.nodes() * NODE + k * SEGMENT
     }
 
-    pub fn constant_at(&self, c: usize) -> usize {
-        self.bias_at(self.layout.biases()) + c
+    pub fn border_at(&self, c: usize) -> usize {
+        self.segment_at(self.layout.segments()) + c
     }
 
     /// H⁻¹ by dense Cholesky.

@@ -1,22 +1,18 @@
-//! IMU samples as they come: gaps bridged, their noise known from the scatter so far.
+//! The scatter of IMU samples so far: the noise of those that bridge a gap.
 
-use super::running::Running;
-use crate::error::Result;
 use crate::geometry::{self, Vec3};
 use crate::sensor::ImuSample;
-use crate::trajectory::ImuNoise;
-use crate::trajectory::gaps::{
-    GAP_INTERVALS, MOTION_CORRELATION_S, bridged_samples, bridging_samples, check_bridging,
-};
+use crate::trajectory::gaps::MOTION_CORRELATION_S;
+use crate::trajectory::settings::ImuNoise;
 
-pub(super) fn is_finite(sample: &ImuSample) -> bool {
+pub fn is_finite(sample: &ImuSample) -> bool {
     let vectors = [&sample.gyro_rad_s, &sample.accel_m_s2];
     sample.time_s.is_finite() && vectors.into_iter().all(geometry::is_finite)
 }
 
 /// Mean and scatter of rates and forces so far (Welford 1962).
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Scatter {
+pub struct Scatter {
     count: f64,
     gyro: (Vec3, f64),
     accel: (Vec3, f64),
@@ -38,8 +34,13 @@ impl Scatter {
         }
     }
 
+    /// How many samples there were.
+    pub fn count(&self) -> usize {
+        self.count as usize
+    }
+
     /// What a sample that nobody recorded may miss; as for whole drives.
-    fn bridge_noise(&self, noise: &ImuNoise) -> ImuNoise {
+    pub fn bridge_noise(&self, noise: &ImuNoise) -> ImuNoise {
         let density =
             |square: f64| (square / (3.0 * self.count) * 2.0 * MOTION_CORRELATION_S).sqrt();
         ImuNoise {
@@ -47,40 +48,6 @@ impl Scatter {
             accel_density: density(self.accel.1).max(noise.accel_density),
             ..*noise
         }
-    }
-}
-
-impl Running {
-    /// Takes a sample, later than all before, and those that bridge a gap before it.
-    ///
-    /// # Errors
-    /// More gaps than a log has.
-    pub fn sample(&mut self, sample: ImuSample, scatter: &Scatter, noise: &ImuNoise) -> Result<()> {
-        let last = self.streams.imu[self.streams.imu.len() - 1];
-        let interval_s = self.streams.interval_s;
-        let gap_s = sample.time_s - last.time_s;
-        if gap_s > GAP_INTERVALS * interval_s {
-            let recorded = scatter.count as usize;
-            let bridging = self.streams.imu.len().saturating_sub(recorded);
-            check_bridging(bridging + bridging_samples(gap_s, interval_s), recorded)?;
-            self.streams
-                .gaps_s
-                .push((last.time_s + interval_s, sample.time_s));
-            self.smoother
-                .graph
-                .set_bridge_noise(scatter.bridge_noise(noise));
-            for between in bridged_samples(&last, &sample, interval_s) {
-                self.push(between, true);
-            }
-        }
-        self.push(sample, false);
-        Ok(())
-    }
-
-    fn push(&mut self, sample: ImuSample, bridged: bool) {
-        self.streams.imu.push(sample);
-        self.streams.bridged.push(bridged);
-        self.smoother.graph.push_sample(sample, bridged);
     }
 }
 

@@ -1,8 +1,14 @@
 mod case;
+mod problem;
 
-use super::*;
+use crate::adjustment::chain::{CHUNK, NotPositive};
+use crate::adjustment::front::{Carry, ChangeFront, StepFront, TailFront};
+use crate::adjustment::functional::ChainGradient;
+use crate::adjustment::layout::{NODE, SEGMENT, STEP};
+use crate::adjustment::prior::BorderPrior;
+use crate::adjustment::system::{BorderSystem, StepSystem};
 use case::Case;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -21,8 +27,8 @@ fn cases() -> Vec<Case> {
 
 /// More steps than a chunk.
 fn long_case(n: usize) -> Case {
-    let biases: Vec<u32> = (0..CHUNK as u32 + 9).map(|i| i / 7).collect();
-    Case::new(&biases, n, 0.0)
+    let segments: Vec<u32> = (0..CHUNK as u32 + 9).map(|i| i / 7).collect();
+    Case::new(&segments, n, 0.0)
 }
 
 /// Rounding in well-conditioned systems of up to 2,700 unknowns.
@@ -34,11 +40,9 @@ fn solution_agrees_with_dense_cholesky() {
         let factor = case.factor().expect("positive definite");
         let dense = case.h.clone().cholesky().expect("positive definite");
         let dense = dense.solve(&case.g);
-        let mut nodes = vec![[0.0; NODE]; case.layout.nodes()];
-        let mut biases = vec![[0.0; BIAS]; case.layout.biases()];
-        let mut constants = vec![0.0; case.count()];
-        factor.back_substitute(&mut nodes, &mut biases, &mut constants);
-        let found = [nodes.as_flattened(), biases.as_flattened(), &constants].concat();
+        let found = case.solve();
+        let (nodes, segments) = (found.nodes.as_flattened(), found.segments.as_flattened());
+        let found = [nodes, segments, &found.border].concat();
         assert_eq!(found.len(), dense.len());
         for (i, x) in found.iter().enumerate() {
             assert!((x - dense[i]).abs() < TOLERANCE * dense.amax(), "{i}");
@@ -58,19 +62,19 @@ fn marginals_agree_with_dense_inverse() {
         factor.marginals(|step, covariance| {
             visited.push(step);
             let joint = covariance.joint();
-            assert_eq!(covariance.cross.len(), STEP * n);
-            for (a, row) in joint.iter().enumerate() {
+            assert_eq!(joint.cross.len(), STEP * n);
+            for (a, row) in joint.unknowns.iter().enumerate() {
                 let place = case.place(step, a);
                 for (b, found) in row.iter().enumerate() {
                     let expected = dense[(place, case.place(step, b))];
                     assert!((found - expected).abs() < tolerance, "{step} {a} {b}");
                 }
                 for c in 0..n {
-                    let expected = dense[(place, case.constant_at(c))];
-                    let found = covariance.cross[a * n + c];
+                    let expected = dense[(place, case.border_at(c))];
+                    let found = joint.cross[a * n + c];
                     assert!(
                         (found - expected).abs() < tolerance,
-                        "{step} {a} constant {c}"
+                        "{step} {a} border {c}"
                     );
                 }
             }
@@ -81,13 +85,13 @@ fn marginals_agree_with_dense_inverse() {
 }
 
 #[test]
-fn covariance_of_constants_agrees_with_dense_inverse() {
+fn covariance_of_the_border_agrees_with_dense_inverse() {
     for case in cases() {
         let dense = case.inverse();
-        let (n, at) = (case.count(), case.constant_at(0));
+        let (n, at) = (case.count(), case.border_at(0));
         let expected = dense.view((at, at), (n, n));
-        let found = case.factor().expect("positive definite");
-        let difference = found.constants_covariance() - expected;
+        let factor = case.factor().expect("positive definite");
+        let difference = factor.border_covariance() - expected;
         assert_eq!(difference.shape(), (n, n));
         for x in &difference {
             assert!(x.abs() < TOLERANCE * expected.amax());
@@ -116,17 +120,17 @@ fn functionals_of_all_unknowns_agree_with_dense_inverse() {
     for case in cases() {
         let (factor, n) = (case.factor().expect("positive definite"), case.count());
         let dense = case.inverse();
-        let (nodes, biases) = (case.layout.nodes(), case.layout.biases());
+        let (nodes, segments) = (case.layout.nodes(), case.layout.segments());
         let mut random = ChaCha8Rng::seed_from_u64(9);
-        // Which nodes and biases matter; a bias before and after the first node, nothing at all.
+        // Which nodes and segments matter; a segment before and after the first node, nothing at all.
         let selections = [
             (vec![nodes / 2, nodes - 1, nodes / 2], vec![]),
-            (vec![nodes - 1], vec![0, biases / 2]),
-            (vec![0], vec![biases - 1]),
-            (vec![], vec![biases - 1]),
+            (vec![nodes - 1], vec![0, segments / 2]),
+            (vec![0], vec![segments - 1]),
+            (vec![], vec![segments - 1]),
             (vec![], vec![]),
         ];
-        for ((at_nodes, at_biases), with_constants) in
+        for ((at_nodes, at_segments), with_border) in
             selections.iter().flat_map(|s| [(s, false), (s, true)])
         {
             let mut gradient = ChainGradient::new(rows, &case.layout, n);
@@ -135,15 +139,15 @@ fn functionals_of_all_unknowns_agree_with_dense_inverse() {
                 let block = random_block(&mut random, rows, NODE);
                 add_to_both(&mut full, node * NODE, gradient.node_mut(node), &block);
             }
-            for &bias in at_biases {
-                let block = random_block(&mut random, rows, BIAS);
-                let at = case.bias_at(bias);
-                add_to_both(&mut full, at, gradient.bias_mut(bias), &block);
+            for &segment in at_segments {
+                let block = random_block(&mut random, rows, SEGMENT);
+                let at = case.segment_at(segment);
+                add_to_both(&mut full, at, gradient.segment_mut(segment), &block);
             }
-            if with_constants {
+            if with_border {
                 let block = random_block(&mut random, rows, n);
-                let at = case.constant_at(0);
-                add_to_both(&mut full, at, gradient.constants_mut(), &block);
+                let at = case.border_at(0);
+                add_to_both(&mut full, at, gradient.border_mut(), &block);
             }
             let expected = &full * &dense * full.transpose();
             let difference = factor.of_functional(&gradient) - &expected;
@@ -152,28 +156,26 @@ fn functionals_of_all_unknowns_agree_with_dense_inverse() {
     }
 }
 
-/// The unknowns without constants do not move by a bit where constants exist that nothing couples.
+/// The chain does not move by a bit where a border exists that nothing couples.
 #[test]
-fn constants_that_touch_nothing_change_nothing() {
+fn a_border_that_touches_nothing_changes_nothing() {
     let alone = Case::new(&[0, 0, 1], 0, 0.1);
     let mut beside = Case::new(&[0, 0, 1], 0, 0.1);
-    beside.borders.fill(Border::new(2));
-    beside.constants = ConstantsSystem {
+    beside.borders.fill(BorderSystem::new(2));
+    beside.border = BorderPrior {
         weight: vec![4.0, 9.0],
-        g: vec![1.0, 2.0],
-        damping: vec![0.0; 2],
+        miss: vec![1.0, 2.0],
     };
-    let solve = |case: &Case| {
-        let factor = case.factor().expect("positive definite");
-        let mut nodes = vec![[0.0; NODE]; case.layout.nodes()];
-        let mut biases = vec![[0.0; BIAS]; case.layout.biases()];
-        let mut constants = vec![0.0; case.count()];
-        factor.back_substitute(&mut nodes, &mut biases, &mut constants);
-        (nodes, biases, constants)
-    };
-    let (alone, beside) = (solve(&alone), solve(&beside));
-    assert_eq!((alone.0, alone.1), (beside.0, beside.1));
-    assert!((beside.2[0] - 0.25).abs() < TOLERANCE && (beside.2[1] - 2.0 / 9.0).abs() < TOLERANCE);
+    beside.border_damping = vec![0.0; 2];
+    let (alone, beside) = (alone.solve(), beside.solve());
+    assert_eq!(
+        (alone.nodes, alone.segments),
+        (beside.nodes, beside.segments)
+    );
+    let expected = [-1.0, -2.0];
+    for (found, expected) in beside.border.iter().zip(expected) {
+        assert!((found - expected).abs() < TOLERANCE);
+    }
 }
 
 /// Step by step through [`Carry`], as an online smoother goes, gives the same fronts.
@@ -184,9 +186,9 @@ fn fronts_one_by_one_are_those_of_the_batch() {
     let mut carry = Carry::new(&case.prior);
     for i in 0..case.layout.steps() {
         if case.layout.changes_before(i) {
-            let old = case.layout.bias_of_step[i] as usize - 1;
+            let old = case.layout.segment_of_step[i] as usize - 1;
             let mut front = ChangeFront::ZERO;
-            assert!(carry.change_bias(&case.walks[old], &case.damping, &mut front));
+            assert!(carry.change_segment(&case.walks[old], &case.damping, &mut front));
             assert_eq!(&front, factor.change(old).0);
         }
         let mut front = StepFront::ZERO;
@@ -203,21 +205,21 @@ fn fronts_one_by_one_are_those_of_the_batch() {
 }
 
 #[test]
-fn each_constant_alone_is_what_the_chain_finds_without_the_others() {
+fn each_column_alone_is_what_the_chain_finds_without_the_others() {
     let case = Case::new(&[0, 0, 1, 2], 4, 0.1);
     let factor = case.factor().expect("positive definite");
     let first = 1;
     for (i, (step, sigma)) in factor.each_alone(first).into_iter().enumerate() {
-        // The dense system without the constants that are not there.
+        // The dense system without the columns that are not there.
         let others = (first..4).filter(|c| *c != first + i);
-        let gone: Vec<usize> = others.map(|c| case.constant_at(c)).collect();
+        let gone: Vec<usize> = others.map(|c| case.border_at(c)).collect();
         let h = case
             .h
             .clone()
             .remove_rows_at(&gone)
             .remove_columns_at(&gone);
         let g = case.g.clone().remove_rows_at(&gone);
-        let place = case.constant_at(first);
+        let place = case.border_at(first);
         let inverse = h.try_inverse().expect("regular");
         let expected = (&inverse * g)[place];
         assert!((step - expected).abs() < TOLERANCE * expected.abs().max(1.0));
@@ -236,7 +238,7 @@ fn one_thread_and_two_give_the_same_bits() {
                 .expect("a pool");
             let factor = pool.install(|| case.factor().expect("positive definite"));
             let tail = factor.tail().0.rows;
-            (tail, factor.decrement(), factor.constants_covariance())
+            (tail, factor.decrement(), factor.border_covariance())
         };
         assert_eq!(run(1), run(2));
     }
@@ -249,12 +251,12 @@ fn what_is_free_is_named() {
     case.steps.fill(StepSystem::ZERO);
     assert_eq!(case.factor().err(), Some(NotPositive::Node(1)));
     let mut case = Case::new(&[0, 0, 0], 2, 0.0);
-    // Constant 1 touches nothing and has no prior.
+    // Column 1 touches nothing and has no prior.
     for border in &mut case.borders {
         border.h[1].fill(0.0);
         border.c[1] = 0.0;
         border.c[3] = 0.0;
     }
-    case.constants.weight[1] = 0.0;
-    assert_eq!(case.factor().err(), Some(NotPositive::Constant(1)));
+    case.border.weight[1] = 0.0;
+    assert_eq!(case.factor().err(), Some(NotPositive::Border(1)));
 }

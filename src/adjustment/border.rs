@@ -1,58 +1,17 @@
-//! Constants that touch many steps: the dense border of the chain.
+//! Unknowns that touch many steps: the dense border of the chain.
 //!
 //! H = [[Hc, E], [Eᵀ, C]] with the chain Hc = Uᵀ U. The columns of E go through the forward
-//! elimination as further right-hand sides, Y = U⁻ᵀ E. What is left for the constants is
+//! elimination as further right-hand sides, Y = U⁻ᵀ E. What is left for the border is
 //! S = C − Yᵀ Y and gk − Yᵀ y, with S = U_kᵀ U_k.
 
 use super::front::{change_place, forward, step_place};
-use super::{BIAS, CHANGE, NODE, STEP, TAIL};
-
-/// What one step adds to the normal equations of n constants.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Border {
-    /// Number of constants n.
-    pub count: usize,
-    /// Per constant its coupling with the step's unknowns: node i, node i + 1, bias.
-    pub h: Vec<[f64; STEP]>,
-    /// The constants among themselves, n × n row by row; only the upper triangle counts.
-    pub c: Vec<f64>,
-    /// Their right-hand side.
-    pub g: Vec<f64>,
-}
-
-impl Border {
-    /// All zero.
-    pub fn new(count: usize) -> Self {
-        Self {
-            count,
-            h: vec![[0.0; STEP]; count],
-            c: vec![0.0; count * count],
-            g: vec![0.0; count],
-        }
-    }
-
-    /// Back to zero.
-    pub fn clear(&mut self) {
-        self.h.fill([0.0; STEP]);
-        self.c.fill(0.0);
-        self.g.fill(0.0);
-    }
-}
-
-/// What the constants have of their own: n values each.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ConstantsSystem {
-    /// Diagonal weights of the prior, 1/σ².
-    pub weight: Vec<f64>,
-    /// The prior's right-hand side.
-    pub g: Vec<f64>,
-    /// Added to the diagonal.
-    pub damping: Vec<f64>,
-}
+use super::layout::{CHANGE, NODE, SEGMENT, STEP, TAIL};
+use super::prior::BorderPrior;
+use super::system::BorderSystem;
 
 /// The border while the chain is eliminated.
 pub struct BorderCarry {
-    /// Columns over (node, bias), TAIL × n.
+    /// Columns over (node, segment), TAIL × n.
     columns: Vec<f64>,
     /// Columns of the front at work, up to STEP × n.
     front: Vec<f64>,
@@ -63,24 +22,26 @@ pub struct BorderCarry {
 }
 
 impl BorderCarry {
-    pub fn new(system: &ConstantsSystem) -> Self {
-        let n = system.weight.len();
+    /// Before the first step; `damping` is added to the diagonal.
+    pub fn new(prior: &BorderPrior, damping: &[f64]) -> Self {
+        let n = prior.weight.len();
         let mut s = vec![0.0; n * n];
         for c in 0..n {
-            s[c * n + c] = system.weight[c] + system.damping[c];
+            s[c * n + c] = prior.weight[c] + damping[c];
         }
+        let terms = prior.weight.iter().zip(&prior.miss);
         Self {
             columns: vec![0.0; TAIL * n],
             front: vec![0.0; STEP * n],
             s,
-            g: system.g.clone(),
+            g: terms.map(|(w, d)| -w * d).collect(),
         }
     }
 
     /// Step i: adds its border, and leaves the rows of Y of node i in `kept`.
     pub fn step(
         &mut self,
-        border: &Border,
+        border: &BorderSystem,
         rows: &[[f64; STEP]; NODE],
         y: &[f64; NODE],
         kept: &mut [f64],
@@ -104,8 +65,13 @@ impl BorderCarry {
         self.keep(NODE * n, y, kept);
     }
 
-    /// A change of bias: leaves the rows of Y of the old bias in `kept`.
-    pub fn change(&mut self, rows: &[[f64; CHANGE]; BIAS], y: &[f64; BIAS], kept: &mut [f64]) {
+    /// A change of segment: leaves the rows of Y of the old one in `kept`.
+    pub fn change(
+        &mut self,
+        rows: &[[f64; CHANGE]; SEGMENT],
+        y: &[f64; SEGMENT],
+        kept: &mut [f64],
+    ) {
         let n = self.g.len();
         let front = &mut self.front[..CHANGE * n];
         front.fill(0.0);
@@ -114,8 +80,8 @@ impl BorderCarry {
             front[place..place + n].copy_from_slice(carried);
         }
         forward(rows, front, n);
-        self.columns.copy_from_slice(&front[BIAS * n..]);
-        self.keep(BIAS * n, y, kept);
+        self.columns.copy_from_slice(&front[SEGMENT * n..]);
+        self.keep(SEGMENT * n, y, kept);
     }
 
     /// The tail: leaves its rows of Y in `kept`.
@@ -140,8 +106,8 @@ impl BorderCarry {
         }
     }
 
-    /// The factor of the constants, or the first constant that nothing determines.
-    pub fn factorise(self) -> Result<ConstantsFactor, usize> {
+    /// The factor of the border, or its first column that nothing determines.
+    pub fn factorise(self) -> Result<BorderFactor, usize> {
         let n = self.g.len();
         let (mut u, mut y) = (self.s, self.g);
         for k in 0..n {
@@ -162,20 +128,20 @@ impl BorderCarry {
                 y[i] -= row[i] * y[k];
             }
         }
-        Ok(ConstantsFactor { u, y })
+        Ok(BorderFactor { u, y })
     }
 }
 
 /// S = U_kᵀ U_k and y_k = U_k⁻ᵀ (gk − Yᵀ y).
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ConstantsFactor {
+pub struct BorderFactor {
     /// n × n row by row; only the upper triangle counts.
     u: Vec<f64>,
     pub y: Vec<f64>,
 }
 
-impl ConstantsFactor {
-    /// All zero, for n constants.
+impl BorderFactor {
+    /// All zero, for n columns.
     pub fn new(n: usize) -> Self {
         Self {
             u: vec![0.0; n * n],
@@ -209,7 +175,7 @@ impl ConstantsFactor {
         }
     }
 
-    /// For each constant from `first` on its step and standard deviation if none of the others from
+    /// For each column from `first` on its step and standard deviation if none of the others from
     /// `first` on were there. Uᵀ U less the rows before `first` is what S leaves for them.
     pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
         let n = self.y.len();
@@ -223,7 +189,7 @@ impl ConstantsFactor {
             .collect()
     }
 
-    /// S⁻¹, n × n: the covariance of the constants.
+    /// S⁻¹, n × n: the covariance of the border.
     pub fn covariance(&self) -> Vec<f64> {
         let n = self.y.len();
         // The rows of U_k⁻¹, from (U_k⁻ᵀ)ᵀ: S⁻¹ = (U_k⁻ᵀ)ᵀ U_k⁻ᵀ.

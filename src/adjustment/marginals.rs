@@ -1,63 +1,113 @@
 //! Marginal covariances of a factorised chain, by back-recursion.
 
-use super::chain::{BIAS, CHANGE, ChainFactor, NODE, STEP, TAIL, solve_rows};
+use super::chain::ChainFactor;
+use super::front::solve_rows;
+use super::layout::{CHANGE, NODE, SEGMENT, STEP, TAIL};
+use super::rows::Rows;
+use nalgebra::DMatrix;
 
-/// The joint covariance of the unknowns of step i, in parts, that of the constants included.
-pub(super) struct StepCovariance<'a> {
+/// The joint covariance of the unknowns of step i, in parts, that of the border included.
+pub struct StepMarginal<'a> {
     /// Node i.
     pub node: &'a [[f64; NODE]; NODE],
-    /// Node i (rows) with node i + 1 and the bias.
-    pub between: &'a [[f64; TAIL]; NODE],
-    /// Node i + 1 and the bias.
-    pub next: &'a [[f64; TAIL]; TAIL],
-    /// All of them (node i, node i + 1, bias) with the n constants, STEP × n row by row.
-    pub cross: &'a [f64],
+    /// Node i (rows) with node i + 1 and the segment.
+    between: &'a [[f64; TAIL]; NODE],
+    /// Node i + 1 and the segment.
+    next: &'a [[f64; TAIL]; TAIL],
+    /// All of them (node i, node i + 1, segment) with the border, STEP × n row by row.
+    cross: &'a [f64],
 }
 
-impl StepCovariance<'_> {
-    /// The whole matrix, order node i, node i + 1, bias.
-    pub fn joint(&self) -> [[f64; STEP]; STEP] {
-        let mut joint = [[0.0; STEP]; STEP];
+impl StepMarginal<'_> {
+    /// The whole matrix.
+    pub fn joint(&self) -> StepCovariance {
+        let mut unknowns = [[0.0; STEP]; STEP];
         for (a, (node, between)) in self.node.iter().zip(self.between).enumerate() {
-            joint[a][..NODE].copy_from_slice(node);
-            joint[a][NODE..].copy_from_slice(between);
+            unknowns[a][..NODE].copy_from_slice(node);
+            unknowns[a][NODE..].copy_from_slice(between);
             for (b, x) in between.iter().enumerate() {
-                joint[NODE + b][a] = *x;
+                unknowns[NODE + b][a] = *x;
             }
         }
-        for (row, next) in joint[NODE..].iter_mut().zip(self.next) {
+        for (row, next) in unknowns[NODE..].iter_mut().zip(self.next) {
             row[NODE..].copy_from_slice(next);
         }
-        joint
+        StepCovariance {
+            unknowns,
+            cross: self.cross.to_vec(),
+        }
+    }
+}
+
+/// The joint covariance of the unknowns of a step.
+#[derive(Debug, Clone)]
+pub struct StepCovariance {
+    /// Node i, node i + 1, segment.
+    pub unknowns: [[f64; STEP]; STEP],
+    /// Of these with the border, STEP × n row by row.
+    pub cross: Vec<f64>,
+}
+
+impl StepCovariance {
+    /// The redundancy 1 − w jᵀ Σ j of each row, given the covariance of the border: the share of
+    /// the observation that others check.
+    pub fn redundancies(&self, rows: &Rows<'_>, border: &DMatrix<f64>) -> Vec<f64> {
+        let predicted = |i: usize| self.predicted(rows, i, border);
+        let rows = 0..rows.residual.len();
+        rows.map(|i| 1.0 - predicted(i)).collect()
+    }
+
+    /// The variance of what row i predicts, w jᵀ Σ j.
+    fn predicted(&self, rows: &Rows<'_>, i: usize, border: &DMatrix<f64>) -> f64 {
+        let (row, n) = (&rows.by_step[i], border.nrows());
+        let mut used = [0usize; STEP];
+        let mut count = 0;
+        for (a, x) in row.iter().enumerate() {
+            used[count] = a;
+            count += usize::from(*x != 0.0);
+        }
+        let used = &used[..count];
+        let mut sum = 0.0;
+        for (at, &a) in used.iter().enumerate() {
+            let line = &self.unknowns[a];
+            let others: f64 = used[at + 1..].iter().map(|&b| line[b] * row[b]).sum();
+            sum += row[a] * (line[a] * row[a] + 2.0 * others);
+        }
+        for (c, by) in rows.by_column() {
+            let inner: f64 = used.iter().map(|&a| self.cross[a * n + c] * row[a]).sum();
+            let own: f64 = rows.by_column().map(|(d, w)| border[(c, d)] * w[i]).sum();
+            sum += by[i] * (2.0 * inner + own);
+        }
+        rows.weight * sum
     }
 }
 
 impl ChainFactor {
     /// Visits every step from the last to the first with the joint covariance of its unknowns.
-    /// From the covariance Σ of a separator (the constants are part of every separator):
+    /// From the covariance Σ of a separator (the border is part of every separator):
     /// K = U_PP⁻¹ U_PS, Σ_PS = −K Σ, Σ_PP = U_PP⁻¹ U_PP⁻ᵀ + K Σ Kᵀ.
-    pub fn marginals(&self, mut visit: impl FnMut(usize, &StepCovariance<'_>)) {
-        let mut constants = Constants::new(self);
-        let n = constants.n;
-        let (tail, border) = self.tail();
+    pub fn marginals(&self, mut visit: impl FnMut(usize, &StepMarginal<'_>)) {
+        let mut border = BorderCovariance::new(self);
+        let n = border.n;
+        let (tail, rows) = self.tail();
         let mut sigma = tail_covariance(&tail.rows);
         if n > 0 {
-            constants.enter::<TAIL, TAIL>(&tail.rows, border);
-            constants.add_own(&mut sigma);
-            constants.cross[NODE * n..].copy_from_slice(&constants.pivots[..TAIL * n]);
+            border.enter::<TAIL, TAIL>(&tail.rows, rows);
+            border.add_own(&mut sigma);
+            border.cross[NODE * n..].copy_from_slice(&border.pivots[..TAIL * n]);
         }
         for i in (0..self.layout.steps()).rev() {
-            let (front, border) = self.step(i);
+            let (front, rows) = self.step(i);
             let (own, cross) =
-                pivot_covariance::<NODE, STEP>(&front.rows, border, &sigma, &mut constants);
-            constants.cross[..NODE * n].copy_from_slice(&constants.pivots[..NODE * n]);
+                pivot_covariance::<NODE, STEP>(&front.rows, rows, &sigma, &mut border);
+            border.cross[..NODE * n].copy_from_slice(&border.pivots[..NODE * n]);
             visit(
                 i,
-                &StepCovariance {
+                &StepMarginal {
                     node: &own,
                     between: &cross,
                     next: &sigma,
-                    cross: &constants.cross,
+                    cross: &border.cross,
                 },
             );
             for a in 0..NODE {
@@ -67,45 +117,45 @@ impl ChainFactor {
                     sigma[b][a] = cross[a][b];
                 }
             }
-            constants.cross.copy_within(..NODE * n, NODE * n);
+            border.cross.copy_within(..NODE * n, NODE * n);
             if self.layout.changes_before(i) {
-                let (front, border) = self.change(self.layout.bias_of_step[i] as usize - 1);
+                let (front, rows) = self.change(self.layout.segment_of_step[i] as usize - 1);
                 let (own, cross) =
-                    pivot_covariance::<BIAS, CHANGE>(&front.rows, border, &sigma, &mut constants);
-                for a in 0..BIAS {
+                    pivot_covariance::<SEGMENT, CHANGE>(&front.rows, rows, &sigma, &mut border);
+                for a in 0..SEGMENT {
                     sigma[NODE + a][NODE..].copy_from_slice(&own[a]);
                     for b in 0..NODE {
                         sigma[NODE + a][b] = cross[a][b];
                         sigma[b][NODE + a] = cross[a][b];
                     }
                 }
-                constants.cross[2 * NODE * n..].copy_from_slice(&constants.pivots[..BIAS * n]);
+                border.cross[2 * NODE * n..].copy_from_slice(&border.pivots[..SEGMENT * n]);
             }
         }
     }
 }
 
-/// The constants' part of the recursion.
-struct Constants {
+/// The border's part of the recursion.
+struct BorderCovariance {
     n: usize,
     /// Σ_kk, n × n.
     own: Vec<f64>,
-    /// Covariance of the step's unknowns with the constants, STEP × n; rows from NODE on are those
+    /// Covariance of the step's unknowns with the border, STEP × n; rows from NODE on are those
     /// of the separator.
     cross: Vec<f64>,
     /// Of the front at work: U_PP⁻¹ Y_P and Σ_Pk, both P × n.
     gain: Vec<f64>,
     pivots: Vec<f64>,
-    /// Σ_kS, a row per constant.
+    /// Σ_kS, a row per column of the border.
     of_separator: Vec<[f64; TAIL]>,
 }
 
-impl Constants {
+impl BorderCovariance {
     fn new(factor: &ChainFactor) -> Self {
-        let n = factor.constants();
+        let n = factor.border();
         Self {
             n,
-            own: factor.constants_covariance().as_slice().to_vec(),
+            own: factor.border_covariance().as_slice().to_vec(),
             cross: vec![0.0; STEP * n],
             gain: vec![0.0; TAIL * n],
             pivots: vec![0.0; TAIL * n],
@@ -180,12 +230,12 @@ fn subtract<'a>(target: &mut [f64], factors: &[f64], rows: impl Iterator<Item = 
 }
 
 /// Σ_PP and Σ_PS of a front's pivots, given the covariance of its separator; leaves Σ_Pk in
-/// `constants.pivots`.
+/// `border.pivots`.
 fn pivot_covariance<const P: usize, const N: usize>(
     rows: &[[f64; N]; P],
-    border: &[f64],
+    border_rows: &[f64],
     separator: &[[f64; TAIL]; TAIL],
-    constants: &mut Constants,
+    border: &mut BorderCovariance,
 ) -> ([[f64; P]; P], [[f64; TAIL]; P]) {
     // K and the inverse of U_PP, row by row from the last.
     let mut k = [[0.0; TAIL]; P];
@@ -219,9 +269,9 @@ fn pivot_covariance<const P: usize, const N: usize>(
         }
         cross[a] = row;
     }
-    if constants.n > 0 {
-        constants.enter::<P, N>(rows, border);
-        constants.separate::<P>(&k, &mut cross);
+    if border.n > 0 {
+        border.enter::<P, N>(rows, border_rows);
+        border.separate::<P>(&k, &mut cross);
     }
     let mut own = [[0.0; P]; P];
     for a in 0..P {
@@ -232,14 +282,14 @@ fn pivot_covariance<const P: usize, const N: usize>(
             own[b][a] = own[a][b];
         }
     }
-    if constants.n > 0 {
-        constants.add_own(&mut own);
+    if border.n > 0 {
+        border.add_own(&mut own);
     }
     (own, cross)
 }
 
 /// (Uᵀ U)⁻¹ of the tail.
-pub(super) fn tail_covariance(rows: &[[f64; TAIL]; TAIL]) -> [[f64; TAIL]; TAIL] {
+pub fn tail_covariance(rows: &[[f64; TAIL]; TAIL]) -> [[f64; TAIL]; TAIL] {
     let mut sigma = [[0.0; TAIL]; TAIL];
     for column in 0..TAIL {
         // Uᵀ z = e, then U x = z.

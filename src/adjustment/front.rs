@@ -1,6 +1,8 @@
 //! One front at a time: the steps of the elimination, for the batch and for online use.
 
-use super::{BIAS, CHANGE, NODE, PriorSystem, STEP, StepSystem, TAIL, WalkSystem};
+use super::layout::{CHANGE, NODE, SEGMENT, STEP, TAIL};
+use super::prior::Prior;
+use super::system::StepSystem;
 
 /// The rows of U of one front (P pivots, N − P separator columns) and their part of y = U⁻ᵀ g.
 /// Only the upper triangle of the pivots counts. Aligned to the cache's lines.
@@ -11,11 +13,11 @@ pub struct Front<const P: usize, const N: usize> {
     pub y: [f64; P],
 }
 
-/// Pivots node i; separator node i + 1, bias.
+/// Pivots node i; separator node i + 1, segment.
 pub type StepFront = Front<NODE, STEP>;
-/// Pivots old bias; separator node, new bias.
-pub type ChangeFront = Front<BIAS, CHANGE>;
-/// Pivots last node and bias.
+/// Pivots old segment; separator node, new segment.
+pub type ChangeFront = Front<SEGMENT, CHANGE>;
+/// Pivots last node and segment.
 pub type TailFront = Front<TAIL, TAIL>;
 
 impl<const P: usize, const N: usize> Front<P, N> {
@@ -30,35 +32,35 @@ impl<const P: usize, const N: usize> Front<P, N> {
     }
 }
 
-/// Normal equations carried from the fronts before to (node, bias); upper triangle.
+/// Normal equations carried from the fronts before to (node, segment); upper triangle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carry {
     pub h: [[f64; TAIL]; TAIL],
     pub g: [f64; TAIL],
 }
 
-/// Where (node, bias) stand in a step's front.
+/// Where (node, segment) stand in a step's front.
 pub fn step_place(a: usize) -> usize {
     if a < NODE { a } else { a + NODE }
 }
 
-/// Where (node, old bias) stand in the front of a change of bias.
+/// Where (node, old segment) stand in the front of a change of segment.
 pub fn change_place(a: usize) -> usize {
-    if a < NODE { BIAS + a } else { a - NODE }
+    if a < NODE { SEGMENT + a } else { a - NODE }
 }
 
 impl Carry {
     /// Before the first step.
-    pub fn new(prior: &PriorSystem) -> Self {
+    pub fn new(prior: &Prior<TAIL>) -> Self {
         let mut h = [[0.0; TAIL]; TAIL];
         for (a, weight) in prior.weight.iter().enumerate() {
             h[a][a] = *weight;
         }
-        Self { h, g: prior.g }
+        Self { h, g: prior.g() }
     }
 
-    /// Adds the carry over (node i, bias) to the system of step i, eliminates node i and carries
-    /// on to (node i + 1, bias). `system` is used up. False where node i is not determined; the
+    /// Adds the carry over (node i, segment) to the system of step i, eliminates node i and carries
+    /// on to (node i + 1, segment). `system` is used up. False where node i is not determined; the
     /// carry is then as before.
     #[must_use]
     pub fn eliminate_step(
@@ -88,16 +90,17 @@ impl Carry {
         true
     }
 
-    /// Eliminates the bias from the carry over (node, old bias) and leaves (node, new bias).
-    /// False where the old bias is not determined; the carry is then as before.
+    /// Eliminates the segment from the carry over (node, old segment) and leaves (node, new
+    /// segment); `walk` ties the two, missed by new − old. False where the old segment is not
+    /// determined; the carry is then as before.
     #[must_use]
-    pub fn change_bias(
+    pub fn change_segment(
         &mut self,
-        walk: &WalkSystem,
+        walk: &Prior<SEGMENT>,
         damping: &[f64; TAIL],
         front: &mut ChangeFront,
     ) -> bool {
-        // Order: old bias, node, new bias.
+        // Order: old segment, node, new segment.
         let mut h = [[0.0; CHANGE]; CHANGE];
         let mut g = [0.0; CHANGE];
         for a in 0..TAIL {
@@ -107,26 +110,36 @@ impl Carry {
             }
             g[change_place(a)] = self.g[a];
         }
-        for a in 0..BIAS {
+        for a in 0..SEGMENT {
             let w = walk.weight[a];
             h[a][a] += w + damping[NODE + a];
             h[a][TAIL + a] = -w;
             h[TAIL + a][TAIL + a] = w;
-            g[a] += w * walk.difference[a];
-            g[TAIL + a] = -w * walk.difference[a];
+            g[a] += w * walk.miss[a];
+            g[TAIL + a] = -w * walk.miss[a];
         }
-        if !eliminate::<BIAS, CHANGE>(&mut h, &mut g) {
+        if !eliminate::<SEGMENT, CHANGE>(&mut h, &mut g) {
             return false;
         }
         front.keep(&h, &g);
         for a in 0..TAIL {
-            self.h[a].copy_from_slice(&h[BIAS + a][BIAS..]);
-            self.g[a] = g[BIAS + a];
+            self.h[a].copy_from_slice(&h[SEGMENT + a][SEGMENT..]);
+            self.g[a] = g[SEGMENT + a];
         }
         true
     }
 
-    /// Eliminates the last node and bias. False where they are not determined.
+    /// Adds what records say of the carry's node and segment; node i + 1 must not be touched.
+    pub fn add_newest(&mut self, system: &StepSystem) {
+        for a in 0..TAIL {
+            for b in a..TAIL {
+                self.h[a][b] += system.h[step_place(a)][step_place(b)];
+            }
+            self.g[a] += system.g[step_place(a)];
+        }
+    }
+
+    /// Eliminates the last node and segment. False where they are not determined.
     #[must_use]
     pub fn eliminate_tail(&self, damping: &[f64; TAIL], front: &mut TailFront) -> bool {
         front.rows = self.h;
