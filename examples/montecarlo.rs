@@ -61,7 +61,7 @@ fn run(seed: u64, folder: &Path) -> Result<[(usize, usize); 3]> {
 /// Root mean square errors of the poses and how they compare with their sigmas.
 fn print_pose_errors(poses: &Poses, exact: &Poses) {
     let mut errors = PoseErrors::default();
-    for node in poses.trajectory.nodes() {
+    for node in poses.trajectory.poses() {
         if let Some(truth) = exact.trajectory.pose_at(node.time_s) {
             errors.add(node, &(truth.translation_m, truth.rotation));
         }

@@ -35,7 +35,8 @@
 //! use boresight::geometry::BodyAxes;
 //! use boresight::progress::Silent;
 //! use boresight::trajectory::{
-//!     HeadingSettings, ImuNoise, MotionLogs, PositionSettings, TrajectorySettings, estimate,
+//!     HeadingSettings, ImuDatasheet, ImuNoise, MotionLogs, PositionSettings, TrajectorySettings,
+//!     estimate,
 //! };
 //! # use boresight::simulation::{Drive, Scenario, Scene};
 //! # let scenario = Scenario::demo();
@@ -49,7 +50,12 @@
 //! // imu: Vec<ImuSample>, prism: Vec<PositionFix>, headings: Vec<HeadingFix>, lever_arm_m: Vec3
 //! let settings = TrajectorySettings::new(
 //!     BodyAxes::Frd,
-//!     ImuNoise::from_datasheet(0.15, 57.0, 7.0, 14.0),
+//!     ImuNoise::from_datasheet(&ImuDatasheet {
+//!         gyro_noise_deg_sqrt_h: 0.15,
+//!         accel_noise_ug_sqrt_hz: 57.0,
+//!         gyro_bias_instability_deg_h: 7.0,
+//!         accel_bias_instability_ug: 14.0,
+//!     }),
 //!     PositionSettings::prism(0.005, lever_arm_m),
 //!     HeadingSettings::aligned(0.7_f64.to_radians()),
 //! );

@@ -87,8 +87,8 @@ impl Trajectory {
         })
     }
 
-    /// The nodes in time order.
-    pub fn nodes(&self) -> &[PoseRecord] {
+    /// The poses in time order.
+    pub fn poses(&self) -> &[PoseRecord] {
         &self.nodes
     }
 

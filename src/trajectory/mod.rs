@@ -10,6 +10,7 @@ mod estimate;
 mod factors;
 mod gaps;
 mod graph;
+mod imu_noise;
 mod imu_series;
 mod initial;
 mod interpolate;
@@ -28,10 +29,11 @@ mod variance;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
 pub use estimate::{Estimate, estimate};
+pub use imu_noise::{ImuDatasheet, ImuNoise};
 pub use interpolate::{PoseCursor, Trajectory};
 pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
 pub use settings::{
-    Constant, HeadingSettings, ImuNoise, Loss, Nodes, PoseLimits, PositionKind, PositionSettings,
+    Constant, HeadingSettings, Loss, Nodes, PoseLimits, PositionKind, PositionSettings,
     TrajectorySettings,
 };
 pub use solution::{

@@ -5,19 +5,18 @@
 use boresight::Result;
 use boresight::geometry::{Rotation, Vec3, WorldFromBody};
 use boresight::progress::Silent;
+use boresight::sensor::STANDARD_GRAVITY_M_S2;
 use boresight::sensor::{HeadingFix, ImuSample, PoseRecord, PositionFix};
 use boresight::simulation::{Drive, Scenario, simulate_heading, simulate_imu, simulate_prism};
 use boresight::trajectory::{Estimate, MotionLogs, PoseGradient, estimate};
 use boresight::trajectory::{HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings};
 use nalgebra::DVector;
 
-const STANDARD_GRAVITY: f64 = 9.806_65;
-
 /// Settings that know the sensors of a scenario.
 pub fn settings_of(scenario: &Scenario) -> TrajectorySettings {
     let noise = &scenario.imu;
     let root = noise.bias_time_s.sqrt();
-    let micro_g = 1e-6 * STANDARD_GRAVITY;
+    let micro_g = 1e-6 * STANDARD_GRAVITY_M_S2;
     let mut settings = TrajectorySettings::new(
         scenario.body,
         ImuNoise {
@@ -141,7 +140,7 @@ pub const EPOCHS: usize = 20;
 
 /// [`squares`] at epochs spread over a drive.
 pub fn squares_at_epochs(found: &Estimate, truth: &[Truth]) -> Option<[[f64; 3]; EPOCHS]> {
-    let nodes = found.trajectory.nodes().len();
+    let nodes = found.trajectory.poses().len();
     let mut all = [[0.0; 3]; EPOCHS];
     for (epoch, of_epoch) in all.iter_mut().enumerate() {
         let node = (2 * epoch + 1) * nodes / (2 * EPOCHS);
@@ -160,7 +159,7 @@ pub fn band(degrees: f64, draws: f64, z: f64) -> [f64; 2] {
 
 /// eᵀ Σ⁻¹ e of position, tilt and yaw of a node; `None` where a covariance is not positive.
 fn squares(found: &Estimate, truth: &Truth, node: usize) -> Option<[f64; 3]> {
-    let pose = found.trajectory.nodes()[node].world_from_body;
+    let pose = found.trajectory.poses()[node].world_from_body;
     let (shift, turn) = error(&pose, truth);
     // δp in the world; the rotation about the world's axes is world_from_body δφ.
     let r = pose.rotation.to_rotation_matrix();

@@ -26,7 +26,7 @@ fn sensor_poses_beside_the_points_bring_the_points_back() {
         .map(|p| p.unwrap())
         .map(|p| [p.x, p.y, p.z])
         .collect();
-    let nodes = trajectory.nodes();
+    let nodes = trajectory.poses();
     let mut back: Vec<_> = points
         .iter()
         .map(|point| {

@@ -137,7 +137,7 @@ fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
     let (mut logs, truth) = twin(&scenario, &drive, 0);
     logs.settings.positions[0].station_m = Some(scenario.prism.station_m.into());
     let rmse_m = |found: &Estimate| {
-        let nodes = found.trajectory.nodes().iter().zip(&truth);
+        let nodes = found.trajectory.poses().iter().zip(&truth);
         rms(nodes.map(|(n, (p, _))| (n.world_from_body.translation_m - p).norm()))
     };
     let without_m = rmse_m(&logs.estimate());

@@ -222,7 +222,7 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outc
     let mut errors = Vec::new();
     let mut worst = [0.0f64; 2];
     let (mut worst_tilt, mut worst_yaw) = (0.0f64, 0.0f64);
-    for node in found.trajectory.nodes() {
+    for node in found.trajectory.poses() {
         let sigma = node.sigma.expect("sigma");
         let (miss, turn) = error(&node.world_from_body, &truth(node.time_s));
         let touched = f.is_touched(node.time_s);
@@ -250,7 +250,7 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outc
                     injected += 1;
                     let local = found
                         .trajectory
-                        .nodes()
+                        .poses()
                         .iter()
                         .min_by(|a, b| {
                             (a.time_s - time_s)

@@ -38,7 +38,7 @@ fn quantile(values: &mut [f64], q: f64) -> f64 {
 /// Largest differences of position (m) and attitude (rad) of poses at the same times.
 fn difference(a: &Trajectory, b: &Trajectory) -> (f64, f64) {
     let mut largest = (0.0f64, 0.0f64);
-    for (a, b) in a.nodes().iter().zip(b.nodes()) {
+    for (a, b) in a.poses().iter().zip(b.poses()) {
         assert!(
             (a.time_s - b.time_s).abs() < 1e-6,
             "{} {}",
@@ -55,7 +55,7 @@ fn difference(a: &Trajectory, b: &Trajectory) -> (f64, f64) {
 
 /// Largest difference of the standard deviations of poses at the same times, as a share of them.
 fn difference_of_sigmas(a: &Trajectory, b: &Trajectory) -> f64 {
-    let nodes = a.nodes().iter().zip(b.nodes());
+    let nodes = a.poses().iter().zip(b.poses());
     nodes
         .map(|(a, b)| {
             let (a, b) = (a.sigma.expect("sigma"), b.sigma.expect("sigma"));

@@ -73,7 +73,7 @@ fn finished_is_batch(logs: &Logs) {
         ..
     } = online.finish(&Silent).expect("the whole trajectory");
     assert!(solution.converged);
-    assert_eq!(trajectory.nodes().len(), batch.trajectory.nodes().len());
+    assert_eq!(trajectory.poses().len(), batch.trajectory.poses().len());
     let (position_m, rotation_rad) = difference(&trajectory, &batch.trajectory);
     println!(
         "finished against batch: {position_m:.1e} m, {rotation_rad:.1e} rad, {} iterations (batch \
@@ -107,7 +107,7 @@ fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
     logs.settings.zero_velocity = false;
     // Both sum up the IMU about what they know of its biases at the time, the batch at its start:
     // without biases that is the same.
-    let bias = logs.estimate().trajectory.nodes()[1500]
+    let bias = logs.estimate().trajectory.poses()[1500]
         .bias
         .expect("a bias");
     for sample in &mut logs.imu {
@@ -123,7 +123,7 @@ fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
     let (mut online, updates) = replay(&logs, options);
     assert!(online.rejections().is_empty(), "{:?}", online.rejections());
     // The last pose stands at the last fix, the others at samples.
-    let mut poses = online.full().expect("a trajectory").nodes().to_vec();
+    let mut poses = online.full().expect("a trajectory").poses().to_vec();
     poses.pop();
     let found = Trajectory::new(poses).expect("a trajectory");
     // The batch of what the smoother has seen: to the last node.

@@ -102,7 +102,7 @@ fn as_good_as_it_can_be(logs: &Logs) -> Estimate {
         begun.elapsed().as_secs_f64()
     );
     assert!(found.solution.converged);
-    let (nodes, truth) = (found.trajectory.nodes(), truth());
+    let (nodes, truth) = (found.trajectory.poses(), truth());
     assert_eq!(nodes.len(), truth.len());
     let mut errors = PoseErrors::default();
     for (k, (node, truth)) in nodes.iter().zip(&truth).enumerate() {
@@ -132,7 +132,7 @@ fn as_good_as_it_can_be(logs: &Logs) -> Estimate {
 /// Forward substitution and back-recursion reach the same standard deviations by different
 /// arithmetic: what they differ by is rounding, here with weights from 1 to 1e12.
 fn functionals_agree_with_marginals(found: &Estimate) {
-    let nodes = found.trajectory.nodes();
+    let nodes = found.trajectory.poses();
     let chosen = [0, nodes.len() / 3, nodes.len() - 1];
     let mut gradient = PoseGradient::new(12, nodes.len());
     for (k, &node) in chosen.iter().enumerate() {

@@ -140,7 +140,7 @@ fn euroc() -> Flight {
 fn latency_by_turning(flight: &Flight) -> f64 {
     const SPAN: usize = 5;
     let found = flight.logs.estimate();
-    let nodes = found.trajectory.nodes();
+    let nodes = found.trajectory.poses();
     let biases = nodes.iter().filter_map(|n| n.bias).map(|b| b.gyro_rad_s);
     let bias = biases.sum::<Vec3>() / nodes.len() as f64;
     // The angle turned up to each sample's start; a sample holds until the next.

@@ -136,7 +136,7 @@ fn claimed_standard_deviations_cover_the_errors_of_many_drives() {
         let (logs, truth) = rover_drive(seed);
         let found = logs.estimate();
         assert!(found.solution.converged, "seed {seed}: {}", found.solution);
-        for (node, truth) in found.trajectory.nodes().iter().zip(&truth).step_by(25) {
+        for (node, truth) in found.trajectory.poses().iter().zip(&truth).step_by(25) {
             errors.add(node, truth);
         }
     }
