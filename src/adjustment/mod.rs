@@ -25,6 +25,7 @@ pub use levenberg_marquardt::StopReason;
 pub use loss::Loss;
 
 pub(crate) use chain::{ChainFactor, ChainStep, NotPositive};
+pub(crate) use damping::{Damping, DampingRule, Verdict};
 pub(crate) use front::{Carry, solve_rows};
 pub(crate) use functional::ChainGradient;
 pub(crate) use information::residual_information;
