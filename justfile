@@ -34,7 +34,7 @@ bench-trajectory *ARGS:
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
 
-# Run time of the online smoother's updates over an hour (needs the shared pose_case)
+# Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
 

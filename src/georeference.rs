@@ -188,7 +188,7 @@ impl<'a> Georeferencer<'a> {
         const TOLERANCE_FACTOR: f64 = 4.0;
         let length = |(first, last): (f64, f64)| last - first;
         let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
-        let step_s = poses_s / (self.trajectory.nodes().len() - 1) as f64;
+        let step_s = poses_s / (self.trajectory.poses().len() - 1) as f64;
         let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
         if let Some(unit) = unit_of_times_within(poses_s / points_s, TOLERANCE_FACTOR)
             && step_s > MAX_STEP_S

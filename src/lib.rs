@@ -35,7 +35,8 @@
 //! use boresight::geometry::BodyAxes;
 //! use boresight::progress::Silent;
 //! use boresight::trajectory::{
-//!     HeadingSettings, ImuNoise, MotionLogs, PositionSettings, TrajectorySettings, estimate,
+//!     HeadingSettings, ImuDatasheet, ImuNoise, MotionLogs, PositionSettings, TrajectorySettings,
+//!     estimate,
 //! };
 //! # use boresight::simulation::{Drive, Scenario, Scene};
 //! # let scenario = Scenario::demo();
@@ -49,7 +50,12 @@
 //! // imu: Vec<ImuSample>, prism: Vec<PositionFix>, headings: Vec<HeadingFix>, lever_arm_m: Vec3
 //! let settings = TrajectorySettings::new(
 //!     BodyAxes::Frd,
-//!     ImuNoise::from_datasheet(0.15, 57.0, 7.0, 14.0),
+//!     ImuNoise::from_datasheet(&ImuDatasheet {
+//!         gyro_noise_deg_sqrt_h: 0.15,
+//!         accel_noise_ug_sqrt_hz: 57.0,
+//!         gyro_bias_instability_deg_h: 7.0,
+//!         accel_bias_instability_ug: 14.0,
+//!     }),
 //!     PositionSettings::prism(0.005, lever_arm_m),
 //!     HeadingSettings::aligned(0.7_f64.to_radians()),
 //! );
@@ -167,7 +173,8 @@
 //! | [`sensor`] | measurements of each sensor, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
 //! | [`mod@format`] | readers and writers, one file per format; detection |
-//! | [`trajectory`] | preintegration, factors, the chain's solver, batch and online smoother, diagnostics, interpolation |
+//! | [`adjustment`] | least squares on a chain with border: normal equations, covariances, losses |
+//! | [`trajectory`] | states, factors, graph, batch and online smoother, diagnostics, interpolation |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
@@ -179,6 +186,7 @@
 //! | [`pipeline`] | the stages in order |
 //! | [`cli`] | the command line, one file per command |
 
+pub mod adjustment;
 pub mod calibration;
 #[cfg(feature = "cli")]
 pub mod cli;

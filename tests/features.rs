@@ -11,12 +11,11 @@ use boresight::format::{self, ExtraDimension, ExtraKind};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
 use boresight::tiles::{self, TileStore};
-use common::{Run, boresight, shared_data};
+use common::{Run, boresight, names};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Clouds that are hard to cut.
-fn nasty_clouds() -> Vec<(&'static str, Vec<Vec3>)> {
+fn clouds_hard_to_cut() -> Vec<(&'static str, Vec<Vec3>)> {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let mut uniform = |n: usize, size: f64| -> Vec<Vec3> {
         (0..n)
@@ -72,7 +71,7 @@ fn nasty_clouds() -> Vec<(&'static str, Vec<Vec3>)> {
 fn tiles_give_the_numbers_of_one_piece() {
     let folder = tempfile::tempdir().unwrap();
     let mut put_aside = 0;
-    for (name, points) in nasty_clouds() {
+    for (name, points) in clouds_hard_to_cut() {
         for of in [
             Neighbourhood::Nearest(1),
             Neighbourhood::Nearest(12),
@@ -159,15 +158,6 @@ fn features(input: &Path, out: &Path, more: &[&str]) -> Run {
     boresight(&arguments)
 }
 
-fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
-    names.sort();
-    names
-}
-
 #[test]
 fn bytes_do_not_depend_on_tiles_or_threads() {
     let folder = tempfile::tempdir().unwrap();
@@ -240,9 +230,7 @@ fn the_file_carries_what_it_had_and_the_features() {
 
 #[test]
 fn the_truck_keeps_its_dimensions() {
-    let Some(truck) = shared_data("boresight_truck/Truck.adc.laz") else {
-        return;
-    };
+    let truck = common::data("boresight_truck/Truck.adc.laz");
     let folder = tempfile::tempdir().unwrap();
     let run = features(&truck, folder.path(), &["--neighbours", "20"]);
     assert_eq!(run.code, 0, "{}", run.err);

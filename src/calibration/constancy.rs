@@ -156,7 +156,7 @@ impl Residual {
         let (node, _) = trajectory.locate(profile.time_s)?;
         let shape = StructureTensor::of(&placed.world, &reference);
         let normal = upward_normal(&shape)?;
-        let sigma = trajectory.nodes()[node].sigma?;
+        let sigma = trajectory.poses()[node].sigma?;
         let by_pose = surface.rows(centre, &normal).by_pose;
         // Standard deviations of rotations are about world axes.
         let moment = profile.rotation * by_pose.rotation;

@@ -50,7 +50,7 @@ impl<'a> Input<'a> {
         samples: &'a [ScannerSample],
         trajectory: &'a Trajectory,
     ) -> Self {
-        let has_sigmas = trajectory.nodes().iter().any(|node| node.sigma.is_some());
+        let has_sigmas = trajectory.poses().iter().any(|node| node.sigma.is_some());
         Self {
             mountings,
             samples,
@@ -96,7 +96,7 @@ impl<'a> Input<'a> {
                 ));
             }
         }
-        let poses = self.trajectory.nodes().len();
+        let poses = self.trajectory.poses().len();
         match self.poses {
             PoseUncertainty::Smoothed(covariance) if covariance.nodes() != poses => {
                 Err(Error::data(
@@ -153,7 +153,7 @@ impl<'a> Input<'a> {
     /// added in quadrature. Passes cannot agree better than their poses; the median along the drive
     /// keeps outages out.
     pub(super) fn floor_m(&self, voxel_m: f64) -> f64 {
-        let sigmas = self.trajectory.nodes().iter().filter_map(|node| node.sigma);
+        let sigmas = self.trajectory.poses().iter().filter_map(|node| node.sigma);
         let variances = sigmas.map(|sigma| sigma.position_m.norm_squared() / 3.0);
         let variance = median(variances).unwrap_or(0.0);
         (variance + (FLOOR_SHARE * voxel_m).powi(2)).sqrt()

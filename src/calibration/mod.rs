@@ -8,7 +8,6 @@
 mod adjust;
 mod constancy;
 mod cost;
-mod damping;
 mod input;
 mod observability;
 mod paper;

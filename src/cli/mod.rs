@@ -1,17 +1,14 @@
-//! The command line, with one file per command: parses arguments, runs commands, sets exit codes.
+//! The command line: parses arguments, runs commands and sets exit codes. Commands with more
+//! arguments than a project have their own files.
 
 mod allan;
-mod calibrate;
 mod compare;
 mod context;
 mod demo;
 mod describe;
 mod features;
-mod georeference;
 mod inspect;
-mod online;
 mod print;
-mod run;
 mod simulate;
 mod terminal;
 mod thin;
@@ -23,8 +20,8 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
-use crate::pipeline::Outcome;
-use context::Context;
+use crate::pipeline::{self, Outcome};
+use context::{Context, ProjectArguments};
 use print::{print_error, print_outcome};
 use terminal::Terminal;
 
@@ -66,12 +63,15 @@ enum Command {
     Simulate(simulate::Simulate),
     Inspect(inspect::Inspect),
     Trajectory(trajectory::Trajectory),
-    Calibrate(calibrate::Calibrate),
-    Georeference(georeference::Georeference),
+    /// Calibrate the mountings of all scanners of a project
+    Calibrate(ProjectArguments),
+    /// Georeference the profiles of a project with its mountings
+    Georeference(ProjectArguments),
     Compare(compare::Compare),
     Features(features::Features),
     Thin(thin::Thin),
-    Run(run::Run),
+    /// Run all stages on a project: trajectory, calibration, clouds, comparison, report
+    Run(ProjectArguments),
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -116,18 +116,20 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         seed: global.seed,
         terminal: Terminal::new(global.quiet, global.verbose),
     };
-    let complete = |outcome| (outcome, true);
-    pool.install(|| match line.command {
-        Command::Inspect(command) => command.execute(),
-        Command::Demo(command) => command.execute(&context).map(complete),
-        Command::Simulate(command) => command.execute(&context).map(complete),
-        Command::Trajectory(command) => command.execute(&context).map(complete),
-        Command::Calibrate(command) => command.execute(&context).map(complete),
-        Command::Georeference(command) => command.execute(&context).map(complete),
-        Command::Compare(command) => command.execute(&context).map(complete),
-        Command::Features(command) => command.execute(&context).map(complete),
-        Command::Thin(command) => command.execute(&context).map(complete),
-        Command::Run(command) => command.execute(&context).map(complete),
+    pool.install(|| {
+        let outcome = match line.command {
+            Command::Inspect(command) => return command.execute(),
+            Command::Demo(command) => command.execute(&context),
+            Command::Simulate(command) => command.execute(&context),
+            Command::Trajectory(command) => command.execute(&context),
+            Command::Calibrate(on) => context.with_project(&on, pipeline::calibrate),
+            Command::Georeference(on) => context.with_project(&on, pipeline::georeference),
+            Command::Compare(command) => command.execute(&context),
+            Command::Features(command) => command.execute(&context),
+            Command::Thin(command) => command.execute(&context),
+            Command::Run(on) => context.with_project(&on, pipeline::run),
+        };
+        outcome.map(|outcome| (outcome, true))
     })
 }
 

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::lines::Lines;
 use super::native::Sheet;
-use super::table::{Columns, Lines, Table, numbers};
+use super::table::{Columns, Table};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -38,20 +39,12 @@ pub(super) fn read_xyz(path: &Path) -> Result<PointCloud> {
     let mut cloud = PointCloud::default();
     let mut cells = Vec::new();
     let mut width = 0;
-    while lines.advance()? {
-        let text = lines.text();
-        if text.is_empty() || text.starts_with('#') {
-            continue;
-        }
-        let numeric = numbers(text, &mut cells) && cells.iter().all(|v| v.is_finite());
-        if !numeric || cells.len() < 3 || (width > 0 && cells.len() != width) {
-            let found: String = text.chars().take(80).collect();
-            let count = width.max(3);
-            return Err(lines.error(
-                format!("`{found}`"),
-                format!("{count} finite numbers, the first of them x y z"),
-            ));
-        }
+    let fits = |n, width| n >= 3 && (width == 0 || n == width);
+    let expected = |width: usize| {
+        let count = width.max(3);
+        format!("{count} finite numbers, the first of them x y z")
+    };
+    while lines.next_numbers(&mut cells, |n| fits(n, width), || expected(width))? {
         width = cells.len();
         cloud.points.push(Vec3::new(cells[0], cells[1], cells[2]));
     }

@@ -5,7 +5,8 @@ use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 use super::file::{extension, first_bytes, nothing_in, open};
-use super::table::{Columns, Lines, Separator, numbers};
+use super::lines::{Lines, Separator, numbers};
+use super::table::Columns;
 use super::{bonn, cloud_table, native, pose_table, positions, profile, sbet};
 use crate::error::{Error, Result};
 

@@ -20,6 +20,7 @@ mod las_extra;
 mod las_out;
 mod las_points;
 mod las_scan;
+mod lines;
 mod mounting;
 mod native;
 mod npy;

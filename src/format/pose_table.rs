@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::native::{Sheet, read_rows};
-use super::table::{Columns, Lines, Table, numbers};
+use super::lines::Lines;
+use super::native::{read_rows, write_rows};
+use super::table::{Columns, Table};
 use crate::error::Result;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
@@ -104,28 +105,18 @@ pub(crate) fn read_lines<const N: usize>(
     mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,
 ) -> Result<Vec<PoseRecord>> {
     let mut lines = Lines::open(path)?;
-    let mut cells = Vec::with_capacity(N);
+    let (mut cells, mut row) = (Vec::with_capacity(N), [0.0; N]);
     let mut records: Vec<PoseRecord> = Vec::new();
-    while lines.advance()? {
-        let text = lines.text();
-        if text.is_empty() || text.starts_with('#') {
-            continue;
-        }
-        let numeric = numbers(text, &mut cells) && cells.iter().all(|v| v.is_finite());
-        let row: &[f64; N] = match cells.as_slice().try_into() {
-            Ok(row) if numeric => row,
-            _ => {
-                let found: String = text.chars().take(80).collect();
-                return Err(lines.error(format!("`{found}`"), format!("{N} finite numbers")));
-            }
-        };
+    let expected = || format!("{N} finite numbers");
+    while lines.next_numbers(&mut cells, |n| n == N, expected)? {
+        row.copy_from_slice(&cells);
         if let Some(last) = records.last().filter(|last| row[0] <= last.time_s) {
             return Err(lines.error(
                 format!("time {} s after {} s", row[0], last.time_s),
                 "times that increase",
             ));
         }
-        records.push(record(row, &lines)?);
+        records.push(record(&row, &lines)?);
     }
     if records.is_empty() {
         return Err(nothing_in(path, "pose"));
@@ -133,47 +124,29 @@ pub(crate) fn read_lines<const N: usize>(
     Ok(records)
 }
 
-/// Writes the native table, read back bit by bit by [`read_trajectory`](super::read_trajectory); velocities, biases and
-/// standard deviations as columns where any pose has them.
+/// Writes the native table, read back bit by bit by [`read_trajectory`](super::read_trajectory);
+/// velocities, biases and standard deviations as columns where any pose has them.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
-    let with = [
-        poses.iter().any(|p| p.velocity_m_s.is_some()),
-        poses.iter().any(|p| p.bias.is_some()),
-        poses.iter().any(|p| p.sigma.is_some()),
-    ];
-    let mut header = TRAJECTORY.needed.to_vec();
-    for (range, with) in [0..3, 3..9, 9..15].into_iter().zip(with) {
-        if with {
-            header.extend(&TRAJECTORY.optional[range]);
-        }
-    }
-    let mut sheet = Sheet::create(path, &header)?;
     let absent = Vec3::repeat(f64::NAN);
-    let mut row = Vec::with_capacity(23);
-    for p in poses {
-        let (t, q) = (
-            &p.world_from_body.translation_m,
-            &p.world_from_body.rotation,
-        );
-        row.clear();
-        row.extend([p.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w]);
-        if with[0] {
-            row.extend(p.velocity_m_s.unwrap_or(absent).iter());
+    write_rows(path, &TRAJECTORY, poses, |pose| {
+        let world_from_body = &pose.world_from_body;
+        let (t, q) = (&world_from_body.translation_m, &world_from_body.rotation);
+        let bias = pose
+            .bias
+            .map_or([absent; 2], |b| [b.gyro_rad_s, b.accel_m_s2]);
+        let sigma = pose
+            .sigma
+            .map_or([absent; 2], |s| [s.position_m, s.rotation_rad]);
+        let velocity = pose.velocity_m_s.unwrap_or(absent);
+        let optional = [velocity, bias[0], bias[1], sigma[0], sigma[1]];
+        let mut row = [0.0; 23];
+        row[..8].copy_from_slice(&[pose.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w]);
+        for (cells, vector) in row[8..].chunks_exact_mut(3).zip(&optional) {
+            cells.copy_from_slice(vector.as_slice());
         }
-        if with[1] {
-            let bias = p.bias.map_or([absent; 2], |b| [b.gyro_rad_s, b.accel_m_s2]);
-            row.extend(bias.iter().flatten());
-        }
-        if with[2] {
-            let sigma = p
-                .sigma
-                .map_or([absent; 2], |s| [s.position_m, s.rotation_rad]);
-            row.extend(sigma.iter().flatten());
-        }
-        sheet.row(row.iter().copied())?;
-    }
-    sheet.finish()
+        row
+    })
 }

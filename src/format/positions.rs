@@ -4,8 +4,9 @@
 use std::path::Path;
 
 use super::file::nothing_in;
+use super::lines::header_names;
 use super::native::{Sheet, sigma};
-use super::table::{Columns, Table, header_names};
+use super::table::{Columns, Table};
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Mat3, Vec3};
 use crate::sensor::{

@@ -84,7 +84,7 @@ fn compared(
 pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
     Drive {
         name: name.into(),
-        poses: poses.trajectory.nodes().to_vec(),
+        poses: poses.trajectory.poses().to_vec(),
         solution: poses.solution,
         rejected_rows: poses.rejected_rows,
         agreements,

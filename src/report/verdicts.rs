@@ -5,6 +5,7 @@ use super::number::DASH;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, so3};
+use crate::statistics::NORMAL_97_5_ROUNDED;
 
 /// A length as text.
 fn millimetres(metres: f64) -> String {
@@ -102,7 +103,7 @@ fn sigmas(calibration: &Calibration) -> Option<Verdict> {
 /// deviations.
 fn outside_by_chance(all: usize) -> f64 {
     let n = all as f64;
-    0.05 * n + 1.96 * (n * 0.05 * 0.95).sqrt()
+    0.05 * n + NORMAL_97_5_ROUNDED * (n * 0.05 * 0.95).sqrt()
 }
 
 /// Errors against a known truth, and whether the standard deviations cover them.
@@ -120,7 +121,7 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
             let variance = covariance[(row, row)];
             if variance > 0.0 {
                 all += 1;
-                outside += usize::from(error.abs() > 1.96 * variance.sqrt());
+                outside += usize::from(error.abs() > NORMAL_97_5_ROUNDED * variance.sqrt());
                 let worst = &mut worst[parameter / 3];
                 *worst = worst.max(error.abs());
             }

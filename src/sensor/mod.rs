@@ -8,6 +8,9 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
+/// Standard gravity, the g of datasheets, m/s².
+pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
+
 /// One IMU sample: the mean over the interval from its time to the next sample's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuSample {

@@ -1,13 +1,13 @@
 //! Gaps of the IMU: filled with samples that nobody recorded, and with the noise of unknown motion.
 
+use super::settings::ImuNoise;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::sensor::{ImuSample, unit_of_times};
 use crate::statistics::median;
-use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
-pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
+pub const LONGEST_IMU_GAP_S: f64 = 120.0;
 /// No IMU is as fast, seconds.
 const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
 /// Nor does a slower one tell how a body moves, seconds.
@@ -18,11 +18,11 @@ const COMMON_IMU_INTERVAL_S: f64 = 5e-3;
 /// of a log whose stamps come in bursts would be filled with samples without number.
 const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);
 /// An IMU interval longer than this many times the median has lost samples.
-pub(super) const GAP_INTERVALS: f64 = 2.5;
+pub const GAP_INTERVALS: f64 = 2.5;
 /// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
-pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
+pub const MOTION_CORRELATION_S: f64 = 0.5;
 
-pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
+pub fn median_interval_s(imu: &[ImuSample]) -> f64 {
     median(imu.windows(2).map(|w| w[1].time_s - w[0].time_s)).unwrap_or(f64::NAN)
 }
 
@@ -30,7 +30,7 @@ pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
 ///
 /// # Errors
 /// Names the unit that the times seem to be in, where they cannot be seconds.
-pub(super) fn check_interval(interval_s: f64) -> Result<()> {
+pub fn check_interval(interval_s: f64) -> Result<()> {
     if interval_s < SHORTEST_IMU_INTERVAL_S {
         return Err(Error::data(
             format!("the IMU log's samples lie {interval_s:.1e} s apart"),
@@ -55,7 +55,7 @@ pub(super) fn check_interval(interval_s: f64) -> Result<()> {
 ///
 /// # Errors
 /// The stamps leave more gaps than a log has.
-pub(super) fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
+pub fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
     let (share, least) = MOST_BRIDGING;
     if bridging <= share.saturating_mul(recorded).saturating_add(least) {
         return Ok(());
@@ -71,7 +71,7 @@ pub(super) fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
 
 /// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
 #[expect(clippy::type_complexity, reason = "read once, by the caller above")]
-pub(super) fn bridge(
+pub fn bridge(
     imu: &[ImuSample],
     interval_s: f64,
 ) -> Result<(Vec<ImuSample>, Vec<bool>, Vec<(f64, f64)>)> {
@@ -109,12 +109,12 @@ pub(super) fn bridge(
 }
 
 /// How many samples bridge a gap from sample to sample of `gap_s`.
-pub(super) fn bridging_samples(gap_s: f64, interval_s: f64) -> usize {
+pub fn bridging_samples(gap_s: f64, interval_s: f64) -> usize {
     ((gap_s / interval_s).round() as usize).saturating_sub(1)
 }
 
 /// Samples at the interval of the log on the line between two of them.
-pub(super) fn bridged_samples(
+pub fn bridged_samples(
     from: &ImuSample,
     to: &ImuSample,
     interval_s: f64,
@@ -134,7 +134,7 @@ pub(super) fn bridged_samples(
 
 /// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
 /// the density of white noise with the same effect over its correlation time.
-pub(super) fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
+pub fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
     let count = imu.len() as f64;
     let density = |part: fn(&ImuSample) -> Vec3| {
         let mean = imu.iter().map(part).sum::<Vec3>() / count;

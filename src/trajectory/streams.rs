@@ -1,14 +1,15 @@
 //! The logs as they come, made fit for the adjustment: values checked, records out of time order
 //! dropped and named, gaps of the IMU bridged.
 
-use super::gaps::{bridge, bridge_noise, check_interval, median_interval_s};
+use super::gaps::{check_interval, median_interval_s};
+use super::imu_series::ImuSeries;
+use super::settings::TrajectorySettings;
 use super::solution::{Rejection, RejectionReason};
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, is_finite};
 use crate::sensor::{
     HeadingFix, ImuSample, PositionFix, Timed, check_overlap, unit_of_times_within,
 };
-use crate::trajectory::{ImuNoise, TrajectorySettings};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
 pub(super) const FEWEST_FIXES: usize = 5;
@@ -55,16 +56,7 @@ pub(super) struct Numbered<T> {
 /// The logs in time order.
 #[derive(Debug, Clone)]
 pub(super) struct Streams {
-    /// Samples, those that bridge gaps included.
-    pub imu: Vec<ImuSample>,
-    /// Which samples bridge a gap.
-    pub bridged: Vec<bool>,
-    /// Noise of the samples that bridge gaps: the motion that nobody recorded.
-    pub bridge_noise: ImuNoise,
-    /// Gaps of the IMU, seconds from and to.
-    pub gaps_s: Vec<(f64, f64)>,
-    /// Median interval of the IMU, seconds.
-    pub interval_s: f64,
+    pub imu: ImuSeries,
     /// Within the IMU's span.
     pub positions: Vec<Vec<Numbered<PositionFix>>>,
     /// Within the IMU's span.
@@ -99,15 +91,16 @@ impl Streams {
         let imu = ordered(logs.imu, Stream::Imu, &names, corrections, &mut dropped);
         let imu: Vec<ImuSample> = imu.into_iter().map(|s| s.value).collect();
         if imu.len() < 2 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!("the IMU log holds {} samples", imu.len()),
                 "a trajectory needs at least two",
             ));
         }
         let interval_s = median_interval_s(&imu);
         check_interval(interval_s)?;
-        let (imu, bridged, gaps_s) = bridge(&imu, interval_s)?;
-        let span = (imu[0].time_s, imu[imu.len() - 1].time_s + interval_s);
+        let imu = ImuSeries::new(imu, interval_s, &settings.imu)?;
+        let span = imu.span_s();
         let mut positions = Vec::with_capacity(logs.positions.len());
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let stream = Stream::Position(sensor);
@@ -116,7 +109,8 @@ impl Streams {
         }
         let count: usize = positions.iter().map(Vec::len).sum();
         if count < FEWEST_FIXES {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!(
                     "only {count} {} fixes lie within the IMU's span ({:.3} s to {:.3} s)",
                     settings.positions[0].name, span.0, span.1
@@ -133,21 +127,16 @@ impl Streams {
         );
         let heading = within(heading, span, Stream::Heading, &names, &mut dropped)?;
         Ok(Self {
-            bridge_noise: bridge_noise(&imu, &settings.imu),
             imu,
-            bridged,
-            gaps_s,
-            interval_s,
             positions,
             heading,
             dropped,
         })
     }
 
-    /// First and last time, seconds; the last sample lasts the median interval.
+    /// First and last time, seconds.
     pub fn span_s(&self) -> (f64, f64) {
-        let last = self.imu[self.imu.len() - 1].time_s;
-        (self.imu[0].time_s, last + self.interval_s)
+        self.imu.span_s()
     }
 }
 

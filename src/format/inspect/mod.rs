@@ -5,15 +5,22 @@ mod inspection;
 
 use std::path::Path;
 
+use super::cloud::read_cloud;
 use super::detect::{Format, TABLES, detect};
 use super::las::{LasFile, PoseColumns, extra_names};
+use super::mounting::read_mounting;
+use super::profile::open_profiles;
+use super::sbet;
 use super::table::{Columns, Table};
-use super::{open_profiles, read_cloud, read_mounting, read_trajectory, sbet};
+use super::trajectory::read_trajectory;
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
-use gather::{Clock, Ranges};
+use gather::Gather;
 pub use inspection::{Bounds, Gap, Inspection};
+
+/// Columns of points.
+const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 
 /// Reads a file through and says what it holds.
 ///
@@ -68,20 +75,15 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     let range = find(["slope_distance_m", "slope_dist_m"]);
     let mut without_range = 0;
     let mut table = Table::open(path, columns)?;
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&wanted));
+    let mut seen = Gather::of(&wanted);
     let mut row = vec![0.0; wanted.len()];
     while table.next_row(&mut row)? {
-        report.count += 1;
-        if let Some(time_s) = time.map(|i| row[i]).filter(|t| !t.is_nan()) {
-            clock.see(time_s);
-        }
-        if range.is_some_and(|i| row[i] <= 0.0) {
-            without_range += 1;
-        } else {
-            ranges.see(row.iter().copied());
-        }
+        let has_range = !range.is_some_and(|i| row[i] <= 0.0);
+        without_range += usize::from(!has_range);
+        let values = if has_range { &row[..] } else { &[] };
+        seen.see(time.map_or(f64::NAN, |i| row[i]), values.iter().copied());
     }
-    if report.count == 0 {
+    if seen.count == 0 {
         return Err(nothing_in(path, "row"));
     }
     if without_range > 0 {
@@ -104,12 +106,11 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
         _ => {}
     }
     report.columns = table.names().to_vec();
-    ranges.report(report);
+    let repeated = seen.clock.repeated;
+    seen.report(report);
     if let Some(time) = time {
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
     }
-    let repeated = clock.repeated;
-    clock.report(report);
     // Of profiles and clouds many points share a time, of logs no two records should.
     let is_log = matches!(
         report.format,
@@ -127,69 +128,50 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
 fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut reader = open_profiles(path)?;
     let mut chunk = Vec::new();
-    let (mut clock, mut ranges) = (
-        Clock::default(),
-        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
-    );
+    let mut seen = Gather::of(&POINT);
     while reader.next_chunk(&mut chunk)? {
-        report.count += chunk.len() as u64;
         for point in &chunk {
-            clock.see(point.time_s);
             let p = &point.position_m;
-            ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
+            seen.see(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         }
     }
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&["x_m", "y_m", "z_m"]));
+    let mut seen = Gather::of(&POINT[..3]);
     for pose in read_trajectory(path)? {
-        report.count += 1;
-        clock.see(pose.time_s);
-        ranges.see(pose.world_from_body.translation_m.iter().copied());
+        let position = pose.world_from_body.translation_m;
+        seen.see(pose.time_s, position.iter().copied());
     }
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&sbet::COLUMNS[1..]));
+    let mut seen = Gather::of(&sbet::COLUMNS[1..]);
     sbet::for_each(path, |row| {
-        report.count += 1;
-        clock.see(row[0]);
-        ranges.see(row[1..].iter().copied());
+        seen.see(row[0], row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
     report.notes.push(
         "geographic positions and a wander azimuth: export projected coordinates to use it"
             .to_owned(),
     );
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut file = LasFile::open(path)?;
-    let has_time = file.has_time();
-    let (mut clock, mut ranges) = (
-        Clock::default(),
-        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
-    );
+    let mut seen = Gather::of(&POINT);
     while file.read(CHUNK_POINTS, |_, point| {
         let p = &point.position;
-        ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
-        if has_time {
-            clock.see(point.time_s);
-        }
+        seen.see(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         Ok(())
     })? > 0
     {}
-    report.count = file.taken();
     report.columns = extra_names(&file);
     if PoseColumns::of(&file).is_some() {
         report.notes.push(
@@ -198,25 +180,19 @@ fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
                 .to_owned(),
         );
     }
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
     let cloud = read_cloud(path)?;
-    let (mut clock, mut ranges) = (
-        Clock::default(),
-        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
-    );
-    report.count = cloud.points.len() as u64;
+    let mut seen = Gather::of(&POINT);
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
-        ranges.see([p.x, p.y, p.z, intensity]);
+        let time_s = cloud.time_s.get(i).copied().unwrap_or(f64::NAN);
+        seen.see(time_s, [p.x, p.y, p.z, intensity]);
     }
-    cloud.time_s.iter().for_each(|time_s| clock.see(*time_s));
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 

@@ -109,7 +109,7 @@ impl<'a> Session<'a> {
         let estimate = self.smoother.finish(progress)?;
         let mut files = Vec::new();
         let path = job.path("trajectory.csv");
-        write_trajectory(&path, estimate.trajectory.nodes(), &project.origin_m)?;
+        write_trajectory(&path, estimate.trajectory.poses(), &project.origin_m)?;
         files.push(options.out.join("trajectory.csv"));
         if !self.poses.is_empty() {
             format::write_trajectory(&job.path("online.csv"), &self.poses)?;
@@ -119,7 +119,7 @@ impl<'a> Session<'a> {
         let times = TimesMs::of(&self.times_ms);
         let solution = &estimate.solution;
         let (first_s, last_s) = estimate.trajectory.span_s();
-        let nodes = estimate.trajectory.nodes().len();
+        let nodes = estimate.trajectory.poses().len();
         let mut summary = format!(
             "{} updates, median {:.3} ms, 99.9 % {:.3} ms; {} records rejected, {} jumps\n{nodes} \
              poses over {:.1} s; {solution}",

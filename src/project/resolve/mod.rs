@@ -7,7 +7,6 @@ mod scanners;
 mod settings;
 mod table;
 
-pub(super) use motion::{accel_bias_walk, accel_density, gyro_bias_walk, gyro_density};
 pub(super) use positions::arcsec_to_radians;
 
 use std::path::Path;
