@@ -257,12 +257,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
             rewrite_project(drive, |text| text.replace("../tls.laz", "far.csv"));
         },
         // Nothing that was simulated reaches beyond 10 m.
-        &[
-            "far.csv",
-            "do not overlap",
-            "the gap between them is 9",
-            "remedy: ",
-        ],
+        &["far.csv", "do not overlap", "the gap is 9", "remedy: "],
     );
     refused(
         &|drive| fs::write(drive.join("out"), "a file").unwrap(),

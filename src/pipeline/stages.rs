@@ -209,7 +209,7 @@ pub fn check_reference(
     if gap_m < MARGIN_M {
         return Ok(());
     }
-    let words = |(low, high): (Vec3, Vec3)| {
+    let text = |(low, high): (Vec3, Vec3)| {
         let (low, high) = (low + project.origin_m, high + project.origin_m);
         format!(
             "east {:.1} to {:.1}, north {:.1} to {:.1}, up {:.1} to {:.1} m",
@@ -224,9 +224,9 @@ pub fn check_reference(
         Problem::NoOverlap,
         format!(
             "{file}: the reference ({}) and the scanners' points ({}) do not overlap: the gap \
-             between them is {gap_m:.1} m",
-            words(known),
-            words(scanned)
+             is {gap_m:.1} m",
+            text(known),
+            text(scanned)
         ),
         "check that the reference and the prism log are in the same world coordinates; or leave \
          [reference] out",
