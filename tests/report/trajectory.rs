@@ -161,7 +161,7 @@ fn faults_are_in_sight() {
         // √(4² + 3²) mm, and ten times that.
         "exceeds 3 times its median of 5.00 mm from 1100.0 s to 1120.0 s: up to 50.0 mm",
         "held at the project&#39;s value: heading.mounting_offset",
-        "position in space 5.00\u{202f}mm in the median and 50.0\u{202f}mm at most",
+        "(median and largest): 3D position 5.00\u{202f}mm and 50.0\u{202f}mm",
         "one gap",
         "x, mean +206\u{202f}°/h",
     ] {
