@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
-use crate::sensor::{ScanPoint, check_overlap, unit_of_times_within};
+use crate::sensor::{ScanPoint, check_overlap, time_unit_within};
 use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
 
@@ -185,7 +185,7 @@ impl<'a> Georeferencer<'a> {
         let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
         let step_s = poses_s / (self.trajectory.nodes().len() - 1) as f64;
         let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
-        if let Some(unit) = unit_of_times_within(poses_s / points_s, ALIKE)
+        if let Some(unit) = time_unit_within(poses_s / points_s, ALIKE)
             && step_s > LONGEST_STEP_S
         {
             return Err(Error::data(
@@ -193,7 +193,7 @@ impl<'a> Georeferencer<'a> {
                 "give the times of the trajectory in seconds",
             ));
         }
-        if let Some(unit) = unit_of_times_within(points_s / poses_s, ALIKE)
+        if let Some(unit) = time_unit_within(points_s / poses_s, ALIKE)
             && self.outside as f64 > MOST_OUTSIDE * self.read as f64
         {
             return Err(Error::data(

@@ -360,7 +360,7 @@ fn wrong_use_and_bad_files_end_in_one_error() {
         std::os::unix::fs::symlink(out.join("a-features.laz"), &link).unwrap();
         let run = features(&link, &out, &[]);
         assert_eq!(run.code, 1);
-        assert!(run.err.contains("would be replaced"), "{}", run.err);
+        assert!(run.err.contains("would be overwritten"), "{}", run.err);
     }
 }
 

@@ -271,12 +271,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
             change(drive, |text| text.replace("../tls.laz", "far.csv"));
         },
         // Nothing that was simulated reaches beyond 10 m.
-        &[
-            "far.csv",
-            "do not overlap",
-            "miss each other by 9",
-            "remedy: ",
-        ],
+        &["far.csv", "do not overlap", "the gap is 9", "remedy: "],
     );
     refused(
         &|drive| fs::write(drive.join("out"), "a file").unwrap(),

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use super::print::unprintable;
 use crate::error::{Error, Location, Result};
 use crate::format::{self, Format};
-use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseFound, allan};
+use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseEstimate, allan};
 
 /// Standard gravity, the g of datasheets, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -62,7 +62,7 @@ struct Keys {
 }
 
 impl Keys {
-    fn of(found: &ImuNoiseFound) -> [Self; 2] {
+    fn of(found: &ImuNoiseEstimate) -> [Self; 2] {
         let degrees = 1f64.to_degrees();
         let micro_g = 1e6 / STANDARD_GRAVITY;
         let (gyro, accel) = (&found.gyro, &found.accel);
@@ -176,7 +176,12 @@ pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
     ))
 }
 
-fn document(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str) -> Result<Value> {
+fn document(
+    file: &Path,
+    found: &ImuNoiseEstimate,
+    keys: &[Keys; 2],
+    snippet: &str,
+) -> Result<Value> {
     let figures: Map<String, Value> = keys
         .iter()
         .flat_map(Keys::all)
@@ -197,7 +202,7 @@ fn document(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str)
     }))
 }
 
-fn text(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str) -> String {
+fn text(file: &Path, found: &ImuNoiseEstimate, keys: &[Keys; 2], snippet: &str) -> String {
     let [first, last] = found.span_s;
     let mut text = format!(
         "{}\n  at rest  {first:.3} s to {last:.3} s, {} samples at {:.3} Hz\n",
@@ -248,7 +253,7 @@ fn short(sigma: f64) -> String {
 }
 
 /// The Allan deviations, an octave a line.
-fn curves(text: &mut String, found: &ImuNoiseFound) {
+fn curves(text: &mut String, found: &ImuNoiseEstimate) {
     let _ = writeln!(
         text,
         "\n  Allan deviation, gyro °/h, accelerometer µg\n  {:>11}{:>8}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}",

@@ -111,7 +111,7 @@ impl TileStore {
             for point in points {
                 self.low = self.low.inf(point);
                 self.high = self.high.sup(point);
-                sample.show([point.x, point.y]);
+                sample.push([point.x, point.y]);
                 for value in point.iter() {
                     out.write_all(&value.to_le_bytes())
                         .map_err(|e| Error::io(whole, e))?;
@@ -120,7 +120,7 @@ impl TileStore {
             Ok(())
         })?;
         out.flush().map_err(|e| Error::io(whole, e))?;
-        Ok((sample.shown(), sample.into_kept()))
+        Ok((sample.seen(), sample.into_kept()))
     }
 
     /// Sorts what was gathered into the files of the tiles.

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::{ImuSample, unit_of_times};
+use crate::sensor::{ImuSample, time_unit};
 use crate::statistics::median;
 use crate::trajectory::ImuNoise;
 
@@ -38,7 +38,7 @@ pub(super) fn check_interval(interval_s: f64) -> Result<()> {
         ));
     }
     if interval_s > LONGEST_IMU_INTERVAL_S {
-        let unit = unit_of_times(interval_s / COMMON_IMU_INTERVAL_S);
+        let unit = time_unit(interval_s / COMMON_IMU_INTERVAL_S);
         let question = unit.map_or_else(String::new, |unit| format!(": are these {unit}?"));
         return Err(Error::data(
             format!("time steps of {interval_s} s between IMU samples{question}"),

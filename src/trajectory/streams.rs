@@ -5,9 +5,7 @@ use super::gaps::{bridge, bridge_noise, check_interval, median_interval_s};
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, is_finite};
-use crate::sensor::{
-    HeadingFix, ImuSample, PositionFix, Timed, check_overlap, unit_of_times_within,
-};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, time_unit_within};
 use crate::trajectory::{ImuNoise, TrajectorySettings};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
@@ -341,7 +339,7 @@ fn check_unit(name: &str, own: (f64, f64), count: usize, imu: (f64, f64)) -> Res
     const ALIKE: f64 = 4.0;
     let span_s = own.1 - own.0;
     let step_s = span_s / (count.max(2) - 1) as f64;
-    let unit = unit_of_times_within(span_s / (imu.1 - imu.0), ALIKE);
+    let unit = time_unit_within(span_s / (imu.1 - imu.0), ALIKE);
     match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
         Some(unit) => Err(Error::data(
             format!("time steps of {step_s:.3} s in the {name}: are these {unit}?"),
