@@ -8,15 +8,16 @@ use crate::error::{Error, Result};
 /// Work opens its stages with `stage`, which also closes them, and calls `check` to learn whether
 /// to go on.
 pub trait Progress: Sync {
-    /// A stage begins, within those that run; `total` counts its units of work (0 where unknown).
+    /// Begins a stage nested in the current one; `total` is its number of work units (0 if
+    /// unknown).
     fn begin(&self, stage: &str, total: u64);
-    /// `units` more of the innermost stage are done.
+    /// Reports `units` more of the innermost stage as done.
     fn advance(&self, units: u64);
-    /// The innermost stage is over.
+    /// Ends the innermost stage.
     fn end(&self);
-    /// One line worth keeping: what was decided or found.
+    /// Passes on one line worth keeping: a decision or a result.
     fn say(&self, message: &str);
-    /// One line the user should act on.
+    /// Passes on one line that the user should act on.
     fn warn(&self, message: &str);
     /// Whether the work should stop. Called often and from any thread; once true, it must stay
     /// true.

@@ -208,7 +208,7 @@ fn solve_aside<T: Send + Sync + Clone>(
             .zip(&mut best)
             .filter(|(pending, best)| matters((pending, best)))
             .for_each(|(pending, best)| {
-                let near = index.find_nearest(&pending.point, k);
+                let near = index.nearest_with_distances(&pending.point, k);
                 best.extend(near.map(|(squared, at, _)| {
                     let at = at as usize;
                     (squared, loaded.indices[at], loaded.points[at])
