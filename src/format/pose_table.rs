@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::native::{Sheet, read_rows};
+use super::native::{TableWriter, read_rows};
 use super::table::{Columns, Lines, Table, numbers};
 use crate::error::Result;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
@@ -32,10 +32,10 @@ pub(crate) const TRAJECTORY: Columns = Columns {
     ],
 };
 
-/// How far from 1 the length of a quaternion may be: files with four decimals stay below.
+/// Tolerance of the length of a quaternion: four decimals stay within it.
 const QUATERNION_SLACK: f64 = 1e-3;
 
-/// The rotation of a quaternion as written, its bits kept where its length is 1.
+/// The rotation of a quaternion; its bits are kept if its length is 1.
 fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
     let length = q.norm();
@@ -98,7 +98,7 @@ pub(super) fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
     })
 }
 
-/// Reads lines of `N` numbers with `#` comments, the first number being the time.
+/// Reads lines of `N` numbers with `#` comments; the first number is the time.
 pub(crate) fn read_lines<const N: usize>(
     path: &Path,
     mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,
@@ -133,8 +133,8 @@ pub(crate) fn read_lines<const N: usize>(
     Ok(records)
 }
 
-/// Writes the native table, read back bit by bit by [`read_trajectory`](super::read_trajectory); velocities, biases and
-/// standard deviations as columns where any pose has them.
+/// Writes the native table, which [`read_trajectory`](super::read_trajectory) reads back exactly;
+/// with columns for velocities, biases and standard deviations if any pose has them.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -150,7 +150,7 @@ pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
             header.extend(&TRAJECTORY.optional[range]);
         }
     }
-    let mut sheet = Sheet::create(path, &header)?;
+    let mut sheet = TableWriter::create(path, &header)?;
     let absent = Vec3::repeat(f64::NAN);
     let mut row = Vec::with_capacity(23);
     for p in poses {

@@ -1,4 +1,4 @@
-//! PTS and PTX of Leica: text, x y z intensity and perhaps colours; PTX in grids with a transform.
+//! PTS and PTX of Leica: text, x y z intensity and optional colours; PTX in grids with a transform.
 
 use std::path::Path;
 
@@ -43,7 +43,7 @@ fn push(cloud: &mut PointCloud, p: Vec3, cells: &[f64]) {
     }
 }
 
-/// Intensities are kept where all points have them.
+/// Intensities are kept if all points have them.
 fn settle(mut cloud: PointCloud) -> PointCloud {
     if cloud.intensity.len() != cloud.points.len() {
         cloud.intensity.clear();
@@ -51,7 +51,7 @@ fn settle(mut cloud: PointCloud) -> PointCloud {
     cloud
 }
 
-/// Reads PTS: a count, then that many points; several such blocks may follow each other.
+/// Reads PTS: a count, then that many points; several such blocks may follow.
 pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
     let mut lines = Lines::open(path)?;
     let mut cloud = PointCloud::default();
@@ -60,10 +60,7 @@ pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
         let n = count(&lines, &cells, "the number of points")?;
         for i in 0..n {
             if !row(&mut lines, 3, &mut cells)? {
-                return Err(ended(
-                    &lines,
-                    &format!("{n} points, of which {i} are there"),
-                ));
+                return Err(ended(&lines, &format!("{n} points (found {i})")));
             }
             push(&mut cloud, Vec3::new(cells[0], cells[1], cells[2]), &cells);
         }
@@ -72,7 +69,8 @@ pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
 }
 
 /// Reads PTX: for each scan columns and rows, position and axes of the scanner (repeated by the
-/// transform), the transform for row vectors, and the points; those at (0, 0, 0) were not measured.
+/// transform), the transform for row vectors, and the points; points at (0, 0, 0) were not
+/// measured.
 pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
     let mut lines = Lines::open(path)?;
     let mut cloud = PointCloud::default();

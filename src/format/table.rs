@@ -1,5 +1,5 @@
-//! Text tables: a header that names columns and units, `#` comments, and numbers between commas,
-//! semicolons or white space, in any column order.
+//! Text tables: a header with column names and units, `#` comments, and numbers separated by
+//! commas, semicolons or white space, in any column order.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use super::file;
 use crate::error::{Error, Location, Result};
 
-/// Longer lines are not of a table; the limit keeps binary files from filling the memory.
+/// Limit on the length of a line, which keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// The lines of a text file, one at a time, without their ends.
+/// The lines of a text file, one at a time, without line ends.
 #[derive(Debug)]
 pub(crate) struct Lines {
     path: PathBuf,
@@ -45,7 +45,7 @@ impl Lines {
         self.number += 1;
         self.bytes += read;
         let text = match std::str::from_utf8(&self.line) {
-            Ok(_) if read == LONGEST_LINE => Err("a line of more than a mebibyte"),
+            Ok(_) if read == LONGEST_LINE => Err("a line longer than 1 MiB"),
             Ok(text) if text.contains('\0') => Err("zero bytes"),
             Ok(_) => Ok(()),
             Err(_) => Err("bytes that are not text"),
@@ -54,7 +54,7 @@ impl Lines {
         Ok(read > 0)
     }
 
-    /// The line last read, without white space around it.
+    /// The last line read, trimmed.
     pub(crate) fn text(&self) -> &str {
         let bytes = if self.number == 1 {
             self.line
@@ -68,7 +68,7 @@ impl Lines {
             .trim_ascii()
     }
 
-    /// The line last read, counted from 1.
+    /// Number of the last line read, counted from 1.
     pub(crate) fn number(&self) -> u64 {
         self.number
     }
@@ -81,13 +81,13 @@ impl Lines {
         self.total
     }
 
-    /// A format error at the line last read.
+    /// A format error at the last line read.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::format(&self.path, Location::Line(self.number), found, expected)
     }
 }
 
-/// What stands between the cells of a table.
+/// The separator of cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Separator {
     Comma,
@@ -106,7 +106,7 @@ impl Separator {
         }
     }
 
-    /// Hands every cell of `line` to `take`, with its index, until it fails.
+    /// Calls `take` with every cell of `line` and its index, until it fails.
     #[inline]
     fn split<E>(
         self,
@@ -143,7 +143,7 @@ impl Separator {
     }
 }
 
-/// All numbers of a line, whatever separates them; `None` where a cell is no number.
+/// All numbers of a line with any separator; false if a cell is not a number.
 pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
     into.clear();
     Separator::of(line)
@@ -174,7 +174,7 @@ pub(crate) fn header_names(path: &Path) -> Result<Vec<String>> {
     Ok(comment)
 }
 
-/// The columns that a reader wants: those it needs, then those it can use.
+/// The columns that a reader requires, and those it can use.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Columns {
     pub(crate) needed: &'static [&'static str],
@@ -186,7 +186,7 @@ impl Columns {
         self.needed.iter().chain(self.optional).copied()
     }
 
-    /// Are all needed columns among `names`?
+    /// Whether all required columns are among `names`.
     pub(crate) fn are_in(&self, names: &[String]) -> bool {
         self.needed
             .iter()
@@ -208,16 +208,17 @@ pub(crate) struct Table {
     lines: Lines,
     separator: Separator,
     names: Vec<String>,
-    /// For each column of the file: which of the wanted it is, and whether it may be empty.
+    /// For each column of the file: the index among the wanted columns, and whether it may be
+    /// empty.
     slots: Vec<Option<(usize, bool)>>,
     width: usize,
-    /// The line last read is a row that has not been handed out.
+    /// The last line read is a row that has not been returned yet.
     pending: bool,
 }
 
 impl Table {
-    /// Opens a table and finds the wanted columns in its header. A comment is taken for the
-    /// header where numbers follow it and it names the needed columns.
+    /// Opens a table and looks up the wanted columns in its header. A comment counts as the header
+    /// if it names the required columns and numbers follow.
     pub(crate) fn open(path: &Path, columns: &Columns) -> Result<Self> {
         let mut lines = Lines::open(path)?;
         let mut comment: Option<Vec<String>> = None;
@@ -247,7 +248,7 @@ impl Table {
             };
             if is_numeric && !columns.are_in(&names) {
                 return Err(lines.error(
-                    format!("{} numbers and no header before them", cells.len()),
+                    format!("{} numbers without a header", cells.len()),
                     format!("a header with the {}", columns.describe()),
                 ));
             }
@@ -263,8 +264,8 @@ impl Table {
         }
     }
 
-    /// Reads the next row into `row`: needed columns first, then optional ones, NaN where the
-    /// file has no such column or an empty cell. False at the end.
+    /// Reads the next row into `row`: required columns first, then optional ones, NaN if the file
+    /// has no such column or the cell is empty. False at the end.
     pub(crate) fn next_row(&mut self, row: &mut [f64]) -> Result<bool> {
         debug_assert_eq!(row.len(), self.width);
         loop {
@@ -328,13 +329,13 @@ impl Table {
         &self.lines
     }
 
-    /// A format error at the row last read.
+    /// A format error at the last row read.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
         self.lines.error(found, expected)
     }
 }
 
-/// Finds the wanted columns among `names`.
+/// Looks up the wanted columns among `names`.
 fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option<(usize, bool)>>> {
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
@@ -346,8 +347,8 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
             }
             (Some((place, _)), None) => slots[place] = Some((slot, slot >= needed)),
             (None, _) => {
-                // An optional column that is nearly there is a slip of the pen, not an absence; of
-                // short names every other one is near.
+                // A name close to an optional column is a typing error, not an absent column; short
+                // names have too many close names.
                 let reach = if slot < needed { 2 } else { wanted.len() / 4 };
                 let near = nearest(wanted, names, columns, reach.min(2));
                 if slot < needed || near.is_some() {
@@ -365,7 +366,7 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
     Ok(slots)
 }
 
-/// The header of a file that may be anything, short enough to print.
+/// The header of an arbitrary file, short enough to print.
 fn shown(names: &[String]) -> String {
     let text: String = names.join(", ").chars().take(200).collect();
     if text.is_empty() {
@@ -375,7 +376,7 @@ fn shown(names: &[String]) -> String {
     }
 }
 
-/// The name in the file that is most like `wanted` and is not itself a wanted one.
+/// The name in the file that is closest to `wanted` and is not itself a wanted one.
 fn nearest<'a>(
     wanted: &str,
     names: &'a [String],
@@ -454,7 +455,7 @@ mod tests {
             "{text}"
         );
         let text = message("1,2\n");
-        assert!(text.contains("2 numbers and no header"), "{text}");
+        assert!(text.contains("2 numbers without a header"), "{text}");
         let text = message("time_s,x_m,x_m\n1,2,2\n");
         assert!(text.contains("column x_m twice"), "{text}");
         assert!(message("# nothing\n").contains("no header"));

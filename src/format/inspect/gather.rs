@@ -1,14 +1,14 @@
-//! Times and ranges of a stream, gathered as it is read.
+//! Times and ranges of a stream, collected while it is read.
 
 use super::inspection::{Bounds, Gap, Inspection};
 use crate::statistics::median;
 
-/// Gaps remembered.
+/// Number of gaps kept.
 const MOST_GAPS: usize = 10;
-/// Intervals that the median is taken from.
+/// Most intervals from which the median is taken.
 const MOST_INTERVALS: usize = 1_000_000;
 
-/// Gathers the times of a stream.
+/// Collects the times of a stream.
 #[derive(Default)]
 pub(super) struct Clock {
     span: Option<[f64; 2]>,
@@ -17,7 +17,7 @@ pub(super) struct Clock {
     intervals: Vec<f64>,
     longest: Vec<Gap>,
     backwards: u64,
-    /// Rows with the time of the row before.
+    /// Rows with the time of the previous row.
     pub(super) repeated: u64,
 }
 
@@ -70,7 +70,7 @@ impl Clock {
     }
 }
 
-/// Gathers the ranges of named columns.
+/// Collects the ranges of named columns.
 pub(super) struct Ranges(Vec<Bounds>);
 
 impl Ranges {
@@ -85,7 +85,7 @@ impl Ranges {
 
     pub(super) fn see(&mut self, values: impl IntoIterator<Item = f64>) {
         for (bounds, value) in self.0.iter_mut().zip(values) {
-            // Both are false for NaN, which stands for an empty cell.
+            // Both are false for NaN, which represents an empty cell.
             if value < bounds.min {
                 bounds.min = value;
             }
