@@ -32,6 +32,7 @@ impl CloudWriter {
     /// Creates or replaces the file. All points must lie within 21 km of `offset_m` on every
     /// axis; it is rounded to whole metres.
     ///
+    /// # Errors
     /// A name that ends in neither `.las` nor `.laz`, an offset that is not finite, a file that
     /// cannot be written.
     pub fn create(path: &Path, offset_m: Vec3) -> Result<Self> {
@@ -114,6 +115,7 @@ impl CloudWriter {
     /// Appends a point in the world frame (m) with its time, its intensity (rounded into 0 to
     /// 65535) and the number of its scanner.
     ///
+    /// # Errors
     /// A point that is too far from the offset or not finite, a file that cannot be written.
     pub fn write(&mut self, point: &Vec3, time_s: f64, intensity: f32, scanner: u16) -> Result<()> {
         self.write_with(point, time_s, intensity, scanner, &[])

@@ -10,7 +10,7 @@ use crate::cloud::Neighbourhood;
 use crate::error::{Error, Location, Result};
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::tiles::{self, FeatureSettings, FeatureWork, peak_memory_bytes};
+use crate::tiles::{self, FeatureSettings, FeatureSummary, peak_memory_bytes};
 
 /// Computes the features of every point of `cloud` and writes `NAME-features.laz`, as
 /// [`tiles::features`] does.
@@ -40,7 +40,7 @@ fn file_name(cloud: &Path) -> Result<String> {
     Ok(format!("{}-features.laz", stem.to_string_lossy()))
 }
 
-fn warn_of_few(work: &FeatureWork, settings: &FeatureSettings, progress: &dyn Progress) {
+fn warn_of_few(work: &FeatureSummary, settings: &FeatureSettings, progress: &dyn Progress) {
     if let Neighbourhood::Nearest(k) = settings.neighbourhood
         && (k as u64) > work.points
     {
@@ -52,7 +52,7 @@ fn warn_of_few(work: &FeatureWork, settings: &FeatureSettings, progress: &dyn Pr
     }
 }
 
-fn answer(work: &FeatureWork, settings: &FeatureSettings, target: PathBuf) -> Outcome {
+fn answer(work: &FeatureSummary, settings: &FeatureSettings, target: PathBuf) -> Outcome {
     let names: Vec<&str> = settings.features.iter().map(|f| f.name()).collect();
     let neighbourhood = match settings.neighbourhood {
         Neighbourhood::Nearest(k) => format!("{k} nearest points"),

@@ -1,10 +1,11 @@
-//! The surroundings of every point of a cloud on disk, tile by tile, exactly as in one piece.
+//! The surroundings of every point of a cloud on disk, tile by tile, with the same results as in
+//! one piece.
 //!
-//! Each tile is solved with a halo. The k nearest of a point are right where the farthest of them
-//! is nearer than the border of what was loaded. Points for which that fails are solved with a
-//! wider halo, and what then still fails (outliers, whose neighbours are far away) is put aside:
-//! for these the tiles are visited in order, and from each that may matter the k nearest are merged
-//! into those found so far, equal distances by place in the cloud.
+//! Each tile is processed with a halo. The k nearest of a point are correct if the farthest of them
+//! is nearer than the border of the loaded region. Points that fail this test are repeated with a
+//! wider halo, and those that still fail (outliers, whose neighbours are far away) are deferred:
+//! for them the tiles are visited in order, and the k nearest from each relevant tile are merged
+//! into those found so far, ties ordered by index in the cloud.
 
 use rayon::prelude::*;
 
@@ -14,48 +15,48 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::{Progress, Silent};
 
-/// Relative slack of every comparison of distances; far above rounding, far below what costs time.
+/// Relative tolerance of every comparison of distances, far above the rounding error.
 const SLACK: f64 = 1e-9;
-/// Halo of the first try in units of the radius that k points of the tile's mean density take.
+/// First halo in units of the radius that contains k points at the tile's mean density.
 const FIRST_HALO: f64 = 3.0;
-/// The next halo in units of the last.
+/// Ratio of the next halo to the last.
 const WIDER: f64 = 4.0;
-/// Tries before points are put aside.
+/// Number of attempts before points are deferred.
 const TRIES: usize = 3;
-/// So few points are put aside at once: loading a wider halo costs more.
+/// At most this many points are deferred at once: for them, loading a wider halo would cost more.
 const FEW: usize = 100;
-/// Points loaded at most in units of those of a full tile.
+/// Most points loaded, in units of those of a full tile.
 const MOST_LOADED: usize = 2;
-/// Neighbours in memory for points put aside, in units of the points of a full tile.
+/// Most neighbours in memory for deferred points, in units of the points of a full tile.
 const MOST_ASIDE: usize = 4;
 
-/// A point whose neighbours may lie outside what was loaded.
+/// A point whose neighbours may lie outside the loaded region.
 #[derive(Debug, Clone, Copy)]
 struct Pending {
     index: u64,
     point: Vec3,
-    /// No neighbour is farther than this, metres.
+    /// Upper bound on the distance of its neighbours, metres.
     bound_m: f64,
 }
 
-/// How a cloud was worked through.
+/// Size of the work on a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TiledWork {
+pub struct TilingSummary {
     /// Number of tiles.
     pub tiles: usize,
-    /// Points that were put aside.
+    /// Number of deferred points.
     pub aside: u64,
 }
 
-/// Hands the surroundings of every point of the store to `each`, and what that makes of them to
-/// `take` with the place of the point in the cloud, in no order. The numbers do not depend on the
-/// tiles. Memory grows with `most_points`, which should be that of the store, and with the number
-/// of points in a tile grown by the radius where one is asked for.
+/// Calls `each` with the surroundings of every point of the store, and `take` with the index of the
+/// point in the cloud and the result of `each`, in arbitrary order. The results do not depend on
+/// the tiles. Memory grows with `most_points`, which should be that of the store, and, for a given
+/// radius, with the number of points in a tile widened by the radius.
 ///
-/// `progress` advances by one for each point; the stage is the caller's.
+/// `progress` advances by one for each point; the caller begins and ends the stage.
 ///
 /// # Errors
-/// A file of the store that cannot be read; what `take` refuses.
+/// A file of the store that cannot be read; errors of `take`.
 pub fn surroundings<T: Send + Sync + Clone>(
     store: &TileStore,
     of: Neighbourhood,
@@ -63,7 +64,7 @@ pub fn surroundings<T: Send + Sync + Clone>(
     progress: &dyn Progress,
     each: impl Fn(&Surroundings) -> T + Sync,
     mut take: impl FnMut(u64, T) -> Result<()>,
-) -> Result<TiledWork> {
+) -> Result<TilingSummary> {
     let mut aside = Vec::new();
     let mut put_aside = 0;
     let batch = match of {
@@ -81,13 +82,13 @@ pub fn surroundings<T: Send + Sync + Clone>(
         }
     }
     solve_aside(store, &aside, of, &each, &mut take)?;
-    Ok(TiledWork {
+    Ok(TilingSummary {
         tiles: store.tiles().rectangles().len(),
         aside: put_aside,
     })
 }
 
-/// Solves what it can of a tile and returns the rest.
+/// Processes the points of a tile, and returns those that failed.
 fn solve_tile<T: Send + Sync + Clone>(
     store: &TileStore,
     tile: usize,
@@ -114,7 +115,7 @@ fn solve_tile<T: Send + Sync + Clone>(
             if pending.is_some() {
                 break;
             }
-            // The tile alone is always loaded.
+            // The tile without a halo can always be loaded.
             halo_m = if attempt < TRIES { halo_m / WIDER } else { 0.0 };
             continue;
         };
@@ -156,13 +157,13 @@ fn solve_tile<T: Send + Sync + Clone>(
     Ok(pending.unwrap_or_default())
 }
 
-/// The halo to start with.
+/// The initial halo.
 fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
     let (low, high) = store.extent();
     let rectangle = store.tiles().rectangles()[tile];
     match of {
         Neighbourhood::Within(radius) => {
-            // Coordinates that are rounded when sides are moved must not cost a neighbour.
+            // Rounding when the sides are moved must not lose a neighbour.
             radius * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax())
         }
         Neighbourhood::Nearest(k) => {
@@ -177,7 +178,7 @@ fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
     }
 }
 
-/// Solves points by visiting all tiles that their neighbours may lie in.
+/// Processes deferred points by visiting all tiles that may contain their neighbours.
 fn solve_aside<T: Send + Sync + Clone>(
     store: &TileStore,
     aside: &[Pending],
@@ -188,7 +189,7 @@ fn solve_aside<T: Send + Sync + Clone>(
     let Neighbourhood::Nearest(k) = of else {
         return Ok(());
     };
-    // Squared distance, place in the cloud, point; nearest first.
+    // Squared distance, index in the cloud, point; nearest first.
     let mut best: Vec<Vec<(f64, u64, Vec3)>> = vec![Vec::new(); aside.len()];
     for (tile, rectangle) in store.tiles().rectangles().iter().enumerate() {
         let matters = |(pending, best): (&Pending, &Vec<(f64, u64, Vec3)>)| {
@@ -230,7 +231,7 @@ fn solve_aside<T: Send + Sync + Clone>(
     Ok(())
 }
 
-/// An index over some points of a store, whose order is that of an index over the whole cloud.
+/// An index over some points of a store, in the order of an index over the whole cloud.
 fn index(points: &[Vec3], store: &TileStore) -> NeighbourIndex {
     let (low, high) = store.extent();
     NeighbourIndex::in_extent(points, &low, &high)
