@@ -1,4 +1,4 @@
-//! Are the files there that a project refers to?
+//! Checks that the files of a project exist.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub(super) fn check(project: &Project) -> Result<()> {
         .try_for_each(|(index, evaluation)| check_evaluation(project, index, evaluation))
 }
 
-/// Every file that the project reads itself, with the key that names it.
+/// Every file that the project reads itself, with its key.
 fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
     let mut files: Vec<(Vec<Step<'static>>, &Path)> = Vec::new();
     let file = |table| vec![Step::Key(table), Step::Key("file")];
@@ -81,7 +81,7 @@ pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
     inputs.extend(named(project).into_iter().map(|(_, path)| path.to_owned()));
     for evaluation in &project.evaluations {
         inputs.push(evaluation.project.clone());
-        // What cannot be read is told where it is needed.
+        // An unreadable file is reported when it is needed.
         if let Ok(drive) = resolve::read(&evaluation.project) {
             inputs.extend(named(&drive).into_iter().map(|(_, path)| path.to_owned()));
         }
@@ -145,7 +145,7 @@ fn present(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
     ))
 }
 
-/// The line of a key, where the project's file is still there to tell.
+/// The line of a key, if the project file can still be read.
 fn line(project: &Project, steps: &[Step<'_>]) -> Location {
     Source::read(&project.path).map_or(Location::Whole, |source| source.locate(steps))
 }

@@ -1,4 +1,4 @@
-//! What an IMU on the robot reads.
+//! Measurements of the IMU.
 
 use super::drive::Drive;
 use super::random::{Purpose, normal3, stream};
@@ -17,7 +17,7 @@ const GAUSS: [(f64, f64); 4] = [
 /// Standard gravity, which scales the datasheet's g, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;
 
-/// The readings of a drive and the truth at their times.
+/// The readings of a drive, and the truth at their times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inertial {
     /// Sample k is the mean over [t_k, t_k+1).
@@ -94,7 +94,7 @@ mod tests {
         let imu = simulate_imu(&scenario, &drive, 0);
         let dt = 0.01;
         let gravity = Vec3::new(0.0, 0.0, -scenario.gravity_m_s2);
-        // From 20 s on the robot moves; one minute of plain strapdown.
+        // From 20 s on the robot moves; one minute of plain strapdown integration.
         let from = 2000;
         let first = &imu.truth[from];
         let mut rotation = first.world_from_body.rotation;
