@@ -13,7 +13,7 @@ use same_file::is_same_file;
 
 use crate::error::{Error, Location, Problem, Result};
 
-/// Start of the names of staging folders; the lock beside each ends in `.lock`.
+/// Start of the names of staging folders; the lock file of each ends in `.lock`.
 const PREFIX: &str = ".staging-";
 /// Renamed last, so that it never refers to files that are not there yet.
 const LAST: &str = "result.json";
@@ -52,7 +52,7 @@ impl Staging {
     /// # Errors
     /// `dir` cannot be created or written; an output would overwrite an input.
     pub fn new(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<Self> {
-        keep_inputs(dir, inputs, names)?;
+        protect_inputs(dir, inputs, names)?;
         if dir.exists() && !dir.is_dir() {
             let (found, expected) = ("a file", "a folder for the results, or an unused name");
             return Err(Error::format(dir, Location::Whole, found, expected));
@@ -107,7 +107,7 @@ impl Staging {
     pub fn commit(self) -> Result<()> {
         let mut names = Vec::new();
         list_files(&self.folder, Path::new(""), &mut names)?;
-        keep_inputs(&self.dir, &self.inputs, &names)?;
+        protect_inputs(&self.dir, &self.inputs, &names)?;
         names.sort_by_key(|name| (name == Path::new(LAST), name.clone()));
         for name in &names {
             let staged = self.folder.join(name);
@@ -144,7 +144,7 @@ impl Drop for Staging {
 ///
 /// # Errors
 /// Names the input and the output that would overwrite it.
-pub fn keep_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<()> {
+pub fn protect_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<()> {
     for target in names.iter().map(|name| dir.join(name)) {
         // Pipes are not regular files, and opening one could block forever.
         let same = |input: &&PathBuf| {

@@ -71,7 +71,7 @@ fn nasty_clouds() -> Vec<(&'static str, Vec<Vec3>)> {
 #[test]
 fn tiles_give_the_numbers_of_one_piece() {
     let folder = tempfile::tempdir().unwrap();
-    let mut put_aside = 0;
+    let mut deferred = 0;
     for (name, points) in nasty_clouds() {
         for of in [
             Neighbourhood::Nearest(1),
@@ -100,7 +100,7 @@ fn tiles_give_the_numbers_of_one_piece() {
                 let work =
                     tiles::surroundings(&store, of, most, &Silent, |near| *near, take).unwrap();
                 assert!(most > 700 || points.len() < 100 || work.tiles > 1, "{name}");
-                put_aside += work.aside;
+                deferred += work.deferred;
                 for (index, (found, expected)) in found.iter().zip(&whole).enumerate() {
                     assert_eq!(
                         found.as_ref(),
@@ -113,8 +113,8 @@ fn tiles_give_the_numbers_of_one_piece() {
         }
     }
     assert!(
-        put_aside > 100,
-        "the last resort was tried on {put_aside} points only"
+        deferred > 100,
+        "the last resort was tried on {deferred} points only"
     );
 }
 

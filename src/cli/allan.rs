@@ -45,7 +45,7 @@ impl Key {
     fn bound(&self) -> Option<f64> {
         let bounds = self.axes.iter().map(|figure| match *figure {
             Figure::Determined { value, .. } | Figure::AtMost { value } => Some(value),
-            Figure::No => None,
+            Figure::Undetermined => None,
         });
         bounds
             .collect::<Option<Vec<_>>>()?
@@ -238,7 +238,7 @@ fn figure_text(figure: &Figure) -> String {
     match *figure {
         Figure::Determined { value, sigma } => format!("{} ± {}", digits(value), short(sigma)),
         Figure::AtMost { value } => format!("at most {}", digits(value)),
-        Figure::No => "not determined".to_owned(),
+        Figure::Undetermined => "not determined".to_owned(),
     }
 }
 

@@ -67,7 +67,7 @@ impl Grid {
                 (key >> self.used_bits.saturating_sub(PARCEL_BITS)) as usize
             }
         };
-        let dealt: Vec<Dealt> = points
+        let distributed: Vec<Distributed> = points
             .par_chunks(CHUNK)
             .enumerate()
             .map(|(chunk, points)| {
@@ -92,7 +92,7 @@ impl Grid {
                     sorted[*place as usize] = (key, index);
                     *place += 1;
                 }
-                Dealt {
+                Distributed {
                     keyed: sorted,
                     ends,
                 }
@@ -102,10 +102,10 @@ impl Grid {
             .into_par_iter()
             .map(|parcel| {
                 let mut keyed: Vec<(u64, u32)> = Vec::new();
-                for Dealt {
+                for Distributed {
                     keyed: sorted,
                     ends,
-                } in &dealt
+                } in &distributed
                 {
                     let start = parcel.checked_sub(1).map_or(0, |before| ends[before]);
                     keyed.extend(&sorted[start as usize..ends[parcel] as usize]);
@@ -173,7 +173,7 @@ impl Grid {
 const LAST: u32 = 2;
 
 /// The points of a chunk by parcel.
-struct Dealt {
+struct Distributed {
     /// Keys and indices.
     keyed: Vec<(u64, u32)>,
     /// The end of each parcel.

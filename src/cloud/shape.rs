@@ -60,7 +60,7 @@ pub enum Feature {
     Normal,
     /// Number of points in the neighbourhood.
     Neighbours,
-    /// Distance to the farthest of the k nearest, or the radius asked for, metres.
+    /// Distance to the farthest of the k nearest, or the given radius, metres.
     Radius,
 }
 

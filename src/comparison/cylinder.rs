@@ -1,7 +1,7 @@
 //! The cylinder around a core point.
 
 use super::settings::ComparisonSettings;
-use super::window::{Between, Window};
+use super::window::{BoxQuery, Window};
 use crate::cloud::NeighbourIndex;
 use crate::cloud::bounds::Bounds;
 use crate::cloud::vectors::with_widest_vectors;
@@ -146,14 +146,14 @@ impl Heights {
 }
 
 with_widest_vectors! {
-    fn fill_heights(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cylinder)
+    fn fill_heights(heights: &mut Heights, window: &Window, between: &BoxQuery, cylinder: &Cylinder)
         = fill
 }
 
 /// Replaces all values by those of the points of the window, of which only those in the box are
 /// tested. No closures: they would not be compiled for wide vectors.
 #[inline(always)]
-fn fill(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cylinder) {
+fn fill(heights: &mut Heights, window: &Window, between: &BoxQuery, cylinder: &Cylinder) {
     heights.filled = 0;
     for row in 0..window.rows() {
         let [x, y, z] = window.row_in_box(row, between);

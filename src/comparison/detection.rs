@@ -87,10 +87,10 @@ pub(super) fn level_of_detection(
         Detection::Student => {
             let drawn = if sampling > 0.0 {
                 let (share_a, share_b) = (a / (a + b), b / (a + b));
-                let freedom = 1.0
+                let dof = 1.0
                     / (share_a * share_a / f64::from(reference.count - 1)
                         + share_b * share_b / f64::from(compared.count - 1));
-                student_97_5(freedom) * sampling
+                student_97_5(dof) * sampling
             } else {
                 0.0
             };

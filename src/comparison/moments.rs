@@ -1,7 +1,7 @@
 //! Number, mean and covariance of the points in a ball, in one pass.
 
 use super::sums;
-use super::window::{Ball, Window};
+use super::window::{BallQuery, Window};
 use crate::cloud::StructureTensor;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::{Mat3, Vec3};
@@ -46,7 +46,7 @@ with_widest_vectors! {
     fn fill_offsets(
         offsets: &mut Offsets,
         window: &Window,
-        ball: &Ball,
+        ball: &BallQuery,
         centre: &Vec3,
         limit: f64
     ) = fill
@@ -55,7 +55,7 @@ with_widest_vectors! {
 /// Points with |p − centre|² ≤ `limit` are inside; points that are not finite are outside. No
 /// closures: they would not be compiled for wide vectors.
 #[inline(always)]
-fn fill(offsets: &mut Offsets, window: &Window, ball: &Ball, centre: &Vec3, limit: f64) {
+fn fill(offsets: &mut Offsets, window: &Window, ball: &BallQuery, centre: &Vec3, limit: f64) {
     offsets.filled = 0;
     offsets.inside = 0;
     for row in 0..window.rows() {

@@ -37,7 +37,7 @@ impl Statistics {
     pub fn of(comparison: &M3c2) -> Result<Self> {
         let mut sorted_m: Vec<f64> = comparison.distances_m().collect();
         if sorted_m.is_empty() {
-            return Err(clouds_do_not_overlap(comparison));
+            return Err(no_overlap(comparison));
         }
         let n = sorted_m.len();
         let count = n as f64;
@@ -102,7 +102,7 @@ pub struct Histogram {
     pub above: u64,
 }
 
-fn clouds_do_not_overlap(comparison: &M3c2) -> Error {
+fn no_overlap(comparison: &M3c2) -> Error {
     let core = &comparison.core;
     let without_normal = core.iter().filter(|core| core.normal.x.is_nan()).count();
     let reference = core.iter().filter(|core| core.reference_count > 0).count();

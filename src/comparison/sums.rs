@@ -58,7 +58,7 @@ fn add_squares(middle: f64, a: &[f64], weights: &[f64]) -> f64 {
         let about = (a - middle) * weight;
         *sum += about * about;
     }
-    together(sums)
+    total_of_lanes(sums)
 }
 
 #[inline(always)]
@@ -73,7 +73,7 @@ fn total(a: &[f64]) -> f64 {
     for (sum, a) in sums.iter_mut().zip(rest) {
         *sum += a;
     }
-    together(sums)
+    total_of_lanes(sums)
 }
 
 #[inline(always)]
@@ -89,12 +89,12 @@ fn total_product(a: &[f64], b: &[f64]) -> f64 {
     for ((sum, a), b) in sums.iter_mut().zip(a_rest).zip(b_rest) {
         *sum += a * b;
     }
-    together(sums)
+    total_of_lanes(sums)
 }
 
 /// The sum of the partial sums, halves added to halves.
 #[inline(always)]
-fn together(mut sums: [f64; LANES]) -> f64 {
+fn total_of_lanes(mut sums: [f64; LANES]) -> f64 {
     let mut half = LANES / 2;
     while half > 0 {
         for lane in 0..half {

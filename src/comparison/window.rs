@@ -137,12 +137,12 @@ impl Window {
 
     /// Prepares [`Self::row_in_ball`] for the closed ball of `radius` (metres) around `centre`. A
     /// window that was never filled has no points.
-    pub(super) fn ball(&self, centre: &Vec3, radius: f64) -> Ball {
+    pub(super) fn ball(&self, centre: &Vec3, radius: f64) -> BallQuery {
         let (cell_m, room_m) = match self.lattice {
             Some(lattice) => (lattice.cell_m, lattice.rounding(centre)),
             None => (1.0, 0.0),
         };
-        Ball {
+        BallQuery {
             y_m: centre.y,
             z_m: centre.z,
             squared: radius * radius * (1.0 + ROUNDING),
@@ -157,7 +157,7 @@ impl Window {
     /// The points of a row in the cells that may meet the ball, and some around them; empty if
     /// there are none.
     #[inline(always)]
-    pub(super) fn row_in_ball(&self, row: usize, ball: &Ball) -> [&[f64]; 3] {
+    pub(super) fn row_in_ball(&self, row: usize, ball: &BallQuery) -> [&[f64]; 3] {
         let row = &self.rows[row];
         let y = distance_to_interval(row.y_m - ball.y_m, ball.cell_m, ball.room_m);
         let z = distance_to_interval(row.z_m - ball.z_m, ball.cell_m, ball.room_m);
@@ -172,7 +172,7 @@ impl Window {
     }
 
     /// Prepares [`Self::row_in_box`] for the box from `low` to `high` (metres).
-    pub(super) fn box_between(&self, low: &Vec3, high: &Vec3) -> Between {
+    pub(super) fn box_between(&self, low: &Vec3, high: &Vec3) -> BoxQuery {
         let (cell_m, room_m) = match self.lattice {
             Some(lattice) => (
                 lattice.cell_m,
@@ -181,7 +181,7 @@ impl Window {
             None => (1.0, 0.0),
         };
         let last = self.columns as f64;
-        Between {
+        BoxQuery {
             low: low.add_scalar(-room_m - cell_m),
             high: high.add_scalar(room_m),
             columns: below((low.x - room_m - self.x_m) / cell_m, last)
@@ -192,7 +192,7 @@ impl Window {
     /// The points of a row in the cells that meet the box, and some around them; empty if there are
     /// none.
     #[inline(always)]
-    pub(super) fn row_in_box(&self, row: usize, between: &Between) -> [&[f64]; 3] {
+    pub(super) fn row_in_box(&self, row: usize, between: &BoxQuery) -> [&[f64]; 3] {
         let row = &self.rows[row];
         let (low, high) = (&between.low, &between.high);
         let meets =
@@ -221,7 +221,7 @@ impl Window {
 
 /// A ball in terms of the rows and columns of a window, metres.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ball {
+pub(super) struct BallQuery {
     y_m: f64,
     z_m: f64,
     squared: f64,
@@ -234,7 +234,7 @@ pub(super) struct Ball {
 
 /// A box in terms of the rows of a window: those between these lower ends meet it.
 #[derive(Debug, Clone)]
-pub(super) struct Between {
+pub(super) struct BoxQuery {
     low: Vec3,
     high: Vec3,
     columns: Range<usize>,

@@ -45,7 +45,7 @@ impl CloudWriter {
     /// has none.
     ///
     /// # Errors
-    /// As [`CloudWriter::create`]; names of dimensions that LAS cannot hold.
+    /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
     pub fn spanning(
         path: &Path,
         low: &Vec3,

@@ -70,7 +70,7 @@ pub struct Positions {
 ///
 /// - coordinates, `time_s, east_m, north_m, up_m`, with `sigma_m`, or `sigma_east_m, sigma_north_m,
 ///   sigma_up_m`, or `cov_ee_m2, cov_nn_m2, cov_uu_m2, cov_en_m2, cov_eu_m2, cov_nu_m2`, or none;
-/// - polar, `time_s, slope_distance_m, horizontal_deg, vertical_deg` and perhaps `status`;
+/// - polar, `time_s, slope_distance_m, horizontal_deg, vertical_deg` and optionally `status`;
 /// - both, `sec_of_day, x_m, y_m, z_m, slope_dist_m, hz_deg, v_deg, status`.
 ///
 /// `observations` selects what to read if the file contains both, and gives the instrument for

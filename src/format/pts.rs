@@ -28,7 +28,7 @@ fn ended(lines: &Lines, expected: &str) -> Error {
     lines.error("the end of the file", expected)
 }
 
-/// A line that holds one whole number.
+/// The integer of a line with a single number.
 fn count(lines: &Lines, cells: &[f64], what: &str) -> Result<u64> {
     match cells {
         [n] if *n >= 0.0 && n.fract() == 0.0 && *n < 1e15 => Ok(*n as u64),
@@ -44,7 +44,7 @@ fn push(cloud: &mut PointCloud, p: Vec3, cells: &[f64]) {
 }
 
 /// Intensities are kept if all points have them.
-fn settle(mut cloud: PointCloud) -> PointCloud {
+fn drop_partial_intensities(mut cloud: PointCloud) -> PointCloud {
     if cloud.intensity.len() != cloud.points.len() {
         cloud.intensity.clear();
     }
@@ -65,7 +65,7 @@ pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
             push(&mut cloud, Vec3::new(cells[0], cells[1], cells[2]), &cells);
         }
     }
-    Ok(settle(cloud))
+    Ok(drop_partial_intensities(cloud))
 }
 
 /// Reads PTX: for each scan columns and rows, position and axes of the scanner (repeated by the
@@ -109,5 +109,5 @@ pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
             push(&mut cloud, Vec3::new(world(0), world(1), world(2)), &cells);
         }
     }
-    Ok(settle(cloud))
+    Ok(drop_partial_intensities(cloud))
 }

@@ -196,7 +196,7 @@ impl Columns {
     fn describe(&self) -> String {
         let mut text = format!("columns {}", self.needed.join(", "));
         if !self.optional.is_empty() {
-            text += &format!(" and perhaps {}", self.optional.join(", "));
+            text += &format!(" and optionally {}", self.optional.join(", "));
         }
         text
     }
@@ -252,7 +252,7 @@ impl Table {
                     format!("a header with the {}", columns.describe()),
                 ));
             }
-            let slots = find(&lines, &names, columns)?;
+            let slots = match_columns(&lines, &names, columns)?;
             return Ok(Self {
                 lines,
                 separator,
@@ -336,7 +336,11 @@ impl Table {
 }
 
 /// Looks up the wanted columns among `names`.
-fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option<(usize, bool)>>> {
+fn match_columns(
+    lines: &Lines,
+    names: &[String],
+    columns: &Columns,
+) -> Result<Vec<Option<(usize, bool)>>> {
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
     for (slot, wanted) in columns.wanted().enumerate() {
@@ -356,7 +360,7 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
                         format!(" (`{near}` looks like `{wanted}`)")
                     });
                     return Err(lines.error(
-                        format!("columns {}, without {wanted}{hint}", shown(names)),
+                        format!("columns {}, without {wanted}{hint}", abbreviated(names)),
                         columns.describe(),
                     ));
                 }
@@ -367,7 +371,7 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
 }
 
 /// The header of an arbitrary file, short enough to print.
-fn shown(names: &[String]) -> String {
+fn abbreviated(names: &[String]) -> String {
     let text: String = names.join(", ").chars().take(200).collect();
     if text.is_empty() {
         "(none)".to_owned()

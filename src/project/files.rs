@@ -10,7 +10,7 @@ use crate::trajectory::PositionKind;
 
 /// See [`Project::check_files`].
 pub(super) fn check(project: &Project) -> Result<()> {
-    own_files(project)?;
+    check_own_files(project)?;
     project
         .evaluations
         .iter()
@@ -69,10 +69,10 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
     files
 }
 
-fn own_files(project: &Project) -> Result<()> {
+fn check_own_files(project: &Project) -> Result<()> {
     named(project)
         .iter()
-        .try_for_each(|(steps, path)| present(project, steps, path))
+        .try_for_each(|(steps, path)| check_exists(project, steps, path))
 }
 
 /// See [`Project::inputs`].
@@ -92,14 +92,14 @@ pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
 fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) -> Result<()> {
     let key = Step::Key("evaluation");
     let steps = [key, Step::Index(index), Step::Key("project")];
-    present(project, &steps, &evaluation.project)?;
+    check_exists(project, &steps, &evaluation.project)?;
     let drive = resolve::read(&evaluation.project)?;
-    own_files(&drive)?;
-    let stranger = drive
+    check_own_files(&drive)?;
+    let unknown = drive
         .scanners
         .iter()
         .find(|theirs| project.scanners.iter().all(|ours| ours.name != theirs.name));
-    let problem = if let Some(scanner) = stranger {
+    let problem = if let Some(scanner) = unknown {
         format!(
             "the scanner {:?}, which this project does not calibrate",
             scanner.name
@@ -120,7 +120,7 @@ fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) ->
     ))
 }
 
-fn present(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
+fn check_exists(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
     if path.is_file() {
         return Ok(());
     }

@@ -123,7 +123,7 @@ impl Source {
             .or_else(|| message.strip_prefix("invalid length "))
             .and_then(|rest| rest.split_once(", expected "))
         {
-            (found.to_owned(), in_words(expected))
+            (found.to_owned(), type_in_words(expected))
         } else {
             let message = message.replace('\n', "; ");
             (format!("invalid TOML ({message})"), "valid TOML".to_owned())
@@ -133,7 +133,7 @@ impl Source {
 }
 
 /// User-friendly names of Rust types.
-fn in_words(expected: &str) -> String {
+fn type_in_words(expected: &str) -> String {
     match expected {
         "f64" => "a number",
         "usize" => "a whole number, 0 or more",
@@ -164,7 +164,7 @@ fn one_of(kind: &str, names: &[&str]) -> (String, String) {
 pub(super) fn nearest<'a>(unknown: &str, known: &[&'a str]) -> Option<&'a str> {
     let unknown = unknown.to_lowercase();
     // Edit distance finds swapped and missing letters, the common prefix finds truncated names.
-    let likeness = |name: &str| {
+    let similarity = |name: &str| {
         let name = name.to_lowercase();
         strsim::normalized_damerau_levenshtein(&unknown, &name)
             + strsim::jaro_winkler(&unknown, &name)
@@ -172,5 +172,5 @@ pub(super) fn nearest<'a>(unknown: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
         .copied()
-        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
+        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
 }

@@ -26,7 +26,7 @@ pub struct Inertial {
     pub truth: Vec<PoseRecord>,
 }
 
-/// Simulates the IMU: mean specific force and rate of each interval, plus a bias that walks, plus
+/// Simulates the IMU: mean specific force and rate of each interval, plus a bias random walk, plus
 /// white noise of density n, whose mean over the interval has standard deviation n/√Δt.
 pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Inertial {
     let settings = &scenario.imu;

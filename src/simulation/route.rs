@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A place with a direction: east, north (m), yaw counter-clockwise from east (rad).
+/// A position with a direction: east, north (m), yaw counter-clockwise from east (rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {
     /// East, metres.

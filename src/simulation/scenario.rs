@@ -81,7 +81,7 @@ pub struct BoardSettings {
     pub center_m: [f64; 3],
     /// Tilt against the horizon, degrees.
     pub tilt_deg: f64,
-    /// Direction the normal leans to, degrees clockwise from north.
+    /// Direction of the inclination of the normal, degrees clockwise from north.
     pub azimuth_deg: f64,
     /// Length along the level and the sloping edge, metres.
     pub size_m: [f64; 2],

@@ -83,7 +83,7 @@ pub enum Surface {
 pub struct Hit {
     /// Distance from the origin, metres.
     pub range_m: f64,
-    /// Unit normal of the surface, turned towards the origin.
+    /// Unit normal of the surface, facing the origin of the ray.
     pub normal: Vec3,
     /// The surface.
     pub surface: Surface,

@@ -161,7 +161,7 @@ fn by_tiles(
             |near| FeatureRow::of(near, &settings.features),
             |index, row| rows.put(index, &row),
         )?;
-        (work.tiles, work.beyond_halo) = (solved.tiles, solved.aside);
+        (work.tiles, work.beyond_halo) = (solved.tiles, solved.deferred);
         rows.sorted()
     })?;
     work.features_s = seconds;

@@ -28,7 +28,7 @@ const FEW: usize = 100;
 /// Most points loaded, in units of those of a full tile.
 const MOST_LOADED: usize = 2;
 /// Most neighbours in memory for deferred points, in units of the points of a full tile.
-const MOST_ASIDE: usize = 4;
+const MOST_DEFERRED: usize = 4;
 
 /// A point whose neighbours may lie outside the loaded region.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,7 @@ pub struct TilingSummary {
     /// Number of tiles.
     pub tiles: usize,
     /// Number of deferred points.
-    pub aside: u64,
+    pub deferred: u64,
 }
 
 /// Calls `each` with the surroundings of every point of the store, and `take` with the index of the
@@ -65,31 +65,31 @@ pub fn surroundings<T: Send + Sync + Clone>(
     each: impl Fn(&Surroundings) -> T + Sync,
     mut take: impl FnMut(u64, T) -> Result<()>,
 ) -> Result<TilingSummary> {
-    let mut aside = Vec::new();
-    let mut put_aside = 0;
+    let mut deferred = Vec::new();
+    let mut deferred_count = 0;
     let batch = match of {
-        Neighbourhood::Nearest(k) => (MOST_ASIDE * most_points / k.max(1)).max(1),
+        Neighbourhood::Nearest(k) => (MOST_DEFERRED * most_points / k.max(1)).max(1),
         Neighbourhood::Within(_) => usize::MAX,
     };
     for tile in 0..store.tiles().rectangles().len() {
-        let left = solve_tile(store, tile, of, most_points, progress, &each, &mut take)?;
-        put_aside += left.len() as u64;
-        aside.extend(left);
-        while aside.len() >= batch {
-            let rest = aside.split_off(batch);
-            solve_aside(store, &aside, of, &each, &mut take)?;
-            aside = rest;
+        let left = process_tile(store, tile, of, most_points, progress, &each, &mut take)?;
+        deferred_count += left.len() as u64;
+        deferred.extend(left);
+        while deferred.len() >= batch {
+            let rest = deferred.split_off(batch);
+            process_deferred(store, &deferred, of, &each, &mut take)?;
+            deferred = rest;
         }
     }
-    solve_aside(store, &aside, of, &each, &mut take)?;
+    process_deferred(store, &deferred, of, &each, &mut take)?;
     Ok(TilingSummary {
         tiles: store.tiles().rectangles().len(),
-        aside: put_aside,
+        deferred: deferred_count,
     })
 }
 
 /// Processes the points of a tile, and returns those that failed.
-fn solve_tile<T: Send + Sync + Clone>(
+fn process_tile<T: Send + Sync + Clone>(
     store: &TileStore,
     tile: usize,
     of: Neighbourhood,
@@ -131,10 +131,10 @@ fn solve_tile<T: Send + Sync + Clone>(
                 .collect()
         });
         let queries: Vec<Vec3> = wanted.iter().map(|pending| pending.point).collect();
-        let watched: &dyn Progress = if is_first { progress } else { &Silent };
+        let reported: &dyn Progress = if is_first { progress } else { &Silent };
         let found =
             index(&loaded.points, store)
-                .surroundings(&queries, of, watched, |_, near| (each(near), near.reach_m))?;
+                .surroundings(&queries, of, reported, |_, near| (each(near), near.reach_m))?;
         let mut left = Vec::new();
         for (pending, (value, reach_m)) in wanted.into_iter().zip(found) {
             let depth_m = region.depth_m(&pending.point);
@@ -179,9 +179,9 @@ fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
 }
 
 /// Processes deferred points by visiting all tiles that may contain their neighbours.
-fn solve_aside<T: Send + Sync + Clone>(
+fn process_deferred<T: Send + Sync + Clone>(
     store: &TileStore,
-    aside: &[Pending],
+    deferred: &[Pending],
     of: Neighbourhood,
     each: &(impl Fn(&Surroundings) -> T + Sync),
     take: &mut impl FnMut(u64, T) -> Result<()>,
@@ -190,7 +190,7 @@ fn solve_aside<T: Send + Sync + Clone>(
         return Ok(());
     };
     // Squared distance, index in the cloud, point; nearest first.
-    let mut best: Vec<Vec<(f64, u64, Vec3)>> = vec![Vec::new(); aside.len()];
+    let mut best: Vec<Vec<(f64, u64, Vec3)>> = vec![Vec::new(); deferred.len()];
     for (tile, rectangle) in store.tiles().rectangles().iter().enumerate() {
         let matters = |(pending, best): (&Pending, &Vec<(f64, u64, Vec3)>)| {
             let limit_m = match best.last() {
@@ -199,12 +199,12 @@ fn solve_aside<T: Send + Sync + Clone>(
             };
             rectangle.distance_m(&pending.point) <= limit_m * (1.0 + SLACK)
         };
-        if store.count(tile) == 0 || !aside.iter().zip(&best).any(matters) {
+        if store.count(tile) == 0 || !deferred.iter().zip(&best).any(matters) {
             continue;
         }
         let loaded = store.within(rectangle)?;
         let index = index(&loaded.points, store);
-        aside
+        deferred
             .par_iter()
             .zip(&mut best)
             .filter(|(pending, best)| matters((pending, best)))
@@ -218,7 +218,7 @@ fn solve_aside<T: Send + Sync + Clone>(
                 best.truncate(k);
             });
     }
-    for (pending, mut near) in aside.iter().zip(best) {
+    for (pending, mut near) in deferred.iter().zip(best) {
         near.sort_unstable_by_key(|(_, index, _)| *index);
         let points: Vec<Vec3> = near.iter().map(|(_, _, point)| *point).collect();
         let query = [pending.point];

@@ -172,12 +172,12 @@ fn tables_grow_with_the_voxels_in_them() {
     let place = |key: u64| key.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     for round in 0..2 {
         for (key, rating) in &entries {
-            let held = table.find(*key, place);
+            let held = table.rating_mut(*key, place);
             if round == 0 {
                 *held = *rating;
-                table.count_one(place);
+                table.count_added(place);
             }
-            assert_eq!(*table.find(*key, place), *rating);
+            assert_eq!(*table.rating_mut(*key, place), *rating);
         }
     }
 }

@@ -105,7 +105,7 @@ impl<Key: Copy + Eq + Default> Table<Key> {
 
     /// The rating of a voxel, inserted as [`FREE`] if the voxel is new.
     #[inline(always)]
-    pub(super) fn find(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
+    pub(super) fn rating_mut(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
         let mask = self.slots.len() - 1;
         let mut at = (place(key) >> self.shift) as usize & mask;
         loop {
@@ -124,7 +124,7 @@ impl<Key: Copy + Eq + Default> Table<Key> {
 
     /// Counts a voxel that has been added, and grows the table if it fills up.
     #[inline(always)]
-    pub(super) fn count_one(&mut self, place: impl Fn(Key) -> u64) {
+    pub(super) fn count_added(&mut self, place: impl Fn(Key) -> u64) {
         self.used += 1;
         if self.used > self.slots.len() / 4 * 3 {
             self.grow(place);
@@ -138,33 +138,33 @@ impl<Key: Copy + Eq + Default> Table<Key> {
         self.clear(2 * old.len());
         self.used = used;
         for (key, rating) in old.into_iter().filter(|slot| slot.1 != FREE) {
-            *self.find(key, &place) = rating;
+            *self.rating_mut(key, &place) = rating;
         }
     }
 }
 
 /// Points and their marks: kept or not.
-struct Contest<'a> {
+struct Thinning<'a> {
     points: &'a [Vec3],
     voxel_m: f64,
-    /// 1 where a point is not kept.
-    lost: Vec<AtomicU8>,
+    /// 1 if a point is not kept.
+    dropped: Vec<AtomicU8>,
 }
 
-impl Contest<'_> {
-    fn lose(&self, index: usize) {
-        self.lost[index].store(1, Ordering::Relaxed);
+impl Thinning<'_> {
+    fn drop_point(&self, index: usize) {
+        self.dropped[index].store(1, Ordering::Relaxed);
     }
 
     /// Leaves the better of two ratings of one voxel in `held` and marks the other's point.
     #[inline(always)]
-    fn meet(&self, held: &mut u64, other: u64) {
+    fn keep_better(&self, held: &mut u64, other: u64) {
         let (mut better, mut worse) = ((*held).min(other), (*held).max(other));
         if better >> 32 == worse >> 32 && self.swapped(better as u32, worse as u32) {
             std::mem::swap(&mut better, &mut worse);
         }
         *held = better;
-        self.lose(worse as u32 as usize);
+        self.drop_point(worse as u32 as usize);
     }
 
     /// Whether the later of two points is nearer to the centre by a difference lost in f32.
@@ -195,7 +195,7 @@ impl Contest<'_> {
                 if in_voxels.iter().all(|v| v.is_finite()) {
                     return Err(Outside);
                 }
-                self.lose(index);
+                self.drop_point(index);
                 continue;
             };
             let distance = (in_voxels - floor - Vec3::repeat(0.5)).norm_squared();
@@ -203,7 +203,7 @@ impl Contest<'_> {
             if before == Some(key)
                 && let Some((_, held)) = entries.last_mut()
             {
-                self.meet(held, rating);
+                self.keep_better(held, rating);
                 continue;
             }
             before = Some(key);
@@ -220,20 +220,20 @@ impl Contest<'_> {
             *count = start;
         }
         let mut places = counts;
-        let mut dealt = vec![Entry::default(); entries.len()];
+        let mut distributed = vec![Entry::default(); entries.len()];
         for entry in &*entries {
             let place = &mut places[bucket(entry.0)];
-            dealt[*place as usize] = *entry;
+            distributed[*place as usize] = *entry;
             *place += 1;
         }
         Ok(Distributed {
-            entries: dealt,
+            entries: distributed,
             starts,
         })
     }
 
     /// Selects the points of a bucket from the `runs` that the chunks contributed.
-    fn decide<'b, N: Numbering>(
+    fn select<'b, N: Numbering>(
         &self,
         runs: impl Iterator<Item = &'b [Entry<N::Key>]> + Clone,
         bits: u32,
@@ -246,21 +246,21 @@ impl Contest<'_> {
         let place = |key| N::hash(key) << bits;
         table.clear(count.min(2 * BUCKET));
         for &(key, rating) in runs.flatten() {
-            let held = table.find(key, place);
+            let held = table.rating_mut(key, place);
             if *held == FREE {
                 *held = rating;
-                table.count_one(place);
+                table.count_added(place);
             } else {
-                self.meet(held, rating);
+                self.keep_better(held, rating);
             }
         }
     }
 
     /// The indices of the points that are kept.
     fn kept(&self) -> Vec<u32> {
-        let has_lost = |mark: &AtomicU8| mark.load(Ordering::Relaxed) != 0;
-        let count = |chunk: &[AtomicU8]| chunk.iter().filter(|mark| !has_lost(mark)).count();
-        let counts: Vec<usize> = self.lost.par_chunks(CHUNK).map(count).collect();
+        let is_dropped = |mark: &AtomicU8| mark.load(Ordering::Relaxed) != 0;
+        let count = |chunk: &[AtomicU8]| chunk.iter().filter(|mark| !is_dropped(mark)).count();
+        let counts: Vec<usize> = self.dropped.par_chunks(CHUNK).map(count).collect();
         let mut kept = vec![0; counts.iter().sum()];
         let mut rest = kept.as_mut_slice();
         let mut parts = Vec::with_capacity(counts.len());
@@ -271,12 +271,12 @@ impl Contest<'_> {
             || vec![0; CHUNK],
             |indices, (number, part)| {
                 let first = number * CHUNK;
-                let marks = &self.lost[first..(first + CHUNK).min(self.lost.len())];
+                let marks = &self.dropped[first..(first + CHUNK).min(self.dropped.len())];
                 let mut count = 0;
                 // Also writes indices that are not kept, to be overwritten: cheaper than a branch.
                 for (mark, index) in marks.iter().zip(first as u32..) {
                     indices[count] = index;
-                    count += usize::from(!has_lost(mark));
+                    count += usize::from(!is_dropped(mark));
                 }
                 part.copy_from_slice(&indices[..count]);
             },
@@ -295,28 +295,28 @@ fn thin_numbered<N: Numbering>(
         u32::try_from(n).is_ok(),
         "{n} points are too many to thin at once"
     );
-    let contest = Contest {
+    let thinning = Thinning {
         points,
         voxel_m,
-        lost: (0..n).into_par_iter().map(|_| AtomicU8::new(0)).collect(),
+        dropped: (0..n).into_par_iter().map(|_| AtomicU8::new(0)).collect(),
     };
     let bits = (n / BUCKET).max(2).next_power_of_two().trailing_zeros();
     let bits = bits.min(MOST_BUCKET_BITS);
-    let dealt = (0..n.div_ceil(CHUNK))
+    let distributed = (0..n.div_ceil(CHUNK))
         .into_par_iter()
         .map_init(
             || Vec::with_capacity(CHUNK.min(n)),
-            |entries, number| contest.distribute(number, bits, numbering, entries),
+            |entries, number| thinning.distribute(number, bits, numbering, entries),
         )
         .collect::<Result<Vec<_>, Outside>>()?;
     (0..1usize << bits)
         .into_par_iter()
         .for_each_init(Table::new, |table, bucket| {
-            let runs = dealt.iter().map(|chunk| {
+            let runs = distributed.iter().map(|chunk| {
                 let (start, end) = (chunk.starts[bucket], chunk.starts[bucket + 1]);
                 &chunk.entries[start as usize..end as usize]
             });
-            contest.decide::<N>(runs, bits, table);
+            thinning.select::<N>(runs, bits, table);
         });
-    Ok(contest.kept())
+    Ok(thinning.kept())
 }

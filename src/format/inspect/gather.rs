@@ -10,7 +10,7 @@ const MOST_INTERVALS: usize = 1_000_000;
 
 /// Collects the times of a stream.
 #[derive(Default)]
-pub(super) struct Clock {
+pub(super) struct Times {
     span: Option<[f64; 2]>,
     last: Option<f64>,
     epochs: u64,
@@ -21,8 +21,8 @@ pub(super) struct Clock {
     pub(super) repeated: u64,
 }
 
-impl Clock {
-    pub(super) fn see(&mut self, time_s: f64) {
+impl Times {
+    pub(super) fn add(&mut self, time_s: f64) {
         let span = self.span.get_or_insert([time_s; 2]);
         *span = [span[0].min(time_s), span[1].max(time_s)];
         let Some(last) = self.last.replace(time_s) else {
@@ -51,7 +51,7 @@ impl Clock {
         }
     }
 
-    pub(super) fn report(mut self, into: &mut Inspection) {
+    pub(super) fn write_to(mut self, into: &mut Inspection) {
         into.span_s = self.span;
         if self.backwards > 0 {
             into.notes.push(format!(
@@ -83,7 +83,7 @@ impl Ranges {
         Self(names.iter().map(bounds).collect())
     }
 
-    pub(super) fn see(&mut self, values: impl IntoIterator<Item = f64>) {
+    pub(super) fn add(&mut self, values: impl IntoIterator<Item = f64>) {
         for (bounds, value) in self.0.iter_mut().zip(values) {
             // Both are false for NaN, which represents an empty cell.
             if value < bounds.min {
@@ -95,7 +95,7 @@ impl Ranges {
         }
     }
 
-    pub(super) fn report(self, into: &mut Inspection) {
+    pub(super) fn write_to(self, into: &mut Inspection) {
         into.bounds = self.0;
         into.bounds.retain(|b| b.min <= b.max);
     }

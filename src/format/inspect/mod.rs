@@ -12,7 +12,7 @@ use super::{open_profiles, read_cloud, read_mounting, read_trajectory, sbet};
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
-use gather::{Clock, Ranges};
+use gather::{Ranges, Times};
 pub use inspection::{Bounds, Gap, Inspection};
 
 /// Reads a whole file and summarises its content.
@@ -68,17 +68,17 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     let range = find(["slope_distance_m", "slope_dist_m"]);
     let mut without_range = 0;
     let mut table = Table::open(path, columns)?;
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&wanted));
+    let (mut times, mut ranges) = (Times::default(), Ranges::of(&wanted));
     let mut row = vec![0.0; wanted.len()];
     while table.next_row(&mut row)? {
         report.count += 1;
         if let Some(time_s) = time.map(|i| row[i]).filter(|t| !t.is_nan()) {
-            clock.see(time_s);
+            times.add(time_s);
         }
         if range.is_some_and(|i| row[i] <= 0.0) {
             without_range += 1;
         } else {
-            ranges.see(row.iter().copied());
+            ranges.add(row.iter().copied());
         }
     }
     if report.count == 0 {
@@ -104,12 +104,12 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
         _ => {}
     }
     report.columns = table.names().to_vec();
-    ranges.report(report);
+    ranges.write_to(report);
     if let Some(time) = time {
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
     }
-    let repeated = clock.repeated;
-    clock.report(report);
+    let repeated = times.repeated;
+    times.write_to(report);
     // In profiles and clouds many points share a time; in logs no two records should.
     let is_log = matches!(
         report.format,
@@ -127,64 +127,64 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
 fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut reader = open_profiles(path)?;
     let mut chunk = Vec::new();
-    let (mut clock, mut ranges) = (
-        Clock::default(),
+    let (mut times, mut ranges) = (
+        Times::default(),
         Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
     );
     while reader.next_chunk(&mut chunk)? {
         report.count += chunk.len() as u64;
         for point in &chunk {
-            clock.see(point.time_s);
+            times.add(point.time_s);
             let p = &point.position_m;
-            ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
+            ranges.add([p.x, p.y, p.z, f64::from(point.intensity)]);
         }
     }
-    ranges.report(report);
-    clock.report(report);
+    ranges.write_to(report);
+    times.write_to(report);
     Ok(())
 }
 
 fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&["x_m", "y_m", "z_m"]));
+    let (mut times, mut ranges) = (Times::default(), Ranges::of(&["x_m", "y_m", "z_m"]));
     for pose in read_trajectory(path)? {
         report.count += 1;
-        clock.see(pose.time_s);
-        ranges.see(pose.world_from_body.translation_m.iter().copied());
+        times.add(pose.time_s);
+        ranges.add(pose.world_from_body.translation_m.iter().copied());
     }
-    ranges.report(report);
-    clock.report(report);
+    ranges.write_to(report);
+    times.write_to(report);
     Ok(())
 }
 
 fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&sbet::COLUMNS[1..]));
+    let (mut times, mut ranges) = (Times::default(), Ranges::of(&sbet::COLUMNS[1..]));
     sbet::for_each(path, |row| {
         report.count += 1;
-        clock.see(row[0]);
-        ranges.see(row[1..].iter().copied());
+        times.add(row[0]);
+        ranges.add(row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
     report.notes.push(
         "geographic positions and a wander azimuth: export projected coordinates to use it"
             .to_owned(),
     );
-    ranges.report(report);
-    clock.report(report);
+    ranges.write_to(report);
+    times.write_to(report);
     Ok(())
 }
 
 fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut file = LasFile::open(path)?;
     let has_time = file.has_time();
-    let (mut clock, mut ranges) = (
-        Clock::default(),
+    let (mut times, mut ranges) = (
+        Times::default(),
         Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
     );
     while file.read(CHUNK_POINTS, |_, point| {
         let p = &point.position;
-        ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
+        ranges.add([p.x, p.y, p.z, f64::from(point.intensity)]);
         if has_time {
-            clock.see(point.time_s);
+            times.add(point.time_s);
         }
         Ok(())
     })? > 0
@@ -198,25 +198,25 @@ fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
                 .to_owned(),
         );
     }
-    ranges.report(report);
-    clock.report(report);
+    ranges.write_to(report);
+    times.write_to(report);
     Ok(())
 }
 
 fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
     let cloud = read_cloud(path)?;
-    let (mut clock, mut ranges) = (
-        Clock::default(),
+    let (mut times, mut ranges) = (
+        Times::default(),
         Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
     );
     report.count = cloud.points.len() as u64;
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
-        ranges.see([p.x, p.y, p.z, intensity]);
+        ranges.add([p.x, p.y, p.z, intensity]);
     }
-    cloud.time_s.iter().for_each(|time_s| clock.see(*time_s));
-    ranges.report(report);
-    clock.report(report);
+    cloud.time_s.iter().for_each(|time_s| times.add(*time_s));
+    ranges.write_to(report);
+    times.write_to(report);
     Ok(())
 }
 

@@ -8,7 +8,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::format::las::LasFile;
 use crate::format::las_out::{LasOut, is_compressed};
-use crate::output::keep_inputs;
+use crate::output::protect_inputs;
 use crate::progress::Progress;
 
 /// Copies the points of the LAS or LAZ file `input` that `row` accepts to `output` (compressed if
@@ -33,7 +33,7 @@ pub fn copy_las(
     progress: &dyn Progress,
 ) -> Result<u64> {
     dimension::check(output, dimensions)?;
-    keep_inputs(Path::new(""), &[input.to_owned()], &[output])?;
+    protect_inputs(Path::new(""), &[input.to_owned()], &[output])?;
     let mut file = LasFile::open(input)?;
     let format = *file.header().point_format();
     let expected = file.header().number_of_points();

@@ -12,7 +12,7 @@ pub(super) fn constants(
     positions: &[PositionSettings],
     has_heading: bool,
 ) -> Result<Vec<Constant>> {
-    let all = every(positions);
+    let all = all_constants(positions);
     let known: Vec<String> = all.iter().map(|c| c.name(positions)).collect();
     let mut found = Vec::new();
     for name in names {
@@ -56,7 +56,7 @@ pub(super) fn constants(
 }
 
 /// All constants of a project with these position sensors.
-fn every(positions: &[PositionSettings]) -> Vec<Constant> {
+fn all_constants(positions: &[PositionSettings]) -> Vec<Constant> {
     let mut all = Vec::new();
     for (index, settings) in positions.iter().enumerate() {
         all.extend([Constant::TimeOffset(index), Constant::LeverArm(index)]);

@@ -20,9 +20,9 @@ use crate::geometry::Vec3;
 const FLICKER_FLOOR: f64 = 0.664_282;
 /// Fewest degrees of freedom of a point that determines a noise figure: its deviation is then known
 /// to 1/√18 = 24 %.
-const DECIDING_FREEDOM: f64 = 9.0;
+const DECIDING_DOF: f64 = 9.0;
 /// Fewest degrees of freedom of a point that is listed: its deviation is known to 41 %.
-const LISTED_FREEDOM: f64 = 3.0;
+const LISTED_DOF: f64 = 3.0;
 /// Tolerance of the slope of a segment of the variance, in addition to chance: it allows for a
 /// second noise beside the dominant one.
 const SLOPE_SLACK: f64 = 0.2;
@@ -46,7 +46,8 @@ pub struct AllanPoint {
     pub deviation: f64,
     /// Equivalent degrees of freedom of the variance, whose relative standard deviation is √(2 /
     /// this).
-    pub freedom: f64,
+    #[serde(rename = "freedom")]
+    pub dof: f64,
 }
 
 impl AllanPoint {
@@ -56,7 +57,7 @@ impl AllanPoint {
 
     /// Standard deviation of ln σ².
     fn log_sigma(&self) -> f64 {
-        (2.0 / self.freedom).sqrt()
+        (2.0 / self.dof).sqrt()
     }
 
     /// Relative standard deviation of the deviation.
@@ -82,7 +83,8 @@ pub enum Figure {
         value: f64,
     },
     /// The log does not constrain it.
-    No,
+    #[serde(rename = "no")]
+    Undetermined,
 }
 
 impl Figure {
@@ -104,7 +106,7 @@ impl Figure {
             Self::AtMost { value } => Self::AtMost {
                 value: value * factor,
             },
-            Self::No => Self::No,
+            Self::Undetermined => Self::Undetermined,
         }
     }
 }
@@ -220,9 +222,9 @@ pub fn allan_curve(values: &[f64], interval_s: f64) -> Vec<AllanPoint> {
         .map(|m| AllanPoint {
             tau_s: m as f64 * interval_s,
             deviation: overlapping_variance(&integral, m, interval_s).sqrt(),
-            freedom: freedom(integral.len(), m),
+            dof: equivalent_dof(integral.len(), m),
         })
-        .take_while(|point| point.freedom >= LISTED_FREEDOM)
+        .take_while(|point| point.dof >= LISTED_DOF)
         .collect()
 }
 
@@ -238,7 +240,7 @@ fn overlapping_variance(integral: &[f64], m: usize, interval_s: f64) -> f64 {
 /// Equivalent degrees of freedom of the overlapping Allan variance from n integrated values at m
 /// intervals: the smaller of those for white and for flicker noise (Riley, Handbook of Frequency
 /// Stability Analysis, NIST SP 1065, table 5; white and flicker FM).
-fn freedom(n: usize, m: usize) -> f64 {
+fn equivalent_dof(n: usize, m: usize) -> f64 {
     let (n, m) = (n as f64, m as f64);
     let white =
         (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * 4.0 * m * m / (4.0 * m * m + 5.0);
@@ -255,7 +257,7 @@ fn axis_noise(curve: Vec<AllanPoint>) -> AxisNoise {
     let white = white(&curve);
     let (instability, walk) = match white.determined() {
         Some(density) => bias(&curve, density),
-        None => (Figure::No, Figure::No),
+        None => (Figure::Undetermined, Figure::Undetermined),
     };
     AxisNoise {
         curve,
@@ -276,7 +278,7 @@ fn has_slope(a: &AllanPoint, b: &AllanPoint, exponent: f64) -> bool {
 /// by a filter or the resolution of the sensor and long τ dominated by the bias. ln(τ σ²) is
 /// averaged with the degrees of freedom as weights, so that the shortest τ of the run dominate.
 fn white(curve: &[AllanPoint]) -> Figure {
-    let decide = |p: &&AllanPoint| p.freedom >= DECIDING_FREEDOM && p.deviation > 0.0;
+    let decide = |p: &&AllanPoint| p.dof >= DECIDING_DOF && p.deviation > 0.0;
     let curve: Vec<AllanPoint> = curve.iter().take_while(decide).copied().collect();
     let mut longest: &[AllanPoint] = &[];
     for run in curve.chunk_by(|a, b| has_slope(a, b, -1.0)) {
@@ -285,17 +287,17 @@ fn white(curve: &[AllanPoint]) -> Figure {
         }
     }
     if longest.len() < FEWEST_WHITE_POINTS {
-        return Figure::No;
+        return Figure::Undetermined;
     }
-    let weights: f64 = longest.iter().map(|p| p.freedom).sum();
+    let weights: f64 = longest.iter().map(|p| p.dof).sum();
     let mean = longest
         .iter()
-        .map(|p| p.freedom * (p.tau_s * p.variance()).ln())
+        .map(|p| p.dof * (p.tau_s * p.variance()).ln())
         .sum::<f64>()
         / weights;
     let value = (0.5 * mean).exp();
     // The points of a run share the same samples: only the best of them counts.
-    let best = longest.iter().map(|p| p.freedom).fold(0.0, f64::max);
+    let best = longest.iter().map(|p| p.dof).fold(0.0, f64::max);
     Figure::Determined {
         value,
         sigma: value / (2.0 * best).sqrt(),
@@ -304,10 +306,7 @@ fn white(curve: &[AllanPoint]) -> Figure {
 
 /// Bias instability and bias random walk of a curve with white noise of this density.
 fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
-    let deciding: Vec<&AllanPoint> = curve
-        .iter()
-        .take_while(|p| p.freedom >= DECIDING_FREEDOM)
-        .collect();
+    let deciding: Vec<&AllanPoint> = curve.iter().take_while(|p| p.dof >= DECIDING_DOF).collect();
     // The first minimum, after which the curve rises by more than chance: a bias with finite memory
     // averages out at long τ, where the curve is lower.
     let mut at = 0;
@@ -320,7 +319,7 @@ fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
         }
     }
     let Some(lowest) = deciding.get(at) else {
-        return (Figure::No, Figure::No);
+        return (Figure::Undetermined, Figure::Undetermined);
     };
     // White noise alone also reaches the floor where the log ends: the bias must exceed it, and the
     // curve must have stopped falling before the end.
@@ -329,7 +328,7 @@ fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
     if !seen {
         let highest = lowest.deviation * (CHANCE_SIGMAS * lowest.relative_sigma()).exp();
         let value = highest / FLICKER_FLOOR;
-        return (Figure::AtMost { value }, Figure::No);
+        return (Figure::AtMost { value }, Figure::Undetermined);
     }
     let value = lowest.deviation / FLICKER_FLOOR;
     let instability = Figure::Determined {
@@ -352,7 +351,7 @@ fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
         })
         .collect();
     if found.len() < FEWEST_WALK_POINTS || found.iter().any(|(log, _)| !log.is_finite()) {
-        return Figure::No;
+        return Figure::Undetermined;
     }
     let weights: f64 = found.iter().map(|(_, s)| s.powi(-2)).sum();
     let mean = found.iter().map(|(log, s)| log * s.powi(-2)).sum::<f64>() / weights;
@@ -364,7 +363,7 @@ fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
     let rise = (last.variance() / first.variance()).ln();
     let rises = rise > CHANCE_SIGMAS * first.log_sigma().hypot(last.log_sigma());
     if !(follows_walk && rises) {
-        return Figure::No;
+        return Figure::Undetermined;
     }
     let value = (0.5 * mean).exp();
     let best = found.iter().map(|(_, s)| *s).fold(f64::INFINITY, f64::min);

@@ -118,7 +118,7 @@ fn degrees_of_freedom_are_those_of_white_noise() {
         let all = || curves.iter().map(|curve| curve[i].variance());
         let mean = all().sum::<f64>() / LOGS as f64;
         let variance = all().map(|x| (x - mean).powi(2)).sum::<f64>() / (LOGS - 1) as f64;
-        let (found, claimed) = (2.0 * mean * mean / variance, curves[0][i].freedom);
+        let (found, claimed) = (2.0 * mean * mean / variance, curves[0][i].dof);
         // The variance of a chi-square with f degrees is itself known to √((2 + 12 / f) / 600).
         let chance = SIGMAS * ((2.0 + 12.0 / claimed) / LOGS as f64).sqrt();
         let share = found / claimed;
@@ -178,7 +178,7 @@ fn what_a_log_cannot_show_is_not_invented() {
         let mut noise = Noise::new(40 + seed);
         let found = figures(&noise.white(60_000, WHITE));
         assert_found(found.white, WHITE);
-        assert_eq!(found.walk, Figure::No);
+        assert_eq!(found.walk, Figure::Undetermined);
         match found.instability {
             Figure::AtMost { value } => {
                 // The bound is no better than ten minutes allow: white noise over the longest time
@@ -186,21 +186,27 @@ fn what_a_log_cannot_show_is_not_invented() {
                 assert!(value > 0.5 * WHITE / 60f64.sqrt(), "{value}");
             }
             Figure::Determined { .. } => determined += 1,
-            Figure::No => panic!("no bound"),
+            Figure::Undetermined => panic!("no bound"),
         }
     }
     // Chance lifts the minimum by two sigmas in one log of forty.
     assert!(determined <= 2, "{determined} of 20");
-    // A walk over ten minutes only begins to rise.
+    // Over ten minutes, a random walk only begins to rise.
     let found = figures(&Noise::new(61).white_and_walk(60));
     assert!(
         matches!(found.instability, Figure::AtMost { .. }),
         "{found:?}"
     );
     // Too short for anything; and a sensor with constant output.
-    assert_eq!(figures(&Noise::new(62).white(40, WHITE)).white, Figure::No);
+    assert_eq!(
+        figures(&Noise::new(62).white(40, WHITE)).white,
+        Figure::Undetermined
+    );
     let silent = figures(&[0.25; 10_000]);
-    assert_eq!((silent.white, silent.instability), (Figure::No, Figure::No));
+    assert_eq!(
+        (silent.white, silent.instability),
+        (Figure::Undetermined, Figure::Undetermined)
+    );
 }
 
 /// Sensors that smooth their output show less noise at short times; the density is taken where the
