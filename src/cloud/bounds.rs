@@ -30,7 +30,7 @@ impl Bounds {
     }
 
     /// The smallest box around both boxes.
-    pub(super) fn with(&self, other: &Self) -> Self {
+    pub(super) fn union(&self, other: &Self) -> Self {
         Self {
             low: self.low.inf(&other.low),
             high: self.high.sup(&other.high),
@@ -51,7 +51,7 @@ impl Bounds {
 
     /// Whether `point` lies in the closed box.
     #[inline(always)]
-    pub(crate) fn holds(&self, point: &Vec3) -> bool {
+    pub(crate) fn contains(&self, point: &Vec3) -> bool {
         // No branches.
         (0..3).fold(true, |inside, axis| {
             inside & (point[axis] >= self.low[axis]) & (point[axis] <= self.high[axis])
@@ -60,14 +60,14 @@ impl Bounds {
 
     /// Distance from `point` to the nearest face, metres; negative outside.
     #[inline(always)]
-    pub(crate) fn room(&self, point: &Vec3) -> f64 {
+    pub(crate) fn distance_to_border(&self, point: &Vec3) -> f64 {
         let (below, above) = (point - self.low, self.high - point);
         below.min().min(above.min())
     }
 
     /// Whether the two boxes intersect.
     #[inline]
-    pub(crate) fn meets(&self, other: &Self) -> bool {
+    pub(crate) fn intersects(&self, other: &Self) -> bool {
         (0..3).fold(true, |meets, axis| {
             meets & (self.low[axis] <= other.high[axis]) & (self.high[axis] >= other.low[axis])
         })

@@ -100,7 +100,7 @@ impl Candidates {
         let found = Cell::new(0);
         self.runs.clear();
         index.visit_leaves(
-            |bounds| found.get() <= most && bounds.meets(&wide),
+            |bounds| found.get() <= most && bounds.intersects(&wide),
             |leaf| {
                 found.set(found.get() + leaf.len());
                 self.runs.push(leaf);
@@ -120,7 +120,7 @@ impl Candidates {
                 // Always written and kept by advancing the counter, without a branch.
                 self.points[filled] = [point.x, point.y, point.z, 1.0];
                 self.indices[filled] = at;
-                filled += usize::from(wide.holds(point));
+                filled += usize::from(wide.contains(point));
             }
         }
         self.points.truncate(filled);
@@ -196,7 +196,7 @@ impl Candidates {
     }
 
     #[inline(always)]
-    fn measure(&mut self, query: &Vec3) {
+    fn compute_distances(&mut self, query: &Vec3) {
         let from = (query - self.middle).map(|x| x as f32);
         let places = self.x.iter().zip(&self.y).zip(&self.z);
         for (squared, ((x, y), z)) in self.squared.iter_mut().zip(places) {
@@ -211,7 +211,7 @@ impl Candidates {
         let region = self
             .region
             .as_ref()
-            .map_or(f64::INFINITY, |region| region.room(query));
+            .map_or(f64::INFINITY, |region| region.distance_to_border(query));
         if self.len() < k {
             return if region == f64::INFINITY {
                 self.choose_all();
@@ -221,7 +221,7 @@ impl Candidates {
             };
         }
         let taken = if self.extent < FARTHEST {
-            self.measure(query);
+            self.compute_distances(query);
             let (sure, open) = self.bracket::<L>(k);
             let least = sure - self.error_bound(sure) * 2.0;
             // Padding is at infinity.
@@ -333,7 +333,7 @@ impl Candidates {
     pub(super) fn within<L: Lanes>(&mut self, query: &Vec3, radius_m: f64) {
         let limit = radius_m * radius_m;
         if self.extent < FARTHEST && radius_m < f64::from(FARTHEST) {
-            self.measure(query);
+            self.compute_distances(query);
             let rounded = limit as f32;
             let bound = 2.0 * self.error_bound(rounded);
             self.split::<L>(rounded - bound, rounded + bound);

@@ -80,7 +80,7 @@ impl NeighbourIndex {
         let bounds = points
             .par_chunks(PARALLEL_BUILD)
             .map(|chunk| Bounds::of(chunk.iter().filter(|point| is_finite(point))))
-            .reduce(Bounds::empty, |a, b| a.with(&b));
+            .reduce(Bounds::empty, |a, b| a.union(&b));
         Self::in_extent(points, &bounds.low, &bounds.high)
     }
 
@@ -295,7 +295,7 @@ impl Run<'_> {
         });
         if count <= LEAF {
             if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
-                self.sort_to_the_last(grid);
+                self.sort_fully(grid);
             }
             nodes[at].bounds = Bounds::of(&*self.ordered);
             nodes[at].least = self.keyed.iter().fold(u32::MAX, |least, k| least.min(k.1));
@@ -330,7 +330,7 @@ impl Run<'_> {
             high.build(&finer, nodes);
         }
         let (first, second) = (nodes[at + 1], nodes[at + nodes[at].second as usize]);
-        nodes[at].bounds = first.bounds.with(&second.bounds);
+        nodes[at].bounds = first.bounds.union(&second.bounds);
         nodes[at].least = first.least.min(second.least);
     }
 
@@ -357,11 +357,11 @@ impl Run<'_> {
             *key = finer.key(point);
         }
         self.keyed.par_sort_unstable();
-        self.follow();
+        self.reorder();
     }
 
     /// Sorts the few points of a leaf as they would be sorted among more.
-    fn sort_to_the_last(&mut self, grid: &Grid) {
+    fn sort_fully(&mut self, grid: &Grid) {
         self.keyed.sort_by_key(|&(key, index)| {
             let point = &self.all[index as usize];
             let finer = grid.inside(point);
@@ -369,11 +369,11 @@ impl Run<'_> {
             let [finer, finest] = [finer, finest].map(|grid| grid.map(|grid| grid.key(point)));
             (key, finer, finest, index)
         });
-        self.follow();
+        self.reorder();
     }
 
     /// Brings the points into the order of the indices.
-    fn follow(&mut self) {
+    fn reorder(&mut self) {
         for (point, (_, index)) in self.ordered.iter_mut().zip(&*self.keyed) {
             *point = self.all[*index as usize];
         }

@@ -88,7 +88,7 @@ impl Agreements {
     }
 
     /// The comparison of the same clouds as in `of` under another mounting.
-    pub fn find(&self, of: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
+    pub fn counterpart(&self, of: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
         self.under(mounting).find(|found| found.is_same_pair(of))
     }
 

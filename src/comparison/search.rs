@@ -149,7 +149,7 @@ impl IndexedClouds {
                 .collect(),
         };
         progress.check()?;
-        let core = self.measure(core, &normals, progress);
+        let core = self.measure_distances(core, &normals, progress);
         progress.check()?;
         Ok(M3c2 { core })
     }
@@ -185,7 +185,7 @@ impl IndexedClouds {
     }
 
     /// The result at every core point; unusable if the work was cancelled.
-    fn measure(
+    fn measure_distances(
         &self,
         core: &[Vec3],
         normals: &[(Vec3, f64)],
@@ -234,7 +234,7 @@ impl IndexedClouds {
                             }),
                         }
                     };
-                    combined(&found, normal, normal_radius_m, settings)
+                    core_distance(&found, normal, normal_radius_m, settings)
                 };
                 let distances: Vec<CoreDistance> = indices.iter().map(distance).collect();
                 // Computing normals was the first half of the work.
@@ -254,7 +254,7 @@ impl IndexedClouds {
 }
 
 /// Combines the summaries of reference and compared cloud.
-fn combined(
+fn core_distance(
     [reference, compared]: &[Sample; 2],
     normal: Vec3,
     normal_radius_m: f64,

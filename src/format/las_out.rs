@@ -15,7 +15,7 @@ const BATCH: usize = 200_000;
 /// for any number of threads.
 pub(super) struct LasOut {
     path: PathBuf,
-    /// `None` once it has been closed or given up.
+    /// `None` once it has been closed or abandoned.
     writer: Option<las::Writer<BufWriter<File>>>,
     records: Vec<u8>,
     /// Bytes of a record.
@@ -96,7 +96,7 @@ impl LasOut {
             return Ok(());
         };
         if let Err(error) = writer.close() {
-            give_up(writer);
+            leak(writer);
             return Err(problem(&self.path, error));
         }
         let out = writer.into_inner().map_err(|e| problem(&self.path, e))?;
@@ -111,14 +111,14 @@ impl Drop for LasOut {
         if let Some(mut writer) = self.writer.take()
             && writer.close().is_err()
         {
-            give_up(writer);
+            leak(writer);
         }
     }
 }
 
 /// A writer that could not be closed tries again when dropped, and panics. It is leaked instead, so
 /// that its file stays open until the process ends; the error is already being returned.
-fn give_up(writer: las::Writer<BufWriter<File>>) {
+fn leak(writer: las::Writer<BufWriter<File>>) {
     std::mem::forget(writer);
 }
 

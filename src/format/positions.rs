@@ -233,7 +233,7 @@ fn polar(
             expected,
         ));
     }
-    let fix = instrument.fix(&PolarObservation {
+    let fix = instrument.position_fix(&PolarObservation {
         time_s,
         slope_distance_m,
         horizontal_rad: horizontal_deg.to_radians(),

@@ -73,7 +73,7 @@ impl TotalStation {
     /// w = (−sin e sin a, −sin e cos a, cos e) across the line of sight,
     /// C = (σ_d + ppm·1e-6 d)² u uᵀ + (σ_angle d cos e)² h hᵀ + (σ_angle d)² w wᵀ + σ_prism² I.
     /// Observations in both faces of the instrument are valid.
-    pub fn fix(&self, observed: &PolarObservation) -> PositionFix {
+    pub fn position_fix(&self, observed: &PolarObservation) -> PositionFix {
         let distance_m = observed.slope_distance_m + self.reflector_constant_m;
         let azimuth = observed.horizontal_rad + self.orientation_rad;
         let elevation = match self.vertical {
@@ -139,7 +139,9 @@ mod tests {
             // The second face: both angles reversed, the same point.
             (180.0, 270.0, Vec3::new(100.0, 210.0, 50.0)),
         ] {
-            let found = plain.fix(&observed(10.0, horizontal, zenith)).position_m;
+            let found = plain
+                .position_fix(&observed(10.0, horizontal, zenith))
+                .position_m;
             assert!((found - expected).norm() < 1e-12, "{found}");
         }
         let turned = TotalStation {
@@ -148,7 +150,7 @@ mod tests {
             vertical: VerticalAngle::Elevation,
             ..plain
         };
-        let found = turned.fix(&observed(9.5, 0.0, 30.0)).position_m;
+        let found = turned.position_fix(&observed(9.5, 0.0, 30.0)).position_m;
         let expected = Vec3::new(100.0 + 10.0 * 0.75_f64.sqrt(), 200.0, 55.0);
         assert!((found - expected).norm() < 1e-12, "{found}");
     }
@@ -168,7 +170,7 @@ mod tests {
             let at = observed(80.0, 211.0, angle);
             let place = |d: f64, h: f64, v: f64| {
                 instrument
-                    .fix(&PolarObservation {
+                    .position_fix(&PolarObservation {
                         slope_distance_m: at.slope_distance_m + d,
                         horizontal_rad: at.horizontal_rad + h,
                         vertical_rad: at.vertical_rad + v,
@@ -184,21 +186,21 @@ mod tests {
                 (place(0.0, 0.0, step) - place(0.0, 0.0, -step)) / (2.0 * step) * 1e-4,
             ];
             let expected: Mat3 = columns.iter().map(|c| c * c.transpose()).sum();
-            let found = instrument.fix(&at).covariance_m2.unwrap();
+            let found = instrument.position_fix(&at).covariance_m2.unwrap();
             // Variances are 5e-7 to 6e-5 m²; differences of 1e-5 leave 1e-10 of them.
             assert!((found - expected).abs().max() < 1e-13, "{found}{expected}");
             let prism = TotalStation {
                 sigma_prism_m: 0.003,
                 ..instrument
             };
-            let more = prism.fix(&at).covariance_m2.unwrap() - found;
+            let more = prism.position_fix(&at).covariance_m2.unwrap() - found;
             assert!((more - Mat3::identity() * 9e-6).abs().max() < 1e-18);
         }
     }
 
     #[test]
     fn the_zenith_has_no_perfect_direction() {
-        let fix = instrument().fix(&observed(50.0, 20.0, 0.0));
+        let fix = instrument().position_fix(&observed(50.0, 20.0, 0.0));
         let least = fix.covariance_m2.unwrap().symmetric_eigenvalues().min();
         assert!(least.sqrt() > 5e-5, "{least}");
     }

@@ -186,7 +186,7 @@ fn by_tiles(
             Some(core) => inside(&core.points, rectangle),
             None => {
                 // Loads all points of every voxel that reaches into the tile.
-                let near = reference.within(&rectangle.grown(wide(settings.core_spacing_m)))?;
+                let near = reference.within(&rectangle.widened(wide(settings.core_spacing_m)))?;
                 thinned(&near.indices, &near.points, rectangle, comparison)
             }
         };
@@ -202,7 +202,7 @@ fn by_tiles(
             other => other,
         };
         if !points.is_empty() {
-            let region = rectangle.grown(wide(reach_m(settings)));
+            let region = rectangle.widened(wide(reach_m(settings)));
             let before = reference.within(&region)?.points;
             let after = compared.within(&region)?.points;
             let clouds = IndexedClouds::of_pieces(&before, &after, normals, settings)?;

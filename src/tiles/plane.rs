@@ -30,7 +30,7 @@ impl Rectangle {
     }
 
     /// The rectangle with `margin_m` added on every side.
-    pub fn grown(&self, margin_m: f64) -> Self {
+    pub fn widened(&self, margin_m: f64) -> Self {
         Self {
             low: self.low.map(|side| side - margin_m),
             high: self.high.map(|side| side + margin_m),
@@ -53,7 +53,7 @@ impl Rectangle {
     }
 
     /// Whether the two rectangles intersect.
-    pub fn meets(&self, other: &Self) -> bool {
+    pub fn intersects(&self, other: &Self) -> bool {
         (0..2).all(|axis| self.low[axis] < other.high[axis] && other.low[axis] < self.high[axis])
     }
 
@@ -245,13 +245,13 @@ mod tests {
         assert!(tile.depth_m(&at(5.0, 0.0)) < 0.0);
         assert_eq!(tile.distance_m(&at(7.0, 7.0)), 5.0);
         assert_eq!(tile.distance_m(&at(2.0, -1e9)), 0.0);
-        assert_eq!(tile.grown(1.0).high, [5.0, 4.0]);
-        assert!(tile.meets(&tile.grown(-0.5)));
+        assert_eq!(tile.widened(1.0).high, [5.0, 4.0]);
+        assert!(tile.intersects(&tile.widened(-0.5)));
         let beside = Rectangle {
             low: [4.0, 0.0],
             high: [5.0, 1.0],
         };
-        assert!(!tile.meets(&beside) && tile.meets(&beside.grown(0.1)));
+        assert!(!tile.intersects(&beside) && tile.intersects(&beside.widened(0.1)));
         let open = tile.open_beyond(&at(0.0, 0.0), &at(3.9, 3.0));
         assert_eq!(open.low, [f64::NEG_INFINITY; 2]);
         assert_eq!(open.high, [f64::INFINITY, 3.0]);

@@ -6,7 +6,7 @@
 //! ```text
 //! let store = TileStore::write(&staging.path("tiles"), most_points, stream)?;
 //! for tile in store.tiles().rectangles() {
-//!     let near = store.within(&tile.grown(h))?;   // the points with halo
+//!     let near = store.within(&tile.widened(h))?;   // the points with halo
 //!     let own = near.points.iter().filter(|point| tile.contains(point));
 //! }
 //! ```
@@ -174,7 +174,7 @@ impl TileStore {
         let mut found: Vec<(u64, Vec3)> = Vec::new();
         let mut files = 0;
         for (tile, other) in self.tiles.rectangles().iter().enumerate() {
-            if self.counts[tile] == 0 || !other.meets(rectangle) {
+            if self.counts[tile] == 0 || !other.intersects(rectangle) {
                 continue;
             }
             files += 1;
@@ -243,7 +243,7 @@ mod tests {
             let store = store(&place, &points, most);
             let tiles = store.tiles().rectangles();
             assert!(tiles.len() >= 5000 / most.min(5000));
-            let halos = tiles.iter().map(|tile| tile.grown(0.07));
+            let halos = tiles.iter().map(|tile| tile.widened(0.07));
             for rectangle in tiles.iter().copied().chain(halos) {
                 let found = store.within(&rectangle).unwrap();
                 let expected: Vec<u64> = (0..)

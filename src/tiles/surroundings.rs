@@ -110,7 +110,7 @@ fn process_tile<T: Send + Sync + Clone>(
     let mut pending: Option<Vec<Pending>> = None;
     let mut halo_m = first_halo_m(store, tile, of);
     for attempt in 0.. {
-        let region = rectangle.grown(halo_m).open_beyond(&low, &high);
+        let region = rectangle.widened(halo_m).open_beyond(&low, &high);
         let Some(loaded) = store.at_most(&region, most_loaded)? else {
             if pending.is_some() {
                 break;

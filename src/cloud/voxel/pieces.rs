@@ -80,7 +80,7 @@ impl Thinner {
     /// With 2³² points or more.
     pub fn thin(&mut self) {
         let kept = thin(&self.points, self.voxel_m);
-        self.indices = Some(self.named(&kept));
+        self.indices = Some(self.indices_of(&kept));
         for (to, &from) in kept.iter().enumerate() {
             self.points[to] = self.points[from as usize];
         }
@@ -93,11 +93,11 @@ impl Thinner {
     /// # Panics
     /// With 2³² points or more.
     pub fn finish(self) -> Vec<u64> {
-        self.named(&thin(&self.points, self.voxel_m))
+        self.indices_of(&thin(&self.points, self.voxel_m))
     }
 
     /// The indices of the points at these positions.
-    fn named(&self, places: &[u32]) -> Vec<u64> {
+    fn indices_of(&self, places: &[u32]) -> Vec<u64> {
         match &self.indices {
             Some(indices) => places.par_iter().map(|&at| indices[at as usize]).collect(),
             None => places.par_iter().map(|&at| u64::from(at)).collect(),
