@@ -82,7 +82,7 @@ pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Resu
         if settings.normal_radii_m.is_empty() {
             return Err(Error::data(
                 "the comparison has neither normals nor radii to compute them",
-                "give normal_radii_m at least one radius",
+                "give at least one radius in normal_radii_m",
             ));
         }
         let radii = settings.normal_radii_m.iter();
@@ -107,7 +107,7 @@ pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Resu
     if settings.min_points == 0 {
         return Err(Error::data(
             "min_points of the comparison is 0",
-            "give 1 or more: no points have no distance",
+            "give 1 or more: without points there is no distance",
         ));
     }
     Ok(())

@@ -66,8 +66,8 @@ impl Sample {
     }
 }
 
-/// The level of detection at 95 %, metres, as defined in [`super::m3c2`](mod@super::m3c2); NaN if a sample has fewer
-/// than two points or fewer than the settings require.
+/// The level of detection at 95 %, metres, as defined in [`super::m3c2`](mod@super::m3c2); NaN if a
+/// sample has fewer than two points or fewer than the settings require.
 pub(super) fn level_of_detection(
     reference: &Sample,
     compared: &Sample,

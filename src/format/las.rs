@@ -52,7 +52,8 @@ impl LasFile {
         let (mut file, bytes) = file::open(path)?;
         check_header(path, &mut file, bytes)?;
         guarded(path, "LAS or LAZ", || {
-            // Sequential decompression does not allocate memory by a damaged chunk table.
+            // Sequential decompression does not allocate memory based on a chunk table, which may be
+            // damaged.
             let options =
                 las::ReaderOptions::default().with_laz_parallelism(las::LazParallelism::No);
             let reader = las::Reader::with_options(BufReader::new(file), options)

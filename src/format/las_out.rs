@@ -33,7 +33,7 @@ pub(super) fn is_compressed(path: &Path) -> Result<bool> {
         other => Err(Error::format(
             path,
             Location::Whole,
-            format!("a cloud to be written with the extension `{other}`"),
+            format!("an output cloud with the extension `{other}`"),
             "`laz` or `las`",
         )),
     }

@@ -115,7 +115,7 @@ pub(crate) fn read_new_positions(path: &Path, observations: &Observations) -> Re
             return Err(error(
                 path,
                 "coordinates and polar observations",
-                "the project to say which: observations = \"cartesian\" or \"polar\"",
+                "a choice in the project: observations = \"cartesian\" or \"polar\"",
             ));
         }
         Observations::AsFound | Observations::Cartesian => None,

@@ -23,7 +23,8 @@ const FIRST_HALO: f64 = 3.0;
 const WIDER: f64 = 4.0;
 /// Number of attempts before points are deferred.
 const TRIES: usize = 3;
-/// At most this many points are deferred at once: for them, loading a wider halo would cost more.
+/// If at most this many points are left, they are deferred without another attempt: loading a wider
+/// halo would cost more.
 const FEW: usize = 100;
 /// Most points loaded, in units of those of a full tile.
 const MOST_LOADED: usize = 2;

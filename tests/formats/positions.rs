@@ -189,7 +189,7 @@ fn what_cannot_be_meant_is_said() {
         (
             both,
             &found,
-            "expected the project to say which: observations = \"cartesian\"",
+            "expected a choice in the project: observations = \"cartesian\"",
         ),
         (
             geographic,

@@ -44,7 +44,7 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
     let moving = |what: String| {
         Err(Error::data(
             format!("the IMU is not at rest: {what}"),
-            "use a log recorded at rest, or the part of a log that is",
+            "use a log recorded at rest, or only its part at rest",
         ))
     };
     if !GRAVITY_M_S2.contains(&force.norm()) {
