@@ -24,8 +24,7 @@ impl Offsets {
 
     /// The structure tensor of the points inside.
     ///
-    /// Sums of squares about the centre lose precision that is small relative to the squared
-    /// radius.
+    /// Sums of squares about the centre lose terms that are small relative to the squared radius.
     pub(super) fn tensor(&self, centre: &Vec3) -> StructureTensor {
         let [x, y, z] = &self.lists;
         let filled = self.filled;
