@@ -1,12 +1,12 @@
-//! The one error type of the library.
+//! The error type of the library.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Result of everything in this crate that can fail.
+/// The result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Where in a file something was found.
+/// A place in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Location {
     /// The file as a whole.
@@ -32,54 +32,53 @@ impl fmt::Display for Location {
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Problem {
-    /// A value or a setting that cannot be right: not finite, out of range, out of order, in another
-    /// unit.
+    /// An invalid value or setting: not finite, out of range, out of order or in the wrong unit.
     Invalid,
-    /// Streams that share no time, or clouds that share no space.
+    /// Streams that do not overlap in time, or clouds that do not overlap in space.
     NoOverlap,
-    /// Fewer data than the method needs.
+    /// Too few data for the method.
     TooFew,
     /// Unknowns that the data do not determine.
     NotDetermined,
-    /// A result that would replace a file from which it is made.
+    /// A result that would overwrite one of its inputs.
     WouldReplaceInput,
 }
 
-/// What went wrong, with everything needed to mend it.
+/// An error with everything needed to fix its cause.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused a file.
+    /// A file could not be opened, read or written.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// A file does not say what its format demands.
+    /// The content of a file does not match its format.
     #[error("{}{at}: found {found}, expected {expected}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
         /// Line or byte.
         at: Location,
-        /// What stands there.
+        /// What was found.
         found: String,
-        /// What should stand there.
+        /// What was expected.
         expected: String,
     },
-    /// The data are readable but cannot be used together, or not for this purpose.
+    /// Readable data that cannot be used together, or not for this purpose.
     #[error("{problem}\n  remedy: {remedy}")]
     Data {
-        /// Which kind of problem, for programs.
+        /// The kind of problem, for programs to match.
         kind: Problem,
         /// What is wrong, with names and numbers.
         problem: String,
         /// What the user can do about it.
         remedy: String,
     },
-    /// The work was told to stop: see `Progress::is_cancelled`.
+    /// The work was cancelled: see `Progress::is_cancelled`.
     #[error("cancelled")]
     Cancelled,
 }
@@ -113,7 +112,7 @@ impl Error {
         Self::of(Problem::Invalid, problem, remedy)
     }
 
-    /// An [`Error::Data`] of this kind.
+    /// An [`Error::Data`] of the given kind.
     pub fn of(kind: Problem, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Data {
             kind,

@@ -5,7 +5,7 @@ use std::fmt;
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
-use crate::sensor::{ScanPoint, check_overlap, unit_of_times_within};
+use crate::sensor::{ScanPoint, check_overlap, time_unit_within};
 use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
 

@@ -1,8 +1,8 @@
 //! Outputs that appear whole or not at all.
 //!
-//! Everything is written to a hidden folder beside its destination, flushed to the disk and then
-//! renamed into place, file by file. Whoever is killed in between leaves each file either old or
-//! new, never half; what was left behind is removed by the next run.
+//! Everything is written to a hidden folder beside its destination, flushed to disk and then
+//! renamed into place, file by file. If the process is killed in between, every file is either the
+//! old or the new one, never a partial one; the next run removes what was left behind.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -13,12 +13,12 @@ use same_file::is_same_file;
 
 use crate::error::{Error, Location, Problem, Result};
 
-/// Start of the names of staging folders; the lock beside each ends in `.lock`.
+/// Start of the names of staging folders; the lock file of each ends in `.lock`.
 const PREFIX: &str = ".staging-";
-/// Renamed last, so that it never speaks of files that are not there yet.
+/// Renamed last, so that it never refers to files that are not there yet.
 const LAST: &str = "result.json";
 
-/// Distinguishes what one process writes at the same time.
+/// Distinguishes the staging folders of one process.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
 fn unique() -> String {
@@ -31,9 +31,9 @@ fn unique() -> String {
 
 /// A hidden folder in which the files of one result are written before they appear.
 ///
-/// While it lives it holds a lock that the system releases with the process, however it ends; a
-/// staging folder whose lock is free belongs to nobody. Dropped without [`Staging::commit`], it
-/// leaves nothing behind.
+/// It holds a lock that the system releases when the process ends, however it ends; a staging
+/// folder whose lock is free is a leftover. If dropped without [`Staging::commit`], it leaves
+/// nothing behind.
 #[derive(Debug)]
 pub struct Staging {
     dir: PathBuf,
@@ -44,17 +44,17 @@ pub struct Staging {
 }
 
 impl Staging {
-    /// Creates `dir` where it is missing and a staging folder in it, and removes those of runs
-    /// that were killed. `inputs` are the files that the work reads and `names` those that it is
-    /// going to write into `dir`: what would replace an input is refused here, before the work, and
-    /// what was not named at the latest by [`Staging::commit`].
+    /// Creates `dir` if it is missing and a staging folder in it, and removes the staging folders
+    /// of killed runs. `inputs` are the files that the work reads, `names` those that it will write
+    /// into `dir`: an output that would overwrite an input is refused here, before the work begins,
+    /// or by [`Staging::commit`] if it was not named.
     ///
     /// # Errors
-    /// `dir` cannot be created or written; see also [`keep_inputs`].
+    /// `dir` cannot be created or written; an output would overwrite an input.
     pub fn new(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<Self> {
-        keep_inputs(dir, inputs, names)?;
+        protect_inputs(dir, inputs, names)?;
         if dir.exists() && !dir.is_dir() {
-            let (found, expected) = ("a file", "a folder for the results, or a name still free");
+            let (found, expected) = ("a file", "a folder for the results, or an unused name");
             return Err(Error::format(dir, Location::Whole, found, expected));
         }
         fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
@@ -62,7 +62,7 @@ impl Staging {
         let name = format!("{PREFIX}{}", unique());
         let folder = dir.join(&name);
         let lock_path = dir.join(format!("{name}.lock"));
-        // Another process may take the new file for a leftover before it is locked, and remove it.
+        // Another process may take the new file for a leftover and remove it before it is locked.
         let lock = loop {
             let lock = File::create(&lock_path).map_err(|e| Error::io(&lock_path, e))?;
             lock.lock().map_err(|e| Error::io(&lock_path, e))?;
@@ -73,7 +73,7 @@ impl Staging {
         match fs::create_dir(&folder) {
             Ok(()) => {}
             Err(e) => {
-                // The lock is ours and nothing stands behind it; its removal may fail as well.
+                // The lock is ours and protects nothing, so a failure to remove it does no harm.
                 let _ = fs::remove_file(&lock_path);
                 return Err(Error::io(&folder, e));
             }
@@ -87,27 +87,27 @@ impl Staging {
         })
     }
 
-    /// Where to write what shall become `name` in the destination; `name` may lie in subfolders,
-    /// which are created.
+    /// The path at which to write the future file `name` of the destination; `name` may include
+    /// subfolders, which are created.
     pub fn path(&self, name: &str) -> PathBuf {
         let path = self.folder.join(name);
         if let Some(parent) = path.parent() {
-            // A failure shows when the file itself is opened, with its name.
+            // A failure shows up when the file itself is opened, with its name.
             let _ = fs::create_dir_all(parent);
         }
         path
     }
 
-    /// Flushes every staged file to the disk and renames them into the destination in the order
-    /// of their names, `result.json` last.
+    /// Flushes every staged file to disk and renames the files into the destination in the order of
+    /// their names, `result.json` last.
     ///
     /// # Errors
-    /// A file would replace an input, and none is renamed; a file cannot be flushed or renamed, and
-    /// those already renamed are complete.
+    /// If a file would overwrite an input, nothing is renamed. If a file cannot be flushed or
+    /// renamed, those already renamed are complete.
     pub fn commit(self) -> Result<()> {
         let mut names = Vec::new();
         list_files(&self.folder, Path::new(""), &mut names)?;
-        keep_inputs(&self.dir, &self.inputs, &names)?;
+        protect_inputs(&self.dir, &self.inputs, &names)?;
         names.sort_by_key(|name| (name == Path::new(LAST), name.clone()));
         for name in &names {
             let staged = self.folder.join(name);
@@ -122,7 +122,7 @@ impl Staging {
             fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
             folders.insert(parent.to_owned());
         }
-        // Nothing slow stands between the renames: a kill in between is unlikely.
+        // The renames follow each other directly: a kill in between is unlikely.
         for name in &names {
             let target = self.dir.join(name);
             fs::rename(self.folder.join(name), &target).map_err(|e| Error::io(&target, e))?;
@@ -133,20 +133,20 @@ impl Staging {
 
 impl Drop for Staging {
     fn drop(&mut self) {
-        // Nothing can be done about a failure here; the next run tries again.
+        // A failure cannot be handled here; the next run tries again.
         let _ = fs::remove_dir_all(&self.folder);
         let _ = fs::remove_file(&self.lock_path);
     }
 }
 
-/// Checks that none of the files `names` in `dir` is one of `inputs`, under whatever name and through
-/// whatever links: nothing replaces what it was made from.
+/// Checks that none of the files `names` in `dir` is one of `inputs`, under whatever name or link,
+/// so that no output overwrites an input.
 ///
 /// # Errors
-/// Names the input, and what would replace it.
-pub fn keep_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<()> {
+/// Names the input and the output that would overwrite it.
+pub fn protect_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<()> {
     for target in names.iter().map(|name| dir.join(name)) {
-        // Pipes are no files, and opening them might wait forever.
+        // Pipes are not regular files, and opening one could block forever.
         let same = |input: &&PathBuf| {
             target.is_file() && input.is_file() && is_same_file(input, &target).unwrap_or(false)
         };
@@ -154,7 +154,7 @@ pub fn keep_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -
             return Err(Error::of(
                 Problem::WouldReplaceInput,
                 format!(
-                    "{} is an input, and would be replaced by the result {}",
+                    "{} is an input and would be overwritten by the result {}",
                     input.display(),
                     target.display()
                 ),
@@ -165,7 +165,7 @@ pub fn keep_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -
     Ok(())
 }
 
-/// Removes staging folders in `dir` whose lock nobody holds.
+/// Removes staging folders in `dir` whose lock is free.
 fn remove_leftovers(dir: &Path) -> Result<()> {
     for entry in fs::read_dir(dir).map_err(|e| Error::io(dir, e))? {
         let path = entry.map_err(|e| Error::io(dir, e))?.path();
@@ -178,7 +178,7 @@ fn remove_leftovers(dir: &Path) -> Result<()> {
         else {
             continue;
         };
-        // Gone in the meantime: its owner or another run has cleaned up.
+        // Already removed by its owner or by another run.
         let Ok(lock) = File::open(&path) else {
             continue;
         };
@@ -205,7 +205,7 @@ fn list_files(root: &Path, below: &Path, names: &mut Vec<PathBuf>) -> Result<()>
     Ok(())
 }
 
-/// Makes renames in `folder` survive a loss of power, where the system lets folders be synced.
+/// Makes renames in `folder` survive a power failure, on systems that can sync folders.
 fn sync_folder(folder: &Path) -> Result<()> {
     if cfg!(unix) {
         File::open(folder)
@@ -215,11 +215,11 @@ fn sync_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes one file so that at any moment `path` holds either its old or its new content. Its folder
-/// is created where it is missing.
+/// Writes one file so that `path` always holds either its old or its new content. Its folder is
+/// created if it is missing.
 ///
 /// # Errors
-/// The folder cannot be written; `path` is then as it was.
+/// The folder cannot be written; `path` is then unchanged.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let parent = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn leftovers_of_the_dead_are_removed_and_those_of_the_living_are_not() {
+    fn leftovers_of_killed_runs_are_removed_and_staging_in_use_is_not() {
         let dir = tempfile::tempdir().unwrap();
         fs::create_dir(dir.path().join(".staging-1-0")).unwrap();
         fs::write(dir.path().join(".staging-1-0/half.laz"), "half").unwrap();
@@ -310,11 +310,11 @@ mod tests {
         refused(&at("out"), "hard.csv");
         std::os::unix::fs::symlink(dir.path(), at("link")).unwrap();
         refused(&at("link"), "in.csv");
-        // A copy is another file; and nothing was left behind by what was refused.
+        // A copy is another file; refused runs left nothing behind.
         fs::copy(at("in.csv"), at("out/copy.csv")).unwrap();
         Staging::new(&at("out"), &inputs, &["copy.csv", "new.csv"]).unwrap();
         assert_eq!(names(&at("out")), ["copy.csv", "hard.csv", "soft.csv"]);
-        // What was not named is refused before anything is renamed.
+        // An output that was not named is refused before anything is renamed.
         let staging = Staging::new(dir.path(), &inputs, &["a.csv"]).unwrap();
         fs::write(staging.path("a.csv"), "result").unwrap();
         fs::write(staging.path("in.csv"), "result").unwrap();

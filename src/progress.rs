@@ -1,39 +1,43 @@
-//! How long-running work says what it is doing, without printing, and how it is told to stop.
+//! Progress reports and cancellation of long-running work, without printing.
 
 use crate::error::{Error, Result};
 
-/// Receives what the work reports, and may tell it to stop. The command line draws bars, tests stay
+/// Receives progress reports and may cancel the work. The command line draws bars; tests stay
 /// silent.
 ///
-/// Work begins its stages with `stage`, which ends them too, and asks with `check` whether to go on.
+/// Work opens its stages with `stage`, which also closes them, and calls `check` to learn whether
+/// to go on.
 pub trait Progress: Sync {
-    /// A stage begins, within those that run; `total` counts its units of work (0 where unknown).
+    /// Begins a stage nested in the current one; `total` is its number of work units (0 if
+    /// unknown).
     fn begin(&self, stage: &str, total: u64);
-    /// `units` more of the innermost stage are done.
+    /// Reports `units` more of the innermost stage as done.
     fn advance(&self, units: u64);
-    /// The innermost stage is over.
+    /// Ends the innermost stage.
     fn end(&self);
-    /// One line worth keeping: what was decided or found.
+    /// Passes on one line worth keeping: a decision or a result.
     fn say(&self, message: &str);
-    /// One line the user should act on.
+    /// Passes on one line that the user should act on.
     fn warn(&self, message: &str);
-    /// Whether the work is to stop. Asked often and from any thread; once true, it must stay true.
+    /// Whether the work should stop. Called often and from any thread; once true, it must stay
+    /// true.
     fn is_cancelled(&self) -> bool {
         false
     }
 }
 
 impl dyn Progress + '_ {
-    /// Begins a stage of `total` units of work (0 where unknown), which ends with what is returned.
+    /// Begins a stage of `total` work units (0 if unknown); it ends when the returned value is
+    /// dropped.
     pub fn stage(&self, name: &str, total: u64) -> Stage<'_> {
         self.begin(name, total);
         Stage { progress: self }
     }
 
-    /// Asks whether to go on.
+    /// Checks whether the work should go on.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] where the work is to stop.
+    /// [`Error::Cancelled`] if the work should stop.
     pub fn check(&self) -> Result<()> {
         match self.is_cancelled() {
             true => Err(Error::Cancelled),
@@ -42,17 +46,17 @@ impl dyn Progress + '_ {
     }
 }
 
-/// A stage that runs until this is dropped, however it is left.
-#[must_use = "the stage ends where this is dropped"]
+/// A running stage, which ends when this is dropped.
+#[must_use = "the stage ends when this is dropped"]
 pub struct Stage<'a> {
     progress: &'a dyn Progress,
 }
 
 impl Stage<'_> {
-    /// `units` more of the stage are done.
+    /// Reports `units` more of the stage as done.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] where the work is to stop.
+    /// [`Error::Cancelled`] if the work should stop.
     pub fn advance(&self, units: u64) -> Result<()> {
         self.progress.advance(units);
         self.progress.check()
@@ -65,7 +69,7 @@ impl Drop for Stage<'_> {
     }
 }
 
-/// Run time of one stage.
+/// The run time of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageSeconds {
     /// Name, for example "trajectory".
@@ -74,7 +78,7 @@ pub struct StageSeconds {
     pub seconds: f64,
 }
 
-/// Reports nothing, and never stops.
+/// Reports nothing and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

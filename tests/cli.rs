@@ -328,7 +328,7 @@ fn noise_figures_need_an_imu_log_at_rest() {
     assert_eq!(run.code, 1);
     assert!(
         run.err
-            .contains("not at rest: at 15.000 s it turns by 5.7 °/s"),
+            .contains("not at rest: at 15.000 s it turns at 5.7 °/s"),
         "{}",
         run.err
     );

@@ -69,11 +69,7 @@ fn a_prism_log_that_does_not_overlap_the_imu_is_named_with_the_gap() {
         assert_one_error(
             folder.path(),
             &run,
-            &[
-                "do not overlap",
-                "miss each other by 970.0",
-                "time_offset_s",
-            ],
+            &["do not overlap", "the gap is 970.0", "time_offset_s"],
         );
     }
 }

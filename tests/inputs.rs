@@ -145,7 +145,7 @@ fn inspect_tells_all_of_the_sensors_with_units() {
     let run = boresight(&["inspect", polar.to_str().unwrap()]);
     for expected in [
         "total station log",
-        "2 rows have no range",
+        "2 rows without a range",
         "slope_distance",
     ] {
         assert!(run.out.contains(expected), "{expected}\n{}", run.out);

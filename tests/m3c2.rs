@@ -99,7 +99,7 @@ fn comparison_refuses_what_it_cannot_compare() {
     let apart = run(&plane, &above, Normals::UPWARDS, &settings).unwrap();
     let message = Statistics::of(&apart).unwrap_err().to_string();
     assert!(
-        message.contains("do not meet") && message.contains("400"),
+        message.contains("do not overlap") && message.contains("400"),
         "{message}"
     );
 }

@@ -317,7 +317,7 @@ mod tests {
         for (points, named) in [
             (&[(0.0, 0.1), (1.0, f64::NAN)][..], "point 1 are not finite"),
             (&[(1.0, 0.1), (0.5, 0.1)], "goes back from 1 s to 0.5 s"),
-            (&[(101.0, 0.1)], "miss each other by 1.000 s"),
+            (&[(101.0, 0.1)], "the gap is 1.000 s"),
             (&[], "has no points"),
         ] {
             let error = sampled(points, 1.0).unwrap_err().to_string();

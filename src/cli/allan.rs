@@ -43,7 +43,7 @@ impl Key {
     fn bound(&self) -> Option<f64> {
         let bounds = self.axes.iter().map(|figure| match *figure {
             Figure::Determined { value, .. } | Figure::AtMost { value } => Some(value),
-            Figure::No => None,
+            Figure::Undetermined => None,
         });
         bounds
             .collect::<Option<Vec<_>>>()?
@@ -60,7 +60,7 @@ struct Keys {
 }
 
 impl Keys {
-    fn of(found: &ImuNoiseFound) -> [Self; 2] {
+    fn of(found: &ImuNoiseEstimate) -> [Self; 2] {
         let degrees = 1f64.to_degrees();
         let micro_g = 1e6 / STANDARD_GRAVITY_M_S2;
         let (gyro, accel) = (&found.gyro, &found.accel);
@@ -174,7 +174,12 @@ pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
     ))
 }
 
-fn document(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str) -> Result<Value> {
+fn document(
+    file: &Path,
+    found: &ImuNoiseEstimate,
+    keys: &[Keys; 2],
+    snippet: &str,
+) -> Result<Value> {
     let figures: Map<String, Value> = keys
         .iter()
         .flat_map(Keys::all)
@@ -195,7 +200,7 @@ fn document(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str)
     }))
 }
 
-fn text(file: &Path, found: &ImuNoiseFound, keys: &[Keys; 2], snippet: &str) -> String {
+fn text(file: &Path, found: &ImuNoiseEstimate, keys: &[Keys; 2], snippet: &str) -> String {
     let [first, last] = found.span_s;
     let mut text = format!(
         "{}\n  at rest  {first:.3} s to {last:.3} s, {} samples at {:.3} Hz\n",
@@ -231,7 +236,7 @@ fn figure_text(figure: &Figure) -> String {
     match *figure {
         Figure::Determined { value, sigma } => format!("{} ± {}", digits(value), short(sigma)),
         Figure::AtMost { value } => format!("at most {}", digits(value)),
-        Figure::No => "not determined".to_owned(),
+        Figure::Undetermined => "not determined".to_owned(),
     }
 }
 

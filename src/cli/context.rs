@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::terminal::Terminal;
 use crate::error::Result;
-use crate::output::keep_inputs;
+use crate::output::protect_inputs;
 use crate::pipeline::{Options, Outcome};
 use crate::progress::Progress;
 use crate::project::Project;
@@ -60,7 +60,7 @@ impl Context {
         inputs: &[PathBuf],
         work: impl FnOnce(&Options) -> Result<Outcome>,
     ) -> Result<Outcome> {
-        keep_inputs(out, inputs, &[LOG])?;
+        protect_inputs(out, inputs, &[LOG])?;
         let outcome = work(&self.options(out));
         if let Err(error) = &outcome {
             self.terminal.note(&format!("error: {error}"));

@@ -1,4 +1,4 @@
-//! Boxes around points, and distances.
+//! Bounding boxes, and distances.
 
 use crate::geometry::Vec3;
 
@@ -15,22 +15,22 @@ impl Bounds {
     /// The smallest box around `points`.
     pub(super) fn of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
         let points = points.into_iter();
-        points.fold(Self::nothing(), |bounds, point| Self {
+        points.fold(Self::empty(), |bounds, point| Self {
             low: bounds.low.inf(point),
             high: bounds.high.sup(point),
         })
     }
 
-    /// The box around no points.
-    pub(super) fn nothing() -> Self {
+    /// The empty box.
+    pub(super) fn empty() -> Self {
         Self {
             low: Vec3::repeat(f64::INFINITY),
             high: Vec3::repeat(f64::NEG_INFINITY),
         }
     }
 
-    /// The smallest box around both.
-    pub(super) fn with(&self, other: &Self) -> Self {
+    /// The smallest box around both boxes.
+    pub(super) fn union(&self, other: &Self) -> Self {
         Self {
             low: self.low.inf(&other.low),
             high: self.high.sup(&other.high),
@@ -51,23 +51,23 @@ impl Bounds {
 
     /// Whether `point` lies in the closed box.
     #[inline(always)]
-    pub(crate) fn holds(&self, point: &Vec3) -> bool {
-        // Without branches.
+    pub(crate) fn contains(&self, point: &Vec3) -> bool {
+        // No branches.
         (0..3).fold(true, |inside, axis| {
             inside & (point[axis] >= self.low[axis]) & (point[axis] <= self.high[axis])
         })
     }
 
-    /// How far `point` is from the nearest face, metres; negative outside.
+    /// Distance from `point` to the nearest face, metres; negative outside.
     #[inline(always)]
-    pub(crate) fn room(&self, point: &Vec3) -> f64 {
+    pub(crate) fn distance_to_border(&self, point: &Vec3) -> f64 {
         let (below, above) = (point - self.low, self.high - point);
         below.min().min(above.min())
     }
 
-    /// Whether the two boxes have a point in common.
+    /// Whether the two boxes intersect.
     #[inline]
-    pub(crate) fn meets(&self, other: &Self) -> bool {
+    pub(crate) fn intersects(&self, other: &Self) -> bool {
         (0..3).fold(true, |meets, axis| {
             meets & (self.low[axis] <= other.high[axis]) & (self.high[axis] >= other.low[axis])
         })

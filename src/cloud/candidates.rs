@@ -1,30 +1,30 @@
-//! Exact neighbours of many points that lie close together, from candidates they share.
+//! Exact neighbours of many points that lie close together, from shared candidates.
 //!
-//! The neighbours of a point and of the point beside it are nearly the same. So the points of a
-//! small box of the index, a group, are served at once:
+//! The neighbours of adjacent points are nearly the same. The points of a small box of the index, a
+//! group, are therefore processed together:
 //!
-//! 1. All points within a box that exceeds the group's by a margin are gathered, in the order of
-//!    the index, as f64 and as f32 relative to the middle of the box.
-//! 2. For each query the squared distances to all candidates are computed in f32. Counting how many
-//!    do not exceed a threshold costs one comparison a candidate, so a threshold is sought, from
-//!    that of the query before, that leaves all but a few of the k nearest below it and not many
-//!    more than k below a second one.
-//! 3. Rounding of the f32 distances is bounded, so a candidate below the lower threshold by more
-//!    than the bound is a neighbour, one above the upper by more than it is not. The few between
-//!    are sorted by their f64 distance, then index.
+//! 1. All points in a box that exceeds the group's by a margin are gathered, in the order of the
+//!    index, as f64 and as f32 relative to the centre of the box.
+//! 2. For each query the squared distances to all candidates are computed in f32. Counting those
+//!    that do not exceed a threshold costs one comparison per candidate. Starting from the
+//!    threshold of the previous query, two thresholds are searched: the lower one includes all but
+//!    a few of the k nearest, the upper one not many more than k.
+//! 3. Rounding of the f32 distances is bounded: a candidate below the lower threshold by more than
+//!    the bound is a neighbour, one above the upper threshold by more than it is not. The few in
+//!    between are sorted by their f64 distance, then by index.
 //! 4. The neighbours are exact if the k-th distance does not reach the border of the gathered box.
-//!    Queries that fail this are asked again with the margin that their k-th distance demands.
-//!    Where a margin gathers far more than k candidates, points in a sparse part beside a dense
-//!    one for instance, the queries that are left are searched for in the tree, one by one.
+//!    Queries that fail this test are repeated with the margin that their k-th distance requires.
+//!    If a margin gathers far more than k candidates, for example in a sparse part next to a dense
+//!    one, the remaining queries are searched in the tree, one by one.
 //!
 //! ## The bound of step 3
-//! Let d be the exact squared distance and d̃ the computed one, u = 2⁻²⁴ the unit of rounding of
-//! f32, and E the largest coordinate relative to the middle of the box. Rounding two coordinates
-//! and their difference x makes that wrong by at most 2uE + u|x|, so the distance by at most
-//! 2√3 uE + u√d, and squaring and summing add at most 4u relatively: up to terms of u²,
-//! |d̃ − d| ≤ 2√d · 2√3 uE + (2√3 uE)² + 6ud. [`Candidates::doubt`] takes about twice as much. If
-//! fewer than k computed distances do not exceed t, a candidate with d̃ ≤ t − 2 |d̃ − d| is nearer
-//! than all those beyond t, so it is one of the k nearest; and likewise above.
+//! Let d be the exact squared distance and d̃ the computed one, u = 2⁻²⁴ the unit roundoff of f32,
+//! and E the largest coordinate relative to the centre of the box. Rounding two coordinates and
+//! their difference x causes an error of at most 2uE + u|x|, so the distance is off by at most 2√3
+//! uE + u√d, and squaring and summing add at most 4u relatively: up to terms of u², |d̃ − d| ≤ 2√d
+//! · 2√3 uE + (2√3 uE)² + 6ud. [`Candidates::error_bound`] is about twice as large. If fewer than k
+//! computed distances do not exceed t, a candidate with d̃ ≤ t − 2 |d̃ − d| is nearer than all
+//! those beyond t, so it is one of the k nearest; and likewise above.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -35,15 +35,15 @@ use super::neighbours::NeighbourIndex;
 use super::tensor::StructureTensor;
 use crate::geometry::{Mat3, Vec3};
 
-/// Most candidates that may be left to f64 before the threshold is sought further.
+/// Most candidates left to f64 before the search for the threshold goes on.
 const UNDECIDED: usize = 8;
 
-/// Coordinates relative to the middle from which f64 decides alone, so that no square overflows
+/// Coordinates relative to the centre beyond which only f64 is used, so that no square overflows
 /// f32, metres.
 const FARTHEST: f32 = 1e15;
 
-/// Squared distance of the mean, in variances, from which offsets are taken from the mean. Rounding
-/// costs the variances this factor at most.
+/// Squared distance of the mean, in variances, beyond which offsets are taken from the mean.
+/// Rounding multiplies the variances' error by at most this factor.
 const FAR: f64 = 16.0;
 
 /// Points near a group of queries.
@@ -57,33 +57,33 @@ pub(super) struct Candidates {
     y: Vec<f32>,
     z: Vec<f32>,
     middle: Vec3,
-    /// No coordinate of a candidate or query relative to `middle` is larger.
+    /// Bound on the coordinates of candidates and query relative to `middle`.
     extent: f32,
-    /// What was gathered; infinite where the cloud ends before.
+    /// The gathered box; infinite where the cloud ends inside it.
     region: Option<Bounds>,
-    /// Where the gathered leaves stand in the index.
+    /// Positions of the gathered leaves in the index.
     runs: Vec<Range<usize>>,
     squared: Vec<f32>,
-    /// One bit a candidate.
+    /// One bit per candidate.
     chosen: Vec<u64>,
     undecided: Vec<(f64, u32, u32)>,
     places: Vec<u32>,
-    /// k-th squared distance of the query before.
+    /// k-th squared distance of the previous query.
     guess: f32,
 }
 
-/// What the search for the neighbours of one query ended with.
+/// The outcome of the search for the neighbours of one query.
 pub(super) enum Search {
-    /// The neighbours are those chosen; distance of the farthest, metres, infinite where they are
-    /// fewer than k.
+    /// The chosen candidates are the neighbours; distance of the farthest, metres, infinite if
+    /// there are fewer than k.
     Found(f64),
-    /// More room is needed around the query: as much (metres) makes sure.
+    /// The box must be larger: this margin (metres) around the query suffices.
     Margin(f64),
 }
 
 impl Candidates {
-    /// Takes the points of `index` in the box of `group` widened by `margin_m`; false where the
-    /// leaves that meet it hold more than `most`, and then there is nothing to be searched.
+    /// Gathers the points of `index` in the box of `group` widened by `margin_m`; false, and
+    /// nothing to search, if the leaves that meet it hold more than `most`.
     #[inline(always)]
     pub(super) fn gather(
         &mut self,
@@ -96,11 +96,11 @@ impl Candidates {
             low: group.low.add_scalar(-margin_m),
             high: group.high.add_scalar(margin_m),
         };
-        // Points are copied outside the closure, which is not compiled for the wide vectors.
+        // Points are copied outside the closure, which is not compiled for wide vectors.
         let found = Cell::new(0);
         self.runs.clear();
         index.visit_leaves(
-            |bounds| found.get() <= most && bounds.meets(&wide),
+            |bounds| found.get() <= most && bounds.intersects(&wide),
             |leaf| {
                 found.set(found.get() + leaf.len());
                 self.runs.push(leaf);
@@ -117,10 +117,10 @@ impl Candidates {
         for run in &self.runs {
             let points = index.points[run.clone()].iter();
             for (point, &at) in points.zip(&index.indices[run.clone()]) {
-                // Written in any case and kept by counting it, without a branch.
+                // Always written and kept by advancing the counter, without a branch.
                 self.points[filled] = [point.x, point.y, point.z, 1.0];
                 self.indices[filled] = at;
-                filled += usize::from(wide.holds(point));
+                filled += usize::from(wide.contains(point));
             }
         }
         self.points.truncate(filled);
@@ -155,12 +155,12 @@ impl Candidates {
         true
     }
 
-    /// Takes the `k` points of `index` nearest to `query`, found by themselves, and chooses them all;
-    /// distance of the farthest, as [`Search::Found`] has it.
+    /// Takes the `k` points of `index` nearest to `query`, searched in the tree, and chooses them
+    /// all; distance of the farthest, as in [`Search::Found`].
     pub(super) fn take_nearest(&mut self, index: &NeighbourIndex, query: &Vec3, k: usize) -> f64 {
         let mut farthest = f64::NAN;
         self.places.clear();
-        for (squared, _, place) in index.find_nearest(query, k) {
+        for (squared, _, place) in index.nearest_with_distances(query, k) {
             farthest = squared;
             self.places.push(place);
         }
@@ -182,21 +182,21 @@ impl Candidates {
         }
     }
 
-    /// How many there are.
+    /// Number of candidates.
     pub(super) fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// More than f32 can be wrong by for a squared distance near `squared`.
+    /// Upper bound on the f32 error of a squared distance near `squared`.
     #[inline(always)]
-    fn doubt(&self, squared: f32) -> f32 {
+    fn error_bound(&self, squared: f32) -> f32 {
         const U: f32 = 1.0 / (1 << 24) as f32;
         let place = 8.0 * U * self.extent;
         2.0 * squared.sqrt() * place + place * place + 16.0 * U * squared
     }
 
     #[inline(always)]
-    fn measure(&mut self, query: &Vec3) {
+    fn compute_distances(&mut self, query: &Vec3) {
         let from = (query - self.middle).map(|x| x as f32);
         let places = self.x.iter().zip(&self.y).zip(&self.z);
         for (squared, ((x, y), z)) in self.squared.iter_mut().zip(places) {
@@ -205,13 +205,13 @@ impl Candidates {
         }
     }
 
-    /// Finds the `k` ≥ 1 nearest to `query`, leaving them chosen.
+    /// Chooses the `k` ≥ 1 candidates nearest to `query`.
     #[inline(always)]
     pub(super) fn nearest<L: Lanes>(&mut self, query: &Vec3, k: usize) -> Search {
         let region = self
             .region
             .as_ref()
-            .map_or(f64::INFINITY, |region| region.room(query));
+            .map_or(f64::INFINITY, |region| region.distance_to_border(query));
         if self.len() < k {
             return if region == f64::INFINITY {
                 self.choose_all();
@@ -221,14 +221,14 @@ impl Candidates {
             };
         }
         let taken = if self.extent < FARTHEST {
-            self.measure(query);
+            self.compute_distances(query);
             let (sure, open) = self.bracket::<L>(k);
-            let least = sure - self.doubt(sure) * 2.0;
+            let least = sure - self.error_bound(sure) * 2.0;
             // Padding is at infinity.
-            let most = (open + self.doubt(open) * 2.0).min(f32::MAX);
+            let most = (open + self.error_bound(open) * 2.0).min(f32::MAX);
             self.split::<L>(least, most)
         } else {
-            self.doubt_all()
+            self.leave_all_undecided()
         };
         for candidate in &mut self.undecided {
             let [x, y, z, _] = self.points[candidate.1 as usize];
@@ -242,10 +242,10 @@ impl Candidates {
         }
         let farthest = self.undecided.last().map_or(f64::NAN, |last| last.0);
         self.guess = farthest as f32;
-        // The room is right to a few roundings of the coordinates.
+        // The margin is accurate to a few roundings of the coordinates.
         let reach = farthest.sqrt();
         let enough = reach * (1.0 + 1e-12);
-        // A point at the query's own place is in every box.
+        // A point at the query's own position is in every box.
         if enough < region || region == f64::INFINITY || farthest == 0.0 {
             Search::Found(reach)
         } else {
@@ -253,7 +253,7 @@ impl Candidates {
         }
     }
 
-    /// Two thresholds: fewer than `k` do not exceed the first, at least `k` the second.
+    /// Two thresholds: fewer than `k` candidates do not exceed the first, at least `k` the second.
     #[inline(always)]
     fn bracket<L: Lanes>(&self, k: usize) -> (f32, f32) {
         let (mut low, mut high) = ((0.0f32, 0usize), (f32::INFINITY, usize::MAX));
@@ -274,8 +274,8 @@ impl Candidates {
             if high.1.saturating_sub(low.1) <= UNDECIDED {
                 break;
             }
-            // On a surface the number grows with the square of the distance. Aimed a little to
-            // the other side, so that the bracket closes.
+            // On a surface the number grows with the square of the distance. The aim is slightly
+            // off to the other side, so that the bracket closes.
             let aim = if count < k { k + 1 } else { k - 1 } as f32;
             let next = threshold * (aim + 0.5) / (count as f32 + 0.5);
             let inside = next > low.0 && next < high.0;
@@ -290,7 +290,8 @@ impl Candidates {
         (low.0, high.0)
     }
 
-    /// Chooses the candidates up to `least` and lists those up to `most`; how many were chosen.
+    /// Chooses the candidates up to `least`, lists those up to `most` as undecided, and returns how
+    /// many were chosen.
     #[inline(always)]
     fn split<L: Lanes>(&mut self, least: f32, most: f32) -> usize {
         self.undecided.clear();
@@ -310,8 +311,8 @@ impl Candidates {
         taken
     }
 
-    /// Chooses none and lists all; how many were chosen.
-    fn doubt_all(&mut self) -> usize {
+    /// Chooses no candidate and lists all as undecided; returns the number chosen, 0.
+    fn leave_all_undecided(&mut self) -> usize {
         self.chosen.fill(0);
         self.undecided.clear();
         let all = 0..self.len() as u32;
@@ -319,25 +320,25 @@ impl Candidates {
         0
     }
 
-    /// Chooses all.
+    /// Chooses all candidates.
     fn choose_all(&mut self) {
-        self.doubt_all();
+        self.leave_all_undecided();
         for &(_, at, _) in &self.undecided {
             self.chosen[at as usize / WORD] |= 1 << (at as usize % WORD);
         }
     }
 
-    /// Finds the points within `radius_m` of `query`, leaving them chosen.
+    /// Chooses the candidates within `radius_m` of `query`.
     #[inline(always)]
     pub(super) fn within<L: Lanes>(&mut self, query: &Vec3, radius_m: f64) {
         let limit = radius_m * radius_m;
         if self.extent < FARTHEST && radius_m < f64::from(FARTHEST) {
-            self.measure(query);
+            self.compute_distances(query);
             let rounded = limit as f32;
-            let doubt = 2.0 * self.doubt(rounded);
-            self.split::<L>(rounded - doubt, rounded + doubt);
+            let bound = 2.0 * self.error_bound(rounded);
+            self.split::<L>(rounded - bound, rounded + bound);
         } else {
-            self.doubt_all();
+            self.leave_all_undecided();
         }
         for &(_, at, _) in &self.undecided {
             let [x, y, z, _] = self.points[at as usize];
@@ -346,7 +347,7 @@ impl Candidates {
         }
     }
 
-    /// The indices of the chosen, in the order of the index.
+    /// Indices of the chosen candidates, in the order of the index.
     #[inline(always)]
     pub(super) fn chosen_indices<L: Lanes>(&mut self) -> Vec<u32> {
         L::places(&self.chosen, &mut self.places);
@@ -357,7 +358,7 @@ impl Candidates {
         indices.collect()
     }
 
-    /// The structure tensor of the chosen; see [`StructureTensor::from_points`].
+    /// The structure tensor of the chosen candidates; see [`StructureTensor::from_points`].
     #[inline(always)]
     pub(super) fn tensor<L: Lanes>(&mut self, query: &Vec3) -> StructureTensor {
         L::places(&self.chosen, &mut self.places);
@@ -375,7 +376,7 @@ impl Candidates {
             let mean = Vec3::new(x[3], y[3], z[3]) / n;
             let second = Mat3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]) / n;
             let covariance = second - mean * mean.transpose();
-            // Far from its neighbours, the square of their distance hides how they scatter.
+            // Far from its neighbours, the square of their distance would swamp their scatter.
             if mean.norm_squared() > FAR * covariance.trace() && centre != centre + mean {
                 centre += mean;
                 continue;
@@ -389,8 +390,8 @@ impl Candidates {
     }
 }
 
-/// Sorts the few that are left undecided, and hands what are more, points at one place for
-/// instance, to the library.
+/// Sorts the few undecided candidates; longer lists, for example of coincident points, go to the
+/// library's sort.
 #[inline(always)]
 fn insertion_sort(list: &mut [(f64, u32, u32)]) {
     let before = |a: &(f64, u32, u32), b: &(f64, u32, u32)| (a.0, a.2) < (b.0, b.2);

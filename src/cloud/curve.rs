@@ -1,45 +1,46 @@
-//! Points along a space-filling curve: the order in which the neighbour index keeps them.
+//! Points along a space-filling curve: the order in which the neighbour index stores them.
 //!
-//! Space is cut into cubes of the longest extent over 2²¹. The key of a cube interleaves the bits of
-//! its column, row and layer (Morton 1966), so that cubes which agree in their leading bits share
-//! an octant, and points sorted by key lie in memory as they lie in space. Points of one cube are
-//! told apart by keys of a grid inside it, 2²¹ times finer, and so on, but only where there are
-//! too many of them for one leaf.
+//! Space is divided into cubes with an edge of the longest extent over 2²¹. The key of a cube
+//! interleaves the bits of its column, row and layer (Morton 1966), so that cubes with equal
+//! leading bits share an octant, and points sorted by key are close in memory if they are close in
+//! space. Points in one cube are separated by keys of a grid inside it, 2²¹ times finer, and so on,
+//! but only if they are too many for one leaf.
 //!
-//! The order depends on the extent and on each point by itself, not on the other points: points of
-//! a part of a cloud, sorted in the extent of the whole, stand in the order they have in the whole.
+//! The order depends on the extent and on each point, not on the other points: points of a part of
+//! a cloud, sorted in the extent of the whole, have the same order as in the whole.
 
 use rayon::prelude::*;
 
 use crate::geometry::{Vec3, is_finite};
 
-/// Points that are dealt into parcels at a time.
+/// Points distributed to parcels at a time.
 const CHUNK: usize = 1 << 16;
 
-/// Leading bits by which points are dealt: 4096 parcels, of which a surface fills some hundreds.
+/// Leading bits by which points are distributed: 4096 parcels, of which a surface fills some
+/// hundreds.
 const PARCEL_BITS: u32 = 12;
 
-/// Bits an axis in a key.
+/// Bits per axis of a key.
 const BITS: u32 = 21;
 /// Cells along an axis.
 const CELLS: f64 = (1u32 << BITS) as f64;
 
-/// A cube cut into 2²¹ cells an axis.
+/// A cube divided into 2²¹ cells per axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     low: Vec3,
     cells_per_m: f64,
-    /// Cubes around this one that it is a cell of.
+    /// Number of cubes that enclose this one as a cell.
     depth: u32,
-    /// Bits of the largest key.
+    /// Number of bits of the largest key.
     used_bits: u32,
 }
 
 impl Grid {
-    /// Most bits that tell two points apart: of a grid, of those inside it, and once more.
+    /// Most bits that separate two points: those of a grid, of the grids inside it, and once more.
     pub(super) const MOST_BITS: usize = 6 * 3 * BITS as usize;
 
-    /// In place of the key of a point that is not finite.
+    /// The key of a point that is not finite.
     pub(super) const NOWHERE: u64 = u64::MAX;
 
     /// The grid over the box from `low` to `high` (metres).
@@ -55,8 +56,8 @@ impl Grid {
     }
 
     /// Keys of `points` with their indices, in ascending order; those of points that are not finite
-    /// at the end. Points are dealt into parcels by the leading bits of their keys, on all threads,
-    /// and the parcels sorted, which keeps each thread in its cache.
+    /// come last. Points are distributed to parcels by the leading bits of their keys, on all
+    /// threads, and the parcels are sorted, which keeps each thread in its cache.
     pub(super) fn sorted(&self, points: &[Vec3]) -> Vec<(u64, u32)> {
         let parcels = 1 << PARCEL_BITS;
         let parcel = |key: u64| {
@@ -66,7 +67,7 @@ impl Grid {
                 (key >> self.used_bits.saturating_sub(PARCEL_BITS)) as usize
             }
         };
-        let dealt: Vec<Dealt> = points
+        let distributed: Vec<Distributed> = points
             .par_chunks(CHUNK)
             .enumerate()
             .map(|(chunk, points)| {
@@ -91,7 +92,7 @@ impl Grid {
                     sorted[*place as usize] = (key, index);
                     *place += 1;
                 }
-                Dealt {
+                Distributed {
                     keyed: sorted,
                     ends,
                 }
@@ -101,10 +102,10 @@ impl Grid {
             .into_par_iter()
             .map(|parcel| {
                 let mut keyed: Vec<(u64, u32)> = Vec::new();
-                for Dealt {
+                for Distributed {
                     keyed: sorted,
                     ends,
-                } in &dealt
+                } in &distributed
                 {
                     let start = parcel.checked_sub(1).map_or(0, |before| ends[before]);
                     keyed.extend(&sorted[start as usize..ends[parcel] as usize]);
@@ -129,11 +130,11 @@ impl Grid {
         }
     }
 
-    /// Column, row and layer of the cell of `point`; the nearest cell for points outside, the first
-    /// where the grid has no size.
+    /// Column, row and layer of the cell of `point`; for points outside the nearest cell, for a
+    /// grid without extent the first.
     #[inline(always)]
     fn cell(&self, point: &Vec3) -> [u32; 3] {
-        // `as` takes NaN (0 · ∞) to 0.
+        // `as` converts NaN (0 · ∞) to 0.
         let at = |axis: usize| ((point[axis] - self.low[axis]) * self.cells_per_m) as u32;
         [at(0), at(1), at(2)].map(|cell| cell.min((1 << BITS) - 1))
     }
@@ -145,8 +146,8 @@ impl Grid {
         x | y << 1 | z << 2
     }
 
-    /// The grid inside the cell of `point`, 2²¹ times finer; `None` where it would be finer than
-    /// the 53 bits of a coordinate.
+    /// The grid inside the cell of `point`, 2²¹ times finer; `None` if it would be finer than the
+    /// 53 bits of a coordinate.
     pub(super) fn inside(&self, point: &Vec3) -> Option<Self> {
         let cell = self.cell(point);
         (self.depth != LAST && self.depth != 2 * LAST + 1).then(|| Self {
@@ -157,9 +158,9 @@ impl Grid {
         })
     }
 
-    /// The grid over the points alone that the last grid leaves in one cell, which lie between `low`
-    /// and `high`: a single point far away makes the cells of all others too large. `None` where
-    /// they are at one place, and at the second time.
+    /// The grid over only those points that the last grid leaves in one cell, between `low` and
+    /// `high`: a single point far away makes the cells too large for all others. `None` if the
+    /// points coincide, and for the second call.
     pub(super) fn around(&self, low: &Vec3, high: &Vec3) -> Option<Self> {
         (self.depth == LAST && low != high).then(|| Self {
             depth: LAST + 1,
@@ -168,18 +169,18 @@ impl Grid {
     }
 }
 
-/// Depth of the last grid inside others.
+/// Depth of the finest grid.
 const LAST: u32 = 2;
 
 /// The points of a chunk by parcel.
-struct Dealt {
+struct Distributed {
     /// Keys and indices.
     keyed: Vec<(u64, u32)>,
-    /// Where each parcel ends.
+    /// The end of each parcel.
     ends: Vec<u32>,
 }
 
-/// Puts two zeros before each of the 21 low bits.
+/// Inserts two zeros before each of the 21 low bits.
 #[inline(always)]
 fn spread(cell: u32) -> u64 {
     let mut x = u64::from(cell);
@@ -216,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_finer_grid_tells_points_of_one_cell_apart() {
+    fn a_finer_grid_separates_points_of_one_cell() {
         let grid = Grid::over(&Vec3::zeros(), &Vec3::repeat(1e7));
         let (a, b) = (Vec3::new(3.0, 1.0, 2.0), Vec3::new(3.001, 1.0, 2.0));
         assert_eq!(grid.key(&a), grid.key(&b));

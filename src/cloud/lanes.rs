@@ -1,29 +1,29 @@
 //! The inner loops of [`super::candidates`], in plain Rust and for 512-bit vectors.
 //!
-//! Three of them have instructions of their own in AVX-512 that no plain loop is compiled to:
-//! comparisons that set bits, lists of the bits that are set, and products of one point's
-//! coordinates with each other. Both find the same bits: no operation is fused or reordered.
+//! Three of them use AVX-512 instructions that the compiler does not generate from plain loops:
+//! comparisons that set bits, lists of the set bits, and products of a point's coordinates with
+//! each other. Both versions give bit-identical results: no operation is fused or reordered.
 
-/// Numbers whose comparisons make one word of bits.
+/// Number of comparisons in one word of bits.
 pub(super) const WORD: usize = 64;
 
 /// Loops over candidates.
 pub(super) trait Lanes {
-    /// How many of `squared` do not exceed `threshold`.
+    /// Counts the values of `squared` that do not exceed `threshold`.
     fn count(squared: &[f32], threshold: f32) -> usize;
 
-    /// Which of a word of candidates do not exceed `threshold`, bit i for the i-th.
+    /// A word with bit i set if value i does not exceed `threshold`.
     fn up_to(squared: &[f32; WORD], threshold: f32) -> u64;
 
-    /// Lists the places of the bits that are set, in ascending order.
+    /// Lists the positions of the set bits, in ascending order.
     fn places(words: &[u64], into: &mut Vec<u32>);
 
     /// Σ d (dᵀ, 1) with d = point − centre over the points at `places`; the fourth coordinate of a
-    /// point is 1, of the centre 0. Points at even places of the list are summed by themselves.
+    /// point is 1, of the centre 0. Points at even positions of the list are summed separately.
     fn moments(points: &[[f64; 4]], places: &[u32], centre: &[f64; 4]) -> [[f64; 4]; 3];
 }
 
-/// Loops that every machine runs, compiled for the vectors of the function they are inlined into.
+/// Portable loops, compiled for the vectors of the function they are inlined into.
 pub(super) struct Plain;
 
 impl Lanes for Plain {
@@ -63,7 +63,7 @@ impl Lanes for Plain {
 
     #[inline(always)]
     fn moments(points: &[[f64; 4]], places: &[u32], centre: &[f64; 4]) -> [[f64; 4]; 3] {
-        // Two sums side by side, since each addition waits for the one before.
+        // Two sums side by side, because each addition waits for the previous one.
         let (mut even, mut odd) = ([0.0; 16], [0.0; 16]);
         let (pairs, last) = places.as_chunks::<2>();
         for [a, b] in pairs {
@@ -78,7 +78,7 @@ impl Lanes for Plain {
     }
 }
 
-/// Adds d dᵀ. The last row, which is not needed, makes the products whole vectors.
+/// Adds d dᵀ. The last row is not needed but makes the products whole vectors.
 #[inline(always)]
 fn add_products(sums: &mut [f64; 16], point: &[f64; 4], centre: &[f64; 4]) {
     let d: [f64; 4] = std::array::from_fn(|i| point[i] - centre[i]);
@@ -87,13 +87,13 @@ fn add_products(sums: &mut [f64; 16], point: &[f64; 4], centre: &[f64; 4]) {
     }
 }
 
-/// Loops for machines with AVX-512 (F, BW, DQ, VL); to be called from functions compiled for it.
+/// Loops for machines with AVX-512 (F, BW, DQ, VL), to be called from functions compiled for it.
 #[cfg(target_arch = "x86_64")]
 pub(super) struct Avx512;
 
-// SAFETY, for every block: `Avx512` is named only in functions that run where the machine has the
-// instructions. Loads and stores are unaligned and stay inside the arrays they are given, or the room
-// reserved in them, of which what was written becomes part.
+// SAFETY, for every block: `Avx512` is used only in functions that run on machines with these
+// instructions. Loads and stores are unaligned and stay inside the given arrays or their reserved
+// capacity; the length is extended only over what was written.
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 impl Lanes for Avx512 {
@@ -132,7 +132,7 @@ impl Lanes for Avx512 {
         use std::arch::x86_64::*;
         let mut filled = 0;
         into.clear();
-        // Whole vectors are written: room for one behind the last.
+        // Whole vectors are written, so one more is reserved.
         into.reserve(words.len() * WORD + 16);
         unsafe {
             let out = into.as_mut_ptr();
@@ -160,10 +160,10 @@ impl Lanes for Avx512 {
         unsafe {
             let rows = _mm512_setr_epi64(0, 0, 0, 0, 1, 1, 1, 1);
             let centre = _mm256_loadu_pd(centre.as_ptr());
-            // First and second row, and third, of even and odd points.
+            // First and second row, and third row, of even and odd points.
             let mut upper = [_mm512_setzero_pd(); 2];
             let mut lower = [_mm256_setzero_pd(); 2];
-            // Without closures, which would not be compiled for these instructions.
+            // No closures: they would not be compiled for these instructions.
             for pair in 0..places.len().div_ceil(2) {
                 for side in 0..2 {
                     let Some(&place) = places.get(2 * pair + side) else {

@@ -1,4 +1,4 @@
-//! Points in space and what their neighbourhoods say.
+//! Point clouds, neighbour search, structure tensors and voxel grids.
 
 pub(crate) mod bounds;
 mod candidates;
@@ -18,8 +18,8 @@ pub use tensor::{Eigen, StructureTensor};
 
 use crate::geometry::Vec3;
 
-/// Points in the world frame with what was recorded beside them; every list that is not empty is
-/// as long as `points`.
+/// Points in the world frame with recorded values; every list that is not empty is as long as
+/// `points`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
     /// East, north, up, metres.

@@ -1,10 +1,10 @@
-//! The k nearest of the points shown so far.
+//! The k nearest of the points offered so far.
 
 use super::bounds::squared_distance;
 use crate::geometry::Vec3;
 
-/// Candidates pile up and are cut to the k best when twice as many have come, which costs a
-/// constant time each, where a heap costs log k.
+/// Candidates are collected and reduced to the k best when twice as many have come, which costs
+/// constant time per candidate; a heap would cost log k.
 pub(super) struct Nearest {
     query: Vec3,
     k: usize,
@@ -12,7 +12,7 @@ pub(super) struct Nearest {
     limit: f64,
     limit_index: u32,
     /// Squared distance, index, place: the bits of non-negative f64 sort like the numbers, and one
-    /// integer compares without branches. Those from `filled` on are unused.
+    /// integer compares without branches. Entries from `filled` on are unused.
     candidates: Vec<u128>,
     filled: usize,
 }
@@ -35,21 +35,21 @@ impl Nearest {
     }
 
     /// Whether one of the k nearest may lie in a box at this squared distance, with indices from
-    /// `least` on: as far as the k-th, only a smaller index counts, or else thousands of points at
-    /// one place would all be looked at.
+    /// `least` on: at the distance of the k-th, only a smaller index counts, otherwise thousands of
+    /// coincident points would all be visited.
     pub(super) fn may_take(&self, distance: f64, least: u32) -> bool {
         distance < self.limit || (distance == self.limit && least <= self.limit_index)
     }
 
-    /// Shows points with their indices; `first` is the place of the first of them.
+    /// Offers points with their indices; `first` is the position of the first of them.
     pub(super) fn offer(&mut self, points: &[Vec3], indices: &[u32], first: u32) {
         if self.candidates.len() < self.filled + points.len() {
             self.candidates.resize(self.filled + points.len(), 0);
         }
         for ((point, &index), place) in points.iter().zip(indices).zip(first..) {
             let distance = squared_distance(point, &self.query);
-            // Written in any case and kept by counting it: whether it is kept is as good as
-            // random, which would cost a mispredicted branch every other time.
+            // Always written and kept by advancing the counter: whether it is kept is nearly
+            // random, and every other branch would be mispredicted.
             self.candidates[self.filled] =
                 u128::from(distance.to_bits()) << 64 | u128::from(index) << 32 | u128::from(place);
             self.filled += usize::from(distance <= self.limit);
@@ -74,7 +74,7 @@ impl Nearest {
         }
     }
 
-    /// The k nearest, nearest first: squared distance, index, place.
+    /// The k nearest in ascending order: squared distance, index, place.
     pub(super) fn finish(mut self) -> impl DoubleEndedIterator<Item = (f64, u32, u32)> {
         self.keep_k();
         self.candidates.truncate(self.filled);

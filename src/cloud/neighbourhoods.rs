@@ -1,8 +1,7 @@
-//! The neighbourhoods of many points at once: which points belong to them, and their structure
-//! tensors.
+//! The neighbourhoods of many points at once: their points and their structure tensors.
 //!
-//! Queries are taken in groups, the small boxes of an index over the queries, and each group is
-//! served from candidates gathered once (`candidates.rs`).
+//! Queries are processed in groups, the small boxes of an index over the queries; each group uses
+//! candidates gathered once (`candidates.rs`).
 
 use rayon::prelude::*;
 
@@ -19,39 +18,38 @@ use crate::progress::{Progress, Silent};
 /// Most queries that share candidates.
 const GROUP: usize = 64;
 
-/// Candidates for each neighbour, or query if they are more, beyond which queries are searched for
-/// one by one. On surfaces there are about 6 of each.
+/// Candidates per neighbour, or per query if there are more queries, beyond which queries are
+/// searched one by one. On surfaces there are about 6 of each.
 const MOST_CANDIDATES: usize = 64;
 
-/// Groups a thread works on at a time.
+/// Groups processed by a thread at a time.
 const CHUNK: usize = 64;
 
 /// Which points belong to a neighbourhood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Neighbourhood {
-    /// The k nearest, of equal distances those of smaller index; all where there are fewer.
+    /// The k nearest, at equal distances those of smaller index; all points if there are fewer.
     Nearest(usize),
-    /// Those in the closed ball of this radius, metres.
+    /// The points in the closed ball of this radius, metres.
     Within(f64),
 }
 
-/// The structure tensor around a query, and how far it reached.
+/// The structure tensor of a query's neighbours, and the distance they reach to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surroundings {
     /// Tensor of the neighbours.
     pub tensor: StructureTensor,
-    /// Distance to the farthest neighbour, metres: no point outside the ball of this radius was
-    /// needed. Infinite where fewer than k points were found, the radius where one was asked for.
+    /// Distance to the farthest neighbour, metres: no point beyond it matters. Infinite if there
+    /// are fewer than k points, the radius if one was given.
     pub reach_m: f64,
 }
 
 impl NeighbourIndex {
-    /// Hands the surroundings of every query to `each`, with the position of the query in the
-    /// list, and returns what it makes of them in the order of the queries. A query that is not
-    /// finite has no neighbours.
+    /// Calls `each` with the surroundings of every query and its position in the list, and returns
+    /// the results in the order of the queries. A query that is not finite has no neighbours.
     ///
-    /// On all threads; the result does not depend on their number. The stage is the caller's to
-    /// begin, name and end; it advances by one for each query.
+    /// Runs on all threads; the result does not depend on their number. The caller begins, names
+    /// and ends the stage, which advances by one for each query.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -65,7 +63,7 @@ impl NeighbourIndex {
         self.surroundings_of_all(&Self::new(queries), of, progress, each)
     }
 
-    /// As [`Self::surroundings`], for the points of an index: this one, say.
+    /// As [`Self::surroundings`], with the points of an index as queries, for example this one's.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -97,10 +95,10 @@ impl NeighbourIndex {
         Ok(values.map(|&place| found[place as usize].clone()).collect())
     }
 
-    /// The indices of the `k` points nearest to each query (of equal distances those of smaller
-    /// index), `k` a query, in the order of the queries, which must be finite. Those of one query
-    /// are in no order that means anything, but always in the same. Where there are fewer points
-    /// than `k`, all are given.
+    /// The indices of the `k` points nearest to each query (at equal distances those of smaller
+    /// index), `k` per query, in the order of the queries, which must be finite. Those of one query
+    /// are in an arbitrary but reproducible order. If there are fewer than `k` points, all are
+    /// returned.
     pub fn nearest_of_all(&self, queries: &[Vec3], k: usize) -> Vec<u32> {
         let order = Self::new(queries);
         let k = k.min(self.nodes.first().map_or(0, |root| root.points().len()));
@@ -121,9 +119,9 @@ impl NeighbourIndex {
         members
     }
 
-    /// Finds `Found` for the queries of every group; `each` takes the places of a group's queries
-    /// in their index and what was found for them. In the order of the queries' index, without
-    /// those that are not finite; of no use where the work was told to stop.
+    /// Computes `Found` for the queries of every group; `each` takes the positions of a group's
+    /// queries in their index and the results. In the order of the queries' index, without queries
+    /// that are not finite; unusable if the work was cancelled.
     fn in_groups<Found: Take, T: Send>(
         &self,
         queries: &Self,
@@ -162,9 +160,9 @@ impl NeighbourIndex {
     }
 }
 
-/// What is wanted of the neighbours of a query.
+/// What to extract from the neighbours of a query.
 trait Take: Clone + Send + Sync {
-    /// Takes it from the candidates that were chosen.
+    /// Extracts it from the chosen candidates.
     fn take<L: Lanes>(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self;
 }
 
@@ -186,21 +184,21 @@ impl Take for Vec<u32> {
     }
 }
 
-/// Queries that lie close together, and what they ask for.
+/// Queries that lie close together, and the neighbourhood to search.
 struct Group<'a> {
     index: &'a NeighbourIndex,
-    /// Box around the queries.
+    /// Bounding box of the queries.
     bounds: Bounds,
     queries: &'a [Vec3],
     of: Neighbourhood,
 }
 
-/// What is kept from group to group.
+/// State carried from group to group.
 struct Scratch<Found> {
     candidates: Candidates,
-    /// How far the neighbours of the group before reached, metres; 0 where that is not known.
+    /// Distance that the neighbours of the previous group reached, metres; 0 if unknown.
     reach_m: f64,
-    /// The last query of the group before, and what was found for it.
+    /// The last query of the previous group, and its result.
     last: Option<(Vec3, Found)>,
 }
 
@@ -229,7 +227,7 @@ fn solve_group<Found: Take>(group: &Group<'_>, scratch: &mut Scratch<Found>, fou
             solve::<Avx512, Found>(group, scratch, found);
         }
         if Width::here() == Width::Avx512 {
-            // SAFETY: the machine has what the function was compiled for.
+            // SAFETY: the machine has the instructions that the function was compiled for.
             #[allow(unsafe_code)]
             return unsafe { with_avx512(group, scratch, found) };
         }
@@ -242,8 +240,8 @@ with_widest_vectors! {
         = solve::<Plain, Found>
 }
 
-/// Finds the neighbours of the queries of a group. Queries at one place have the same neighbours: of
-/// a run of them only the first is searched for.
+/// Searches the neighbours of the queries of a group. Coincident queries have the same neighbours:
+/// only the first of them is searched.
 #[inline(always)]
 fn solve<L: Lanes, Found: Take>(
     group: &Group<'_>,
@@ -273,8 +271,8 @@ fn solve<L: Lanes, Found: Take>(
     scratch.last = last.map(|(query, found)| (*query, found.clone()));
 }
 
-/// Finds the neighbours of the queries of a group at the places `open`. Written without closures,
-/// which would not be compiled for the wide vectors.
+/// Searches the neighbours of the queries of a group at the positions `open`. No closures: they
+/// would not be compiled for wide vectors.
 #[inline(always)]
 fn solve_open<L: Lanes, Found: Take>(
     group: &Group<'_>,
@@ -308,10 +306,11 @@ fn solve_open<L: Lanes, Found: Take>(
         return;
     }
     let enough_for_first = || {
-        let farthest = index.find_nearest(&queries[0], k).next_back();
+        let farthest = index.nearest_with_distances(&queries[0], k).next_back();
         1.05 * farthest.map_or(0.0, |(squared, _, _)| squared.sqrt())
     };
-    // As far as the group before reached; if that holds too much, as far as the first query does.
+    // As far as the previous group reached; if that holds too many points, as far as the first
+    // query does.
     let mut is_first_known = *reach_m == 0.0;
     let mut margin_m = if is_first_known {
         enough_for_first()
@@ -353,7 +352,7 @@ fn solve_open<L: Lanes, Found: Take>(
             }
         }
         open.truncate(left);
-        // Where there are k within twice the margin, none but those are looked for.
+        // If k points lie within twice the margin, that margin suffices.
         margin_m = if margin_m > 0.0 {
             wanted_m.clamp(1.01 * margin_m, 2.0 * margin_m)
         } else {

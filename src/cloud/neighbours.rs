@@ -1,15 +1,15 @@
 //! Exact nearest neighbours: points sorted along a space-filling curve under a tree of boxes.
 //!
-//! Points are sorted by the keys of `curve.rs`. A node of the tree is a run of points that
-//! agree in their leading bits, with the bounding box of these points; it is divided where the next
-//! bit changes, so that its halves never interlock, until no more than 32 points are left. Sorting
-//! takes the place of the selections by which a k-d tree is built, and costs a fraction of them.
-//! The children of node i are node i + 1 and the node that i names.
+//! Points are sorted by the keys of `curve.rs`. A node of the tree is a run of points with equal
+//! leading bits, with their bounding box; it is split at the next bit that differs, so that its
+//! halves never interleave, until at most 32 points are left. Sorting replaces the selections that
+//! build a k-d tree, at a fraction of their cost. The children of node i are node i + 1 and the
+//! node given by its offset.
 //!
 //! Exactness needs no tolerance. Squared distances are computed as
-//! ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z², and the squared distance to a box by the same operations on
-//! the nearest corner. Rounding is monotone, so the computed distance to a box never exceeds the
-//! computed distance to a point inside it, and no point is lost by leaving out boxes that are
+//! ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z², and the squared distance to a box by the same operations
+//! on the nearest corner. Rounding is monotone, so the computed distance to a box never exceeds the
+//! computed distance to a point inside it, and no neighbour is lost by skipping boxes that are
 //! farther than the k-th point found. Differences of f64 coordinates are rounded relative to the
 //! difference and not to the coordinates, so UTM-sized coordinates need no origin.
 
@@ -20,11 +20,11 @@ use super::curve::Grid;
 use super::nearest::Nearest;
 use crate::geometry::{Vec3, is_finite};
 
-/// Most points in a leaf. With k = 50 on surface points, 8 to 64 measure within a tenth of each
-/// other.
+/// Most points in a leaf. With k = 50 on surface points, run times for 8 to 64 differ by less than
+/// a tenth.
 const LEAF: usize = 32;
 
-/// Subtrees with more points than this are built by another thread.
+/// Subtrees with more points than this are built on another thread.
 const PARALLEL_BUILD: usize = 1 << 14;
 
 /// A run of points in the order of the curve.
@@ -33,7 +33,7 @@ pub(super) struct Node {
     pub(super) bounds: Bounds,
     pub(super) first: u32,
     pub(super) end: u32,
-    /// The second child, counted from this node; 0 for a leaf.
+    /// Offset of the second child from this node; 0 for a leaf.
     second: u32,
     /// Smallest index of the points.
     least: u32,
@@ -45,10 +45,10 @@ impl Node {
     }
 }
 
-/// Finds neighbours among the points it was built from.
+/// Searches neighbours among the points it was built from.
 ///
-/// Points must be finite: readers refuse others. A point with a coordinate that is not is never
-/// returned, and a NaN query has no neighbours.
+/// Points must be finite; the readers refuse others. A point with a coordinate that is not finite
+/// is never returned, and a NaN query has no neighbours.
 ///
 /// ```
 /// use boresight::cloud::NeighbourIndex;
@@ -63,16 +63,16 @@ impl Node {
 /// ```
 #[derive(Debug, Clone)]
 pub struct NeighbourIndex {
-    /// In the order of the curve; those that are not finite at the end, outside every node.
+    /// In the order of the curve; points that are not finite come last, outside every node.
     pub(super) points: Vec<Vec3>,
-    /// Index that each of `points` had in the list the caller gave.
+    /// Index of each of `points` in the caller's list.
     pub(super) indices: Vec<u32>,
     pub(super) nodes: Vec<Node>,
 }
 
 impl NeighbourIndex {
-    /// An index over a copy of `points`, which may be empty and hold duplicates. O(n log n), on all
-    /// threads; the result does not depend on their number.
+    /// An index over a copy of `points`, which may be empty and contain duplicates. O(n log n), on
+    /// all threads; the result does not depend on their number.
     ///
     /// # Panics
     /// With 2³² points or more, which would occupy 100 GB.
@@ -80,13 +80,13 @@ impl NeighbourIndex {
         let bounds = points
             .par_chunks(PARALLEL_BUILD)
             .map(|chunk| Bounds::of(chunk.iter().filter(|point| is_finite(point))))
-            .reduce(Bounds::nothing, |a, b| a.with(&b));
+            .reduce(Bounds::empty, |a, b| a.union(&b));
         Self::in_extent(points, &bounds.low, &bounds.high)
     }
 
     /// An index over part of a cloud whose extent is the box from `low` to `high` (metres). The
-    /// points stand in the order in which they stand in an index over the whole, so sums over
-    /// neighbours are the same to the last bit.
+    /// points have the same order as in an index over the whole cloud, so sums over neighbours are
+    /// identical to the last bit.
     ///
     /// # Panics
     /// As [`NeighbourIndex::new`].
@@ -126,24 +126,27 @@ impl NeighbourIndex {
         self.points.is_empty()
     }
 
-    /// Every index once, in an order in which neighbours in the list are neighbours in space.
+    /// All indices, in an order in which neighbours in the list are neighbours in space.
     pub fn spatial_order(&self) -> &[u32] {
         &self.indices
     }
 
-    /// Replaces `into` by the indices of the `k` points nearest to `query` (one of which is the
-    /// query where it belongs to the cloud), nearest first, of equal distances the smaller index
-    /// first; all points where there are fewer than `k`.
+    /// Replaces `into` by the indices of the `k` points nearest to `query` (including the query
+    /// itself if it belongs to the cloud), nearest first, at equal distances the smaller index
+    /// first; all points if there are fewer than `k`.
     ///
     /// For the neighbours of many points, [`Self::surroundings`] and [`Self::nearest_of_all`] take
     /// a fraction of the time.
     pub fn nearest(&self, query: &Vec3, k: usize, into: &mut Vec<u32>) {
         into.clear();
-        into.extend(self.find_nearest(query, k).map(|(_, index, _)| index));
+        into.extend(
+            self.nearest_with_distances(query, k)
+                .map(|(_, index, _)| index),
+        );
     }
 
-    /// The `k` nearest points, nearest first: squared distance, index, place in `points`.
-    pub(crate) fn find_nearest(
+    /// The `k` nearest points, nearest first: squared distance, index, position in `points`.
+    pub(crate) fn nearest_with_distances(
         &self,
         query: &Vec3,
         k: usize,
@@ -157,7 +160,7 @@ impl NeighbourIndex {
     }
 
     /// Replaces `into` by the indices of the points in the closed ball of `radius` (metres) around
-    /// `query`, ascending. The squares are compared: |p − q|² ≤ radius².
+    /// `query`, ascending. Squares are compared: |p − q|² ≤ radius².
     pub fn within(&self, query: &Vec3, radius: f64, into: &mut Vec<u32>) {
         into.clear();
         let limit = radius * radius;
@@ -172,7 +175,7 @@ impl NeighbourIndex {
         into.sort_unstable();
     }
 
-    /// Hands every point to `each` that lies in a leaf whose box, and the boxes above it, `enter`
+    /// Calls `each` with every point in the leaves whose boxes, and the boxes above them, `enter`
     /// accepts; in the order of the curve.
     pub(crate) fn visit(&self, enter: impl Fn(&Bounds) -> bool, mut each: impl FnMut(u32, &Vec3)) {
         self.visit_leaves(enter, |leaf| {
@@ -182,15 +185,15 @@ impl NeighbourIndex {
         });
     }
 
-    /// As [`Self::visit`], with the places of the leaf's points in `points` and `indices`.
+    /// As [`Self::visit`], with the range of each leaf's points in `points` and `indices`.
     #[inline(always)]
     pub(super) fn visit_leaves(
         &self,
         enter: impl Fn(&Bounds) -> bool,
         mut each: impl FnMut(std::ops::Range<usize>),
     ) {
-        // A depth-first search keeps one waiting sibling a level: the bits of all grids and the
-        // halvings of points at one place.
+        // A depth-first search keeps one sibling per level: the bits of all grids and the halvings
+        // of coincident points.
         let mut waiting = [0u32; Grid::MOST_BITS + 32];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
@@ -210,7 +213,7 @@ impl NeighbourIndex {
         }
     }
 
-    /// The largest nodes of no more than `most` points, in order: every point is in one of them.
+    /// The largest nodes of at most `most` points, in order; together they contain every point.
     pub(super) fn groups(&self, most: usize) -> Vec<&Node> {
         let mut groups = Vec::new();
         let mut at = 0;
@@ -258,20 +261,20 @@ impl NeighbourIndex {
     }
 }
 
-/// Points on their way into a tree: a run of them in the order of the curve.
+/// Points from which a tree is built: a run of them in the order of the curve.
 struct Run<'a> {
     /// Keys and indices.
     keyed: &'a mut [(u64, u32)],
     /// The points themselves.
     ordered: &'a mut [Vec3],
-    /// Place of the run's first point.
+    /// Position of the run's first point.
     first: u32,
-    /// What the indices count.
+    /// The points that the indices refer to.
     all: &'a [Vec3],
 }
 
 impl Run<'_> {
-    /// The nodes over the run, none over an empty one.
+    /// The nodes over the run; none if it is empty.
     fn nodes(self, grid: &Grid) -> Vec<Node> {
         let mut nodes = Vec::new();
         if !self.keyed.is_empty() {
@@ -284,7 +287,7 @@ impl Run<'_> {
         let at = nodes.len();
         let count = self.keyed.len();
         nodes.push(Node {
-            bounds: Bounds::nothing(),
+            bounds: Bounds::empty(),
             first: self.first,
             end: self.first + count as u32,
             second: 0,
@@ -292,7 +295,7 @@ impl Run<'_> {
         });
         if count <= LEAF {
             if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
-                self.sort_to_the_last(grid);
+                self.sort_fully(grid);
             }
             nodes[at].bounds = Bounds::of(&*self.ordered);
             nodes[at].least = self.keyed.iter().fold(u32::MAX, |least, k| least.min(k.1));
@@ -310,7 +313,7 @@ impl Run<'_> {
             self.sort_by(&finer);
             differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
         }
-        // Points at one place are halved in the order of their indices.
+        // Coincident points are halved in the order of their indices.
         let half = match differing.checked_ilog2() {
             Some(bit) => self.keyed.partition_point(|(key, _)| key >> bit & 1 == 0),
             None => count / 2,
@@ -327,7 +330,7 @@ impl Run<'_> {
             high.build(&finer, nodes);
         }
         let (first, second) = (nodes[at + 1], nodes[at + nodes[at].second as usize]);
-        nodes[at].bounds = first.bounds.with(&second.bounds);
+        nodes[at].bounds = first.bounds.union(&second.bounds);
         nodes[at].least = first.least.min(second.least);
     }
 
@@ -354,11 +357,11 @@ impl Run<'_> {
             *key = finer.key(point);
         }
         self.keyed.par_sort_unstable();
-        self.follow();
+        self.reorder();
     }
 
-    /// Sorts the few points of a leaf as they would be among more.
-    fn sort_to_the_last(&mut self, grid: &Grid) {
+    /// Sorts the few points of a leaf as they would be sorted among more.
+    fn sort_fully(&mut self, grid: &Grid) {
         self.keyed.sort_by_key(|&(key, index)| {
             let point = &self.all[index as usize];
             let finer = grid.inside(point);
@@ -366,11 +369,11 @@ impl Run<'_> {
             let [finer, finest] = [finer, finest].map(|grid| grid.map(|grid| grid.key(point)));
             (key, finer, finest, index)
         });
-        self.follow();
+        self.reorder();
     }
 
-    /// Puts the points in the order of the indices.
-    fn follow(&mut self) {
+    /// Brings the points into the order of the indices.
+    fn reorder(&mut self) {
         for (point, (_, index)) in self.ordered.iter_mut().zip(&*self.keyed) {
             *point = self.all[*index as usize];
         }

@@ -1,4 +1,4 @@
-//! What the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ and eigenvectors of a neighbourhood say about its shape.
+//! Shape features from the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ and eigenvectors of a neighbourhood.
 //!
 //! After Weinmann, Jutzi, Mallet and Weinmann, *Geometric Features and Their Relevance for 3D Point
 //! Cloud Classification* (ISPRS Annals IV-1/W1, 2017), and Hillemann, Weinmann, Mueller and Jutzi,
@@ -18,23 +18,24 @@
 //! | normal | eigenvector of λ₃, upwards | fewer than three points, on one line, or λ₂ = λ₃ |
 //! | verticality | 1 − \|n_z\| | as the normal |
 //!
-//! Eigenvalues below the rounding of the largest are 0, so points in a plane have the omnivariance
-//! 0 exactly. An upright normal has n_z > 0; where n_z = 0, n_y > 0; where both are 0, n_x = 1.
+//! Eigenvalues below the rounding error of the largest are 0, so coplanar points have an
+//! omnivariance of exactly 0. An upward normal has n_z > 0; if n_z = 0, n_y > 0; if both are 0, n_x
+//! = 1.
 //!
-//! Other programs, for who compares: jakteristics 0.6 divides the covariance by n − 1, so its
+//! Comparison with other programs: jakteristics 0.6 divides the covariance by n − 1, so its
 //! omnivariance and sum are n / (n − 1) of these; its eigenentropy is −Σ λᵢ ln λᵢ of eigenvalues in
-//! m², not normalised; its normals have either sign; the ratios are the same. pgeof 0.3 takes the
-//! ratios of √λᵢ and adds 0.001 to each denominator (its `scattering` is the sphericity of those);
-//! its eigenentropy adds 0.001 as well; its `Verticality` is this one, `VerticalityPGEOF` is not.
+//! m², not normalised; its normals have either sign; the ratios are the same. pgeof 0.3 uses ratios
+//! of √λᵢ and adds 0.001 to each denominator (its `scattering` is the sphericity of those); its
+//! eigenentropy adds 0.001 as well; its `Verticality` is this one, `VerticalityPGEOF` is not.
 
 use super::neighbourhoods::Surroundings;
 use super::tensor::Eigen;
 use crate::geometry::{Mat3, Vec3};
 
-/// Eigenvalues nearer to each other than this, relative to their sum, are equal: a few roundings.
+/// Relative to their sum, eigenvalues closer to each other than this are equal: a few roundings.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// Something that the neighbourhood of a point says; see [`self`].
+/// A shape feature of a neighbourhood; see [`self`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
     /// (λ₁ − λ₂) / λ₁.
@@ -59,12 +60,12 @@ pub enum Feature {
     Normal,
     /// Number of points in the neighbourhood.
     Neighbours,
-    /// Distance to the farthest of the k nearest, or the radius asked for, metres.
+    /// Distance to the farthest of the k nearest, or the given radius, metres.
     Radius,
 }
 
 impl Feature {
-    /// All of them, in the order in which they are written.
+    /// All features, in the order in which they are written.
     pub const ALL: [Self; 12] = [
         Self::Omnivariance,
         Self::Linearity,
@@ -80,7 +81,7 @@ impl Feature {
         Self::Radius,
     ];
 
-    /// What it is called on the command line.
+    /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Normal => "normal",
@@ -89,12 +90,12 @@ impl Feature {
         }
     }
 
-    /// Whether it takes more than the tensor's entries.
+    /// Whether it needs the eigenvalues, not only the tensor's entries.
     fn is_from_eigenvalues(self) -> bool {
         !matches!(self, Self::Omnivariance | Self::Neighbours | Self::Radius)
     }
 
-    /// Names of its numbers, and what they are with units, in at most 32 ASCII characters each.
+    /// Names of its columns and their descriptions with units, at most 32 ASCII characters each.
     pub fn columns(self) -> &'static [(&'static str, &'static str)] {
         match self {
             Self::Linearity => &[("linearity", "(l1-l2)/l1")],
@@ -117,7 +118,7 @@ impl Feature {
     }
 }
 
-/// All features of a neighbourhood, undefined ones NaN; see [`self`].
+/// All features of a neighbourhood, NaN if undefined; see [`self`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
     /// (λ₁ − λ₂) / λ₁.
@@ -142,8 +143,8 @@ pub struct Shape {
     pub normal: Vec3,
     /// Number of points.
     pub neighbours: usize,
-    /// Distance to the farthest of the k nearest, or the radius asked for, metres; NaN where the
-    /// cloud has fewer than k points.
+    /// Distance to the farthest of the k nearest, or the given radius, metres; NaN if the cloud has
+    /// fewer than k points.
     pub radius_m: f64,
 }
 
@@ -153,8 +154,8 @@ impl Shape {
         Self::with(surroundings, &surroundings.tensor.eigen())
     }
 
-    /// As [`Self::of`], but where none of `features` comes from the eigenvalues, those that do are
-    /// left NaN and their time is spared.
+    /// As [`Self::of`], but if none of `features` needs the eigenvalues, they are not computed and
+    /// those that do are NaN.
     pub fn of_wanted(surroundings: &Surroundings, features: &[Feature]) -> Self {
         if features.iter().any(|feature| feature.is_from_eigenvalues()) {
             return Self::of(surroundings);
@@ -170,7 +171,7 @@ impl Shape {
         let tensor = &surroundings.tensor;
         let [first, second, third] = [eigen.values.x, eigen.values.y, eigen.values.z];
         let sum = first + second + third;
-        // 0 / 0 makes NaN of every ratio where all points are in one place.
+        // 0 / 0 makes every ratio NaN if all points coincide.
         let entropy = |value: f64| {
             let share = value / sum;
             if share > 0.0 {
@@ -205,7 +206,7 @@ impl Shape {
         }
     }
 
-    /// The numbers of a feature, as many as it has columns; the first of three where it has fewer.
+    /// The values of a feature, one per column; only the first is used if it has fewer than three.
     pub fn values(&self, feature: Feature) -> [f64; 3] {
         let one = |value| [value, f64::NAN, f64::NAN];
         match feature {
@@ -225,7 +226,7 @@ impl Shape {
     }
 }
 
-/// The one of ±`normal` whose last coordinate that is not 0 is positive; zeros without sign.
+/// `normal` or −`normal`, whichever has a positive last non-zero coordinate; zeros without sign.
 fn upwards(normal: Vec3) -> Vec3 {
     let last = [normal.z, normal.y, normal.x]
         .into_iter()
@@ -359,7 +360,8 @@ mod tests {
                 let tolerance = if origin == UTM { 1e-8 } else { 1e-14 };
                 let close =
                     |a: f64, b: f64| (a - b).abs() <= tolerance || (a.is_nan() && b.is_nan());
-                // Rounded to the grid of f64 at UTM the sines leave exact symmetry.
+                // Rounded to the spacing of f64 at UTM coordinates, the sines are not exactly
+                // symmetric.
                 if origin == UTM && name == "ball" {
                     continue;
                 }
@@ -393,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn names_fit_where_they_are_written() {
+    fn names_fit_their_fields() {
         let mut names = Vec::new();
         for feature in Feature::ALL {
             for (name, text) in feature.columns() {

@@ -1,10 +1,9 @@
-//! The structure tensor of a neighbourhood: its covariance, eigenvalues and what follows from
-//! them.
+//! The structure tensor of a neighbourhood: its covariance, eigenvalues and derived quantities.
 
 use crate::geometry::{Mat3, Vec3};
 
-/// What the covariance of a neighbourhood cannot tell from zero, relative to its trace: a few
-/// roundings of its entries. Smaller eigenvalues are returned as 0.
+/// Rounding error of the covariance of a neighbourhood, relative to its trace: a few roundings of
+/// its entries. Smaller eigenvalues are returned as 0.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Mean and covariance of a set of points.
@@ -28,9 +27,9 @@ pub struct Eigen {
 }
 
 impl StructureTensor {
-    /// The tensor of `points`, in two passes over offsets from the first point, so that coordinates
-    /// of any size lose nothing. Without points mean and covariance are NaN; one point, or several
-    /// at one place, have the covariance zero.
+    /// The tensor of `points`, in two passes over offsets from the first point, so that large
+    /// coordinates lose no precision. For an empty set, mean and covariance are NaN; for one point
+    /// or coincident points, the covariance is zero.
     pub fn from_points<'a, I>(points: I) -> Self
     where
         I: IntoIterator<Item = &'a Vec3>,
@@ -69,16 +68,16 @@ impl StructureTensor {
         }
     }
 
-    /// The tensor of those of `points` that `indices` name, in that order.
+    /// The tensor of the points at `indices`, in that order.
     pub fn of(points: &[Vec3], indices: &[u32]) -> Self {
         Self::from_points(indices.iter().map(|&index| &points[index as usize]))
     }
 
     /// Eigenvalues and eigenvectors, by Jacobi's rotations.
     ///
-    /// Values are right to a few roundings of the largest. Where points lie in a plane, on a line
-    /// or in one place, up to that rounding, the vanishing values are exactly 0, and the vectors of
-    /// equal values are some orthogonal ones. All NaN for an empty set.
+    /// Values are accurate to a few roundings of the largest. If points are coplanar, collinear or
+    /// coincident, up to that rounding, the vanishing values are exactly 0, and the vectors of
+    /// equal values are arbitrary orthogonal ones. All NaN for an empty set.
     pub fn eigen(&self) -> Eigen {
         if !self.covariance.iter().all(|entry| entry.is_finite()) {
             return Eigen {
@@ -102,8 +101,9 @@ impl StructureTensor {
     /// Omnivariance (λ₁ λ₂ λ₃)^⅓ = det(C)^⅓, square metres.
     ///
     /// The determinant is the product of the pivots of a Cholesky decomposition with diagonal
-    /// pivoting, which is right to a few roundings times λ₁/λ₃. Exactly 0 for points in a plane, on
-    /// a line or in one place (up to rounding), so always for one to three points; NaN for none.
+    /// pivoting, which is accurate to a few roundings times λ₁/λ₃. Exactly 0 for coplanar,
+    /// collinear or coincident points (up to rounding), so always for one to three points; NaN for
+    /// an empty set.
     pub fn omnivariance(&self) -> f64 {
         if self.count == 0 {
             return f64::NAN;
@@ -115,7 +115,7 @@ impl StructureTensor {
         let floor = ROUNDING * c.trace();
         let first = c.diagonal().imax();
         let (second, third) = ((first + 1) % 3, (first + 2) % 3);
-        // The entries that eliminating the largest leaves, and the larger and smaller on their
+        // The remaining entries after eliminating the largest, and the larger and smaller on their
         // diagonal.
         let pivot = c[(first, first)];
         let (to_second, to_third) = (c[(first, second)], c[(first, third)]);
@@ -134,8 +134,8 @@ impl StructureTensor {
         determinant.cbrt()
     }
 
-    /// Unit normal: the eigenvector of the smallest eigenvalue, of either sign. `None` where the
-    /// points do not span a plane: fewer than three, all in one place or on one line.
+    /// Unit normal: the eigenvector of the smallest eigenvalue, of either sign. `None` if the
+    /// points do not span a plane: fewer than three, coincident or collinear.
     pub fn normal(&self) -> Option<Vec3> {
         let eigen = self.eigen();
         (self.count >= 3 && eigen.values.y > 0.0).then(|| eigen.vectors.column(2).into_owned())
@@ -143,14 +143,14 @@ impl StructureTensor {
 }
 
 impl Eigen {
-    /// (λ₂ − λ₃) / λ₁: 1 for a round disc, 0 for a line or a ball; NaN where λ₁ = 0.
+    /// (λ₂ − λ₃) / λ₁: 1 for a round disc, 0 for a line or a ball; NaN if λ₁ = 0.
     pub fn planarity(&self) -> f64 {
         (self.values.y - self.values.z) / self.values.x
     }
 }
 
-/// Eigenvalues and eigenvectors (columns) of the symmetric `a`: plane rotations annul the entries
-/// off the diagonal in turn. Convergence is quadratic; four sweeps are the rule.
+/// Eigenvalues and eigenvectors (columns) of the symmetric `a`: plane rotations eliminate the
+/// off-diagonal entries in turn. Convergence is quadratic, usually within four sweeps.
 fn jacobi(mut a: Mat3) -> (Vec3, Mat3) {
     let mut vectors = Mat3::identity();
     for _sweep in 0..16 {
@@ -159,16 +159,16 @@ fn jacobi(mut a: Mat3) -> (Vec3, Mat3) {
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let off = a[(p, q)];
-            // An entry below the rounding of both its diagonal entries changes neither.
+            // An entry below the rounding error of both its diagonal entries changes neither.
             let (app, aqq) = (a[(p, p)], a[(q, q)]);
             if off.abs() <= 0.25 * f64::EPSILON * (app.abs() * aqq.abs()).sqrt() {
                 a[(p, q)] = 0.0;
                 a[(q, p)] = 0.0;
                 continue;
             }
-            // tan of the rotation: the smaller root of t² + 2 θ t − 1 = 0.
+            // Tangent of the rotation angle: the smaller root of t² + 2 θ t − 1 = 0.
             let theta = (aqq - app) / (2.0 * off);
-            // Where θ² overflows, t is 0, as it is but for rounding.
+            // If θ² overflows, t is 0, which is correct up to rounding.
             let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
             let cosine = 1.0 / (t * t + 1.0).sqrt();
             let sine = t * cosine;

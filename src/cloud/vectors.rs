@@ -1,10 +1,10 @@
-//! The same code compiled for the vector units of the machine it runs on.
+//! Code compiled for the vector units of the machine it runs on.
 //!
-//! Wider vectors change how many numbers are computed at a time and nothing else: Rust neither
-//! fuses multiplications with additions nor reorders sums, so every machine finds the same bits.
+//! Wider vectors change only how many numbers are computed at a time: Rust neither fuses
+//! multiplications with additions nor reorders sums, so every machine computes the same bits.
 
-/// Defines a function that runs another, which must be `#[inline(always)]`, compiled for the
-/// widest vectors at hand.
+/// Defines a function that runs another one, which must be `#[inline(always)]`, compiled for the
+/// widest vectors available.
 macro_rules! with_widest_vectors {
     ($(#[$doc:meta])* $vis:vis fn $name:ident $(<$($generic:ident: $bound:path),*>)? ($($arg:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $body:path) => {
         $(#[$doc])*
@@ -20,7 +20,7 @@ macro_rules! with_widest_vectors {
                     $body($($arg),*)
                 }
                 match $crate::cloud::vectors::Width::here() {
-                    // SAFETY: the machine has what the function was compiled for.
+                    // SAFETY: the machine has the instructions that the function was compiled for.
                     #[allow(unsafe_code)]
                     $crate::cloud::vectors::Width::Avx512 => return unsafe { with_avx512($($arg),*) },
                     // SAFETY: as above.
@@ -44,13 +44,13 @@ pub(crate) enum Width {
     Avx512,
     /// 256 bits.
     Avx2,
-    /// What every machine has.
+    /// Available on every machine.
     Baseline,
 }
 
 #[cfg(target_arch = "x86_64")]
 impl Width {
-    /// The widest of this machine; looked up once, by the standard library.
+    /// The widest of this machine; detected once, by the standard library.
     pub(crate) fn here() -> Self {
         let avx2 = is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("bmi1")

@@ -1,4 +1,4 @@
-//! How well the clouds of one drive agree: with the reference, and scanner against scanner.
+//! How well the clouds of one drive agree with the reference and with each other.
 
 use super::checks::Normals;
 use super::m3c2::{core_points, m3c2};
@@ -9,14 +9,14 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// Which mounting the clouds of a comparison were placed with.
+/// The mounting with which the clouds of a comparison were georeferenced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MountingKind {
     /// The initial values of the project.
     Initial,
     /// The result of the run.
     Final,
-    /// The true mounting, on the same poses (simulation).
+    /// The true mounting, with the same poses (simulation).
     Truth,
 }
 
@@ -31,12 +31,12 @@ impl MountingKind {
     }
 }
 
-/// The other side of a comparison.
+/// The cloud to compare with.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Against {
     /// The reference cloud.
     Reference,
-    /// Another scanner, by name, whose cloud holds the core points.
+    /// Another scanner, by name, whose cloud provides the core points.
     Scanner(String),
 }
 
@@ -47,16 +47,16 @@ pub struct Agreement {
     pub scanner: String,
     /// What it is compared with.
     pub against: Against,
-    /// Mounting behind the clouds.
+    /// The mounting used for the clouds.
     pub mounting: MountingKind,
-    /// Distances in numbers.
+    /// Statistics of the distances.
     pub statistics: Statistics,
-    /// Distances one by one.
+    /// The distance at each core point.
     pub distances: M3c2,
 }
 
 impl Agreement {
-    /// The two sides in words.
+    /// The two clouds in words.
     pub fn pair(&self) -> String {
         match &self.against {
             Against::Reference => format!("{} to reference", self.scanner),
@@ -64,7 +64,7 @@ impl Agreement {
         }
     }
 
-    /// Whether the same clouds are compared, under whichever mounting.
+    /// Whether the same clouds are compared, regardless of the mounting.
     pub fn is_same_pair(&self, other: &Self) -> bool {
         (&self.scanner, &self.against) == (&other.scanner, &other.against)
     }
@@ -73,22 +73,22 @@ impl Agreement {
 /// All comparisons of one drive.
 #[derive(Debug, Clone, Default)]
 pub struct Agreements {
-    /// Pair by pair: every scanner to the reference, then every pair of scanners. Those of one pair
-    /// stand together, in the order of [`MountingKind`].
+    /// All pairs: every scanner with the reference, then every pair of scanners. Those of one pair
+    /// are consecutive, in the order of [`MountingKind`].
     pub found: Vec<Agreement>,
-    /// Comparisons that found nothing to compare, in words.
+    /// Comparisons without any distance, in words.
     pub missing: Vec<String>,
 }
 
 impl Agreements {
-    /// Those under one mounting.
+    /// Comparisons under one mounting.
     pub fn under(&self, mounting: MountingKind) -> impl Iterator<Item = &Agreement> {
         let all = self.found.iter();
         all.filter(move |found| found.mounting == mounting)
     }
 
-    /// The comparison of the same clouds as `of` under another mounting.
-    pub fn find(&self, of: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
+    /// The comparison of the same clouds as in `of` under another mounting.
+    pub fn counterpart(&self, of: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
         self.under(mounting).find(|found| found.is_same_pair(of))
     }
 
@@ -101,12 +101,12 @@ impl Agreements {
 /// Compares the clouds of the drive `drive` for each kind of mounting: one cloud for each of the
 /// `scanners`, in their order, world frame, metres. `reference` may be empty.
 ///
-/// Core points lie on the reference, or on the first scanner of a pair; their normals come from
-/// there and point up.
+/// The core points are those of the reference, or of the first scanner of a pair; normals are
+/// computed there and point upwards.
 ///
 /// # Errors
-/// Settings that make no sense; [`Error::Cancelled`](crate::Error::Cancelled). Clouds that do not
-/// meet are listed in [`Agreements::missing`].
+/// Invalid settings; [`Error::Cancelled`](crate::Error::Cancelled). Clouds that do not overlap are
+/// listed in [`Agreements::missing`].
 pub fn agreements(
     drive: &str,
     scanners: &[&str],
@@ -144,10 +144,10 @@ pub fn agreements(
     })
 }
 
-/// The other side (`None` for the reference), the scanner compared, and the mounting.
+/// The cloud compared with (`None` for the reference), the scanner compared, and the mounting.
 type Sides = (Option<usize>, usize, MountingKind);
 
-/// What has been compared so far.
+/// The comparisons so far.
 struct Comparisons<'a> {
     drive: &'a str,
     scanners: &'a [&'a str],

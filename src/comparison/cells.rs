@@ -1,9 +1,9 @@
 //! Points sorted into the cells of a cubic lattice that is fixed in space.
 //!
-//! Four cells along each axis make a block. Points are stored block by block, within a block cell
-//! by cell, within a cell in the order of the cloud: what a part of space holds, and in which order,
-//! does not depend on what lies elsewhere. A search that reaches no farther than a block from its
-//! query needs the block of the query and the 26 around it.
+//! Four cells along each axis form a block. Points are stored block by block, within a block cell
+//! by cell, within a cell in the order of the cloud: the points in a region, and their order, do
+//! not depend on points elsewhere. A search that reaches at most one block from its query needs the
+//! query's block and the 26 around it.
 
 use crate::cloud::voxel::{VoxelKey, VoxelMap};
 use crate::geometry::Vec3;
@@ -11,14 +11,14 @@ use crate::geometry::Vec3;
 /// Cells along a block's edge.
 pub(super) const SIDE: i64 = 4;
 
-/// Binary digits of a place in a block, for one axis.
+/// Bits of a position in a block, per axis.
 const BITS: u32 = SIDE.trailing_zeros();
 
 /// Cells of a block.
 const CELLS: usize = (SIDE * SIDE * SIDE) as usize;
 
-/// Coordinates beyond this many blocks from the origin are too coarse, as numbers, to be sorted into
-/// cells: at a block of a centimetre, twenty times the way to the moon.
+/// Coordinates beyond this many blocks from the origin are too coarse to be sorted into cells: with
+/// a block of a centimetre, twenty times the distance to the moon.
 const FARTHEST: f64 = 1e12;
 
 /// The lattice.
@@ -31,9 +31,9 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// A lattice for searches that reach as far as `reach_m` from their queries.
+    /// A lattice for searches that reach up to `reach_m` from their queries.
     pub(super) fn reaching(reach_m: f64) -> Self {
-        // The room keeps what rounding moves into the next cell within the next block.
+        // The margin keeps points that rounding moves into the next cell within the next block.
         let block_m = 1.001 * reach_m;
         let cell_m = block_m / SIDE as f64;
         Self {
@@ -43,19 +43,19 @@ impl Lattice {
         }
     }
 
-    /// Whether `point` is finite and not too far to have a cell.
-    pub(super) fn holds(&self, point: &Vec3) -> bool {
+    /// Whether `point` is finite and near enough to have a cell.
+    pub(super) fn covers(&self, point: &Vec3) -> bool {
         // False for NaN.
         point.iter().all(|x| x.abs() < self.farthest_m)
     }
 
-    /// Column, row and layer of the cell of a point that the lattice holds.
+    /// Column, row and layer of the cell of a point that the lattice covers.
     #[inline]
     pub(super) fn cell(&self, point: &Vec3) -> VoxelKey {
         [point.x, point.y, point.z].map(|x| self.index(x))
     }
 
-    /// Index of the interval that holds `x` along any axis.
+    /// Index of the interval that contains `x`, along any axis.
     #[inline]
     pub(super) fn index(&self, x: f64) -> i64 {
         let scaled = x * self.per_metre;
@@ -69,8 +69,8 @@ impl Lattice {
         index as f64 * self.cell_m
     }
 
-    /// More than rounding can shift a cell's border from its place, at coordinates like those of
-    /// `point`, metres.
+    /// Upper bound on the rounding error of a cell's border at coordinates like those of `point`,
+    /// metres.
     #[inline]
     pub(super) fn rounding(&self, point: &Vec3) -> f64 {
         1e-15 * point.amax() + 1e-12 * self.cell_m
@@ -83,7 +83,7 @@ pub(super) fn block_of(cell: VoxelKey) -> VoxelKey {
     cell.map(|index| index >> BITS)
 }
 
-/// The place of a cell in its block: layer, row and column, the last changes fastest.
+/// Index of a cell in its block: layer, row and column, the last varies fastest.
 #[inline]
 fn place_of(cell: VoxelKey) -> u16 {
     let [x, y, z] = cell.map(|index| (index & (SIDE - 1)) as u16);
@@ -103,9 +103,9 @@ pub(super) struct Run {
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     pub(super) lattice: Lattice,
-    /// Which of the occupied cells belong to each block: from the first to before the second.
+    /// The range of the occupied cells of each block: first, and one after the last.
     blocks: VoxelMap<VoxelKey, (u32, u32)>,
-    /// The occupied cells: place in the block, and where their points begin; at the end one more.
+    /// The occupied cells: index in the block and first point; at the end one more.
     occupied: Vec<(u16, u32)>,
     pub(super) x: Vec<f64>,
     pub(super) y: Vec<f64>,
@@ -113,7 +113,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Sorts `points`; those that `lattice` does not hold are left out.
+    /// Sorts `points`; those outside the lattice are left out.
     ///
     /// # Panics
     /// With more than 2³² points, which would occupy 100 GB.
@@ -122,13 +122,13 @@ impl Cells {
             u32::try_from(points.len()).is_ok(),
             "more points than u32 can count"
         );
-        // The block of each point, numbered as they come, and the cell in it.
+        // The block of each point, numbered in order of appearance, and the cell in it.
         let mut numbers: VoxelMap<VoxelKey, u32> = VoxelMap::default();
         let mut counts: Vec<u32> = Vec::new();
         let mut last = ([i64::MAX; 3], 0);
         let mut of_point: Vec<(u32, u16)> = Vec::with_capacity(points.len());
         for point in points {
-            if !lattice.holds(point) {
+            if !lattice.covers(point) {
                 of_point.push((u32::MAX, 0));
                 continue;
             }
@@ -145,7 +145,7 @@ impl Cells {
             counts[last.1 as usize] += 1;
             of_point.push((last.1, place_of(cell)));
         }
-        // Where each block begins, then ends.
+        // First the start, then the end of each block.
         let mut ends: Vec<u32> = counts
             .iter()
             .scan(0, |sum, count| {
@@ -201,7 +201,7 @@ impl Cells {
         cells
     }
 
-    /// Hands the points of a block to `each`, cell by cell.
+    /// Calls `each` with the points of a block, cell by cell.
     pub(super) fn runs(&self, block: VoxelKey, mut each: impl FnMut(Run)) {
         let Some(&(begin, end)) = self.blocks.get(&block) else {
             return;
@@ -218,7 +218,7 @@ impl Cells {
     }
 }
 
-/// Replaces `sorted` by `points` in ascending order of places, those of a place in their order.
+/// Replaces `sorted` by `points` in ascending order of cells; points of one cell keep their order.
 fn sort_by_place(points: &[(u32, u16)], sorted: &mut Vec<(u32, u16)>) {
     sorted.clear();
     if points.len() < 24 {

@@ -1,4 +1,4 @@
-//! What a comparison is asked for, and what is refused because it has no meaning.
+//! Checks of the settings and inputs of a comparison.
 
 use super::normals;
 use super::settings::ComparisonSettings;
@@ -8,21 +8,21 @@ use crate::geometry::Vec3;
 /// Where the normals of the core points come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Normals<'a> {
-    /// The reference, in the most planar of the neighbourhoods with `normal_radii_m`, turned to
-    /// n·`orientation` ≥ 0.
+    /// Computed from the reference, in the most planar of the neighbourhoods with `normal_radii_m`,
+    /// oriented so that n·`orientation` ≥ 0.
     MostPlanar {
-        /// Of any length above zero.
+        /// Non-zero, of any length.
         orientation: Vec3,
     },
-    /// One direction for all, of any length above zero.
+    /// One direction for all core points, non-zero, of any length.
     Fixed(Vec3),
-    /// One for each core point. Those without a direction, zero or not finite, leave their core
-    /// points without results.
+    /// One for each core point. Core points with a normal that is zero or not finite get no
+    /// results.
     Given(&'a [Vec3]),
 }
 
 impl Normals<'_> {
-    /// Found from the reference and turned upwards.
+    /// Computed from the reference and oriented upwards.
     pub const UPWARDS: Self = Self::MostPlanar {
         orientation: Vec3::new(0.0, 0.0, 1.0),
     };
@@ -32,12 +32,12 @@ impl Normals<'_> {
 pub(super) fn empty(name: &str) -> Error {
     Error::of(
         Problem::TooFew,
-        format!("the {name} cloud of the comparison holds no points"),
+        format!("the {name} cloud of the comparison has no points"),
         "check the file, and the filters and time spans that were applied to it",
     )
 }
 
-/// Refuses core points without normals and none at all.
+/// Refuses an empty list of core points, and normals that do not match it.
 pub(super) fn check_core(core: &[Vec3], normals: Normals<'_>) -> Result<()> {
     if core.is_empty() {
         return Err(empty("core point"));
@@ -49,13 +49,13 @@ pub(super) fn check_core(core: &[Vec3], normals: Normals<'_>) -> Result<()> {
                 given.len(),
                 core.len()
             ),
-            "give one normal for each core point, or none",
+            "give one normal for each core point, or no normals",
         )),
         _ => Ok(()),
     }
 }
 
-/// Refuses settings without meaning.
+/// Refuses invalid settings.
 pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Result<()> {
     let mut lengths = vec![
         ("cylinder_radius_m", settings.cylinder_radius_m),
@@ -81,8 +81,8 @@ pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Resu
     if let Normals::MostPlanar { .. } = normals {
         if settings.normal_radii_m.is_empty() {
             return Err(Error::data(
-                "the comparison has neither radii for normals nor normals",
-                "give normal_radii_m at least one radius",
+                "the comparison has neither normals nor radii to compute them",
+                "give at least one radius in normal_radii_m",
             ));
         }
         let radii = settings.normal_radii_m.iter();
@@ -107,7 +107,7 @@ pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Resu
     if settings.min_points == 0 {
         return Err(Error::data(
             "min_points of the comparison is 0",
-            "give 1 or more: no points have no distance",
+            "give 1 or more: without points there is no distance",
         ));
     }
     Ok(())

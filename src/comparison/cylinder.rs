@@ -1,13 +1,14 @@
 //! The cylinder around a core point.
 
 use super::settings::ComparisonSettings;
-use super::window::{Between, Window};
+use super::window::{BoxQuery, Window};
 use crate::cloud::NeighbourIndex;
 use crate::cloud::bounds::Bounds;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::Vec3;
 
-/// Closed at its side. Open at its ends, closed at the core point where it is one-sided.
+/// The lateral surface belongs to it, the ends do not; a one-sided cylinder includes the plane of
+/// the core point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cylinder {
     centre: Vec3,
@@ -15,7 +16,7 @@ pub(super) struct Cylinder {
     radius_m: f64,
     half_length_m: f64,
     one_sided: bool,
-    /// Smallest height.
+    /// Lower limit of the heights.
     lowest_m: f64,
 }
 
@@ -40,8 +41,8 @@ impl Cylinder {
         }
     }
 
-    /// Whether the box may hold points of the cylinder: false only where surely none is inside,
-    /// with room for the rounding of the test itself.
+    /// Whether the box may contain points of the cylinder: false only if it certainly contains
+    /// none, with a tolerance for the rounding of the test itself.
     fn may_meet(&self, bounds: &Bounds) -> bool {
         const ROOM: f64 = 1.0 + 1e-12;
         let middle = ((bounds.low - self.centre) + (bounds.high - self.centre)) / 2.0;
@@ -69,13 +70,13 @@ impl Cylinder {
                 }
             },
         );
-        // The order of points in a tree hangs on all of its points; sums must not.
+        // The order of points in a tree depends on all of its points; sums must not.
         heights.heights[..heights.filled].sort_unstable_by(f64::total_cmp);
     }
 
-    /// As [`Self::heights_in_tree`], of the points in a window that holds all of the cylinder.
+    /// As [`Self::heights_in_tree`], for the points in a window that contains the whole cylinder.
     pub(super) fn heights_in_window(&self, window: &Window, heights: &mut Heights) {
-        // No more than this from the centre, along each coordinate, to the one side and the other.
+        // Bounds of the distance from the centre along each coordinate, in both directions.
         let (ends, sides) = (
             self.axis * self.half_length_m,
             self.axis
@@ -92,7 +93,7 @@ impl Cylinder {
         fill_heights(heights, window, &between, self);
     }
 
-    /// The height of a point along the axis, and whether it lies inside.
+    /// The height of a point along the axis, and whether it is inside.
     #[inline(always)]
     fn place(&self, point: [f64; 3]) -> (f64, bool) {
         let [x, y, z] = [
@@ -108,7 +109,7 @@ impl Cylinder {
             z - height * axis.z,
         ];
         let squared = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
-        // All of them in any case: branches would be mispredicted.
+        // All conditions are evaluated: branches would be mispredicted.
         let inside = (height.abs() < self.half_length_m)
             & (height >= self.lowest_m)
             & (squared <= self.radius_m * self.radius_m);
@@ -116,8 +117,8 @@ impl Cylinder {
     }
 }
 
-/// Heights of points along the axis of a cylinder, and a weight for each: 1 inside, and 0 for both
-/// outside.
+/// Heights of points along the axis of a cylinder, and a weight for each: 1 inside; outside, both
+/// are 0.
 #[derive(Debug, Default)]
 pub(super) struct Heights {
     heights: Vec<f64>,
@@ -145,14 +146,14 @@ impl Heights {
 }
 
 with_widest_vectors! {
-    fn fill_heights(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cylinder)
+    fn fill_heights(heights: &mut Heights, window: &Window, between: &BoxQuery, cylinder: &Cylinder)
         = fill
 }
 
-/// Replaces all by the points of the window in the cylinder, of which those in the box are looked at.
-/// Written without closures, which would not be compiled for the wide vectors.
+/// Replaces all values by those of the points of the window, of which only those in the box are
+/// tested. No closures: they would not be compiled for wide vectors.
 #[inline(always)]
-fn fill(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cylinder) {
+fn fill(heights: &mut Heights, window: &Window, between: &BoxQuery, cylinder: &Cylinder) {
     heights.filled = 0;
     for row in 0..window.rows() {
         let [x, y, z] = window.row_in_box(row, between);
@@ -174,7 +175,7 @@ fn fill(heights: &mut Heights, window: &Window, between: &Between, cylinder: &Cy
     }
 }
 
-/// Writes height and weight of every point.
+/// Writes the height and weight of every point.
 #[inline(always)]
 fn write(
     x: &[f64],

@@ -1,10 +1,10 @@
-//! What stands for the points of a cylinder, and from which distance on a change is detected.
+//! Summary of the points in a cylinder, and the level of detection.
 
 use super::settings::{Aggregation, ComparisonSettings, Detection};
 use super::sums;
 use crate::statistics::{NORMAL_97_5, NORMAL_97_5_ROUNDED, quartile, student_97_5};
 
-/// The points of one cloud in a cylinder, summed up by their heights along its axis.
+/// The points of one cloud in a cylinder, summarised by their heights along its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sample {
     pub(super) count: u32,
@@ -16,15 +16,15 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Of no points.
+    /// The summary of no points.
     pub(super) const NONE: Self = Self {
         count: 0,
         middle: f64::NAN,
         variance: f64::NAN,
     };
 
-    /// Sums up those of `heights` that `weights` give 1 and not 0, in lists as long as each other.
-    /// `sorted` is for passing use.
+    /// Summarises those of `heights` with weight 1 in `weights`, a list of the same length.
+    /// `sorted` is a buffer.
     pub(super) fn of(
         heights: &[f64],
         weights: &[f64],
@@ -33,7 +33,7 @@ impl Sample {
     ) -> Self {
         let (count, middle, variance) = match aggregation {
             Aggregation::Mean => {
-                // 0/0 is the NaN that the mean of no points should be.
+                // 0/0 gives NaN, the mean of no points.
                 let [n, sum] = sums::both(weights, heights);
                 let mean = sum / n;
                 (
@@ -66,8 +66,8 @@ impl Sample {
     }
 }
 
-/// The level of detection at 95 %, metres, as [`super::m3c2`] defines it; NaN where a sample has
-/// fewer than two points or fewer than the settings ask for.
+/// The level of detection at 95 %, metres, as defined in [`super::m3c2`](mod@super::m3c2); NaN if a
+/// sample has fewer than two points or fewer than the settings require.
 pub(super) fn level_of_detection(
     reference: &Sample,
     compared: &Sample,
@@ -87,10 +87,10 @@ pub(super) fn level_of_detection(
         Detection::Student => {
             let drawn = if sampling > 0.0 {
                 let (share_a, share_b) = (a / (a + b), b / (a + b));
-                let freedom = 1.0
+                let dof = 1.0
                     / (share_a * share_a / f64::from(reference.count - 1)
                         + share_b * share_b / f64::from(compared.count - 1));
-                student_97_5(freedom) * sampling
+                student_97_5(dof) * sampling
             } else {
                 0.0
             };
@@ -131,7 +131,7 @@ mod tests {
         let expected = 3.218_758_614_532 * sampling + NORMAL_97_5 * 0.5;
         let found = level_of_detection(&a, &b, &student);
         assert!((found - expected).abs() < 1e-11, "{found} {expected}");
-        // Without spread nothing is left to chance but the registration.
+        // Without spread, only the registration error contributes.
         let flat = sample(&[1.0, 1.0]);
         let found = level_of_detection(&flat, &flat, &student);
         assert_eq!(found, NORMAL_97_5 * 0.5);

@@ -1,4 +1,4 @@
-//! Core points in the same part of space, which look at the same points.
+//! Core points in the same region, which need the same points of the clouds.
 
 use std::ops::Range;
 
@@ -8,10 +8,10 @@ use super::cells::{Lattice, block_of};
 use crate::cloud::voxel::VoxelKey;
 use crate::geometry::Vec3;
 
-/// Most core points of a group: work is shared out by groups.
+/// Most core points of a group: work is distributed by groups.
 const MOST: usize = 1024;
 
-/// The core points that a lattice holds, sorted by its blocks.
+/// The core points covered by a lattice, sorted by its blocks.
 pub(super) struct Groups {
     /// Indices of core points.
     order: Vec<u32>,
@@ -23,7 +23,7 @@ impl Groups {
         let mut keys: Vec<(VoxelKey, u32)> = core
             .par_iter()
             .enumerate()
-            .filter(|(_, point)| lattice.holds(point))
+            .filter(|(_, point)| lattice.covers(point))
             .map(|(at, point)| {
                 let [x, y, z] = block_of(lattice.cell(point));
                 ([z, y, x], at as u32)
@@ -45,9 +45,9 @@ impl Groups {
         }
     }
 
-    /// Hands every group to `each`: its block, the indices of its core points, and buffers that are
-    /// used again. It returns one value for each of them; those of core points that the lattice does
-    /// not hold are `missing`. Returns all values in the order of the core points.
+    /// Calls `each` with every group: its block, the indices of its core points, and reusable
+    /// buffers. It returns one value for each of them; core points outside the lattice get
+    /// `missing`. Returns all values in the order of the core points.
     pub(super) fn map<T, Scratch>(
         &self,
         core_points: usize,
@@ -73,7 +73,7 @@ impl Groups {
     }
 }
 
-/// The smallest box around these core points, widened by `reach_m` to all sides.
+/// The bounding box of these core points, widened by `reach_m` on all sides.
 pub(super) fn box_around(core: &[Vec3], indices: &[u32], reach_m: f64) -> (Vec3, Vec3) {
     let points = indices.iter().map(|&at| core[at as usize]);
     let nothing = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));

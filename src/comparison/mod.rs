@@ -1,4 +1,4 @@
-//! How far apart two clouds are: M3C2 and its statistics.
+//! Distances between two clouds: M3C2 and its statistics.
 
 mod agreement;
 mod cells;

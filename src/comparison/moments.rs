@@ -1,13 +1,12 @@
 //! Number, mean and covariance of the points in a ball, in one pass.
 
 use super::sums;
-use super::window::{Ball, Window};
+use super::window::{BallQuery, Window};
 use crate::cloud::StructureTensor;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::{Mat3, Vec3};
 
-/// Offsets of points from the centre of a ball, coordinate by coordinate; those of points outside
-/// are 0.
+/// Offsets of points from the centre of a ball, one list per coordinate; 0 for points outside.
 #[derive(Debug, Default)]
 pub(super) struct Offsets {
     lists: [Vec<f64>; 3],
@@ -16,8 +15,8 @@ pub(super) struct Offsets {
 }
 
 impl Offsets {
-    /// Replaces all by the offsets of the points in the closed ball of `radius` (metres) around
-    /// `centre`.
+    /// Replaces all values by the offsets of the points in the closed ball of `radius` (metres)
+    /// around `centre`.
     pub(super) fn fill(&mut self, window: &Window, centre: &Vec3, radius: f64) {
         let ball = window.ball(centre, radius);
         fill_offsets(self, window, &ball, centre, radius * radius);
@@ -25,7 +24,7 @@ impl Offsets {
 
     /// The structure tensor of the points inside.
     ///
-    /// Sums of squares about the centre lose what is small beside the square of the radius.
+    /// Sums of squares about the centre lose terms that are small relative to the squared radius.
     pub(super) fn tensor(&self, centre: &Vec3) -> StructureTensor {
         let [x, y, z] = &self.lists;
         let filled = self.filled;
@@ -46,16 +45,16 @@ with_widest_vectors! {
     fn fill_offsets(
         offsets: &mut Offsets,
         window: &Window,
-        ball: &Ball,
+        ball: &BallQuery,
         centre: &Vec3,
         limit: f64
     ) = fill
 }
 
-/// Those with |p − centre|² ≤ `limit` lie inside; what is not finite lies outside. Written without
-/// closures, which would not be compiled for the wide vectors.
+/// Points with |p − centre|² ≤ `limit` are inside; points that are not finite are outside. No
+/// closures: they would not be compiled for wide vectors.
 #[inline(always)]
-fn fill(offsets: &mut Offsets, window: &Window, ball: &Ball, centre: &Vec3, limit: f64) {
+fn fill(offsets: &mut Offsets, window: &Window, ball: &BallQuery, centre: &Vec3, limit: f64) {
     offsets.filled = 0;
     offsets.inside = 0;
     for row in 0..window.rows() {
@@ -82,7 +81,8 @@ fn fill(offsets: &mut Offsets, window: &Window, ball: &Ball, centre: &Vec3, limi
     }
 }
 
-/// Writes the offsets of points from `centre`, 0 for those outside, and returns how many are inside.
+/// Writes the offsets of points from `centre`, 0 for those outside, and returns the number of those
+/// inside.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // Compilers know of separate lists that they do not overlap.
 fn write(
@@ -106,7 +106,8 @@ fn write(
     let mut found = 0;
     for at in 0..count {
         let (x, y, z) = (x[at] - centre.x, y[at] - centre.y, z[at] - centre.z);
-        // Without a branch: which points are inside is as good as random. All bits stay, or none.
+        // Without a branch, because which points are inside is nearly random. All bits stay, or
+        // none.
         let inside = u64::from(x * x + y * y + z * z <= limit);
         let keep = inside.wrapping_neg();
         into_x[at] = f64::from_bits(x.to_bits() & keep);

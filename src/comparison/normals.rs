@@ -5,10 +5,10 @@ use super::window::Window;
 use crate::cloud::StructureTensor;
 use crate::geometry::{Vec3, is_finite};
 
-/// The direction of `vector`, all NaN where it has none.
+/// The unit vector of `vector`; NaN if it is zero or not finite.
 pub(super) fn unit(vector: &Vec3) -> Vec3 {
     let norm = vector.norm();
-    // The squares of components outside this range overflow or vanish.
+    // The squares of components outside this range overflow or underflow.
     if (1e-140..1e140).contains(&norm) {
         return vector / norm;
     }
@@ -20,12 +20,12 @@ pub(super) fn unit(vector: &Vec3) -> Vec3 {
     }
 }
 
-/// What is left of the scale of a neighbourhood's covariance after one pass, at most, before its
-/// normal is taken from two passes over the points.
+/// Fraction of the scale of a neighbourhood's covariance below which its normal is computed in two
+/// passes over the points instead of one.
 const TWO_PASSES_BELOW: f64 = 0.01;
 
 /// The normal of the most planar of the neighbourhoods of `point` with these radii, on the side of
-/// `orientation`, and its radius. `None` where none of them has three points that span a plane.
+/// `orientation`, and its radius. `None` if no neighbourhood has three points that span a plane.
 pub(super) fn most_planar(
     window: &Window,
     point: &Vec3,
@@ -41,8 +41,8 @@ pub(super) fn most_planar(
             continue;
         }
         let mut eigen = tensor.eigen();
-        // The rounding of sums of squares is relative to the square of the radius; the normal of a
-        // surface hangs on the difference of these two, which is about a quarter of that.
+        // The rounding error of sums of squares is relative to the squared radius; the normal of a
+        // surface depends on this difference of two eigenvalues, which is about a quarter of that.
         if eigen.values.y - eigen.values.z < TWO_PASSES_BELOW * radius * radius {
             let near = points_in_ball(window, point, radius);
             eigen = StructureTensor::from_points(&near).eigen();

@@ -1,25 +1,26 @@
-//! What a comparison found.
+//! The result of a comparison.
 
 use crate::geometry::Vec3;
 
-/// What was found at one core point.
+/// The result at one core point.
 ///
-/// NaN stands for what too few points leave open: the distance needs one point of each cloud in
-/// the cylinder (or more, see [`min_points`](crate::comparison::ComparisonSettings::min_points)), a spread two of its cloud, and the
-/// level of detection as many of each as distance and spread. The normal needs three points that are
-/// not on one line; without it, or at a core point that is not finite, all is NaN and the counts are
-/// 0.
+/// Values are NaN if there are too few points: the distance needs one point of each cloud in the
+/// cylinder (or more, see [`min_points`](crate::comparison::ComparisonSettings::min_points)), a
+/// spread two points of its cloud, and the level of detection as many of each as distance and
+/// spread. The normal needs three points that are not collinear; without it, or at a core point
+/// that is not finite, all values are NaN and the counts are 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CoreDistance {
     /// The core point, metres.
     pub point: Vec3,
     /// Unit normal: the direction in which distances are positive.
     pub normal: Vec3,
-    /// Radius of the neighbourhood the normal comes from, metres; NaN where it was given.
+    /// Radius of the neighbourhood of the normal, metres; NaN if the normal was given.
     pub normal_radius_m: f64,
-    /// Mean (or median) of the compared cloud less that of the reference, along the normal, metres.
+    /// Mean (or median) of the compared cloud minus that of the reference, along the normal,
+    /// metres.
     pub distance_m: f64,
-    /// Level of detection at 95 %, metres: a smaller distance cannot be told from none.
+    /// Level of detection at 95 %, metres: smaller distances are not significant.
     pub level_of_detection_m: f64,
     /// Standard deviation (or inter-quartile range) along the normal of the reference's points in
     /// the cylinder, metres.
@@ -34,7 +35,7 @@ pub struct CoreDistance {
 }
 
 impl CoreDistance {
-    /// Nothing found at a place that is not known either.
+    /// No result, at an unknown position.
     pub(super) fn unknown() -> Self {
         Self {
             point: Vec3::repeat(f64::NAN),
@@ -49,17 +50,17 @@ impl CoreDistance {
         }
     }
 
-    /// Whether the distance exceeds the level of detection; `None` where either is unknown.
+    /// Whether the distance exceeds the level of detection; `None` if either is unknown.
     pub fn significant(&self) -> Option<bool> {
         let known = self.distance_m.is_finite() && self.level_of_detection_m.is_finite();
         known.then(|| self.distance_m.abs() > self.level_of_detection_m)
     }
 }
 
-/// A comparison: one entry for each core point, in their order.
+/// A comparison: one entry for each core point, in order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct M3c2 {
-    /// What was found at each core point.
+    /// The result at each core point.
     pub core: Vec<CoreDistance>,
 }
 

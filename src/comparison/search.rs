@@ -1,4 +1,4 @@
-//! Two clouds, ready to be searched around core points, and the search.
+//! Two indexed clouds, and the computation of distances at core points.
 
 use std::sync::Arc;
 
@@ -17,15 +17,15 @@ use crate::error::{Error, Result};
 use crate::geometry::{Vec3, is_finite};
 use crate::progress::Progress;
 
-/// Cylinders longer than this many radii to one side are searched for in trees: blocks as large as
-/// they are long would hold too much beside them.
+/// Cylinders longer than this many radii to one side are searched in trees: blocks as large as
+/// their length would contain too many other points.
 const LONGEST_IN_CELLS: f64 = 8.0;
 
-/// Two clouds to compare, ready to be searched.
+/// Two indexed clouds to compare.
 #[derive(Debug, Clone)]
 pub struct IndexedClouds {
     settings: ComparisonSettings,
-    /// The reference, where normals are to be found from it.
+    /// The reference, if normals are to be computed from it.
     for_normals: Option<Arc<Cells>>,
     for_cylinders: Cylinders,
 }
@@ -38,11 +38,11 @@ enum Cylinders {
 }
 
 impl IndexedClouds {
-    /// Indexes two clouds (metres, in one frame) for comparing them with these settings, with normals
-    /// of this kind. Points that are not finite count as missing.
+    /// Indexes two clouds (metres, in one frame) for a comparison with these settings and this kind
+    /// of normals. Points that are not finite are ignored.
     ///
     /// # Errors
-    /// [`Error::Data`] where a cloud has no finite point, a radius or distance is not positive and
+    /// [`Error::Data`] if a cloud has no finite point, a radius or distance is not positive and
     /// finite, the registration error is negative, `min_points` is 0, or a direction is zero or not
     /// finite.
     pub fn new(
@@ -59,11 +59,11 @@ impl IndexedClouds {
         Self::of_pieces(reference, compared, normals, settings)
     }
 
-    /// As [`Self::new`], of pieces of two clouds, which may hold no points: all those within
-    /// [`reach_m`] of the core points to come.
+    /// As [`Self::new`], for parts of two clouds, which may be empty: all points within [`reach_m`]
+    /// of the core points to come.
     ///
     /// # Errors
-    /// As there, but for clouds without points.
+    /// As there, except for clouds without points.
     pub fn of_pieces(
         reference: &[Vec3],
         compared: &[Vec3],
@@ -88,7 +88,7 @@ impl IndexedClouds {
                 rayon::join(cells, || rayon::join(|| tree(reference), || tree(compared)));
             (cells, Cylinders::Trees(trees.0, trees.1))
         } else {
-            // One lattice where it suits both searches.
+            // One lattice, if it suits both searches.
             let both = ball.map_or(reach, |ball| ball.max(reach));
             let is_shared =
                 both <= LONGEST_IN_CELLS * radius && ball.is_none_or(|ball| both <= 3.0 * ball);
@@ -114,15 +114,16 @@ impl IndexedClouds {
 
     /// Compares the clouds at the points `core` (metres, in their frame).
     ///
-    /// The cylinder reaches `max_distance_m` to both sides, at least its radius. Core points outside
-    /// the overlap get NaN, which is no error; see [`super::Statistics::of`] for none at all. The
-    /// stage is the caller's to begin, name and end; it advances by one for each core point. What is
-    /// found at a core point depends neither on the number of threads nor on other core points nor
-    /// on points of the clouds farther away than [`reach_m`], to the last bit.
+    /// The cylinder reaches `max_distance_m` to both sides, at least its radius. Core points
+    /// outside the overlap get NaN, which is not an error; see [`super::Statistics::of`] if no core
+    /// point has a distance. The caller begins, names and ends the stage, which advances by one for
+    /// each core point. The result at a core point does not depend on the number of threads, on
+    /// other core points, or on points of the clouds farther away than [`reach_m`], to the last
+    /// bit.
     ///
     /// # Errors
-    /// [`Error::Data`] where `core` is empty, there are not as many normals as core points, or
-    /// normals are to be found and the clouds were indexed without; [`Error::Cancelled`].
+    /// [`Error::Data`] if `core` is empty, the numbers of normals and core points differ, or
+    /// normals are to be computed and the clouds were indexed without; [`Error::Cancelled`].
     pub fn distances(
         &self,
         core: &[Vec3],
@@ -135,11 +136,11 @@ impl IndexedClouds {
             Normals::MostPlanar { orientation } => {
                 let Some(cells) = &self.for_normals else {
                     return Err(Error::data(
-                        "the clouds are indexed for given normals and none are given",
-                        "index them for normals that are found",
+                        "the clouds are indexed for given normals, but no normals are given",
+                        "index them for computed normals, or give normals",
                     ));
                 };
-                self.find_normals(cells, core, &orientation, progress)
+                self.compute_normals(cells, core, &orientation, progress)
             }
             Normals::Fixed(direction) => vec![(normals::unit(&direction), f64::NAN); core.len()],
             Normals::Given(given) => given
@@ -148,14 +149,13 @@ impl IndexedClouds {
                 .collect(),
         };
         progress.check()?;
-        let core = self.measure(core, &normals, progress);
+        let core = self.measure_distances(core, &normals, progress);
         progress.check()?;
         Ok(M3c2 { core })
     }
 
-    /// Unit normals and the radii they come from; NaN where there are none. Of no use where the
-    /// work was told to stop.
-    fn find_normals(
+    /// Unit normals and their radii; NaN if there are none. Unusable if the work was cancelled.
+    fn compute_normals(
         &self,
         cells: &Cells,
         core: &[Vec3],
@@ -184,8 +184,8 @@ impl IndexedClouds {
         )
     }
 
-    /// What stands at every core point; of no use where the work was told to stop.
-    fn measure(
+    /// The result at every core point; unusable if the work was cancelled.
+    fn measure_distances(
         &self,
         core: &[Vec3],
         normals: &[(Vec3, f64)],
@@ -234,10 +234,10 @@ impl IndexedClouds {
                             }),
                         }
                     };
-                    summed_up(&found, normal, normal_radius_m, settings)
+                    core_distance(&found, normal, normal_radius_m, settings)
                 };
                 let distances: Vec<CoreDistance> = indices.iter().map(distance).collect();
-                // Finding normals was the first half of the work.
+                // Computing normals was the first half of the work.
                 let half = match self.for_normals {
                     Some(_) => indices.len() / 2,
                     None => 0,
@@ -253,8 +253,8 @@ impl IndexedClouds {
     }
 }
 
-/// What the samples of reference and compared cloud say.
-fn summed_up(
+/// Combines the summaries of reference and compared cloud.
+fn core_distance(
     [reference, compared]: &[Sample; 2],
     normal: Vec3,
     normal_radius_m: f64,
@@ -278,7 +278,7 @@ fn summed_up(
     }
 }
 
-/// Buffers that are used again from group to group.
+/// Buffers reused from group to group.
 #[derive(Default)]
 struct Scratch {
     windows: [Window; 2],
@@ -286,18 +286,18 @@ struct Scratch {
     sorted: Vec<f64>,
 }
 
-/// Distance from a core point to the farthest place of its cylinder, metres.
+/// Distance from a core point to the farthest point of its cylinder, metres.
 fn cylinder_reach_m(settings: &ComparisonSettings) -> f64 {
     settings
         .cylinder_radius_m
         .hypot(cylinder::half_length_m(settings))
 }
 
-/// Points of the clouds farther from a core point than this do not change what is found there, to
-/// the last bit, metres: what a piece of a cloud must hold around its core points.
+/// Points of the clouds farther from a core point than this do not change its result, to the last
+/// bit, metres: a part of a cloud must contain all points up to this distance from its core points.
 ///
-/// It reaches beyond balls and cylinders: the order of sums hangs on all points in the cells that
-/// meet them.
+/// It reaches beyond balls and cylinders, because the order of sums depends on all points in the
+/// cells that meet them.
 pub fn reach_m(settings: &ComparisonSettings) -> f64 {
     let balls = settings.normal_radii_m.iter().copied();
     2.0 * balls.fold(cylinder_reach_m(settings), f64::max)

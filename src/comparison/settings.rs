@@ -1,6 +1,6 @@
-//! How clouds are compared.
+//! Settings of comparisons.
 
-/// What stands for the points of a cloud in a cylinder of M3C2.
+/// How the points of a cloud in a cylinder of M3C2 are summarised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Aggregation {
@@ -11,23 +11,23 @@ pub enum Aggregation {
     Median,
 }
 
-/// Which distribution the level of detection of M3C2 takes its 97.5 % quantile from.
+/// The distribution from which the level of detection of M3C2 takes its 97.5 % quantile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Detection {
     /// The normal distribution, with the quantile rounded to 1.96 as in the literature.
     #[default]
     Normal,
-    /// Student's t, which is right for few points too.
+    /// Student's t, which also holds for few points.
     Student,
 }
 
-/// Settings of the M3C2 comparison. Radii are radii.
+/// Settings of the M3C2 comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ComparisonSettings {
-    /// Core points are thinned to this spacing, metres.
+    /// Voxel size to which core points are thinned, metres.
     pub core_spacing_m: f64,
-    /// Radii of the neighbourhoods for normals; the most planar one counts, metres.
+    /// Radii of the neighbourhoods for normals, of which the most planar is used, metres.
     pub normal_radii_m: Vec<f64>,
     /// Radius of the cylinder, metres.
     pub cylinder_radius_m: f64,
@@ -35,13 +35,13 @@ pub struct ComparisonSettings {
     pub max_distance_m: f64,
     /// Registration error added to the level of detection, metres.
     pub registration_error_m: f64,
-    /// What stands for the points in a cylinder.
+    /// How the points in a cylinder are summarised.
     pub aggregation: Aggregation,
-    /// How the level of detection is found.
+    /// How the level of detection is computed.
     pub detection: Detection,
-    /// Cylinders reach along the normal only, not against it: for both clouds.
+    /// Cylinders reach only along the normal, not against it, for both clouds.
     pub one_sided: bool,
-    /// With fewer points of either cloud in a cylinder there is no distance; 1 or more.
+    /// Fewest points of either cloud in a cylinder for a distance; 1 or more.
     pub min_points: u32,
 }
 

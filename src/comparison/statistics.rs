@@ -1,4 +1,4 @@
-//! A comparison in numbers.
+//! Statistics of a comparison.
 
 use super::result::M3c2;
 use crate::error::{Error, Problem, Result};
@@ -20,7 +20,7 @@ pub struct Statistics {
     pub rmse_m: f64,
     /// Median distance.
     pub median_m: f64,
-    /// Share of distances beyond their level of detection, among those that have one; NaN where none
+    /// Share of distances beyond their level of detection, among those that have one; NaN if none
     /// has.
     pub significant_share: f64,
     /// The distances, ascending.
@@ -32,12 +32,12 @@ impl Statistics {
     /// Statistics of `comparison`.
     ///
     /// # Errors
-    /// [`Error::Data`] where no core point has a distance: the clouds do not meet. It says what was
-    /// missing.
+    /// [`Error::Data`] if no core point has a distance because the clouds do not overlap. The error
+    /// says what was missing.
     pub fn of(comparison: &M3c2) -> Result<Self> {
         let mut sorted_m: Vec<f64> = comparison.distances_m().collect();
         if sorted_m.is_empty() {
-            return Err(clouds_do_not_meet(comparison));
+            return Err(no_overlap(comparison));
         }
         let n = sorted_m.len();
         let count = n as f64;
@@ -102,7 +102,7 @@ pub struct Histogram {
     pub above: u64,
 }
 
-fn clouds_do_not_meet(comparison: &M3c2) -> Error {
+fn no_overlap(comparison: &M3c2) -> Error {
     let core = &comparison.core;
     let without_normal = core.iter().filter(|core| core.normal.x.is_nan()).count();
     let reference = core.iter().filter(|core| core.reference_count > 0).count();
@@ -110,7 +110,7 @@ fn clouds_do_not_meet(comparison: &M3c2) -> Error {
     Error::of(
         Problem::NoOverlap,
         format!(
-            "the clouds do not meet: of {} core points none has points of both clouds in its \
+            "the clouds do not overlap: none of {} core points has points of both clouds in its \
              cylinder ({reference} have points of the reference, {compared} of the compared cloud, \
              {without_normal} have no normal)",
             core.len()

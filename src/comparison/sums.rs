@@ -1,7 +1,8 @@
 //! Sums of long lists, compiled for the widest vectors.
 //!
-//! Each is kept in 32 parts side by side: one alone waits for its last addition. One sum at a
-//! time: compilers find vectors in such loops, and none where several sums are mixed.
+//! Each sum has 32 partial sums side by side, because a single one would wait for its last
+//! addition. One sum at a time: compilers vectorise such loops, but not those that mix several
+//! sums.
 
 use crate::cloud::vectors::with_widest_vectors;
 
@@ -38,7 +39,7 @@ fn add_both(a: &[f64], b: &[f64]) -> [f64; 2] {
 }
 
 with_widest_vectors! {
-    /// Σ ((a − middle) w)² with the weights w, a list as long as a.
+    /// Σ ((a − middle) w)² with the weights w, as many as a.
     pub(super) fn squares_about(middle: f64, a: &[f64], weights: &[f64]) -> f64 = add_squares
 }
 
@@ -57,7 +58,7 @@ fn add_squares(middle: f64, a: &[f64], weights: &[f64]) -> f64 {
         let about = (a - middle) * weight;
         *sum += about * about;
     }
-    together(sums)
+    total_of_lanes(sums)
 }
 
 #[inline(always)]
@@ -72,7 +73,7 @@ fn total(a: &[f64]) -> f64 {
     for (sum, a) in sums.iter_mut().zip(rest) {
         *sum += a;
     }
-    together(sums)
+    total_of_lanes(sums)
 }
 
 #[inline(always)]
@@ -88,12 +89,12 @@ fn total_product(a: &[f64], b: &[f64]) -> f64 {
     for ((sum, a), b) in sums.iter_mut().zip(a_rest).zip(b_rest) {
         *sum += a * b;
     }
-    together(sums)
+    total_of_lanes(sums)
 }
 
-/// The sum of sums, halves added to halves.
+/// The sum of the partial sums, halves added to halves.
 #[inline(always)]
-fn together(mut sums: [f64; LANES]) -> f64 {
+fn total_of_lanes(mut sums: [f64; LANES]) -> f64 {
     let mut half = LANES / 2;
     while half > 0 {
         for lane in 0..half {
@@ -110,7 +111,7 @@ mod tests {
 
     #[test]
     fn sums_are_those_of_whole_numbers() {
-        // Whole numbers add up without rounding, in any order.
+        // Integers add up without rounding, in any order.
         for n in [0usize, 1, 15, 16, 17, 50] {
             let list = |k: i32| -> Vec<f64> {
                 (0..n as i32).map(|i| f64::from((k * i) % 7 - 3)).collect()

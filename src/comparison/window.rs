@@ -6,25 +6,25 @@ use super::cells::{Cells, Lattice, SIDE};
 use crate::cloud::voxel::VoxelKey;
 use crate::geometry::Vec3;
 
-/// Points are handed out in multiples of this: vector units then take them without rest. What is
-/// too many belongs to the same row, or lies at infinity behind its end.
+/// Points are returned in multiples of this, which fills vector registers. The additional points
+/// belong to the same row, or are at infinity behind its end.
 const EIGHT: usize = 8;
 
-/// More than the rounding of a squared distance, relative.
+/// Upper bound on the relative rounding error of a squared distance.
 const ROUNDING: f64 = 1e-14;
 
-/// A row of cells along x in which there are points.
+/// A row of cells along x that contains points.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     /// Lower ends of its intervals along y and z, metres.
     y_m: f64,
     z_m: f64,
-    /// Where its columns stand in [`Window::begins`].
+    /// First of its columns in [`Window::begins`].
     columns: usize,
 }
 
-/// The points in a box of cells: layer by layer, row by row, cell by cell along x, and within a cell
-/// in the order of the cloud.
+/// The points in a box of cells: layer by layer, row by row, cell by cell along x, and within a
+/// cell in the order of the cloud.
 #[derive(Debug, Default)]
 pub(super) struct Window {
     lattice: Option<Lattice>,
@@ -32,13 +32,13 @@ pub(super) struct Window {
     x_m: f64,
     columns: usize,
     rows: Vec<Row>,
-    /// Where the points of each column of each row begin, and after those of a row where they end.
+    /// The first point of each column of each row, and after those of a row the end of the last.
     begins: Vec<u32>,
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
-    /// For each cell of the box the points' place in the cloud's lists and their number, and whether
-    /// a row has any; all zero between two gatherings.
+    /// For each cell of the box the position of its points in the cloud's lists and their number,
+    /// and whether a row has any; all zero between two calls of `gather`.
     found: Vec<(u32, u32)>,
     occupied: Vec<bool>,
 }
@@ -103,7 +103,7 @@ impl Window {
     /// Copies the points of the row whose cells begin at `found[row]`.
     fn copy(&mut self, cells: &Cells, row: usize) {
         let mut begin = self.x.len() as u32;
-        // Cells that follow each other in the cloud's lists are copied at once.
+        // Cells that are consecutive in the cloud's lists are copied at once.
         let (mut first, mut end) = (0, 0);
         let mut copy = |first: u32, end: u32| {
             let range = first as usize..end as usize;
@@ -130,19 +130,19 @@ impl Window {
         }
     }
 
-    /// Number of rows in which there are points.
+    /// Number of rows that contain points.
     pub(super) fn rows(&self) -> usize {
         self.rows.len()
     }
 
-    /// What [`Self::row_in_ball`] needs for the closed ball of `radius` (metres) around `centre`.
-    /// There is nothing to be found in a window that was never filled.
-    pub(super) fn ball(&self, centre: &Vec3, radius: f64) -> Ball {
+    /// Prepares [`Self::row_in_ball`] for the closed ball of `radius` (metres) around `centre`. A
+    /// window that was never filled has no points.
+    pub(super) fn ball(&self, centre: &Vec3, radius: f64) -> BallQuery {
         let (cell_m, room_m) = match self.lattice {
             Some(lattice) => (lattice.cell_m, lattice.rounding(centre)),
             None => (1.0, 0.0),
         };
-        Ball {
+        BallQuery {
             y_m: centre.y,
             z_m: centre.z,
             squared: radius * radius * (1.0 + ROUNDING),
@@ -154,10 +154,10 @@ impl Window {
         }
     }
 
-    /// The points of a row in the cells that may meet the ball, and some around them; nothing where
+    /// The points of a row in the cells that may meet the ball, and some around them; empty if
     /// there are none.
     #[inline(always)]
-    pub(super) fn row_in_ball(&self, row: usize, ball: &Ball) -> [&[f64]; 3] {
+    pub(super) fn row_in_ball(&self, row: usize, ball: &BallQuery) -> [&[f64]; 3] {
         let row = &self.rows[row];
         let y = distance_to_interval(row.y_m - ball.y_m, ball.cell_m, ball.room_m);
         let z = distance_to_interval(row.z_m - ball.z_m, ball.cell_m, ball.room_m);
@@ -171,8 +171,8 @@ impl Window {
         self.points(row, columns)
     }
 
-    /// What [`Self::row_in_box`] needs for the box from `low` to `high` (metres).
-    pub(super) fn box_between(&self, low: &Vec3, high: &Vec3) -> Between {
+    /// Prepares [`Self::row_in_box`] for the box from `low` to `high` (metres).
+    pub(super) fn box_between(&self, low: &Vec3, high: &Vec3) -> BoxQuery {
         let (cell_m, room_m) = match self.lattice {
             Some(lattice) => (
                 lattice.cell_m,
@@ -181,7 +181,7 @@ impl Window {
             None => (1.0, 0.0),
         };
         let last = self.columns as f64;
-        Between {
+        BoxQuery {
             low: low.add_scalar(-room_m - cell_m),
             high: high.add_scalar(room_m),
             columns: below((low.x - room_m - self.x_m) / cell_m, last)
@@ -189,10 +189,10 @@ impl Window {
         }
     }
 
-    /// The points of a row in the cells that meet the box, and some around them; nothing where there
-    /// are none.
+    /// The points of a row in the cells that meet the box, and some around them; empty if there are
+    /// none.
     #[inline(always)]
-    pub(super) fn row_in_box(&self, row: usize, between: &Between) -> [&[f64]; 3] {
+    pub(super) fn row_in_box(&self, row: usize, between: &BoxQuery) -> [&[f64]; 3] {
         let row = &self.rows[row];
         let (low, high) = (&between.low, &between.high);
         let meets =
@@ -204,7 +204,8 @@ impl Window {
         }
     }
 
-    /// The points in some columns of a row, and as many after them as make eights of them.
+    /// The points in some columns of a row, with as many after them as complete a multiple of
+    /// eight.
     #[inline(always)]
     fn points(&self, row: &Row, columns: Range<usize>) -> [&[f64]; 3] {
         let begin = self.begins[row.columns + columns.start] as usize;
@@ -218,9 +219,9 @@ impl Window {
     }
 }
 
-/// A ball, as the rows of a window see it: metres, and columns.
+/// A ball in terms of the rows and columns of a window, metres.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ball {
+pub(super) struct BallQuery {
     y_m: f64,
     z_m: f64,
     squared: f64,
@@ -231,42 +232,43 @@ pub(super) struct Ball {
     columns: f64,
 }
 
-/// A box, as the rows of a window see it: their lower ends lie between these if they meet it.
+/// A box in terms of the rows of a window: those between these lower ends meet it.
 #[derive(Debug, Clone)]
-pub(super) struct Between {
+pub(super) struct BoxQuery {
     low: Vec3,
     high: Vec3,
     columns: Range<usize>,
 }
 
-/// Distance from 0 to the interval from `low` on, as long as `length`; not too large, by `room`.
+/// Distance from 0 to the interval from `low` on with length `length`; reduced by `room` so that it
+/// is never too large.
 #[inline(always)]
 fn distance_to_interval(low: f64, length: f64, room: f64) -> f64 {
     larger(larger(low, -(low + length)) - room, 0.0)
 }
 
-/// The larger of two numbers that are not NaN: one instruction, where `f64::max` takes six.
+/// The larger of two numbers that are not NaN: one instruction; `f64::max` takes six.
 #[inline(always)]
 fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// A whole number between `x` − 1 and `x`, limited to 0 … `last`.
+/// An integer between `x` − 1 and `x`, limited to 0 … `last`.
 #[inline(always)]
 fn below(x: f64, last: f64) -> usize {
     nearest(x - 0.5, last)
 }
 
-/// A whole number between `x` and `x` + 1, limited to 0 … `last`.
+/// An integer between `x` and `x` + 1, limited to 0 … `last`.
 #[inline(always)]
 fn above(x: f64, last: f64) -> usize {
     nearest(x + 0.5, last)
 }
 
-/// The whole number nearest to `x`, limited to 0 … `last`, which is small.
+/// The integer nearest to `x`, limited to 0 … `last`, which is small.
 #[inline(always)]
 fn nearest(x: f64, last: f64) -> usize {
-    /// 2⁵²: numbers as large have no digits after the point, and the last bits are the number.
+    /// 2⁵²: numbers of this size have no fractional digits, and the last bits are the integer.
     const WHOLE: f64 = 4_503_599_627_370_496.0;
     let x = larger(x, 0.0);
     let x = if x < last { x } else { last };

@@ -1,4 +1,4 @@
-//! Numbers in binary records whose layout a header describes: PLY, PCD and `.npy`.
+//! Numbers in binary records with a layout described by a header: PLY, PCD and `.npy`.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -9,7 +9,7 @@ use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
-/// A type of number in a binary record.
+/// A number type in a binary record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Number {
     I8,
@@ -61,7 +61,7 @@ impl Number {
     }
 }
 
-/// Where x, y, z, intensity and time stand in a record.
+/// The fields of x, y, z, intensity and time in a record.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fields {
     pub(crate) xyz: [Option<usize>; 3],
@@ -70,7 +70,7 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    /// Remembers that the field `name` is number `index`, where it is one of ours.
+    /// Records that field `index` is called `name`, if it is one of these.
     pub(crate) fn note(&mut self, name: &str, index: usize) {
         match name.to_ascii_lowercase().as_str() {
             "x" => self.xyz[0] = Some(index),
@@ -98,7 +98,7 @@ impl Fields {
     }
 }
 
-/// Bytes of one file, taken piece by piece.
+/// The bytes of a file, read piece by piece.
 pub(crate) struct Bytes<'a> {
     pub(crate) path: &'a Path,
     pub(crate) reader: BufReader<File>,
@@ -117,20 +117,20 @@ impl<'a> Bytes<'a> {
         })
     }
 
-    /// A format error at the present place.
+    /// A format error at the current position.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
         let at = Location::Byte(self.at);
         Error::format(self.path, at, found, expected)
     }
 
-    /// Checks that `n` more bytes are there before memory is taken for them.
+    /// Checks that `n` more bytes exist before memory is allocated for them.
     pub(crate) fn check(&self, n: u64, what: &str) -> Result<()> {
         let left = self.total.saturating_sub(self.at);
         if n <= left {
             return Ok(());
         }
         Err(self.error(
-            format!("the end of the file {left} bytes further"),
+            format!("only {left} bytes left in the file"),
             format!("{n} bytes of {what}"),
         ))
     }
@@ -145,7 +145,8 @@ impl<'a> Bytes<'a> {
         Ok(())
     }
 
-    /// A line of text without its end; an error where the file ends before one or it is no text.
+    /// A line of text without its end; an error if the file ends before the line does or if it is
+    /// not text.
     pub(crate) fn line(&mut self) -> Result<String> {
         let mut line = Vec::new();
         let read = (&mut self.reader)

@@ -1,10 +1,10 @@
-//! Gocator recordings of the Bonn robot, `.bin`: one little-endian record a profile.
+//! Gocator recordings of the Bonn robot, `.bin`: one little-endian record per profile.
 //!
 //! f64 time (s); u64 stamp; u64 frame; u32 stamp count, profile count, exposure; i32 z offset,
 //! x offset (µm); u32 z scale, x scale (nm); u32 width; i32 n, i16 x\[n\]; i32 n, i16 z\[n\];
-//! i64 speed; i64 drops; u32 count; u32 width; i32 n, u8 intensity\[n\]. A coordinate is
-//! raw · scale + offset, none of it rounded; −32768 marks a point that was not measured; z is
-//! counted from 1150 mm below the scanner's origin.
+//! i64 speed; i64 drops; u32 count; u32 width; i32 n, u8 intensity\[n\]. A coordinate is raw ·
+//! scale + offset, not rounded; −32768 marks a point that was not measured; z counts from 1150 mm
+//! below the scanner's origin.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
@@ -27,7 +27,7 @@ const MIDDLE: usize = 24;
 /// More points than any profile scanner measures at once; keeps damaged files from claiming
 /// gigabytes.
 const WIDEST: u32 = 1 << 16;
-/// No profile scanner sees farther, while damaged scales and offsets do.
+/// Beyond the range of any profile scanner; damaged scales and offsets exceed it.
 const FARTHEST_M: f64 = 1e3;
 
 /// Reads a recording in bounded memory.
@@ -35,7 +35,7 @@ pub(crate) struct BonnReader {
     path: PathBuf,
     reader: BufReader<File>,
     record: Vec<u8>,
-    /// Byte at which the record starts.
+    /// Byte offset of the record.
     start: u64,
     total: u64,
     last_time_s: f64,
@@ -52,7 +52,7 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(word(bytes, at))
 }
 
-/// Could these be the first bytes of a recording?
+/// Whether these could be the first bytes of a recording.
 pub(crate) fn looks_like(start: &[u8]) -> bool {
     start.len() >= HEAD + 4
         && Head::parse(start).is_ok()
@@ -60,7 +60,7 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
         && u32_at(start, HEAD) == u32_at(start, 52)
 }
 
-/// What a record says before its values, in seconds and metres.
+/// The head of a record, in seconds and metres.
 struct Head {
     time_s: f64,
     z_offset_m: f64,
@@ -71,7 +71,8 @@ struct Head {
 }
 
 impl Head {
-    /// Checks the head; otherwise the offending byte, what stands there, and what should.
+    /// Parses and checks the head; otherwise the offending byte, what was found and what was
+    /// expected.
     fn parse(bytes: &[u8]) -> std::result::Result<Self, (usize, String, String)> {
         let offset = |at| f64::from(i32::from_le_bytes(word(bytes, at))) * 1e-6;
         let scale = |at| f64::from(u32_at(bytes, at)) * 1e-9;
@@ -127,20 +128,20 @@ impl BonnReader {
         })
     }
 
-    /// The error of what stands at byte `at` of the record.
+    /// A format error at byte `at` of the record.
     fn error(&self, at: usize, found: impl Into<String>, expected: impl Into<String>) -> Error {
         let at = Location::Byte(self.start + at as u64);
         Error::format(&self.path, at, found, expected)
     }
 
-    /// Appends the next `n` bytes of the file to the record and says where they start in it.
+    /// Appends the next `n` bytes of the file to the record and returns their offset in it.
     fn take(&mut self, n: usize) -> Result<usize> {
         let at = self.record.len();
         let left = self.total.saturating_sub(self.bytes_read());
         if n as u64 > left {
             return Err(self.error(
                 at,
-                format!("the end of the file {left} bytes further"),
+                format!("only {left} bytes left in the file"),
                 format!(
                     "{n} more bytes of the profile that starts at byte {}",
                     self.start
@@ -154,7 +155,7 @@ impl BonnReader {
         Ok(at)
     }
 
-    /// Takes a count, which must be `width`, and that many values of `size` bytes.
+    /// Reads a count, which must be `width`, and that many values of `size` bytes.
     fn take_values(&mut self, width: u32, size: usize, name: &str) -> Result<usize> {
         let at = self.take(4)?;
         let n = u32_at(&self.record, at);
@@ -243,9 +244,9 @@ impl ProfileReader for BonnReader {
     }
 }
 
-/// Writes a recording as a Gocator makes it: 16-bit coordinates with a scale and an offset, here
-/// chosen anew for every profile so that the step is as small as its extent allows (30 µm for a
-/// profile 2 m wide; a coordinate errs by half a step and half a micrometre at most).
+/// Writes a recording in the Gocator format: 16-bit coordinates with a scale and an offset, chosen
+/// here for every profile so that the step is as small as its extent allows (30 µm for a profile 2
+/// m wide; the error of a coordinate is at most half a step and half a micrometre).
 #[derive(Debug)]
 pub struct BonnWriter {
     path: PathBuf,
@@ -254,7 +255,7 @@ pub struct BonnWriter {
     record: Vec<u8>,
 }
 
-/// Offset (µm) and scale (nm) with which all `values` (m) become whole numbers of 16 bits.
+/// Offset (µm) and scale (nm) that map all `values` (m) to 16-bit integers.
 fn quantisation(values: impl Iterator<Item = f64> + Clone) -> (i32, u32) {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(f64::NEG_INFINITY, f64::max);
@@ -283,11 +284,11 @@ impl BonnWriter {
     }
 
     /// Appends a profile: for every ray x and z in the scanner frame (m) and the intensity, or
-    /// `None` where nothing was measured. The frames are counted by the writer.
+    /// `None` if nothing was measured. The writer counts the frames.
     ///
     /// # Errors
-    /// Times or coordinates that the format cannot hold (no finite number, beyond a kilometre),
-    /// too many rays, a file that cannot be written.
+    /// Times or coordinates outside the range of the format (not finite, beyond a kilometre), too
+    /// many rays, a file that cannot be written.
     pub fn write_profile(&mut self, time_s: f64, points: &[Option<(f64, f64, u8)>]) -> Result<()> {
         let fits = |v: f64| v.abs() < 0.5 * FARTHEST_M;
         if !time_s.is_finite()
@@ -296,14 +297,14 @@ impl BonnWriter {
         {
             return Err(Error::data(
                 format!(
-                    "{}: profile {} of {} points at {time_s} s has coordinates or a time that a \
-                     recording cannot hold",
+                    "{}: profile {} of {} points at {time_s} s has coordinates or a time outside \
+                     the range of the format",
                     self.path.display(),
                     self.frame,
                     points.len()
                 ),
                 format!(
-                    "give finite times, at most {WIDEST} points a profile, and coordinates \
+                    "give finite times, at most {WIDEST} points per profile, and coordinates \
                      below 500 m"
                 ),
             ));
@@ -353,7 +354,7 @@ impl BonnWriter {
             .map_err(|e| Error::io(&self.path, e))
     }
 
-    /// Writes what is still in memory.
+    /// Writes buffered data.
     ///
     /// # Errors
     /// The file cannot be written.

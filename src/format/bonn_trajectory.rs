@@ -1,7 +1,7 @@
-//! Trajectories of the Bonn robot, `.trj`: 16 numbers a line, `#` comments.
+//! Trajectories of the Bonn robot, `.trj`: 16 numbers per line, `#` comments.
 //!
-//! time (s), x y z (m), velocity (m/s, 3), roll pitch yaw (rad, R = Rz(yaw) Ry(pitch) Rx(roll)
-//! takes the body to the axes of x y z), accelerometer bias (m/s², 3), gyro bias (rad/s, 3).
+//! time (s), x y z (m), velocity (m/s, 3), roll pitch yaw (rad; R = Rz(yaw) Ry(pitch) Rx(roll)
+//! rotates from the body to the axes of x y z), accelerometer bias (m/s², 3), gyro bias (rad/s, 3).
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Clouds from all formats that hold points in space.
+//! Clouds from all formats that contain points.
 
 use std::path::Path;
 
@@ -9,13 +9,13 @@ use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 
 /// Reads a cloud: the native table, plain lines of x y z, LAS, LAZ, PLY, PCD, E57, PTS, PTX or
-/// NumPy `.npy` of shape (n, 3). Points that a format marks as not measured are left out; times
-/// and intensities are kept where the format has them for every point.
+/// NumPy `.npy` of shape (n, 3). Points marked as not measured are left out; times and intensities
+/// are kept if every point has them.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another format, or without any point.
+/// A file that is missing, damaged, of another format, or without points.
 pub fn read_cloud(path: &Path) -> Result<PointCloud> {
-    // Unknown tables are handed on as well: their reader names the column that is missing.
+    // Unknown tables are read as well: the reader names the missing column.
     let cloud = match detect(path).unwrap_or(Format::CloudCsv) {
         Format::Las | Format::Laz => las_points::read_las(path),
         Format::Ply => ply::read(path),

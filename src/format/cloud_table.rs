@@ -33,7 +33,7 @@ pub(super) fn read_table(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// Reads lines that begin with x y z, all as long as the first.
+/// Reads lines that begin with x y z and have as many numbers as the first line.
 pub(super) fn read_xyz(path: &Path) -> Result<PointCloud> {
     let mut lines = Lines::open(path)?;
     let mut cloud = PointCloud::default();
@@ -60,7 +60,7 @@ pub fn write_cloud_table(path: &Path, cloud: &PointCloud) -> Result<()> {
     let mut header = CLOUD.needed.to_vec();
     header.extend(with[0].then_some("time_s"));
     header.extend(with[1].then_some("intensity"));
-    let mut sheet = Sheet::create(path, &header)?;
+    let mut sheet = TableWriter::create(path, &header)?;
     for (i, p) in cloud.points.iter().enumerate() {
         let time = cloud.time_s.get(i).copied();
         let intensity = cloud.intensity.get(i).map(|v| f64::from(*v));

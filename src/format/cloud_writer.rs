@@ -7,17 +7,17 @@ use super::las_out::{LasOut, is_compressed};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 
-/// Step of the coordinates in written clouds, metres: 0.01 mm survives, and 32 bits reach
-/// 21 km to each side of the offset.
+/// Step of the coordinates in written clouds, metres: it preserves 0.01 mm, and 32 bits reach 21 km
+/// to each side of the offset.
 pub const CLOUD_STEP_M: f64 = 1e-5;
 
 /// Bytes of a point of format 6, and of format 0, which has no time.
 const RECORD: usize = 30;
 const TIMELESS_RECORD: usize = 20;
 
-/// Writes a LAS 1.4 file of point format 6, compressed where its name ends in `.laz`: position,
-/// GPS time, intensity, and the number of the scanner as `point_source_id` and, up to 255, as
-/// `user_data`; where asked for, further named values. The same points give the same bytes.
+/// Writes a LAS 1.4 file of point format 6, compressed if its name ends in `.laz`: position, GPS
+/// time, intensity, the scanner's number as `point_source_id` and, up to 255, as `user_data`, and
+/// further named values on request. The same points give the same bytes.
 pub struct CloudWriter {
     path: PathBuf,
     out: LasOut,
@@ -33,19 +33,19 @@ impl CloudWriter {
     /// axis; it is rounded to whole metres.
     ///
     /// # Errors
-    /// A name that ends neither in `.las` nor `.laz`, an offset that is not finite, a file that
+    /// A name that ends in neither `.las` nor `.laz`, an offset that is not finite, a file that
     /// cannot be written.
     pub fn create(path: &Path, offset_m: Vec3) -> Result<Self> {
         Self::open(path, offset_m, CLOUD_STEP_M, true, &[])
     }
 
     /// Creates or replaces a file for points between `low` and `high` (metres), with the values of
-    /// `dimensions` beside each. Coordinates are rounded to [`CLOUD_STEP_M`], or to the least power
-    /// of ten that lets 32 bits span the points. Without times the point format is 0, which has
-    /// none.
+    /// `dimensions` for each point. Coordinates are rounded to [`CLOUD_STEP_M`], or to the smallest
+    /// power of ten for which 32 bits span the points. Without times the point format is 0, which
+    /// has none.
     ///
     /// # Errors
-    /// As [`CloudWriter::create`]; names of dimensions that LAS cannot hold.
+    /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
     pub fn spanning(
         path: &Path,
         low: &Vec3,
@@ -53,7 +53,7 @@ impl CloudWriter {
         has_time: bool,
         dimensions: &[ExtraDimension],
     ) -> Result<Self> {
-        // The offset is rounded to whole metres, which costs half a metre to each side.
+        // Rounding the offset to whole metres costs half a metre on each side.
         let reach_m = ((high - low) / 2.0).amax() + 1.0;
         let mut step_m = CLOUD_STEP_M;
         while step_m * f64::from(i32::MAX) < reach_m && reach_m.is_finite() {
@@ -98,7 +98,7 @@ impl CloudWriter {
             y: axis(offset_m.y),
             z: axis(offset_m.z),
         };
-        // Points of the extended formats demand that any reference system be WKT.
+        // The extended point formats require WKT for any coordinate reference system.
         builder.has_wkt_crs = true;
         dimension::append(path, &mut builder, Vec::new(), dimensions)?;
         Ok(Self {
@@ -116,12 +116,12 @@ impl CloudWriter {
     /// 65535) and the number of its scanner.
     ///
     /// # Errors
-    /// A point too far from the offset or not finite, a file that cannot be written.
+    /// A point that is too far from the offset or not finite, a file that cannot be written.
     pub fn write(&mut self, point: &Vec3, time_s: f64, intensity: f32, scanner: u16) -> Result<()> {
         self.write_with(point, time_s, intensity, scanner, &[])
     }
 
-    /// As [`CloudWriter::write`], with the values of the dimensions; those not given are NaN.
+    /// As [`CloudWriter::write`], with the values of the dimensions; missing ones are NaN.
     ///
     /// # Errors
     /// As there.
@@ -142,10 +142,10 @@ impl CloudWriter {
         for (place, v) in record.chunks_exact_mut(4).zip(raw.iter()) {
             place.copy_from_slice(&(*v as i32).to_le_bytes());
         }
-        // `as` saturates and makes 0 of NaN.
+        // `as` saturates and converts NaN to 0.
         record[12..14].copy_from_slice(&(intensity.round() as u16).to_le_bytes());
         let user_data = u8::try_from(scanner).unwrap_or(u8::MAX);
-        // The first of one return; flags, class and scan angle stay 0.
+        // First of one return; flags, class and scan angle stay 0.
         let length = if self.has_time {
             record[14] = 0x11;
             record[17] = user_data;
@@ -184,7 +184,7 @@ impl CloudWriter {
         )
     }
 
-    /// Writes what is still in memory and completes the header.
+    /// Writes buffered data and completes the header.
     ///
     /// # Errors
     /// The file cannot be written.

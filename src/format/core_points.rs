@@ -1,4 +1,4 @@
-//! Core points of a comparison, perhaps with their normals.
+//! Core points of a comparison, optionally with normals.
 
 use std::path::Path;
 
@@ -22,12 +22,12 @@ const WITH_NORMALS: Columns = Columns {
 pub struct CorePoints {
     /// East, north, up, metres.
     pub points: Vec<Vec3>,
-    /// As written in the file, of any length, one for each point; empty where it has none.
+    /// As in the file, of any length, one for each point; empty if the file has none.
     pub normals: Vec<Vec3>,
 }
 
-/// Reads core points: any cloud that [`read_cloud`] reads. A native table with the columns `normal_x`,
-/// `normal_y`, `normal_z` gives their normals too.
+/// Reads core points: any cloud that [`read_cloud`] reads. A native table with the columns
+/// `normal_x`, `normal_y`, `normal_z` also gives their normals.
 ///
 /// # Errors
 /// Those of [`read_cloud`]; a table with one or two of the three columns.
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_carry_normals_or_not() {
+    fn tables_may_contain_normals() {
         let core = read("normal_z,north_m,east_m,up_m,normal_x,normal_y\n1,2,3,4,5,6\n").unwrap();
         assert_eq!(core.points, [Vec3::new(3.0, 2.0, 4.0)]);
         assert_eq!(core.normals, [Vec3::new(5.0, 6.0, 1.0)]);

@@ -1,4 +1,4 @@
-//! Which format a file has: by what it holds, then by its name.
+//! Detection of file formats: by content, then by name.
 
 use std::fmt;
 use std::io::{Seek, SeekFrom};
@@ -10,7 +10,7 @@ use super::table::Columns;
 use super::{bonn, cloud_table, native, pose_table, positions, profile, sbet};
 use crate::error::{Error, Result};
 
-/// A file format that is read here.
+/// A file format that can be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Format {
@@ -92,7 +92,7 @@ impl fmt::Display for Format {
     }
 }
 
-/// The native tables, those with more needed columns first.
+/// The native tables, those with more required columns first.
 pub(crate) const TABLES: [(Format, Columns); 8] = [
     (Format::TrajectoryCsv, pose_table::TRAJECTORY),
     (Format::ImuCsv, native::IMU),
@@ -104,10 +104,10 @@ pub(crate) const TABLES: [(Format, Columns); 8] = [
     (Format::HeadingCsv, native::HEADING),
 ];
 
-/// Finds the format of a file.
+/// Detects the format of a file.
 ///
 /// # Errors
-/// A file that is missing, empty, or of no known format: what it starts with is named.
+/// A file that is missing, empty, or of an unknown format; the error names its first columns.
 pub fn detect(path: &Path) -> Result<Format> {
     let (mut file, size) = open(path)?;
     let start = first_bytes(path, &mut file)?;
@@ -116,7 +116,7 @@ pub fn detect(path: &Path) -> Result<Format> {
     if let Some(format) = by_signature(&start, size) {
         return Ok(format);
     }
-    // Nothing certain inside: the name decides where it can, and its reader says what is wrong.
+    // The content is ambiguous: the name decides if it can, and its reader reports what is wrong.
     match extension(path).as_str() {
         "las" => return Ok(Format::Las),
         "laz" => return Ok(Format::Laz),
@@ -136,7 +136,7 @@ pub fn detect(path: &Path) -> Result<Format> {
     by_text(path)
 }
 
-/// The format that the first bytes prove.
+/// The format identified by the first bytes.
 fn by_signature(start: &[u8], size: u64) -> Option<Format> {
     let contains = |what: &[u8]| start.windows(what.len()).any(|w| w == what);
     if start.starts_with(b"LASF") {
@@ -183,7 +183,7 @@ fn by_text(path: &Path) -> Result<Format> {
         if let Some(format) = by_columns(&comment) {
             return Ok(format);
         }
-        // A header of other names is no comment on lines of x y z.
+        // A header with other names is not a comment on lines of x y z.
         if comment.len() == cells.len()
             && comment
                 .first()
@@ -200,7 +200,7 @@ fn by_text(path: &Path) -> Result<Format> {
             (3.., _) => return Ok(Format::XyzText),
             (n, _) => {
                 return Err(lines.error(
-                    format!("{n} numbers and no header before them"),
+                    format!("{n} numbers without a header"),
                     "a header, or lines of x y z",
                 ));
             }
@@ -218,8 +218,8 @@ fn unknown(lines: &Lines, names: &[String]) -> Error {
     )
 }
 
-/// The table with these columns. A prism log and a cloud with times can have the same: a cloud
-/// begins with its coordinates.
+/// The table with these columns. A prism log and a cloud with times can have the same columns, but
+/// a cloud begins with its coordinates.
 fn by_columns(names: &[String]) -> Option<Format> {
     let format = TABLES.iter().find(|(_, columns)| columns.are_in(names))?.0;
     let is_cloud = names.first().is_some_and(|name| name == "east_m")

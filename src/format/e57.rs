@@ -1,4 +1,4 @@
-//! E57: all scans of a file, cartesian or spherical, each moved by its pose.
+//! E57: all scans of a file, Cartesian or spherical, each transformed by its pose.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
     )
 }
 
-/// Hands every measured point with its intensity (0 where a scan has none) to `take`.
+/// Calls `take` with every measured point and its intensity (0 if a scan has none).
 pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
     let (mut file, size) = open(path)?;
     let head = first_bytes(path, &mut file)?;
@@ -27,7 +27,7 @@ pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<(
         let mut reader =
             e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
         for scan in reader.pointclouds() {
-            // A point takes a bit at least, unless all points are the same.
+            // A point takes at least one bit, unless all points are the same.
             if scan.records > size.saturating_mul(8) {
                 return Err(problem(
                     path,
@@ -76,7 +76,7 @@ fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
     if q.norm().is_nan() || (q.norm() - 1.0).abs() > 1e-3 {
         return Err(problem(
             path,
-            format!("a pose whose quaternion has the length {}", q.norm()),
+            format!("a pose with a quaternion of length {}", q.norm()),
         ));
     }
     let t = Vec3::new(t.translation.x, t.translation.y, t.translation.z);
@@ -89,7 +89,7 @@ fn chain(error: &dyn std::error::Error) -> String {
     let mut source = error.source();
     while let Some(cause) = source {
         let cause_text = cause.to_string();
-        // Some errors of the decoder already quote their causes.
+        // Some errors of the decoder already include their causes.
         if !text.contains(&cause_text) {
             text += &format!(": {cause_text}");
         }
@@ -98,10 +98,10 @@ fn chain(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// Checks what the header claims against the size of the file, before a decoder believes it.
+/// Checks the header against the size of the file before a decoder relies on it.
 fn check_header(path: &Path, head: &[u8], size: u64) -> Result<()> {
     if head.len() < 48 || !head.starts_with(b"ASTM-E57") {
-        return Err(problem(path, "another start than that of E57"));
+        return Err(problem(path, "no E57 signature"));
     }
     let u64_at = |at: usize| {
         let low = Number::U32.read(&head[at..], false) as u64;
@@ -113,8 +113,8 @@ fn check_header(path: &Path, head: &[u8], size: u64) -> Result<()> {
         return Err(problem(
             path,
             format!(
-                "a header that speaks of {length} bytes, {xml} of them XML at byte {at}, in pages \
-                 of {page}, in a file of {size}"
+                "a header that gives {length} bytes, {xml} bytes of XML at byte {at} and pages of \
+                 {page} bytes, in a file of {size} bytes"
             ),
         ));
     }

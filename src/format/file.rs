@@ -1,4 +1,4 @@
-//! Files as all readers open them.
+//! Opening of files, shared by all readers.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -6,10 +6,10 @@ use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 
-/// Points that readers hand over at a time, about.
+/// Approximate number of points that readers return at a time.
 pub(crate) const CHUNK_POINTS: usize = 200_000;
 
-/// Opens a file that must hold something; also its size in bytes.
+/// Opens a file that must not be empty; also returns its size in bytes.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
@@ -37,7 +37,7 @@ pub(crate) fn first_bytes(path: &Path, file: &mut File) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The error of a file with the right form and nothing in it.
+/// The error of a file with the right format but no content.
 pub(crate) fn nothing_in(path: &Path, what: &str) -> Error {
     Error::format(
         path,
@@ -54,8 +54,7 @@ pub(crate) fn extension(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-/// Runs a decoder that others wrote on a file that may be damaged: should it panic, that is an
-/// error of the file.
+/// Runs a third-party decoder on a file that may be damaged: a panic becomes an error of the file.
 pub(crate) fn guarded<T>(
     path: &Path,
     format: &str,
@@ -65,7 +64,7 @@ pub(crate) fn guarded<T>(
         Err(Error::format(
             path,
             Location::Whole,
-            "content that no decoder understands",
+            "content that cannot be decoded",
             format!("an undamaged {format} file"),
         ))
     })

@@ -1,5 +1,5 @@
-//! LAS and LAZ, opened with care: damaged headers must not claim memory, damaged points not
-//! panic.
+//! Defensive reading of LAS and LAZ: damaged headers must not claim memory, damaged points must not
+//! cause a panic.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -9,15 +9,15 @@ use super::file::{self, first_bytes, guarded};
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
-/// More points than one chunk of a compressed file ever holds; real files have 50,000.
+/// More points than any chunk of a compressed file contains; real files have 50,000.
 const LARGEST_CHUNK: u64 = 100_000_000;
 
-/// Does the file start as LAS and LAZ do? Leaves the file at its start.
+/// Whether the file starts like LAS or LAZ. Leaves the file at its start.
 pub(crate) fn is_las(path: &Path, file: &mut File) -> Result<bool> {
     Ok(first_bytes(path, file)?.starts_with(b"LASF"))
 }
 
-/// One point as decoded, with what may stand beside it.
+/// A decoded point with its optional values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LasPoint<'a> {
     pub(crate) position: Vec3,
@@ -25,7 +25,7 @@ pub(crate) struct LasPoint<'a> {
     pub(crate) intensity: f32,
     /// The bytes after the standard fields.
     pub(crate) extra: &'a [u8],
-    /// All bytes as they stand in an uncompressed file.
+    /// All bytes as in an uncompressed file.
     pub(crate) record: &'a [u8],
 }
 
@@ -52,7 +52,8 @@ impl LasFile {
         let (mut file, bytes) = file::open(path)?;
         check_header(path, &mut file, bytes)?;
         guarded(path, "LAS or LAZ", || {
-            // Sequential decompression takes no memory by what a damaged chunk table says.
+            // Sequential decompression does not allocate memory based on a chunk table, which may be
+            // damaged.
             let options =
                 las::ReaderOptions::default().with_laz_parallelism(las::LazParallelism::No);
             let reader = las::Reader::with_options(BufReader::new(file), options)
@@ -90,7 +91,7 @@ impl LasFile {
         self.bytes
     }
 
-    /// Goes to a point, counted from 0.
+    /// Seeks to a point, counted from 0.
     pub(crate) fn seek(&mut self, index: u64) -> Result<()> {
         self.taken = index;
         let Self { path, reader, .. } = self;
@@ -99,7 +100,7 @@ impl LasFile {
         })
     }
 
-    /// Decodes up to `n` points and hands each with its index to `take`; how many there were.
+    /// Decodes up to `n` points, calls `take` with each and its index, and returns their number.
     pub(crate) fn read(
         &mut self,
         n: usize,
@@ -172,7 +173,7 @@ fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     out
 }
 
-/// Checks what the header claims against the size of the file, before a decoder believes it.
+/// Checks the header against the size of the file before a decoder relies on it.
 fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
     let short = |at: u64, what: &str| {
         Error::format(
@@ -216,7 +217,7 @@ fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
     Ok(())
 }
 
-/// Checks the place and length of the table of compressed chunks.
+/// Checks the position and length of the table of compressed chunks.
 fn check_chunks(path: &Path, file: &mut File, data: u64, size: u64, points: u64) -> Result<()> {
     let mut read_at = |at: u64| -> Result<[u8; 8]> {
         let mut bytes = [0; 8];
@@ -242,7 +243,7 @@ fn check_chunks(path: &Path, file: &mut File, data: u64, size: u64, points: u64)
     }
     let head = read_at(table as u64)?;
     let chunks = u64::from(u32::from_le_bytes(bytes_at(&head, 4)));
-    // A chunk takes at least a byte, and no writer makes more of them than there are points.
+    // A chunk takes at least a byte, and no writer makes more chunks than there are points.
     if chunks > size.min(points.max(1)) || points > chunks.max(1) * LARGEST_CHUNK {
         return Err(Error::format(
             path,
@@ -254,17 +255,16 @@ fn check_chunks(path: &Path, file: &mut File, data: u64, size: u64, points: u64)
     Ok(())
 }
 
-/// Where the sensor's pose stands in the extra bytes of each point: position (m), then roll,
-/// pitch, yaw (rad).
+/// The sensor's pose in the extra bytes of each point: position (m), then roll, pitch, yaw (rad).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PoseColumns {
     places: [ExtraColumn; 6],
 }
 
-/// One extra dimension: place in the extra bytes, type code of the standard, scale and offset.
+/// One extra dimension: position in the extra bytes, type code of the standard, scale and offset.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ExtraColumn {
-    /// First of its bytes among the extra bytes.
+    /// Offset in the extra bytes.
     pub(crate) at: usize,
     /// Number of its bytes.
     pub(crate) size: usize,
@@ -285,7 +285,7 @@ const POSE_NAMES: [&str; 6] = [
 /// Bytes of the extra-dimension types 1 to 10.
 const TYPE_SIZES: [usize; 11] = [0, 1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
-/// Names and places of all extra dimensions.
+/// Names and positions of all extra dimensions.
 pub(crate) fn extra_columns(file: &LasFile) -> Vec<(String, ExtraColumn)> {
     let mut columns = Vec::new();
     let mut at = 0;
@@ -296,10 +296,10 @@ pub(crate) fn extra_columns(file: &LasFile) -> Vec<(String, ExtraColumn)> {
     for record in described.flat_map(|vlr| vlr.data.chunks_exact(192)) {
         let (code, options) = (record[2], record[3]);
         let size = match TYPE_SIZES.get(usize::from(code)) {
-            // Without a type the options count the bytes.
+            // For the untyped code, the options give the number of bytes.
             Some(0) => usize::from(options),
             Some(size) => *size,
-            // Two and three of each type: deprecated, of known size.
+            // Arrays of two and three: deprecated, of known size.
             None if code <= 30 => {
                 TYPE_SIZES[usize::from((code - 1) % 10 + 1)] * usize::from((code - 1) / 10 + 1)
             }
@@ -352,7 +352,7 @@ impl ExtraColumn {
 }
 
 impl PoseColumns {
-    /// The columns where the file has them all, and times.
+    /// The columns, if the file has all of them, and times.
     pub(crate) fn of(file: &LasFile) -> Option<Self> {
         let columns = extra_columns(file);
         let length = usize::from(file.header().point_format().extra_bytes);

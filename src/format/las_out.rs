@@ -1,4 +1,4 @@
-//! Point records gathered and written in batches as LAS or LAZ.
+//! Point records written in batches as LAS or LAZ.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -7,25 +7,25 @@ use std::path::{Path, PathBuf};
 use super::file::extension;
 use crate::error::{Error, Location, Result};
 
-/// Points compressed at a time: several of the format's chunks of 50,000, so that all threads
-/// have work.
+/// Points compressed at a time: several of the format's chunks of 50,000, so that all threads are
+/// busy.
 const BATCH: usize = 200_000;
 
-/// An open LAS or LAZ file that takes finished point records. The same records give the same
-/// bytes at any number of threads.
+/// An open LAS or LAZ file that takes complete point records. The same records give the same bytes
+/// for any number of threads.
 pub(super) struct LasOut {
     path: PathBuf,
-    /// `None` once it has been closed or given up.
+    /// `None` once it has been closed or abandoned.
     writer: Option<las::Writer<BufWriter<File>>>,
     records: Vec<u8>,
     /// Bytes of a record.
     length: usize,
 }
 
-/// Whether the name of a cloud asks for compression.
+/// Whether the file name asks for compression.
 ///
 /// # Errors
-/// A name that ends neither in `.las` nor `.laz`.
+/// A name that ends in neither `.las` nor `.laz`.
 pub(super) fn is_compressed(path: &Path) -> Result<bool> {
     match extension(path).as_str() {
         "laz" => Ok(true),
@@ -33,7 +33,7 @@ pub(super) fn is_compressed(path: &Path) -> Result<bool> {
         other => Err(Error::format(
             path,
             Location::Whole,
-            format!("a cloud to be written with the extension `{other}`"),
+            format!("an output cloud with the extension `{other}`"),
             "`laz` or `las`",
         )),
     }
@@ -43,7 +43,7 @@ impl LasOut {
     /// Creates or replaces the file.
     ///
     /// # Errors
-    /// A header that LAS cannot hold, a file that cannot be written.
+    /// A header that LAS does not allow, a file that cannot be written.
     pub(super) fn create(path: &Path, header: las::Builder) -> Result<Self> {
         let header = header.into_header().map_err(|e| problem(path, e))?;
         let length = usize::from(header.point_format().len());
@@ -58,7 +58,7 @@ impl LasOut {
         })
     }
 
-    /// Appends one record, given in parts that follow each other.
+    /// Appends one record, given in consecutive parts.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -86,7 +86,7 @@ impl LasOut {
             .map_err(|e| problem(&self.path, e))
     }
 
-    /// Writes what is still in memory and completes the header.
+    /// Writes buffered data and completes the header.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -96,7 +96,7 @@ impl LasOut {
             return Ok(());
         };
         if let Err(error) = writer.close() {
-            give_up(writer);
+            leak(writer);
             return Err(problem(&self.path, error));
         }
         let out = writer.into_inner().map_err(|e| problem(&self.path, e))?;
@@ -111,14 +111,14 @@ impl Drop for LasOut {
         if let Some(mut writer) = self.writer.take()
             && writer.close().is_err()
         {
-            give_up(writer);
+            leak(writer);
         }
     }
 }
 
-/// A writer that could not be closed panics when it is dropped, because it tries again. Its file
-/// stays open until the process ends, which is the lesser evil: an error is on its way up.
-fn give_up(writer: las::Writer<BufWriter<File>>) {
+/// A writer that could not be closed tries again when dropped, and panics. It is leaked instead, so
+/// that its file stays open until the process ends; the error is already being returned.
+fn leak(writer: las::Writer<BufWriter<File>>) {
     std::mem::forget(writer);
 }
 
@@ -129,7 +129,7 @@ fn problem(path: &Path, error: las::Error) -> Error {
             path,
             Location::Whole,
             other.to_string(),
-            "points that LAS can hold",
+            "points within the limits of LAS",
         ),
     }
 }

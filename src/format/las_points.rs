@@ -1,4 +1,4 @@
-//! The points in a LAS or LAZ file, decoded on all threads.
+//! The points of a LAS or LAZ file, decoded on all threads.
 
 use std::ops::Range;
 use std::path::Path;
@@ -11,14 +11,14 @@ use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
-/// Points decoded by one thread at a time: some of the format's chunks of 50,000, so that the way
-/// to the first of them is short.
+/// Points decoded by one thread at a time: several of the format's chunks of 50,000, so that little
+/// is skipped before the first of them.
 const PART: u64 = 500_000;
 
-/// Number of points that the header of a LAS or LAZ file counts.
+/// Number of points according to the header of a LAS or LAZ file.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another format, or without any point.
+/// A file that is missing, damaged, of another format, or without points.
 pub fn las_count(path: &Path) -> Result<u64> {
     match LasFile::open(path)?.header().number_of_points() {
         0 => Err(nothing_in(path, "point")),
@@ -26,11 +26,11 @@ pub fn las_count(path: &Path) -> Result<u64> {
     }
 }
 
-/// Hands the points of a LAS or LAZ file (metres) to `each`, in their order, in pieces of 500,000
-/// at most. Holds one piece for each thread.
+/// Calls `each` with the points of a LAS or LAZ file (metres), in order, in pieces of at most
+/// 500,000. Memory holds one piece per thread.
 ///
 /// # Errors
-/// As [`las_count`]; what `each` refuses.
+/// As [`las_count`]; errors of `each`.
 pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> {
     let count = las_count(path)?;
     let parts = count.div_ceil(PART);
@@ -45,7 +45,7 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
     Ok(())
 }
 
-/// The points of a LAS or LAZ file with intensity, and time where it has that.
+/// The points of a LAS or LAZ file with intensity, and with time if the file has it.
 pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     let count = las_count(path)?;
     let empty = |most| PointCloud {
@@ -61,7 +61,7 @@ pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
         |cloud, point| {
             cloud.points.push(point.position);
             cloud.intensity.push(point.intensity);
-            // Times are finite where there are any.
+            // Times are finite if there are any.
             if !point.time_s.is_nan() {
                 cloud.time_s.push(point.time_s);
             }
@@ -76,8 +76,8 @@ pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// Decodes some parts of a file of `count` points side by side: each begins `empty`, with the
-/// number of its points, and `take`s them in order.
+/// Decodes several parts of a file of `count` points in parallel: each begins with `empty`, given
+/// the number of its points, and `take`s the points in order.
 fn read_parts<T: Send>(
     path: &Path,
     parts: Range<u64>,

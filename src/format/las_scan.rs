@@ -1,5 +1,5 @@
-//! LAS and LAZ as recordings of a scanner: points in its frame with times, or points in the world
-//! with the sensor's pose beside each.
+//! LAS and LAZ as scanner recordings: points in the scanner frame with times, or points in the
+//! world with the sensor's pose for each.
 
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -11,8 +11,8 @@ use crate::error::{Error, Location, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{PoseRecord, ScanPoint};
 
-/// Points in the scanner frame, in the order of the file; decoded on a thread of their own, one
-/// chunk ahead.
+/// Points in the scanner frame, in the order of the file; decoded on a separate thread, one chunk
+/// ahead.
 pub(crate) struct LasScan {
     chunks: Receiver<Result<Vec<ScanPoint>>>,
     points: u64,
@@ -47,7 +47,7 @@ impl LasScan {
     }
 }
 
-/// Sends the chunks of a file until it ends, fails, or nobody wants more.
+/// Sends the chunks of a file until it ends, fails, or the receiver is dropped.
 fn decode(path: &Path, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
     let mut last = f64::NEG_INFINITY;
     let mut next = |file: &mut LasFile| {
@@ -86,7 +86,7 @@ fn decode(path: &Path, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
 impl ProfileReader for LasScan {
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
         into.clear();
-        // The thread hangs up after the last chunk.
+        // The thread closes the channel after the last chunk.
         if let Ok(chunk) = self.chunks.recv() {
             *into = chunk?;
         }
@@ -103,7 +103,7 @@ impl ProfileReader for LasScan {
     }
 }
 
-/// A point in the world with the pose of the sensor that saw it.
+/// A point in the world with the pose of the sensor that measured it.
 struct PosedPoint {
     time_s: f64,
     /// Position (m), then roll, pitch, yaw (rad).
@@ -127,15 +127,15 @@ impl PosedPoint {
     }
 }
 
-/// Reads every point with its pose, in time order. They are held in memory: such files come
-/// ordered by place, not by time.
+/// Reads every point with its pose and sorts them by time. They are kept in memory, because such
+/// files are ordered by position.
 fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
     let path = file.path().to_owned();
     let Some(columns) = PoseColumns::of(file) else {
         return Err(Error::format(
             &path,
             Location::Whole,
-            "no pose of the sensor beside the points",
+            "points without the sensor's pose",
             "times and the extra dimensions SensorX, SensorY, SensorZ (m), SensorRollRads, \
              SensorPitchRads, SensorYawRads",
         ));
@@ -165,9 +165,9 @@ fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
     Ok(points)
 }
 
-/// Where a file's times are coarser than its poses, as those rounded to seconds are, gives every
-/// pose a time of its own: poses of one time are put in order along the track and spread evenly
-/// over the file's smallest step of time. Where each time has one pose, nothing changes.
+/// If a file's times are coarser than its poses, for example rounded to seconds, gives every pose a
+/// separate time: poses of one time are ordered along the track and spread evenly over the file's
+/// smallest time step. If each time has one pose, nothing changes.
 fn spread_times(points: &mut [PosedPoint]) {
     let groups: Vec<(usize, usize)> = {
         let mut start = 0;
@@ -225,7 +225,7 @@ fn spread_times(points: &mut [PosedPoint]) {
     }
 }
 
-/// Points taken back into the frame of the sensor, in time order.
+/// Points transformed back into the sensor frame, in time order.
 pub(crate) struct PosedScan {
     points: Vec<ScanPoint>,
     given: usize,

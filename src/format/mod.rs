@@ -1,8 +1,8 @@
-//! One file per file format, in and out; detection.
+//! File formats, one per file, reading and writing; format detection.
 //!
-//! Angles in files are degrees where a column's name says so; records hold radians. Every reader
-//! ends in data or in one [`Error`](crate::Error) that names the file, the line or byte, what
-//! stands there and what should.
+//! Angles in files are in degrees if the column name says so; records use radians. Every reader
+//! returns data or one [`Error`](crate::Error) that names the file, the line or byte, what was
+//! found and what was expected.
 
 mod binary;
 mod bonn;

@@ -1,5 +1,5 @@
-//! Mountings as the Bonn group writes them: XML `<SystemCalibration>` with `x y z` (m) and
-//! `rx ry rz` (degrees, convention `bonn`).
+//! Mountings in the Bonn group's format: XML `<SystemCalibration>` with `x y z` (m) and `rx ry rz`
+//! (degrees, convention `bonn`).
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const ROOT: &str = "SystemCalibration";
 /// Reads body_from_scanner; the values may be elements or attributes.
 ///
 /// # Errors
-/// No `<SystemCalibration>`, or one of its six values missing or no finite number.
+/// No `<SystemCalibration>`, or one of its six values is missing or not a finite number.
 pub fn read_mounting(path: &Path) -> Result<BodyFromScanner> {
     let mut lines = Lines::open(path)?;
     let mut text = String::new();
@@ -59,7 +59,7 @@ pub fn read_mounting(path: &Path) -> Result<BodyFromScanner> {
     ))
 }
 
-/// Writes body_from_scanner; at any moment the file is whole.
+/// Writes body_from_scanner; the file is never incomplete.
 ///
 /// # Errors
 /// The file cannot be written.

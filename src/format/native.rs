@@ -27,11 +27,11 @@ pub(crate) const HEADING: Columns = Columns {
     optional: &["sigma_deg", "pitch_deg", "sigma_pitch_deg"],
 };
 
-/// Reads an IMU log, `time_s, gyro_x_rad_s, …, accel_x_m_s2, …`. Rows are returned as they stand,
-/// in whatever order of time.
+/// Reads an IMU log, `time_s, gyro_x_rad_s, …, accel_x_m_s2, …`. Rows are returned in the order of
+/// the file.
 ///
 /// # Errors
-/// Missing columns, cells that are no finite numbers, no rows.
+/// Missing columns, cells that are not finite numbers, no rows.
 pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     read_rows::<7, _>(path, &IMU, "IMU sample", |row, _| {
         Ok(ImuSample {
@@ -42,13 +42,12 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     })
 }
 
-/// Reads a heading log, `time_s, heading_deg` and perhaps `sigma_deg`, `pitch_deg` (of the
-/// baseline above the horizon) and `sigma_pitch_deg`; degrees become radians. Rows are returned as
-/// they stand, in whatever order of time.
+/// Reads a heading log, `time_s, heading_deg` and optionally `sigma_deg`, `pitch_deg` (of the
+/// baseline above the horizon) and `sigma_pitch_deg`; degrees become radians. Rows are returned in
+/// the order of the file.
 ///
 /// # Errors
-/// As [`read_imu`]; also a standard deviation that is not positive, or one of a pitch that is not
-/// there.
+/// As [`read_imu`]; also a standard deviation that is not positive, or that of a missing pitch.
 pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     read_rows::<5, _>(path, &HEADING, "heading", |row, table| {
         let radians = |value: f64| (!value.is_nan()).then(|| value.to_radians());
@@ -69,7 +68,7 @@ pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     })
 }
 
-/// Reads every row of a table in the order of the file; `N` counts all wanted columns.
+/// Reads every row of a table in the order of the file; `N` is the number of wanted columns.
 pub(crate) fn read_rows<const N: usize, T>(
     path: &Path,
     columns: &Columns,
@@ -88,7 +87,7 @@ pub(crate) fn read_rows<const N: usize, T>(
     Ok(records)
 }
 
-/// A standard deviation that may be missing.
+/// An optional standard deviation.
 pub(crate) fn sigma(value: f64, name: &str, table: &Table) -> Result<Option<f64>> {
     if value.is_nan() {
         Ok(None)
@@ -99,13 +98,13 @@ pub(crate) fn sigma(value: f64, name: &str, table: &Table) -> Result<Option<f64>
     }
 }
 
-/// A file being written, line by line.
-pub(crate) struct Sheet<'a> {
+/// A table being written row by row.
+pub(crate) struct TableWriter<'a> {
     path: &'a Path,
     out: BufWriter<File>,
 }
 
-impl<'a> Sheet<'a> {
+impl<'a> TableWriter<'a> {
     pub(crate) fn create(path: &'a Path, header: &[&str]) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
         let mut sheet = Self {
@@ -124,8 +123,8 @@ impl<'a> Sheet<'a> {
         write(&mut self.out).map_err(|e| Error::io(self.path, e))
     }
 
-    /// A row of numbers in the shortest form that reads back as the same number; NaN is written
-    /// as an empty cell.
+    /// Writes a row of numbers in the shortest form that reads back as the same number; NaN becomes
+    /// an empty cell.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = f64>) -> Result<()> {
         self.put(|out| {
             for (i, cell) in cells.into_iter().enumerate() {
@@ -183,8 +182,8 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
     })
 }
 
-/// Writes a heading log in degrees, read back by [`read_heading`] to 1e-15 of its value; with
-/// columns for standard deviations and pitch where any fix has them.
+/// Writes a heading log in degrees, which [`read_heading`] reads back to a relative 1e-15; with
+/// columns for standard deviations and pitch if any fix has them.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -12,7 +12,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     let mut head = [0; 8];
     bytes.take(&mut head, "the start of an .npy file")?;
     if !head.starts_with(b"\x93NUMPY") {
-        return Err(bytes.error("another start", "that of an .npy file"));
+        return Err(bytes.error("no .npy signature", "an .npy file"));
     }
     let length = if head[6] == 1 {
         let mut size = [0; 2];

@@ -1,4 +1,4 @@
-//! PCD of the Point Cloud Library: text, binary, and binary compressed by LZF.
+//! PCD of the Point Cloud Library: text, binary, and binary compressed with LZF.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ enum Encoding {
     Compressed,
 }
 
-/// What the header says.
+/// The content of the header.
 pub(crate) struct Header {
     encoding: Encoding,
     pub(crate) count: u64,
@@ -22,7 +22,7 @@ pub(crate) struct Header {
     repeats: Vec<usize>,
 }
 
-/// More repetitions of one field than any descriptor has.
+/// Above the repetition count of any descriptor field.
 const MOST_REPEATS: usize = 4096;
 
 pub(crate) fn read_header(bytes: &mut Bytes<'_>) -> Result<Header> {
@@ -97,8 +97,8 @@ pub(crate) fn read_header(bytes: &mut Bytes<'_>) -> Result<Header> {
             })
         }
         _ => Err(bytes.error(
-            "a header whose FIELDS, SIZE, TYPE, COUNT and POINTS do not fit together",
-            "a complete PCD header",
+            "a header whose FIELDS, SIZE, TYPE, COUNT and POINTS are inconsistent",
+            "a consistent PCD header",
         )),
     }
 }
@@ -171,7 +171,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
             bytes.take(&mut head, "the sizes of the compressed points")?;
             let size = |at: usize| u64::from(Number::U32.read(&head[at..], false) as u32);
             let (packed, unpacked) = (size(0), size(4));
-            // Three bytes of LZF give 264 at most.
+            // Three bytes of LZF unpack to at most 264.
             if unpacked != whole || unpacked > packed.saturating_mul(264) {
                 return Err(bytes.error(
                     format!("{packed} bytes that unpack to {unpacked}"),
@@ -183,7 +183,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
             bytes.take(&mut input, "compressed points")?;
             let columns = unpack(&input, unpacked as usize)
                 .ok_or_else(|| bytes.error("damaged compression", "LZF"))?;
-            // All values of a field stand together.
+            // All values of a field are stored together.
             for i in 0..header.count as usize {
                 let mut start = 0;
                 for ((value, kind), size) in values.iter_mut().zip(&header.types).zip(&sizes) {
@@ -197,9 +197,9 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// Unpacks LZF: a control byte below 32 announces that many literals and one more; otherwise its
-/// upper three bits are the length − 2 of a copy (7: a byte follows that is added) from the
-/// distance − 1 in its lower five bits and the next byte.
+/// Unpacks LZF. A control byte c below 32 is followed by c + 1 literals. Otherwise its upper three
+/// bits are the length − 2 of a copy (if 7, the next byte is added), and its lower five bits and
+/// the next byte are the distance − 1.
 fn unpack(input: &[u8], length: usize) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(length);
     let mut input = input.iter().copied();

@@ -12,7 +12,7 @@ enum Encoding {
     Binary { big_endian: bool },
 }
 
-/// What the header says.
+/// The content of the header.
 pub(crate) struct Header {
     encoding: Encoding,
     pub(crate) count: u64,
@@ -36,7 +36,7 @@ fn number(name: &str) -> Option<Number> {
 
 pub(crate) fn read_header(bytes: &mut Bytes<'_>) -> Result<Header> {
     if bytes.line()? != "ply" {
-        return Err(bytes.error("another first line", "`ply`"));
+        return Err(bytes.error("a different first line", "`ply`"));
     }
     let mut encoding = None;
     let mut count = None;

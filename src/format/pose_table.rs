@@ -33,10 +33,10 @@ pub(crate) const TRAJECTORY: Columns = Columns {
     ],
 };
 
-/// How far from 1 the length of a quaternion may be: files with four decimals stay below.
+/// Tolerance of the length of a quaternion: four decimals stay within it.
 const QUATERNION_SLACK: f64 = 1e-3;
 
-/// The rotation of a quaternion as written, its bits kept where its length is 1.
+/// The rotation of a quaternion; its bits are kept if its length is 1.
 fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
     let length = q.norm();
@@ -99,7 +99,7 @@ pub(super) fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
     })
 }
 
-/// Reads lines of `N` numbers with `#` comments, the first number being the time.
+/// Reads lines of `N` numbers with `#` comments; the first number is the time.
 pub(crate) fn read_lines<const N: usize>(
     path: &Path,
     mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,

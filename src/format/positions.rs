@@ -1,5 +1,5 @@
-//! Logs of positions: coordinates of a prism or of a GNSS antenna, and polar observations of a
-//! total station.
+//! Position logs: coordinates of a prism or a GNSS antenna, and polar observations of a total
+//! station.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ pub(crate) const POSITIONS: Columns = Columns {
         "cov_nu_m2",
     ],
 };
-/// Of the optional columns, those that belong together.
+/// Groups of optional columns.
 const SIGMAS: std::ops::Range<usize> = 5..8;
 const COVARIANCES: std::ops::Range<usize> = 8..14;
 
@@ -41,9 +41,9 @@ pub(crate) const POLAR: Columns = Columns {
     ],
     optional: &["status"],
 };
-/// Leica total stations as logged by drone and robot groups: coordinates from the instrument (x to
-/// the east of its horizontal zero, y along it, z up) beside the observations they come from
-/// (horizontal angle clockwise, vertical angle from the horizon).
+/// Logs of Leica total stations as recorded by drone and robotics groups: coordinates relative to
+/// the instrument (x to the east of its horizontal zero, y along it, z up) together with the
+/// observations they come from (horizontal angle clockwise, vertical angle from the horizon).
 pub(crate) const TPS: Columns = Columns {
     needed: &[
         "sec_of_day",
@@ -58,29 +58,29 @@ pub(crate) const TPS: Columns = Columns {
     optional: &[],
 };
 
-/// What a position log holds.
+/// The content of a position log.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Positions {
     /// In the order of the file.
     pub fixes: Vec<PositionFix>,
-    /// Rows without a measurement: the instrument saw no prism.
+    /// Rows without a measurement: the instrument did not see the prism.
     pub rejected: Vec<RejectedRow>,
 }
 
-/// Reads a position log in one of its forms, rows as they stand, in whatever order of time:
+/// Reads a position log in one of its forms, rows in the order of the file:
 ///
 /// - coordinates, `time_s, east_m, north_m, up_m`, with `sigma_m`, or `sigma_east_m, sigma_north_m,
 ///   sigma_up_m`, or `cov_ee_m2, cov_nn_m2, cov_uu_m2, cov_en_m2, cov_eu_m2, cov_nu_m2`, or none;
-/// - polar, `time_s, slope_distance_m, horizontal_deg, vertical_deg` and perhaps `status`;
+/// - polar, `time_s, slope_distance_m, horizontal_deg, vertical_deg` and optionally `status`;
 /// - both, `sec_of_day, x_m, y_m, z_m, slope_dist_m, hz_deg, v_deg, status`.
 ///
-/// `observations` says what to read where the file holds both, and the instrument of polar ones.
-/// A row without a range is rejected, not an error; its status is named and not judged, as every
-/// instrument has its own.
+/// `observations` selects what to read if the file contains both, and gives the instrument for
+/// polar ones. A row without a range is rejected, not an error; its status is reported but not
+/// interpreted, because it depends on the instrument.
 ///
 /// # Errors
-/// Missing columns, cells that are no finite numbers, sigmas or covariances that are not positive,
-/// geographic coordinates, vertical angles that the instrument's convention does not know, polar
+/// Missing columns, cells that are not finite numbers, standard deviations or covariances that are
+/// not positive, geographic coordinates, vertical angles outside the instrument's convention, polar
 /// observations without an instrument, no rows, no row with a range.
 pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     let found = read_new_positions(path, observations)?;
@@ -95,9 +95,9 @@ pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positi
     Ok(found)
 }
 
-/// As [`read_positions`] for a part of a log, which may hold no position.
+/// As [`read_positions`] for a part of a log, which may contain no position.
 pub(crate) fn read_new_positions(path: &Path, observations: &Observations) -> Result<Positions> {
-    // What has no header is told by the reader of coordinates.
+    // A missing header is reported by the reader of coordinates.
     let names = header_names(path).unwrap_or_default();
     let [is_cartesian, is_polar, is_tps] =
         [&POSITIONS, &POLAR, &TPS].map(|columns| columns.are_in(&names));
@@ -116,7 +116,7 @@ pub(crate) fn read_new_positions(path: &Path, observations: &Observations) -> Re
             return Err(error(
                 path,
                 "coordinates and polar observations",
-                "the project to say which: observations = \"cartesian\" or \"polar\"",
+                "a choice in the project: observations = \"cartesian\" or \"polar\"",
             ));
         }
         Observations::AsFound | Observations::Cartesian => None,
@@ -143,7 +143,7 @@ pub(crate) fn read_new_positions(path: &Path, observations: &Observations) -> Re
         Some(_) if is_cartesian && !is_polar => Err(error(
             path,
             "coordinates",
-            "polar observations, as the project gives a station_orientation_deg: columns time_s, \
+            "polar observations, since the project gives station_orientation_deg: columns time_s, \
              slope_distance_m, horizontal_deg, vertical_deg",
         )),
         Some(instrument) => read(path, &POLAR, |row: &[f64; 5], table| {
@@ -162,7 +162,7 @@ fn is_geographic(name: &str) -> bool {
     ["lat", "latitude", "lon", "lng", "long", "longitude"].contains(&first)
 }
 
-/// Reads all rows of a table; `record` gives a fix, or why there is none.
+/// Reads all rows of a table; `record` returns a fix, or the reason for rejection.
 fn read<const N: usize>(
     path: &Path,
     columns: &Columns,
@@ -185,7 +185,7 @@ fn read<const N: usize>(
     Ok(found)
 }
 
-/// Why a row with this slope distance (metres) is no measurement.
+/// The reason why a row with this slope distance (metres) is not a measurement.
 fn without_range(slope_distance_m: f64, status: f64) -> Option<String> {
     if slope_distance_m > 0.0 {
         return None;
@@ -201,7 +201,7 @@ fn without_range(slope_distance_m: f64, status: f64) -> Option<String> {
     Some(reason)
 }
 
-/// One row of time, slope distance, horizontal and vertical angle in degrees, and status.
+/// A row of time, slope distance, horizontal and vertical angle in degrees, and status.
 fn polar(
     instrument: &TotalStation,
     [
@@ -234,7 +234,7 @@ fn polar(
             expected,
         ));
     }
-    let fix = instrument.fix(&PolarObservation {
+    let fix = instrument.position_fix(&PolarObservation {
         time_s,
         slope_distance_m,
         horizontal_rad: horizontal_deg.to_radians(),
@@ -243,7 +243,7 @@ fn polar(
     Ok(Ok(fix))
 }
 
-/// One row of coordinates with whatever the file says about their noise.
+/// A row of coordinates with its standard deviations or covariances, if any.
 fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     let given = |range: std::ops::Range<usize>| row[range].iter().filter(|v| !v.is_nan()).count();
     let (one, three, six) = (given(4..5), given(SIGMAS), given(COVARIANCES));
@@ -275,7 +275,7 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
                     "{one} of sigma_m, {three} of sigma_east_m, sigma_north_m, sigma_up_m and \
                      {six} of the six cov_*_m2"
                 ),
-                "one group of them, with all its values",
+                "all values of exactly one group",
             ));
         }
     };
@@ -286,8 +286,8 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     })
 }
 
-/// Writes a log of coordinates that [`read_positions`] reads back bit by bit: with `sigma_m` where
-/// that says all about the covariances, else with three standard deviations or six covariances.
+/// Writes a log of coordinates that [`read_positions`] reads back exactly: with `sigma_m` if that
+/// describes all covariances, else with three standard deviations or six covariances.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -304,7 +304,7 @@ pub fn write_positions(path: &Path, fixes: &[PositionFix]) -> Result<()> {
     };
     let mut header = POSITIONS.needed.to_vec();
     header.extend(&POSITIONS.optional[used.clone()]);
-    let mut sheet = Sheet::create(path, &header)?;
+    let mut sheet = TableWriter::create(path, &header)?;
     for fix in fixes {
         let c = fix.covariance_m2.unwrap_or(Mat3::repeat(f64::NAN));
         let [e, n, u] = [c.m11, c.m22, c.m33].map(f64::sqrt);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::bonn::BonnReader;
 use super::file::{CHUNK_POINTS, extension, first_bytes, nothing_in, open};
 use super::las_scan::{LasScan, PosedScan};
-use super::native::Sheet;
+use super::native::TableWriter;
 use super::profile_reader::ProfileReader;
 use super::table::{Columns, Table};
 use super::{bonn, las};
@@ -18,9 +18,9 @@ pub(crate) const PROFILES: Columns = Columns {
     optional: &["y_m", "intensity"],
 };
 
-/// Opens a recording: Bonn `.bin`, the native table `time_s, x_m, z_m`, LAS or LAZ whose points
-/// lie in the scanner frame and have times, or LAS and LAZ with the sensor's pose at every point,
-/// from which the points in the scanner frame are taken back (those are sorted by time in memory).
+/// Opens a recording: Bonn `.bin`, the native table `time_s, x_m, z_m`, LAS or LAZ with points in
+/// the scanner frame and times, or LAS and LAZ with the sensor's pose for every point, from which
+/// the points are transformed back into the scanner frame (these are sorted by time in memory).
 ///
 /// # Errors
 /// A file that is missing, empty, or of none of these formats.
@@ -87,8 +87,8 @@ impl ProfileReader for TableProfiles {
     }
 }
 
-/// Writes profiles as a native table that [`open_profiles`] reads back bit by bit, with `y_m`
-/// where any point is off the profile's plane.
+/// Writes profiles as a native table that [`open_profiles`] reads back exactly, with `y_m` if any
+/// point is outside the profile plane.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -96,7 +96,7 @@ pub fn write_profiles(path: &Path, points: &[ScanPoint]) -> Result<()> {
     let with_y = points.iter().any(|p| p.position_m.y != 0.0);
     let mut header = vec!["time_s", "x_m", "z_m", "intensity"];
     header.extend(with_y.then_some("y_m"));
-    let mut sheet = Sheet::create(path, &header)?;
+    let mut sheet = TableWriter::create(path, &header)?;
     for p in points {
         let row = [
             p.time_s,

@@ -1,21 +1,21 @@
-//! What every reader of profiles does.
+//! The interface of all profile readers.
 
 use crate::error::Result;
 use crate::sensor::ScanPoint;
 
-/// A recording of one scanner, read once from front to back.
+/// A recording of one scanner, read once from start to end.
 pub trait ProfileReader: Send {
-    /// Replaces the content of `into` by the next points in time order, some 200,000 at most;
-    /// false, and nothing in `into`, at the end.
+    /// Replaces the content of `into` by the next points in time order, about 200,000 at most;
+    /// returns false and leaves `into` empty at the end.
     ///
     /// # Errors
-    /// What is damaged or contradicts the format; times that go backwards; a recording without
+    /// Data that are damaged or violate the format; times that go backwards; a recording without
     /// any valid point.
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool>;
 
-    /// Bytes of the file read so far; of compressed files an estimate.
+    /// Bytes of the file read so far; approximate for compressed files.
     fn bytes_read(&self) -> u64;
 
-    /// Bytes of the file.
+    /// Size of the file in bytes.
     fn bytes_total(&self) -> u64;
 }

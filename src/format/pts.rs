@@ -1,4 +1,4 @@
-//! PTS and PTX of Leica: text, x y z intensity and perhaps colours; PTX in grids with a transform.
+//! PTS and PTX of Leica: text, x y z intensity and optional colours; PTX in grids with a transform.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ fn ended(lines: &Lines, expected: &str) -> Error {
     lines.error("the end of the file", expected)
 }
 
-/// A line that holds one whole number.
+/// The integer of a line with a single number.
 fn count(lines: &Lines, cells: &[f64], what: &str) -> Result<u64> {
     match cells {
         [n] if *n >= 0.0 && n.fract() == 0.0 && *n < 1e15 => Ok(*n as u64),
@@ -31,15 +31,15 @@ fn push(cloud: &mut PointCloud, p: Vec3, cells: &[f64]) {
     }
 }
 
-/// Intensities are kept where all points have them.
-fn settle(mut cloud: PointCloud) -> PointCloud {
+/// Intensities are kept if all points have them.
+fn drop_partial_intensities(mut cloud: PointCloud) -> PointCloud {
     if cloud.intensity.len() != cloud.points.len() {
         cloud.intensity.clear();
     }
     cloud
 }
 
-/// Reads PTS: a count, then that many points; several such blocks may follow each other.
+/// Reads PTS: a count, then that many points; several such blocks may follow.
 pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
     let mut lines = Lines::open(path)?;
     let mut cloud = PointCloud::default();
@@ -48,19 +48,17 @@ pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
         let n = count(&lines, &cells, "the number of points")?;
         for i in 0..n {
             if !row(&mut lines, 3, &mut cells)? {
-                return Err(ended(
-                    &lines,
-                    &format!("{n} points, of which {i} are there"),
-                ));
+                return Err(ended(&lines, &format!("{n} points (found {i})")));
             }
             push(&mut cloud, Vec3::new(cells[0], cells[1], cells[2]), &cells);
         }
     }
-    Ok(settle(cloud))
+    Ok(drop_partial_intensities(cloud))
 }
 
 /// Reads PTX: for each scan columns and rows, position and axes of the scanner (repeated by the
-/// transform), the transform for row vectors, and the points; those at (0, 0, 0) were not measured.
+/// transform), the transform for row vectors, and the points; points at (0, 0, 0) were not
+/// measured.
 pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
     let mut lines = Lines::open(path)?;
     let mut cloud = PointCloud::default();
@@ -99,5 +97,5 @@ pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
             push(&mut cloud, Vec3::new(world(0), world(1), world(2)), &cells);
         }
     }
-    Ok(settle(cloud))
+    Ok(drop_partial_intensities(cloud))
 }

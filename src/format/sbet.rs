@@ -1,7 +1,7 @@
-//! SBET of Applanix, to look into: 17 little-endian f64 a record. Its positions are latitude and
-//! longitude (rad) and ellipsoidal height, its attitude refers to a wander azimuth; without a
-//! projection that the user names they do not belong to a local frame, so no trajectory is made
-//! of them.
+//! SBET of Applanix, for inspection only: 17 little-endian f64 per record. Its positions are
+//! latitude and longitude (rad) and ellipsoidal height, its attitude refers to a wander azimuth.
+//! They cannot be converted to a local frame without a projection chosen by the user, so SBET is
+//! not read as a trajectory.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ fn record(bytes: &[u8]) -> [f64; 17] {
     std::array::from_fn(|i| Number::F64.read(&bytes[8 * i..], false))
 }
 
-/// Could these be the first bytes of a file of `size` bytes in this format?
+/// Whether these could be the first bytes of a file of `size` bytes in this format.
 pub(crate) fn looks_like(start: &[u8], size: u64) -> bool {
     use std::f64::consts::{FRAC_PI_2, TAU};
     start.len() >= RECORD && size.is_multiple_of(RECORD as u64) && {
@@ -51,7 +51,7 @@ pub(crate) fn looks_like(start: &[u8], size: u64) -> bool {
     }
 }
 
-/// Hands every record to `take`.
+/// Calls `take` with every record.
 pub(crate) fn for_each(path: &Path, mut take: impl FnMut(&[f64; 17])) -> Result<()> {
     let mut bytes = Bytes::open(path)?;
     let mut buffer = [0; RECORD];

@@ -1,5 +1,5 @@
-//! Text tables: a header that names columns and units, `#` comments, and numbers between commas,
-//! semicolons or white space, in any column order.
+//! Text tables: a header with column names and units, `#` comments, and numbers separated by
+//! commas, semicolons or white space, in any column order.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ impl Columns {
         self.needed.iter().chain(self.optional).copied()
     }
 
-    /// Are all needed columns among `names`?
+    /// Whether all required columns are among `names`.
     pub(crate) fn are_in(&self, names: &[String]) -> bool {
         self.needed
             .iter()
@@ -28,7 +28,7 @@ impl Columns {
     fn describe(&self) -> String {
         let mut text = format!("columns {}", self.needed.join(", "));
         if !self.optional.is_empty() {
-            text += &format!(" and perhaps {}", self.optional.join(", "));
+            text += &format!(" and optionally {}", self.optional.join(", "));
         }
         text
     }
@@ -40,16 +40,17 @@ pub(crate) struct Table {
     lines: Lines,
     separator: Separator,
     names: Vec<String>,
-    /// For each column of the file: which of the wanted it is, and whether it may be empty.
+    /// For each column of the file: the index among the wanted columns, and whether it may be
+    /// empty.
     slots: Vec<Option<(usize, bool)>>,
     width: usize,
-    /// The line last read is a row that has not been handed out.
+    /// The last line read is a row that has not been returned yet.
     pending: bool,
 }
 
 impl Table {
-    /// Opens a table and finds the wanted columns in its header. A comment is taken for the
-    /// header where numbers follow it and it names the needed columns.
+    /// Opens a table and looks up the wanted columns in its header. A comment counts as the header
+    /// if it names the required columns and numbers follow.
     pub(crate) fn open(path: &Path, columns: &Columns) -> Result<Self> {
         let mut lines = Lines::open(path)?;
         let mut comment: Option<Vec<String>> = None;
@@ -79,11 +80,11 @@ impl Table {
             };
             if is_numeric && !columns.are_in(&names) {
                 return Err(lines.error(
-                    format!("{} numbers and no header before them", cells.len()),
+                    format!("{} numbers without a header", cells.len()),
                     format!("a header with the {}", columns.describe()),
                 ));
             }
-            let slots = find(&lines, &names, columns)?;
+            let slots = match_columns(&lines, &names, columns)?;
             return Ok(Self {
                 lines,
                 separator,
@@ -95,8 +96,8 @@ impl Table {
         }
     }
 
-    /// Reads the next row into `row`: needed columns first, then optional ones, NaN where the
-    /// file has no such column or an empty cell. False at the end.
+    /// Reads the next row into `row`: required columns first, then optional ones, NaN if the file
+    /// has no such column or the cell is empty. False at the end.
     pub(crate) fn next_row(&mut self, row: &mut [f64]) -> Result<bool> {
         debug_assert_eq!(row.len(), self.width);
         loop {
@@ -160,14 +161,18 @@ impl Table {
         &self.lines
     }
 
-    /// A format error at the row last read.
+    /// A format error at the last row read.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
         self.lines.error(found, expected)
     }
 }
 
-/// Finds the wanted columns among `names`.
-fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option<(usize, bool)>>> {
+/// Looks up the wanted columns among `names`.
+fn match_columns(
+    lines: &Lines,
+    names: &[String],
+    columns: &Columns,
+) -> Result<Vec<Option<(usize, bool)>>> {
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
     for (slot, wanted) in columns.wanted().enumerate() {
@@ -178,8 +183,8 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
             }
             (Some((place, _)), None) => slots[place] = Some((slot, slot >= needed)),
             (None, _) => {
-                // An optional column that is nearly there is a slip of the pen, not an absence; of
-                // short names every other one is near.
+                // A name close to an optional column is a typing error, not an absent column; short
+                // names have too many close names.
                 let reach = if slot < needed { 2 } else { wanted.len() / 4 };
                 let near = nearest(wanted, names, columns, reach.min(2));
                 if slot < needed || near.is_some() {
@@ -187,7 +192,7 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
                         format!(" (`{near}` looks like `{wanted}`)")
                     });
                     return Err(lines.error(
-                        format!("columns {}, without {wanted}{hint}", shown(names)),
+                        format!("columns {}, without {wanted}{hint}", abbreviated(names)),
                         columns.describe(),
                     ));
                 }
@@ -197,8 +202,8 @@ fn find(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option
     Ok(slots)
 }
 
-/// The header of a file that may be anything, short enough to print.
-fn shown(names: &[String]) -> String {
+/// The header of an arbitrary file, short enough to print.
+fn abbreviated(names: &[String]) -> String {
     let text: String = names.join(", ").chars().take(200).collect();
     if text.is_empty() {
         "(none)".to_owned()
@@ -207,7 +212,7 @@ fn shown(names: &[String]) -> String {
     }
 }
 
-/// The name in the file that is most like `wanted` and is not itself a wanted one.
+/// The name in the file that is closest to `wanted` and is not itself a wanted one.
 fn nearest<'a>(
     wanted: &str,
     names: &'a [String],
@@ -286,7 +291,7 @@ mod tests {
             "{text}"
         );
         let text = message("1,2\n");
-        assert!(text.contains("2 numbers and no header"), "{text}");
+        assert!(text.contains("2 numbers without a header"), "{text}");
         let text = message("time_s,x_m,x_m\n1,2,2\n");
         assert!(text.contains("column x_m twice"), "{text}");
         assert!(message("# nothing\n").contains("no header"));

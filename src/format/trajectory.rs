@@ -1,4 +1,4 @@
-//! Trajectories from all formats that hold poses.
+//! Trajectories from all formats that contain poses.
 
 use std::path::Path;
 
@@ -8,23 +8,23 @@ use crate::error::{Error, Location, Result};
 use crate::sensor::PoseRecord;
 
 /// Reads a trajectory: the native table, Bonn `.trj`, TUM (`time x y z qx qy qz qw`), or LAS and
-/// LAZ that carry the sensor's pose with every point (one pose per distinct time).
+/// LAZ with the sensor's pose for every point (one pose per distinct time).
 ///
 /// # Errors
-/// What the format's own reader finds; SBET, whose positions are geographic; times that do not
-/// increase; no poses.
+/// Errors of the format's reader; SBET, which has geographic positions; times that do not increase;
+/// no poses.
 pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
-    // Unknown tables are handed on as well: their reader names the column that is missing.
+    // Unknown tables are read as well: the reader names the missing column.
     match detect(path).unwrap_or(Format::TrajectoryCsv) {
         Format::Las | Format::Laz => las_scan::read_poses(path),
         Format::BonnTrajectory => bonn_trajectory::read(path),
         Format::Tum => pose_table::read_tum(path),
         Format::Sbet => {
-            // A damaged file is told first.
+            // Damage is reported first.
             sbet::for_each(path, |_| ())?;
             Err(Error::data(
                 format!(
-                    "{}: SBET holds latitude, longitude and a wander azimuth, no local frame",
+                    "{}: SBET contains latitude, longitude and a wander azimuth, not a local frame",
                     path.display()
                 ),
                 "export the trajectory in projected coordinates as time_s, east_m, north_m, \

@@ -1,8 +1,8 @@
-//! Euler angles of a mounting in the two conventions users write.
+//! Euler angles of a mounting in the two supported conventions.
 
 use super::{Rotation, Vec3};
 
-/// How three angles (α, β, γ) make R_bs.
+/// How three angles (α, β, γ) form R_bs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EulerConvention {
@@ -13,7 +13,7 @@ pub enum EulerConvention {
     Bonn,
 }
 
-/// R_bs of the angles (α, β, γ) in degrees.
+/// R_bs from the angles (α, β, γ) in degrees.
 pub fn rotation_from_euler_deg(convention: EulerConvention, angles_deg: [f64; 3]) -> Rotation {
     let [alpha, beta, gamma] = angles_deg.map(f64::to_radians);
     let zyx = Rotation::from_euler_angles(alpha, beta, gamma);
@@ -23,7 +23,7 @@ pub fn rotation_from_euler_deg(convention: EulerConvention, angles_deg: [f64; 3]
     }
 }
 
-/// The angles (α, β, γ) in degrees of R_bs.
+/// The angles (α, β, γ) of R_bs in degrees.
 pub fn euler_deg_from_rotation(convention: EulerConvention, rotation: &Rotation) -> [f64; 3] {
     let zyx = match convention {
         EulerConvention::Zyx => *rotation,
@@ -34,7 +34,7 @@ pub fn euler_deg_from_rotation(convention: EulerConvention, rotation: &Rotation)
 }
 
 /// d(α, β, γ)/dφ where R ← R Exp(φ): row i is the gradient of angle i (radians per radian).
-/// By central differences of 1e-6 rad, exact to about 1e-9; angles near gimbal lock grow.
+/// By central differences of 1e-6 rad, accurate to about 1e-9; unbounded near gimbal lock.
 pub fn euler_jacobian(convention: EulerConvention, rotation: &Rotation) -> super::Mat3 {
     let h = 1e-6;
     let mut jacobian = super::Mat3::zeros();

@@ -2,7 +2,7 @@
 
 use super::{Rotation, Vec3};
 
-/// The axes of the IMU, which are those of the body frame.
+/// The axis convention of the IMU and thereby of the body frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum BodyAxes {
     /// x forward, y right, z down (SBG, the paper).
@@ -41,7 +41,7 @@ pub fn heading_rad(world_from_body: &Rotation) -> f64 {
     x.x.atan2(x.y)
 }
 
-/// `angle` (radians) brought into (−π, π].
+/// `angle` (radians) wrapped into (−π, π].
 pub fn wrap(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     let wrapped = angle - TAU * (angle / TAU).round();

@@ -1,7 +1,7 @@
 //! Rotations, rigid transforms, Euler conventions, headings.
 //!
 //! A transform is named after what it maps: `world_from_body * body_from_scanner` is
-//! `world_from_scanner`; adjacent frames cancel. [`Transform`] says how it is perturbed.
+//! `world_from_scanner`; adjacent frames cancel. [`Transform`] defines how it is perturbed.
 
 pub mod euler;
 pub mod heading;
@@ -14,13 +14,13 @@ pub use transform::{
     Body, BodyFromScanner, Scanner, Transform, World, WorldFromBody, WorldFromScanner,
 };
 
-/// A vector or point, metres unless its name says otherwise.
+/// A vector or point, in metres unless its name says otherwise.
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A 3 × 3 matrix.
 pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A rotation as a unit quaternion (Hamilton; stored x, y, z, w).
 pub type Rotation = nalgebra::UnitQuaternion<f64>;
-/// Whether no component of `x` is infinite or NaN.
+/// Whether all components of `x` are finite.
 #[inline]
 pub(crate) fn is_finite(x: &Vec3) -> bool {
     x.iter().all(|component| component.is_finite())

@@ -20,7 +20,7 @@ pub fn log(rotation: &Rotation) -> Vec3 {
     rotation.scaled_axis()
 }
 
-/// J_r with Exp(φ + δ) ≈ Exp(φ) Exp(J_r(φ) δ).
+/// The right Jacobian J_r, with Exp(φ + δ) ≈ Exp(φ) Exp(J_r(φ) δ).
 pub fn right_jacobian(phi: &Vec3) -> Mat3 {
     let theta2 = phi.norm_squared();
     let w = hat(phi);
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn jacobians_meet_finite_differences() {
-        // Central differences with step 1e-5 carry an error of about 1e-10.
+        // Central differences with step 1e-5 are accurate to about 1e-10.
         let h = 1e-5;
         for phi in CASES.map(Vec3::from) {
             for axis in 0..3 {

@@ -13,7 +13,7 @@ pub enum World {}
 /// The body frame: the axes of the IMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Body {}
-/// The frame of a scanner; that of a profile scanner has its profiles in the x-z plane.
+/// The frame of a scanner; a profile scanner measures in its x-z plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scanner {}
 
@@ -26,7 +26,7 @@ pub type WorldFromScanner = Transform<World, Scanner>;
 
 /// A rigid transform that maps coordinates in `From` to coordinates in `To`: R x + t.
 ///
-/// Transforms compose where their frames meet, and only there:
+/// Transforms compose only if their adjacent frames agree:
 ///
 /// ```
 /// use boresight::geometry::{BodyFromScanner, WorldFromBody, WorldFromScanner};
@@ -40,16 +40,16 @@ pub type WorldFromScanner = Transform<World, Scanner>;
 /// ```
 ///
 /// # Perturbations
-/// One convention holds in all Jacobians: (δφ, δp) perturb a transform with **δφ a rotation vector
-/// in body axes**, radians, and δp added to the translation, metres.
+/// All Jacobians use one convention: (δφ, δp) perturb a transform with **δφ a rotation vector in
+/// body axes**, radians, and δp added to the translation, metres.
 ///
 /// | transform | perturbed |
 /// |---|---|
 /// | `world_from_body` | R ← R Exp(δφ), t ← t + δp, δp in world axes |
 /// | `body_from_scanner` | R ← Exp(δφ) R, t ← t + δp, δp in body axes |
 ///
-/// So the two rotations of equation (1) are perturbed about the same axes: a point
-/// x_m = t_mb + R_mb (t_bs + R_bs x_s) moves by
+/// Both rotations of equation (1) are therefore perturbed about the same axes: a point x_m = t_mb +
+/// R_mb (t_bs + R_bs x_s) moves by
 /// δp_mb + R_mb (δφ_mb × (t_bs + R_bs x_s) + δp_bs + δφ_bs × R_bs x_s).
 pub struct Transform<To, From> {
     /// R.
@@ -70,13 +70,13 @@ impl<To, From> Transform<To, From> {
         }
     }
 
-    /// Both frames coincide.
+    /// The identity: both frames coincide.
     #[inline]
     pub fn identity() -> Self {
         Self::new(Rotation::identity(), Vec3::zeros())
     }
 
-    /// The transform that maps back.
+    /// The inverse transform.
     #[inline]
     pub fn inverse(&self) -> Transform<From, To> {
         let rotation = self.rotation.inverse();
@@ -90,7 +90,7 @@ impl<To, From> Transform<To, From> {
     }
 
     /// The coordinates in `From` of the point that has the coordinates `x` in `To`: R⁻¹ (x − t).
-    /// Closer to the truth than the inverse transform where x and t are large and near each other.
+    /// More accurate than the inverse transform if x and t are large and close together.
     #[inline]
     pub fn map_back(&self, x: &Vec3) -> Vec3 {
         self.rotation.inverse() * (x - self.translation_m)
@@ -115,7 +115,7 @@ impl BodyFromScanner {
     }
 }
 
-/// Products of many rotations drift off the unit sphere.
+/// Renormalises a rotation, as products of many drift off the unit sphere.
 fn normalised(rotation: Rotation) -> Rotation {
     Rotation::new_normalize(rotation.into_inner())
 }
@@ -132,7 +132,7 @@ impl<To, Between, From> Mul<Transform<Between, From>> for Transform<To, Between>
     }
 }
 
-// Derived, these would ask the same of the frames, which are never made.
+// Derived impls would require the same traits of the frames, which are uninhabited.
 impl<To, From> Clone for Transform<To, From> {
     #[inline]
     fn clone(&self) -> Self {
@@ -157,7 +157,7 @@ impl<To, From> fmt::Debug for Transform<To, From> {
     }
 }
 
-/// As `translation_m` and `quaternion_xyzw`.
+/// Serialises as `translation_m` and `quaternion_xyzw`.
 impl<To, From> serde::Serialize for Transform<To, From> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeStruct;
@@ -186,7 +186,7 @@ mod tests {
         let arm = body_from_scanner.rotation * x;
         let lever = body_from_scanner.map(&x);
         let r = world_from_body.rotation;
-        // Central differences of 1e-6 carry an error of about 1e-10.
+        // Central differences with step 1e-6 are accurate to about 1e-10.
         let h = 1e-6;
         for (part, axis) in (0..4).flat_map(|part| (0..3).map(move |axis| (part, axis))) {
             let mut d = [Vec3::zeros(); 4];

@@ -73,7 +73,7 @@ pub fn stream(
                     let Some(world) = place.place(point) else {
                         continue;
                     };
-                    kept.show(*point);
+                    kept.push(*point);
                     if let Some(writer) = &mut writer {
                         let position = world + project.origin_m;
                         writer.write(&position, time_s, point.intensity, number)?;

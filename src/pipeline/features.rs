@@ -9,7 +9,7 @@ use crate::cloud::Neighbourhood;
 use crate::error::{Error, Location, Result};
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::tiles::{self, FeatureSettings, FeatureWork, peak_memory_bytes};
+use crate::tiles::{self, FeatureSettings, FeatureSummary, peak_memory_bytes};
 
 /// Computes the features of every point of `cloud` and writes `NAME-features.laz`, as
 /// [`tiles::features`] does.
@@ -44,7 +44,7 @@ fn file_name(cloud: &Path) -> Result<String> {
     Ok(format!("{}-features.laz", stem.to_string_lossy()))
 }
 
-fn warn_of_few(work: &FeatureWork, settings: &FeatureSettings, progress: &dyn Progress) {
+fn warn_of_few(work: &FeatureSummary, settings: &FeatureSettings, progress: &dyn Progress) {
     if let Neighbourhood::Nearest(k) = settings.neighbourhood
         && (k as u64) > work.points
     {

@@ -1,4 +1,4 @@
-//! The project with every value checked: SI units, radians, absolute paths.
+//! The checked project: SI units, radians, absolute paths.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
 
-/// One drive, its sensors and what is to be done with them.
+/// One drive, its sensors and the settings for processing it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Project {
     /// The project file, absolute.
@@ -17,23 +17,23 @@ pub struct Project {
     pub axes: BodyAxes,
     /// Subtracted from world coordinates on reading and added on writing, metres.
     pub origin_m: Vec3,
-    /// Where the poses come from.
+    /// The source of the poses.
     pub motion: Motion,
-    /// How well a pose must be known for points to be placed with it.
+    /// Limits on the uncertainty of poses with which points are georeferenced.
     pub limits: PoseLimits,
     /// The scanners in the order of the file; names are unique.
     pub scanners: Vec<Scanner>,
     /// The reference cloud.
     pub reference: Option<Reference>,
-    /// How the mountings are found.
+    /// Settings of the calibration.
     pub calibration: CalibrationSettings,
-    /// How clouds are compared.
+    /// Settings of the comparisons.
     pub comparison: ComparisonSettings,
-    /// Other drives, judged with the mountings found here.
+    /// Other drives, evaluated with the mountings calibrated here.
     pub evaluations: Vec<Evaluation>,
 }
 
-/// Where the poses come from.
+/// The source of the poses.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
     /// Logs of IMU, prism or GNSS, and heading, from which the trajectory is estimated.
@@ -42,7 +42,7 @@ pub enum Motion {
     Poses(PosesFile),
 }
 
-/// The logs behind a trajectory.
+/// The logs from which a trajectory is estimated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Logs {
     /// Rates and specific forces.
@@ -52,7 +52,7 @@ pub struct Logs {
     pub positions: Vec<PositionLog>,
     /// Headings of the antenna baseline.
     pub heading: Option<LogFile>,
-    /// Noise, lever arms, offsets; those of the heading are defaults where there is no log of it.
+    /// Noise, lever arms, offsets; defaults for the heading if there is no heading log.
     pub settings: TrajectorySettings,
 }
 
@@ -72,8 +72,8 @@ pub struct PositionLog {
     pub path: PathBuf,
     /// Common time = sensor time + this, seconds.
     pub time_offset_s: f64,
-    /// What its numbers are; the station of polar ones in world coordinates, the project's origin
-    /// not subtracted.
+    /// The kind of its observations; the station of polar ones is in world coordinates, before the
+    /// project's origin is subtracted.
     pub observations: Observations,
 }
 
@@ -84,26 +84,26 @@ pub struct PosesFile {
     pub path: PathBuf,
     /// Common time = time in the file + this, seconds.
     pub time_offset_s: f64,
-    /// Standard deviation of each coordinate where the file gives none, metres.
+    /// Standard deviation of each coordinate if the file gives none, metres.
     pub sigma_position_m: Option<f64>,
-    /// Standard deviation about each axis where the file gives none, radians.
+    /// Standard deviation about each axis if the file gives none, radians.
     pub sigma_rotation_rad: Option<f64>,
 }
 
 /// One scanner and its mounting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scanner {
-    /// Letters, digits, `-` and `_`: fit for a file name.
+    /// Letters, digits, `-` and `_`, as it becomes part of file names.
     pub name: String,
     /// Files of profiles in time order, absolute.
     pub profiles: Vec<PathBuf>,
     /// Common time = scanner time + this, seconds.
     pub time_offset_s: f64,
-    /// The mounting to start from.
+    /// The initial mounting.
     pub body_from_scanner: BodyFromScanner,
-    /// How the user writes the angles of this mounting.
+    /// The convention of the angles in the project file.
     pub convention: EulerConvention,
-    /// Which of tx ty tz rx ry rz stay at their values.
+    /// Which of tx ty tz rx ry rz are held fixed.
     pub fixed: [bool; 6],
 }
 
@@ -117,7 +117,7 @@ pub struct Reference {
 /// Another drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
-    /// Letters, digits, `-` and `_`: fit for a file name.
+    /// Letters, digits, `-` and `_`, as it becomes part of file names.
     pub name: String,
     /// Its project file, absolute.
     pub project: PathBuf,

@@ -1,4 +1,4 @@
-//! Are the files there that a project refers to?
+//! Checks that the files of a project exist.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::trajectory::PositionKind;
 
 /// See [`Project::check_files`].
 pub(super) fn check(project: &Project) -> Result<()> {
-    own_files(project)?;
+    check_own_files(project)?;
     project
         .evaluations
         .iter()
@@ -18,7 +18,7 @@ pub(super) fn check(project: &Project) -> Result<()> {
         .try_for_each(|(index, evaluation)| check_evaluation(project, index, evaluation))
 }
 
-/// Every file that the project reads itself, with the key that names it.
+/// Every file that the project reads itself, with its key.
 fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
     let mut files: Vec<(Vec<Step<'static>>, &Path)> = Vec::new();
     let file = |table| vec![Step::Key(table), Step::Key("file")];
@@ -69,10 +69,10 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
     files
 }
 
-fn own_files(project: &Project) -> Result<()> {
+fn check_own_files(project: &Project) -> Result<()> {
     named(project)
         .iter()
-        .try_for_each(|(steps, path)| present(project, steps, path))
+        .try_for_each(|(steps, path)| check_exists(project, steps, path))
 }
 
 /// See [`Project::inputs`].
@@ -81,7 +81,7 @@ pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
     inputs.extend(named(project).into_iter().map(|(_, path)| path.to_owned()));
     for evaluation in &project.evaluations {
         inputs.push(evaluation.project.clone());
-        // What cannot be read is told where it is needed.
+        // An unreadable file is reported when it is needed.
         if let Ok(drive) = resolve::read(&evaluation.project) {
             inputs.extend(named(&drive).into_iter().map(|(_, path)| path.to_owned()));
         }
@@ -92,14 +92,14 @@ pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
 fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) -> Result<()> {
     let key = Step::Key("evaluation");
     let steps = [key, Step::Index(index), Step::Key("project")];
-    present(project, &steps, &evaluation.project)?;
+    check_exists(project, &steps, &evaluation.project)?;
     let drive = resolve::read(&evaluation.project)?;
-    own_files(&drive)?;
-    let stranger = drive
+    check_own_files(&drive)?;
+    let unknown = drive
         .scanners
         .iter()
         .find(|theirs| project.scanners.iter().all(|ours| ours.name != theirs.name));
-    let problem = if let Some(scanner) = stranger {
+    let problem = if let Some(scanner) = unknown {
         format!(
             "the scanner {:?}, which this project does not calibrate",
             scanner.name
@@ -120,7 +120,7 @@ fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) ->
     ))
 }
 
-fn present(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
+fn check_exists(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
     if path.is_file() {
         return Ok(());
     }
@@ -145,7 +145,7 @@ fn present(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
     ))
 }
 
-/// The line of a key, where the project's file is still there to tell.
+/// The line of a key, if the project file can still be read.
 fn line(project: &Project, steps: &[Step<'_>]) -> Location {
     Source::read(&project.path).map_or(Location::Whole, |source| source.locate(steps))
 }

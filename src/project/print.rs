@@ -1,4 +1,4 @@
-//! From the checked project back to a file that reads the same.
+//! Writes a checked project as a file that reads back as the same project.
 
 use super::checked::{Logs, Motion, PosesFile, PositionLog, Project, Scanner};
 use super::resolve::arcsec_to_radians;
@@ -191,7 +191,7 @@ fn write_logs(logs: &Logs, written: &mut Written) {
 fn scanner(scanner: &Scanner) -> written::Scanner {
     let rotation = &scanner.body_from_scanner.rotation;
     let angles = euler_deg_from_rotation(scanner.convention, rotation);
-    // The angles as typed where they give the very same rotation, else the quaternion.
+    // The angles as typed if they give exactly the same rotation, else the quaternion.
     let rotation_deg = (0..DIGITS)
         .map(|digits| angles.map(|angle| rounded(angle, digits)))
         .find(|angles| {
@@ -218,7 +218,7 @@ fn scanner(scanner: &Scanner) -> written::Scanner {
     }
 }
 
-/// Digits behind the first that tell any two f64 apart.
+/// Decimal digits after the first that distinguish any two f64.
 const DIGITS: usize = 17;
 
 fn rounded(value: f64, digits: usize) -> f64 {
@@ -230,7 +230,7 @@ fn degrees(angle_rad: f64) -> f64 {
     preimage(angle_rad, f64::to_radians)
 }
 
-/// The shortest decimal that the linear `unit` maps to `value` exactly, or where no f64 does the
+/// The shortest decimal that the linear `unit` maps exactly to `value`; if no f64 does, the
 /// nearest.
 fn preimage(value: f64, unit: fn(f64) -> f64) -> f64 {
     let guess = value / unit(1.0);
@@ -241,7 +241,7 @@ fn preimage(value: f64, unit: fn(f64) -> f64) -> f64 {
         .unwrap_or(guess)
 }
 
-/// The decimal of at most ten digits that `unit` maps to `value` exactly.
+/// The decimal of at most ten digits that `unit` maps exactly to `value`.
 fn datasheet(value: f64, unit: fn(f64) -> f64) -> Option<f64> {
     let candidate = preimage(value, unit);
     (unit(candidate) == value && rounded(candidate, 9) == candidate).then_some(candidate)

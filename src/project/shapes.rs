@@ -1,4 +1,4 @@
-//! Values that may be written in more than one shape: one or several, a number or a list.
+//! Values with alternative forms in the file: one or several, a number or a list.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -55,7 +55,7 @@ impl<T> Default for Tables<T> {
 }
 
 impl<T> Tables<T> {
-    /// Not one.
+    /// Whether there are no tables.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

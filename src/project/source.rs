@@ -1,4 +1,4 @@
-//! The text of a project file, and where in it each key stands.
+//! The text of a project file, and the lines of its keys.
 
 use std::path::{Path, PathBuf};
 
@@ -14,17 +14,17 @@ pub(super) struct Source {
     text: String,
 }
 
-/// One step from a table to what is in it.
+/// One step from a table to one of its values.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step<'a> {
     /// The key of a table.
     Key(&'a str),
-    /// The element of an array, from 0.
+    /// The index of an array element, from 0.
     Index(usize),
 }
 
 impl Source {
-    /// Reads the file's text.
+    /// Reads the text of the file.
     pub fn read(path: &Path) -> Result<Self> {
         if path.is_dir() {
             let expected = "a project file, such as `project.toml` in it";
@@ -44,12 +44,12 @@ impl Source {
         Ok(Self { path, text })
     }
 
-    /// The file as typed.
+    /// The content of the file as written.
     pub fn written(&self) -> Result<Written> {
         toml::from_str(&self.text).map_err(|error| self.explain(&error))
     }
 
-    /// `file` relative to the folder of the project file, absolute.
+    /// Makes `file`, relative to the folder of the project file, absolute.
     pub fn absolute(&self, file: &Path) -> PathBuf {
         match self.path.parent() {
             Some(folder) => folder.join(file),
@@ -57,12 +57,12 @@ impl Source {
         }
     }
 
-    /// An error at the key reached by `steps`, or at the nearest table that is there.
+    /// An error at the key reached by `steps`, or at the nearest enclosing table that exists.
     pub fn error(&self, steps: &[Step<'_>], found: impl Into<String>, expected: &str) -> Error {
         Error::format(&self.path, self.locate(steps), found, expected)
     }
 
-    /// The line of the key reached by `steps`, or of the last that is there.
+    /// The line of the key reached by `steps`, or of the last one that exists.
     pub fn locate(&self, steps: &[Step<'_>]) -> Location {
         let Ok(root) = DeTable::parse(&self.text) else {
             return Location::Whole;
@@ -73,7 +73,7 @@ impl Source {
         for step in steps {
             let next = match *step {
                 Step::Key(name) => {
-                    // `[[prism]]` for one table is as good as `[prism]`.
+                    // `[[prism]]` with one table is equivalent to `[prism]`.
                     let one =
                         |value: &DeValue<'_>| value.as_array().is_some_and(|all| all.len() == 1);
                     let inside = match value {
@@ -101,7 +101,7 @@ impl Source {
         Location::Line(1 + before.iter().filter(|&&b| b == b'\n').count() as u64)
     }
 
-    /// Says in our words what the TOML reader found.
+    /// Translates an error of the TOML reader.
     fn explain(&self, error: &toml::de::Error) -> Error {
         let at = error
             .span()
@@ -114,7 +114,7 @@ impl Source {
             one_of("the unknown value", &names)
         } else if message.starts_with("missing field") && !names.is_empty() {
             (
-                "a table without it".to_owned(),
+                format!("a table without `{}`", names[0]),
                 format!("the key `{}`", names[0]),
             )
         } else if let Some((found, expected)) = message
@@ -123,20 +123,17 @@ impl Source {
             .or_else(|| message.strip_prefix("invalid length "))
             .and_then(|rest| rest.split_once(", expected "))
         {
-            (found.to_owned(), in_words(expected))
+            (found.to_owned(), type_in_words(expected))
         } else {
             let message = message.replace('\n', "; ");
-            (
-                format!("what is not TOML ({message})"),
-                "valid TOML".to_owned(),
-            )
+            (format!("invalid TOML ({message})"), "valid TOML".to_owned())
         };
         Error::format(&self.path, at, found, expected)
     }
 }
 
-/// The names of Rust types as users know them.
-fn in_words(expected: &str) -> String {
+/// User-friendly names of Rust types.
+fn type_in_words(expected: &str) -> String {
     match expected {
         "f64" => "a number",
         "usize" => "a whole number, 0 or more",
@@ -148,7 +145,7 @@ fn in_words(expected: &str) -> String {
     .to_owned()
 }
 
-/// `names[0]` is not among the rest: what was found, and what was expected with the nearest first.
+/// What was found and what was expected, nearest name first, if `names[0]` is not among the rest.
 fn one_of(kind: &str, names: &[&str]) -> (String, String) {
     let (unknown, known) = names.split_first().unwrap_or((&"", &[]));
     let found = format!("{kind} `{unknown}`");
@@ -163,11 +160,11 @@ fn one_of(kind: &str, names: &[&str]) -> (String, String) {
     (found, expected)
 }
 
-/// The known name most like `unknown`, upper and lower case alike.
+/// The known name closest to `unknown`, ignoring case.
 pub(super) fn nearest<'a>(unknown: &str, known: &[&'a str]) -> Option<&'a str> {
     let unknown = unknown.to_lowercase();
-    // Edits find swapped and missing letters, the common start finds names cut short.
-    let likeness = |name: &str| {
+    // Edit distance finds swapped and missing letters, the common prefix finds truncated names.
+    let similarity = |name: &str| {
         let name = name.to_lowercase();
         strsim::normalized_damerau_levenshtein(&unknown, &name)
             + strsim::jaro_winkler(&unknown, &name)
@@ -175,5 +172,5 @@ pub(super) fn nearest<'a>(unknown: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
         .copied()
-        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
+        .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
 }

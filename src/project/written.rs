@@ -1,6 +1,6 @@
-//! The project file as typed: degrees, datasheet units, paths relative to the file.
+//! The project file as written: degrees, datasheet units, paths relative to the file.
 //!
-//! Every table refuses keys it does not know.
+//! Every table refuses unknown keys.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,8 @@ pub struct Written {
     /// Axes, origin, gravity.
     #[serde(default)]
     pub frame: Frame,
-    /// With `prism` or `gnss`, and perhaps `heading`: logs to estimate the trajectory from.
+    /// With `prism` or `gnss`, and optionally `heading`: logs from which the trajectory is
+    /// estimated.
     pub imu: Option<Imu>,
     /// Prisms tracked by total stations.
     #[serde(default, skip_serializing_if = "Tables::is_empty")]
@@ -30,17 +31,17 @@ pub struct Written {
     pub gnss: Tables<Gnss>,
     /// Headings of the antenna baseline.
     pub heading: Option<Heading>,
-    /// How the trajectory is estimated, or a file of poses instead of the four above.
+    /// Settings of the trajectory estimation, or a file of poses instead of the four above.
     pub trajectory: Option<Trajectory>,
     /// The scanners.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scanner: Vec<Scanner>,
     /// The reference cloud.
     pub reference: Option<Reference>,
-    /// How the mountings are found.
+    /// Settings of the calibration.
     #[serde(default)]
     pub calibration: Calibration,
-    /// How clouds are compared.
+    /// Settings of the comparisons.
     #[serde(default)]
     pub comparison: Comparison,
     /// Other drives.
@@ -74,13 +75,13 @@ pub struct Imu {
     pub gyro_noise_deg_sqrt_h: Option<f64>,
     /// Velocity random walk, µg/√Hz. Default 57.
     pub accel_noise_ug_sqrt_hz: Option<f64>,
-    /// Bias instability, °/h. Default 7. The bias walks by this in the correlation time.
+    /// Bias instability, °/h. Default 7. The bias random walk reaches it in the correlation time.
     pub gyro_bias_instability_deg_h: Option<f64>,
-    /// Bias instability, µg. Default 14. The bias walks by this in the correlation time.
+    /// Bias instability, µg. Default 14. The bias random walk reaches it in the correlation time.
     pub accel_bias_instability_ug: Option<f64>,
-    /// Instead of the instability.
+    /// Bias random walk, rad/s/√s, instead of the instability.
     pub gyro_bias_walk_rad_s_sqrt_s: Option<f64>,
-    /// Instead of the instability.
+    /// Bias random walk, m/s²/√s, instead of the instability.
     pub accel_bias_walk_m_s2_sqrt_s: Option<f64>,
 }
 
@@ -88,38 +89,38 @@ pub struct Imu {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prism {
-    /// Default `prism`; needed where there are several.
+    /// Default `prism`; required if there are several.
     pub name: Option<String>,
     /// Relative to the project file.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Of each coordinate, or of east, north, up, where the log gives none. Default 0.005. Of polar
-    /// observations: what tracking adds to the instrument's noise.
+    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. Default
+    /// 0.005. For polar observations: the contribution of tracking to the instrument's noise.
     pub sigma_m: Option<Numbers>,
     /// Prism in the body frame.
     pub lever_arm_m: [f64; 3],
-    /// What large residuals count. Default `truncated`.
+    /// Loss function for large residuals. Default `truncated`.
     pub loss: Option<Loss>,
-    /// `cartesian` or `polar`, where the file holds both.
+    /// `cartesian` or `polar`, if the file contains both.
     pub observations: Option<ObservationKind>,
-    /// The total station in the world.
+    /// The total station's position in the world.
     pub station_m: Option<[f64; 3]>,
-    /// Azimuth of its horizontal zero, clockwise from grid north: makes the log a polar one.
+    /// Azimuth of its horizontal zero, clockwise from grid north; makes the log a polar one.
     pub station_orientation_deg: Option<f64>,
     /// `zenith` (default) or `elevation`.
     pub vertical_angle: Option<VerticalAngle>,
     /// Added to slope distances. Default 0.
     pub reflector_constant_m: Option<f64>,
-    /// Of a slope distance. Default 0.001.
+    /// Standard deviation of a slope distance, constant part. Default 0.001.
     pub sigma_distance_m: Option<f64>,
-    /// Of a slope distance, more with its length. Default 1.
+    /// Standard deviation of a slope distance, proportional part. Default 1.
     pub sigma_distance_ppm: Option<f64>,
-    /// Of either angle, seconds of arc. Default 1.
+    /// Standard deviation of either angle, seconds of arc. Default 1.
     pub sigma_angle_arcsec: Option<f64>,
 }
 
-/// What is read of a position log that holds coordinates and polar observations.
+/// What to read from a position log that contains coordinates and polar observations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ObservationKind {
@@ -133,18 +134,18 @@ pub enum ObservationKind {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gnss {
-    /// Default `gnss`; needed where there are several.
+    /// Default `gnss`; required if there are several.
     pub name: Option<String>,
     /// Relative to the project file.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Of each coordinate, or of east, north, up, where the log gives none. Default 0.02, 0.02,
-    /// 0.04.
+    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. Default
+    /// 0.02, 0.02, 0.04.
     pub sigma_m: Option<Numbers>,
     /// Antenna in the body frame.
     pub lever_arm_m: [f64; 3],
-    /// What large residuals count. Default `truncated`.
+    /// Loss function for large residuals. Default `truncated`.
     pub loss: Option<Loss>,
 }
 
@@ -156,13 +157,13 @@ pub struct Heading {
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Where the log gives none. Default 0.7.
+    /// Standard deviation if the log gives none. Default 0.7.
     pub sigma_deg: Option<f64>,
-    /// Of the pitch, where the log has one and gives no sigma. Default: `sigma_deg`.
+    /// Standard deviation of the pitch if the log has a pitch without one. Default: `sigma_deg`.
     pub sigma_pitch_deg: Option<f64>,
     /// From the antenna baseline to the body's x axis, clockwise. Default 0.
     pub mounting_offset_deg: Option<f64>,
-    /// What large residuals count. Default `truncated`.
+    /// Loss function for large residuals. Default `truncated`.
     pub loss: Option<Loss>,
 }
 
@@ -174,19 +175,19 @@ pub struct Trajectory {
     pub file: Option<PathBuf>,
     /// With `file`: common time = time in the file + this.
     pub time_offset_s: Option<f64>,
-    /// With `file`: of each coordinate, where the file gives none.
+    /// With `file`: standard deviation of each coordinate if the file gives none.
     pub sigma_position_m: Option<f64>,
-    /// With `file`: about each axis, where the file gives none.
+    /// With `file`: standard deviation about each axis if the file gives none.
     pub sigma_rotation_deg: Option<f64>,
     /// Without `file`: `prism` (default) or `imu`.
     pub nodes: Option<Nodes>,
-    /// Without `file`: constants to estimate beside the trajectory. Default none.
+    /// Without `file`: constants to estimate together with the trajectory. Default none.
     pub estimate: Option<Vec<String>>,
-    /// Without `file`: hold the velocity at zero where the logs show rest. Default true.
+    /// Without `file`: constrain the velocity to zero where the logs show rest. Default true.
     pub zero_velocity: Option<bool>,
-    /// No point is placed where the sigma of a coordinate is larger. Default none.
+    /// Largest standard deviation of a coordinate for points to be georeferenced. Default none.
     pub max_sigma_position_m: Option<f64>,
-    /// No point is placed where the sigma about an axis is larger. Default none.
+    /// Largest standard deviation about an axis for points to be georeferenced. Default none.
     pub max_sigma_rotation_deg: Option<f64>,
 }
 
@@ -200,15 +201,15 @@ pub struct Scanner {
     pub profiles: Files,
     /// Common time = scanner time + this.
     pub time_offset_s: Option<f64>,
-    /// Scanner in the body frame.
+    /// Position of the scanner in the body frame.
     pub translation_m: [f64; 3],
-    /// α, β, γ in the convention below.
+    /// α, β, γ in `rotation_convention`.
     pub rotation_deg: Option<[f64; 3]>,
     /// Instead of the angles.
     pub quaternion_xyzw: Option<[f64; 4]>,
     /// `zyx` (default) or `bonn`.
     pub rotation_convention: Option<EulerConvention>,
-    /// Of tx ty tz rx ry rz.
+    /// Fixed parameters, of tx ty tz rx ry rz.
     pub fixed: Option<Vec<String>>,
 }
 
@@ -224,15 +225,15 @@ pub struct Reference {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Coarse to fine.
+    /// Voxel sizes from coarse to fine.
     pub voxel_sizes_m: Option<Vec<f64>>,
-    /// In each neighbourhood.
+    /// Number of points in each neighbourhood.
     pub neighbours: Option<usize>,
     /// `reweighted` (default) or `paper`.
     pub method: Option<Method>,
-    /// A scale.
+    /// Largest number of iterations per scale.
     pub max_iterations: Option<usize>,
-    /// A point of the same scanner and voxel this much later belongs to another pass.
+    /// A point of the same scanner and voxel belongs to another pass if it is this much later.
     pub pass_gap_s: Option<f64>,
 }
 
@@ -240,11 +241,11 @@ pub struct Calibration {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Comparison {
-    /// Between core points.
+    /// Spacing of core points.
     pub core_spacing_m: Option<f64>,
-    /// Of the neighbourhoods for normals.
+    /// Radii of the neighbourhoods for normals.
     pub normal_radii_m: Option<Vec<f64>>,
-    /// Of the cylinder.
+    /// Radius of the cylinder.
     pub cylinder_radius_m: Option<f64>,
     /// Half length of the cylinder.
     pub max_distance_m: Option<f64>,
@@ -254,9 +255,9 @@ pub struct Comparison {
     pub aggregation: Option<Aggregation>,
     /// `normal` (default) or `student`.
     pub detection: Option<Detection>,
-    /// Cylinders along the normal only.
+    /// Cylinders along the normal only, not against it.
     pub one_sided: Option<bool>,
-    /// Of either cloud, for a distance.
+    /// Fewest points of either cloud for a distance.
     pub min_points: Option<u32>,
 }
 

@@ -155,7 +155,7 @@ fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
             millimetres(after)
         ),
     };
-    let before = all.find(found, MountingKind::Initial);
+    let before = all.counterpart(found, MountingKind::Initial);
     match before.map(|before| before.statistics.rmse_m) {
         Some(before) if before < after => Verdict::attention(format!(
             "{text}, worse than with the initial mounting ({}).",

@@ -1,4 +1,4 @@
-//! What each sensor measured: plain records, and the checks that streams must pass.
+//! The measurements of each sensor as plain records, and checks of their streams.
 
 mod total_station;
 
@@ -29,7 +29,7 @@ pub struct PositionFix {
     pub time_s: f64,
     /// East, north, up in the world frame, metres.
     pub position_m: Vec3,
-    /// Covariance of east, north, up where the file tells, m².
+    /// Covariance of east, north, up if the file gives one, m².
     pub covariance_m2: Option<Mat3>,
 }
 
@@ -44,18 +44,18 @@ impl PositionFix {
     }
 }
 
-/// One heading of the antenna baseline, and its pitch where two antennas tell.
+/// One heading of the antenna baseline, with its pitch if the receiver gives one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeadingFix {
     /// Seconds.
     pub time_s: f64,
     /// Clockwise from north, radians.
     pub heading_rad: f64,
-    /// Standard deviation where the file gives one, radians.
+    /// Standard deviation if the file gives one, radians.
     pub sigma_rad: Option<f64>,
     /// Elevation of the baseline above the horizon, radians.
     pub pitch_rad: Option<f64>,
-    /// Standard deviation of the pitch where the file gives one, radians.
+    /// Standard deviation of the pitch if the file gives one, radians.
     pub pitch_sigma_rad: Option<f64>,
 }
 
@@ -72,16 +72,16 @@ impl HeadingFix {
     }
 }
 
-/// A row of a log that holds no measurement, and why.
+/// A row of a log that holds no measurement, and the reason.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct RejectedRow {
     /// The file.
     pub source: String,
     /// Its line, counted from 1.
     pub line: u64,
-    /// The time that stands there, seconds on the sensor's own clock.
+    /// The time in this row, seconds on the sensor's own clock.
     pub time_s: f64,
-    /// In words.
+    /// The reason.
     pub reason: String,
 }
 
@@ -104,7 +104,7 @@ pub struct ScanPoint {
     pub time_s: f64,
     /// Scanner frame, metres; a profile scanner has y = 0.
     pub position_m: Vec3,
-    /// As recorded, 0 where absent.
+    /// As recorded, 0 if absent.
     pub intensity: f32,
 }
 
@@ -113,7 +113,7 @@ pub struct ScanPoint {
 pub struct PoseRecord {
     /// Seconds.
     pub time_s: f64,
-    /// WorldFromBody of the body in the world.
+    /// The pose of the body.
     pub world_from_body: WorldFromBody,
     /// Velocity in the world frame, m/s.
     pub velocity_m_s: Option<Vec3>,
@@ -124,7 +124,7 @@ pub struct PoseRecord {
 }
 
 impl PoseRecord {
-    /// A pose of which no more is known.
+    /// A pose without velocity, biases and standard deviations.
     pub fn new(time_s: f64, world_from_body: WorldFromBody) -> Self {
         Self {
             time_s,
@@ -171,14 +171,14 @@ macro_rules! timed {
 }
 timed!(ImuSample, PositionFix, HeadingFix, ScanPoint, PoseRecord);
 
-/// First and last time of a stream in time order, seconds; `None` where it is empty.
+/// First and last time of a stream in time order, seconds; `None` if it is empty.
 pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
     Some((stream.first()?.time_s(), stream.last()?.time_s()))
 }
 
-/// The unit of times that are `factor` times as large as they would be in seconds; `None` where no
-/// unit comes near.
-pub(crate) fn unit_of_times(factor: f64) -> Option<&'static str> {
+/// The unit of times that are `factor` times what they would be in seconds; `None` if no unit comes
+/// close.
+pub(crate) fn time_unit(factor: f64) -> Option<&'static str> {
     match (factor.log10() / 3.0).round() {
         1.0 => Some("milliseconds"),
         2.0 => Some("microseconds"),
@@ -187,17 +187,17 @@ pub(crate) fn unit_of_times(factor: f64) -> Option<&'static str> {
     }
 }
 
-/// As [`unit_of_times`], where `factor` is a power of 1000 up to this factor.
-pub(crate) fn unit_of_times_within(factor: f64, up_to: f64) -> Option<&'static str> {
+/// As [`time_unit`], if the ratio of `factor` to a power of 1000 is at most `up_to`.
+pub(crate) fn time_unit_within(factor: f64, up_to: f64) -> Option<&'static str> {
     let off = (factor.log10() / 3.0).fract();
     let off_decades = 3.0 * off.min(1.0 - off);
-    unit_of_times(factor).filter(|_| off_decades <= up_to.log10())
+    time_unit(factor).filter(|_| off_decades <= up_to.log10())
 }
 
-/// Checks that the streams `a` and `b` share some time.
+/// Checks that the streams `a` and `b` overlap in time.
 ///
 /// # Errors
-/// Names both spans and by how much they miss each other.
+/// Names both spans and the gap between them.
 pub fn check_overlap(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Result<()> {
     let ((name_a, (a0, a1)), (name_b, (b0, b1))) = (a, b);
     let gap = (b0 - a1).max(a0 - b1);
@@ -208,19 +208,19 @@ pub fn check_overlap(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Result<()>
         Problem::NoOverlap,
         format!(
             "{name_a} ({a0:.3} s to {a1:.3} s) and {name_b} ({b0:.3} s to {b1:.3} s) do not \
-             overlap: they miss each other by {gap:.3} s{}",
+             overlap: the gap is {gap:.3} s{}",
             unit_hint(a, b).unwrap_or_else(|| clock_hint(gap).to_owned())
         ),
-        "check that both logs are of the same drive and on one clock; `time_offset_s` shifts a \
+        "check that both logs come from the same drive and use the same clock; `time_offset_s` shifts a \
          stream (common time = sensor time + offset)",
     ))
 }
 
-/// Asks for the unit of one stream where its times are those of the other times a power of 1000.
+/// Asks for the unit of one stream if its times are a power of 1000 times the other's.
 fn unit_hint(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Option<String> {
     const ALIKE: f64 = 1.25;
     let middle = |(_, (first, last)): (&str, (f64, f64))| 0.5 * (first + last);
-    let unit = |large, small| unit_of_times_within(middle(large) / middle(small), ALIKE);
+    let unit = |large, small| time_unit_within(middle(large) / middle(small), ALIKE);
     let (name, unit) = match unit(a, b) {
         Some(unit) => (a.0, unit),
         None => (b.0, unit(b, a)?),
@@ -247,18 +247,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_miss_is_named_with_its_size() {
+    fn a_gap_is_named_with_its_size() {
         let error = check_overlap(("imu", (0.0, 10.0)), ("prism", (12.5, 20.0))).unwrap_err();
-        assert!(
-            error.to_string().contains("miss each other by 2.500 s"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("the gap is 2.500 s"), "{error}");
         assert!(check_overlap(("imu", (0.0, 10.0)), ("prism", (9.0, 20.0))).is_ok());
     }
 
     #[test]
-    fn units_are_told_from_the_size_of_times() {
-        let near = |factor| unit_of_times_within(factor, 3.0);
+    fn units_follow_from_the_size_of_times() {
+        let near = |factor| time_unit_within(factor, 3.0);
         assert_eq!([near(700.0), near(2000.0)], [Some("milliseconds"); 2]);
         assert_eq!([near(4e5), near(2e6)], [Some("microseconds"); 2]);
         assert_eq!(near(1e9), Some("nanoseconds"));

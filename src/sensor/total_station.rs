@@ -1,26 +1,26 @@
-//! Polar observations of a total station: where the prism was, and how well that is known.
+//! Polar observations of a total station, and their positions with covariances.
 
 use super::PositionFix;
 use crate::geometry::{Mat3, Vec3};
 
-/// From where a total station counts its vertical angle.
+/// Where a total station's vertical angle is zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VerticalAngle {
-    /// 0 at the zenith, 90° at the horizon: as instruments and surveyors write.
+    /// 0 at the zenith, 90° at the horizon: the convention of instruments and surveyors.
     #[default]
     Zenith,
     /// 0 at the horizon, 90° at the zenith.
     Elevation,
 }
 
-/// What the numbers of a position log are.
+/// The observations in a position log.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Observations {
-    /// Coordinates, unless the file holds polar observations as well.
+    /// Coordinates, unless the file also holds polar observations.
     #[default]
     AsFound,
-    /// Coordinates, also where the file holds polar observations beside them.
+    /// Coordinates, even if the file also holds polar observations.
     Cartesian,
     /// Slope distance, horizontal and vertical angle from this instrument.
     Polar(TotalStation),
@@ -29,21 +29,21 @@ pub enum Observations {
 /// A total station: its pose and its noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TotalStation {
-    /// Where its axes meet, in the world frame, metres.
+    /// The intersection of its axes in the world frame, metres.
     pub station_m: Vec3,
     /// Azimuth of its horizontal zero, clockwise from grid north, radians.
     pub orientation_rad: f64,
-    /// From where its vertical angle counts.
+    /// Where its vertical angle is zero.
     pub vertical: VerticalAngle,
     /// Added to every slope distance, metres.
     pub reflector_constant_m: f64,
-    /// Standard deviation of a distance, the part that does not grow with it, metres.
+    /// Standard deviation of a distance, constant part, metres.
     pub sigma_distance_m: f64,
-    /// The part that grows with it, millionths; datasheets write `0.6 mm + 1 ppm`.
+    /// Standard deviation of a distance, proportional part, ppm; datasheets write `0.6 mm + 1 ppm`.
     pub sigma_distance_ppm: f64,
     /// Standard deviation of the horizontal and of the vertical angle, radians.
     pub sigma_angle_rad: f64,
-    /// Standard deviation of each coordinate that tracking a moving 360° prism adds, metres.
+    /// Standard deviation that tracking a moving 360° prism adds to each coordinate, metres.
     pub sigma_prism_m: f64,
 }
 
@@ -56,24 +56,24 @@ pub struct PolarObservation {
     pub slope_distance_m: f64,
     /// Clockwise from the instrument's horizontal zero, radians.
     pub horizontal_rad: f64,
-    /// As [`TotalStation::vertical`] says, radians.
+    /// As defined by [`TotalStation::vertical`], radians.
     pub vertical_rad: f64,
 }
 
 /// Least cosine of the elevation in the covariance. At the zenith a horizontal angle moves no
-/// coordinate, and a propagated standard deviation of 0 would be a claim that no instrument makes.
+/// coordinate, and propagation would give a standard deviation of 0, which no instrument achieves.
 const LEAST_COS_ELEVATION: f64 = 0.02;
 
 impl TotalStation {
-    /// Where the prism was: with distance d (reflector constant added), azimuth a = horizontal
-    /// angle + orientation and elevation e, position = station + d u with the line of sight
-    /// u = (cos e sin a, cos e cos a, sin e) in east, north, up.
+    /// The position of the prism: with distance d (reflector constant added), azimuth a =
+    /// horizontal angle + orientation and elevation e, position = station + d u with the line of
+    /// sight u = (cos e sin a, cos e cos a, sin e) in east, north, up.
     ///
     /// The covariance follows by propagation. With h = (cos a, −sin a, 0) and
     /// w = (−sin e sin a, −sin e cos a, cos e) across the line of sight,
     /// C = (σ_d + ppm·1e-6 d)² u uᵀ + (σ_angle d cos e)² h hᵀ + (σ_angle d)² w wᵀ + σ_prism² I.
-    /// Both faces of the instrument are understood.
-    pub fn fix(&self, observed: &PolarObservation) -> PositionFix {
+    /// Observations in both faces of the instrument are valid.
+    pub fn position_fix(&self, observed: &PolarObservation) -> PositionFix {
         let distance_m = observed.slope_distance_m + self.reflector_constant_m;
         let azimuth = observed.horizontal_rad + self.orientation_rad;
         let elevation = match self.vertical {
@@ -136,10 +136,12 @@ mod tests {
             (0.0, 90.0, Vec3::new(100.0, 210.0, 50.0)),
             (90.0, 90.0, Vec3::new(110.0, 200.0, 50.0)),
             (123.0, 0.0, Vec3::new(100.0, 200.0, 60.0)),
-            // The second face: both angles turned over, the same point.
+            // The second face: both angles reversed, the same point.
             (180.0, 270.0, Vec3::new(100.0, 210.0, 50.0)),
         ] {
-            let found = plain.fix(&observed(10.0, horizontal, zenith)).position_m;
+            let found = plain
+                .position_fix(&observed(10.0, horizontal, zenith))
+                .position_m;
             assert!((found - expected).norm() < 1e-12, "{found}");
         }
         let turned = TotalStation {
@@ -148,7 +150,7 @@ mod tests {
             vertical: VerticalAngle::Elevation,
             ..plain
         };
-        let found = turned.fix(&observed(9.5, 0.0, 30.0)).position_m;
+        let found = turned.position_fix(&observed(9.5, 0.0, 30.0)).position_m;
         let expected = Vec3::new(100.0 + 10.0 * 0.75_f64.sqrt(), 200.0, 55.0);
         assert!((found - expected).norm() < 1e-12, "{found}");
     }
@@ -168,7 +170,7 @@ mod tests {
             let at = observed(80.0, 211.0, angle);
             let place = |d: f64, h: f64, v: f64| {
                 instrument
-                    .fix(&PolarObservation {
+                    .position_fix(&PolarObservation {
                         slope_distance_m: at.slope_distance_m + d,
                         horizontal_rad: at.horizontal_rad + h,
                         vertical_rad: at.vertical_rad + v,
@@ -184,21 +186,21 @@ mod tests {
                 (place(0.0, 0.0, step) - place(0.0, 0.0, -step)) / (2.0 * step) * 1e-4,
             ];
             let expected: Mat3 = columns.iter().map(|c| c * c.transpose()).sum();
-            let found = instrument.fix(&at).covariance_m2.unwrap();
+            let found = instrument.position_fix(&at).covariance_m2.unwrap();
             // Variances are 5e-7 to 6e-5 m²; differences of 1e-5 leave 1e-10 of them.
             assert!((found - expected).abs().max() < 1e-13, "{found}{expected}");
             let prism = TotalStation {
                 sigma_prism_m: 0.003,
                 ..instrument
             };
-            let more = prism.fix(&at).covariance_m2.unwrap() - found;
+            let more = prism.position_fix(&at).covariance_m2.unwrap() - found;
             assert!((more - Mat3::identity() * 9e-6).abs().max() < 1e-18);
         }
     }
 
     #[test]
     fn the_zenith_has_no_perfect_direction() {
-        let fix = instrument().fix(&observed(50.0, 20.0, 0.0));
+        let fix = instrument().position_fix(&observed(50.0, 20.0, 0.0));
         let least = fix.covariance_m2.unwrap().symmetric_eigenvalues().min();
         assert!(least.sqrt() > 5e-5, "{least}");
     }

@@ -1,4 +1,4 @@
-//! What the total station and the heading antennas measure.
+//! Measurements of the total station and the heading antennas.
 
 use super::drive::Drive;
 use super::random::{Purpose, normal, normal3, stream};
@@ -6,10 +6,10 @@ use super::scenario::Scenario;
 use crate::geometry::{Vec3, heading};
 use crate::sensor::{HeadingFix, PositionFix};
 
-/// Facets of a round prism: its error repeats as often when it turns.
+/// Facets of a round prism: its error repeats this often per turn.
 const FACETS: f64 = 6.0;
 
-/// Positions of the prism, at times of their own.
+/// Positions of the prism, at their own times.
 pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<PositionFix> {
     let settings = &scenario.prism;
     let mut rng = stream(scenario.seed, Purpose::Prism, drive_index as u64, 0);
@@ -20,7 +20,7 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
             let body = drive.at(time_s - settings.latency_s).world_from_body;
             let prism = body.translation_m + body.rotation * lever_arm;
             let sight = prism - Vec3::from(settings.station_m);
-            // Where the line of sight enters, seen from the prism and about its axis.
+            // Direction in which the line of sight enters the prism, about its axis.
             let seen = body.rotation.inverse() * sight;
             let level = up.cross(&Vec3::x());
             let angle = FACETS * seen.dot(&level).atan2(seen.x);
@@ -46,7 +46,7 @@ pub fn simulate_heading(scenario: &Scenario, drive: &Drive, drive_index: usize) 
         .collect()
 }
 
-/// Times at this rate inside the span, the first one `phase_s` after its start.
+/// Times at this rate within the span, the first one `phase_s` after its start.
 pub(super) fn ticks(
     (start, end): (f64, f64),
     rate_hz: f64,
@@ -63,7 +63,7 @@ mod tests {
     use crate::statistics::rms;
 
     #[test]
-    fn errors_are_as_large_as_they_should_be_and_latency_is_late() {
+    fn errors_have_the_expected_size_and_latency_is_late() {
         let mut scenario = Scenario::demo();
         let drive = Drive::new(&scenario, &Scene::new(&scenario), 1, 10.0);
         let errors = |scenario: &Scenario, latency: f64| {

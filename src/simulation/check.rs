@@ -1,4 +1,4 @@
-//! Whether a scenario can be simulated.
+//! Checks that a scenario can be simulated.
 
 use super::scenario::Scenario;
 use crate::error::{Error, Result};
@@ -7,7 +7,7 @@ impl Scenario {
     /// Checks that the scenario can be simulated, in bounded time and memory.
     ///
     /// # Errors
-    /// Names the first value that has no sense.
+    /// Names the first invalid value.
     pub fn check(&self) -> Result<()> {
         for (key, value, (low, high)) in self.bounds() {
             // Written so that NaN fails as well.
@@ -27,8 +27,8 @@ impl Scenario {
             || !soil.sigmas_m.iter().all(|v| sensible(v, 0.0))
         {
             return refuse(
-                "soil.wavelengths_m holds one shorter than two cells or beyond 100 m, or soil.sigmas_m \
-                 a negative one",
+                "a value of soil.wavelengths_m is shorter than two cells or longer than 100 m, or one of \
+                 soil.sigmas_m is not between 0 and 100 m",
             );
         }
         let area: f64 = self
@@ -38,7 +38,7 @@ impl Scenario {
             .map(|s| s + 2.0 * self.field.margin_m)
             .product();
         if area / (soil.cell_m * soil.cell_m) > 5e7 {
-            return refuse("the field has more than 50 million soil.cell_m");
+            return refuse("the field has more than 50 million cells of soil.cell_m");
         }
         if !(2..=10_000).contains(&self.profiles.width) {
             return refuse(format!(
@@ -54,7 +54,7 @@ impl Scenario {
         self.check_drives()
     }
 
-    /// Numbers with the least and the greatest value they may have.
+    /// Values with their smallest and largest allowed value.
     fn bounds(&self) -> Vec<(&'static str, f64, (f64, f64))> {
         const POSITIVE: (f64, f64) = (1e-9, 1e4);
         const ANY: (f64, f64) = (0.0, 1e4);
@@ -210,22 +210,22 @@ impl Scenario {
             .map(|b| cells(&b.size_m, self.reference.board_spacing_m))
             .sum();
         if soil + boards > 2e9 {
-            return refuse("the reference would hold more than two billion points");
+            return refuse("the reference would have more than two billion points");
         }
         Ok(())
     }
 
     fn check_scanners(&self) -> Result<()> {
         if self.scanners.is_empty() {
-            return refuse("a scenario needs a scanner");
+            return refuse("the scenario has no scanner");
         }
         for (i, scanner) in self.scanners.iter().enumerate() {
             let name = &scanner.name;
-            // Names become names of files.
+            // Names become file names.
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
             if name.is_empty() || !name.chars().all(plain) {
                 return refuse(format!(
-                    "the scanner name {name:?} is not made of letters, digits, - and _"
+                    "the scanner name {name:?} does not consist of letters, digits, - and _"
                 ));
             }
             if self.scanners[..i].iter().any(|other| other.name == *name) {
@@ -237,7 +237,7 @@ impl Scenario {
 
     fn check_drives(&self) -> Result<()> {
         if self.drives.is_empty() {
-            return refuse("a scenario needs a drive");
+            return refuse("the scenario has no drive");
         }
         for (d, drive) in self.drives.iter().enumerate() {
             if !(1..=1000).contains(&drive.passes.len()) {

@@ -9,7 +9,7 @@ use crate::geometry::BodyAxes;
 
 impl Default for Scenario {
     fn default() -> Self {
-        // Diagonals of the rectangle of boards, degrees clockwise from north.
+        // Headings of the diagonals of the rectangle of boards, degrees clockwise from north.
         const TO_NE: f64 = 53.344;
         const TO_SW: f64 = TO_NE + 180.0;
         const TO_SE: f64 = 180.0 - TO_NE;
@@ -49,7 +49,7 @@ impl Default for Scenario {
                 board(1.6, 4.6, 45.0, 160.0),
                 board(5.9, 4.6, 55.0, 250.0),
             ],
-            // Table I of the paper: with reference, and initial.
+            // Table I of the paper: result with reference, and initial values.
             scanners: vec![
                 ScannerSettings {
                     name: "left".into(),

@@ -1,4 +1,4 @@
-//! A mounting that gives way: the enclosure bends with tilt and acceleration, and creeps.
+//! A mounting that is not rigid: the enclosure bends with tilt and acceleration, and creeps.
 
 use super::drive::{BodyState, Drive};
 use super::scenario::Scenario;
@@ -24,10 +24,10 @@ impl Mountings {
         }
     }
 
-    /// Mounting of one scanner at `time_s`, when the body moves as `state` says.
+    /// The mounting of one scanner at `time_s`, with the body in motion `state`.
     ///
-    /// With deformation the scanner turns about its own origin and shifts, linearly in roll, pitch,
-    /// acceleration and time; both scanners mirror each other where the enclosures do.
+    /// With deformation, the scanner turns about its own origin and shifts, linearly in roll,
+    /// pitch, acceleration and time; the two scanners deform symmetrically.
     pub fn body_from_scanner(
         &self,
         scanner: usize,
@@ -45,7 +45,7 @@ impl Mountings {
             * (state.world_from_body.rotation.inverse() * state.acceleration_m_s2);
         let (start, end) = self.span_s;
         let age = ((time_s - start) / (end - start)).clamp(0.0, 1.0) - 0.5;
-        // Arms ahead of the axle sag with pitch, and to the side with roll.
+        // Arms ahead of the axle bend with pitch, and sideways with roll.
         let turn_deg = Vec3::new(roll + 0.5 * side * pitch, pitch, 0.5 * side * roll)
             * settings.rotation_deg_per_deg
             + Vec3::new(side, 0.6, -0.4 * side) * (age * settings.drift_deg);
@@ -79,7 +79,7 @@ mod tests {
         let profiler = Profiler::new(&scenario, &scene, &drive, 0);
         for scanner in 0..2 {
             let nominal = scenario.true_mountings()[scanner];
-            // Normal equations of the distances along surface normals in the six parameters.
+            // Normal equations of the distances along surface normals for the six parameters.
             let mut normal = SMatrix::<f64, 6, 6>::zeros();
             let mut right = SVector::<f64, 6>::zeros();
             let (mut squares, mut count, mut worst) = (0.0, 0.0, [0.0f64; 2]);

@@ -19,7 +19,7 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).map_err(|e| Error::io(path, e))
 }
 
-/// Writes project, true mounting and scene of one drive.
+/// Writes the project, true mounting and scene of one drive.
 pub(super) fn write_texts(
     scenario: &Scenario,
     scene: &Scene,
@@ -37,7 +37,7 @@ pub(super) fn scenario(scenario: &Scenario) -> Result<String> {
         .map_err(|e| Error::data(format!("the scenario cannot be written: {e}"), "correct it"))
 }
 
-/// What a user would write: datasheets, a measured lever arm, a first guess of the mounting.
+/// A project as a user would write it: datasheets, a measured lever arm, an initial mounting.
 fn project(scenario: &Scenario, index: usize) -> String {
     let body = match scenario.body {
         crate::geometry::BodyAxes::Frd => "FRD",
@@ -81,7 +81,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
     text
 }
 
-/// The true mountings, as they are without deformation.
+/// The true mountings, without deformation.
 fn mounting(scenario: &Scenario) -> String {
     let mut text =
         String::from("# True mountings; with deformation, those of the robot at rest.\n");
@@ -112,7 +112,7 @@ fn scanner_table(
 /// Field, boards and the passes of one drive.
 fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
     let mut text = format!(
-        "# The field goes from the origin to size_m (east, north).\n[field]\nsize_m = {:?}\n",
+        "# The field extends from the origin to size_m (east, north).\n[field]\nsize_m = {:?}\n",
         scene.size_m
     );
     for (board, settings) in scene.boards.iter().zip(&scenario.boards) {
@@ -120,7 +120,7 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
         let corners = [(a, b), (-a, b), (-a, -b), (a, -b)]
             .map(|(u, v)| list(&board.point_m(u, v), 9))
             .join(", ");
-        // Writing into a string cannot fail.
+        // Writing to a string cannot fail.
         let _ = write!(
             text,
             "\n[[board]]\ncenter_m = {}\nnormal = {}\ntilt_deg = {:?}\nazimuth_deg = {:?}\n\

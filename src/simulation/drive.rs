@@ -31,7 +31,7 @@ pub struct Drive {
     pub length_m: f64,
 }
 
-/// How the body moves at one time.
+/// The motion of the body at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyState {
     /// Pose of the body.
@@ -47,7 +47,7 @@ pub struct BodyState {
 }
 
 impl BodyState {
-    /// What an ideal accelerometer reads, m/s² in body axes: at rest it points upwards.
+    /// The reading of an ideal accelerometer, m/s² in body axes: at rest it points upwards.
     pub fn specific_force_m_s2(&self, gravity_m_s2: f64) -> Vec3 {
         self.world_from_body.rotation.inverse()
             * (self.acceleration_m_s2 + Vec3::z() * gravity_m_s2)
@@ -73,14 +73,14 @@ impl Drive {
             } else {
                 route.wanted_speed_m_s(distance, motion)
             };
-            // Critically damped approach to the wanted speed: acceleration is continuous.
+            // Critically damped approach to the target speed: acceleration is continuous.
             rate += KNOT_S * ((wanted - speed) / SPEED_TIME_S - 2.0 * rate) / SPEED_TIME_S;
             speed += KNOT_S * rate;
             distance += KNOT_S * speed;
             let (x, y, heading) = route.place(distance);
             yaw += (heading - yaw + PI).rem_euclid(TAU) - PI;
             let [z, roll, pitch] = wheels.step(scene, x, y, yaw);
-            // The ground tilts the mast, which moves the IMU sideways.
+            // The tilt of the ground moves the IMU sideways.
             let up = Rotation::from_euler_angles(roll, pitch, yaw) * Vec3::z();
             let top = Vec3::new(x, y, z) + up * motion.imu_height_m;
             samples.push([top.x, top.y, top.z, roll, pitch, yaw]);
@@ -99,7 +99,7 @@ impl Drive {
         }
     }
 
-    /// The state at `time_s`; before and after the drive the robot stands.
+    /// The state at `time_s`; before and after the drive the robot is at rest.
     pub fn at(&self, time_s: f64) -> BodyState {
         let jet = self.motion.at(time_s);
         let [x, y, z, roll, pitch, yaw] = jet.value;
@@ -128,7 +128,7 @@ impl Drive {
     }
 }
 
-/// The curve that the point below the IMU follows, and where it is driven slowly.
+/// The curve that the point below the IMU follows, with the sections of low speed.
 struct Route {
     curve: Spline<2>,
     length_m: f64,
@@ -137,7 +137,7 @@ struct Route {
 
 impl Route {
     fn new(scenario: &Scenario, drive: &DriveSettings) -> Self {
-        // The fans lie this far ahead of the IMU: the pass begins before it and ends behind.
+        // The fans are this far ahead of the IMU: the pass begins before it and ends behind.
         let ahead = scenario
             .scanners
             .iter()
@@ -160,7 +160,7 @@ impl Route {
         };
         for pass in &drive.passes {
             let board = &scenario.boards[pass.board];
-            // Half the board's extent along the pass, seen from above, and a little more.
+            // Half the board's extent along the pass in plan view, with a margin.
             let (sin, cos) = (pass.heading_deg - board.azimuth_deg)
                 .to_radians()
                 .sin_cos();
@@ -205,7 +205,7 @@ impl Route {
                 curvature: 0.0,
             },
         );
-        // Room to stop in.
+        // Distance for stopping.
         pieces.push(Piece {
             length_m: 0.5 + 4.0 * SPEED_TIME_S * scenario.motion.transit_speed_m_s,
             curvature: 0.0,
@@ -217,7 +217,7 @@ impl Route {
         }
     }
 
-    /// Samples the pieces at equal distances as control points.
+    /// Samples the pieces at equal distances and uses the samples as control points.
     fn smooth(start: Waypoint, pieces: &[Piece]) -> Spline<2> {
         let mut points = Vec::new();
         let (mut at, mut next) = (start, 0.0);
@@ -249,7 +249,7 @@ impl Route {
     }
 
     fn wanted_speed_m_s(&self, distance_m: f64, motion: &MotionSettings) -> f64 {
-        // Braking begins as early as the speed control needs to come down.
+        // Braking begins as early as the speed control requires.
         let braking = 3.0 * SPEED_TIME_S * motion.transit_speed_m_s;
         let slow = self
             .slow_m
@@ -325,7 +325,7 @@ mod tests {
                 ..Scenario::demo()
             };
             let drive = Drive::new(&scenario, &Scene::new(&scenario), 1, 50.0);
-            // Steps of 1e-4 s leave below 1e-6 of truncation at these jerks.
+            // Steps of 1e-4 s leave a truncation error below 1e-6 at these jerks.
             let h = 1e-4;
             for t in [52.0, 60.013, 75.5, 101.2345] {
                 let (a, b, c) = (drive.at(t - h), drive.at(t), drive.at(t + h));

@@ -1,4 +1,4 @@
-//! What an IMU on the robot reads.
+//! Measurements of the IMU.
 
 use super::drive::Drive;
 use super::random::{Purpose, normal3, stream};
@@ -23,7 +23,7 @@ pub struct Inertial {
     pub truth: Vec<PoseRecord>,
 }
 
-/// Simulates the IMU: mean specific force and rate of each interval, plus a bias that walks, plus
+/// Simulates the IMU: mean specific force and rate of each interval, plus a bias random walk, plus
 /// white noise of density n, whose mean over the interval has standard deviation n/√Δt.
 pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Inertial {
     let settings = &scenario.imu;
@@ -91,7 +91,7 @@ mod tests {
         let imu = simulate_imu(&scenario, &drive, 0);
         let dt = 0.01;
         let gravity = Vec3::new(0.0, 0.0, -scenario.gravity_m_s2);
-        // From 20 s on the robot moves; one minute of plain strapdown.
+        // From 20 s on the robot moves; one minute of plain strapdown integration.
         let from = 2000;
         let first = &imu.truth[from];
         let mut rotation = first.world_from_body.rotation;

@@ -1,7 +1,7 @@
-//! The simulated twin: a field, a robot that drives over it, and what its sensors would record.
+//! A simulated twin: a field, a robot that drives over it, and its sensor data.
 //!
-//! It knows scenes, motion and sensors, and nothing of the estimators, so that they can be judged
-//! by it.
+//! It models scenes, motion and sensors and is independent of the estimators, which can therefore
+//! be validated with it.
 
 mod aiding;
 mod check;

@@ -1,4 +1,4 @@
-//! What a triangulating profile scanner on the robot records.
+//! Profiles of a triangulating scanner on the robot.
 
 use rand::RngExt;
 
@@ -10,7 +10,7 @@ use super::scenario::Scenario;
 use super::scene::{Hit, Scene, Surface};
 use crate::geometry::Vec3;
 
-/// One profile: for each ray x, z in the scanner frame (m) and the intensity, or nothing.
+/// One profile: for each ray x, z in the scanner frame (m) and the intensity, or `None`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Seconds.
@@ -24,7 +24,7 @@ pub struct Profile {
 pub struct Ray {
     /// The point in the scanner frame, metres.
     pub point_m: Vec3,
-    /// What it met.
+    /// The surface point that it hits.
     pub hit: Hit,
     /// Cosine of the angle between the ray and the surface's normal.
     pub cosine: f64,
@@ -44,7 +44,7 @@ pub struct Profiler<'a> {
 }
 
 impl<'a> Profiler<'a> {
-    /// Scanners that record from one second before the robot moves until it has stopped.
+    /// The scanners, which record from one second before the robot moves until it has stopped.
     pub fn new(
         scenario: &'a Scenario,
         scene: &'a Scene,
@@ -77,13 +77,13 @@ impl<'a> Profiler<'a> {
         self.count
     }
 
-    /// Time of a profile. The scanners fire in turn, so that none sees another's line.
+    /// Time of a profile. The scanners fire in turn, so that none sees another's laser line.
     pub fn time_s(&self, scanner: usize, index: usize) -> f64 {
         let turn = scanner as f64 / self.scenario.scanners.len() as f64;
         self.start_s + (index as f64 + turn) / self.scenario.profiles.rate_hz
     }
 
-    /// Where the rays of a profile end, without noise and drop-outs.
+    /// The rays of a profile, without noise and drop-outs.
     pub fn ideal(&self, scanner: usize, index: usize) -> Vec<Option<Ray>> {
         let time_s = self.time_s(scanner, index);
         let state = self.drive.at(time_s);
@@ -115,7 +115,7 @@ impl<'a> Profiler<'a> {
         let [near, far] = settings.range_m;
         let [lost, flying] = settings.edge_lost_flying;
         let least_cosine = settings.grazing_deg.to_radians().cos();
-        // The nearer neighbour at an edge, whose light mixes with that of this ray.
+        // The nearer neighbour at an edge, whose light mixes with this ray's.
         let across_edge = |k: usize, range: f64| {
             [k.wrapping_sub(1), k + 1]
                 .into_iter()
@@ -126,7 +126,7 @@ impl<'a> Profiler<'a> {
             .iter()
             .enumerate()
             .map(|(k, ray)| {
-                // Drawn for every ray, so that one ray's fate leaves the others' noise alone.
+                // Drawn for every ray, so that the noise of a ray does not depend on others.
                 let noise = normal(&mut rng);
                 let [chance, mix] = [rng.random::<f64>(), rng.random::<f64>()];
                 let Ray { hit, cosine, .. } = ray.as_ref()?;
@@ -230,7 +230,7 @@ mod tests {
         assert!(grazing > 100.0 && edges > 100.0);
         assert!(within(lost, plain, settings.dropout));
         assert!(within(lost_edges, edges, settings.edge_lost_flying[0]));
-        // Few of those that fly stay within 3 mm of the surface.
+        // Few of the flying points stay within 3 mm of the surface.
         assert!(flying > 0.05 * edges && flying < 0.15 * edges);
     }
 }

@@ -1,4 +1,4 @@
-//! Random numbers that depend on what they are for, never on when they are drawn.
+//! Random numbers that depend on their purpose, not on when they are drawn.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +6,8 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::geometry::Vec3;
 
-/// What a stream of random numbers is for; with the scenario's seed it names the stream.
+/// The purpose of a stream of random numbers, which together with the scenario's seed identifies
+/// the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// Lattice of the soil.
@@ -23,7 +24,7 @@ pub enum Purpose {
     Reference,
 }
 
-/// The stream of `purpose` with up to two numbers that tell it from others of its kind.
+/// The stream of `purpose`; two numbers distinguish streams of the same purpose.
 pub fn stream(seed: u64, purpose: Purpose, group: u64, index: u64) -> ChaCha8Rng {
     let mut key = [0u8; 32];
     for (slot, value) in key
@@ -60,7 +61,7 @@ mod tests {
 
     #[test]
     fn the_numbers_are_those_of_every_version() {
-        // Golden: files of one seed must not change when a dependency does.
+        // Golden values: files of one seed must not change with a dependency.
         let mut rng = stream(1, Purpose::Imu, 2, 3);
         assert_eq!(normal(&mut rng), -0.140_672_144_550_868_1);
         assert_eq!(normal(&mut rng), -0.534_157_217_649_503_2);

@@ -1,4 +1,4 @@
-//! What a terrestrial laser scanner leaves of the field after registration.
+//! The registered point cloud of a terrestrial laser scanner.
 
 use rand::RngExt;
 
@@ -7,7 +7,7 @@ use super::scenario::Scenario;
 use super::scene::Scene;
 use crate::geometry::Vec3;
 
-/// The reference cloud in strips, which can be made in any order.
+/// The reference cloud in strips, which can be generated in any order.
 #[derive(Debug, Clone)]
 pub struct Reference<'a> {
     scenario: &'a Scenario,
@@ -38,8 +38,8 @@ impl<'a> Reference<'a> {
         self.soil_rows + self.board_rows.iter().sum::<usize>()
     }
 
-    /// The points of one strip in the world, metres. Each cell of the grid holds one point at a
-    /// random place; the soil that a board hides from above is missing.
+    /// The points of one strip in the world, metres. Each cell of the grid contains one point at a
+    /// random position; soil hidden from above by a board is missing.
     pub fn strip(&self, index: usize) -> Vec<Vec3> {
         let settings = &self.scenario.reference;
         let mut rng = stream(self.scenario.seed, Purpose::Reference, 0, index as u64);
@@ -113,7 +113,7 @@ mod tests {
             .collect();
         let squares: f64 = points.iter().map(|p| scene.distance_m(p).powi(2)).sum();
         let rms = (squares / points.len() as f64).sqrt();
-        // One of three coordinates of 0.5 mm counts; soil is curved within the noise.
+        // One of three coordinates of 0.5 mm counts; the soil is flat within the noise.
         assert!((rms / 0.0005 - 1.0).abs() < 0.03, "{rms}");
         // 45 m² at 3 cm without 5 shadows (cosines 1, .966, .866, .707, .574), 5 m² at 2 cm.
         let expected = (45.0 - 4.113) / 0.0009 + 5.0 / 0.0004;

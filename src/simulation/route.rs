@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A place with a direction: east, north (m), yaw counter-clockwise from east (rad).
+/// A position with a direction: east, north (m), yaw counter-clockwise from east (rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {
     /// East, metres.
@@ -35,7 +35,7 @@ impl Waypoint {
     /// The waypoint `length_m` further along a circle, or straight on.
     pub fn along(&self, curvature: f64, length_m: f64) -> Self {
         let turn = curvature * length_m;
-        // The chord of an arc points half the turn aside.
+        // The chord of an arc deviates by half the turn.
         let chord = if turn == 0.0 {
             length_m
         } else {
@@ -58,7 +58,7 @@ pub fn shortest(from: &Waypoint, to: &Waypoint, radius_m: f64) -> Vec<Piece> {
     let line = dy.atan2(dx);
     let turn = |angle: f64| {
         let a = angle.rem_euclid(TAU);
-        // A full circle that rounding made of nothing.
+        // A full circle that rounding reduced to nothing.
         if TAU - a < 1e-9 { 0.0 } else { a }
     };
     let (a, b) = (turn(from.yaw - line), turn(to.yaw - line));
@@ -111,7 +111,7 @@ pub fn shortest(from: &Waypoint, to: &Waypoint, radius_m: f64) -> Vec<Piece> {
         .unwrap_or_default()
 }
 
-/// Whether the pieces lead to the goal.
+/// Whether the pieces end at the goal.
 fn arrives(from: &Waypoint, to: &Waypoint, pieces: &[Piece]) -> bool {
     let end = pieces
         .iter()
@@ -142,7 +142,7 @@ mod tests {
             assert!(arrives(&from, &to, &pieces), "{to:?}");
             let length: f64 = pieces.iter().map(|p| p.length_m).sum();
             let straight = (to.x - from.x).hypot(to.y - from.y);
-            // No curve of this kind is longer than the distance and two and a third circles.
+            // No such curve is longer than the distance plus two and a third circles.
             assert!(length >= straight - 1e-9 && length < straight + 7.0 / 3.0 * TAU * radius);
         }
     }

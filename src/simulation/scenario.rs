@@ -1,4 +1,4 @@
-//! What is simulated: every number of the twin, with defaults.
+//! The scenario: every number of the twin, with defaults.
 
 use std::path::{Path, PathBuf};
 
@@ -8,13 +8,13 @@ use crate::error::{Error, Location, Result};
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Rotation, Vec3};
 
-/// A scenario: as read from TOML, where every key may be left out.
+/// A scenario as read from TOML; every key is optional.
 ///
-/// Whatever the axes of the body that is written, lever arms and mountings are given here in FRD.
+/// Lever arms and mountings are given in FRD here, whatever the body axes of the written files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scenario {
-    /// Name, for people.
+    /// Name.
     pub name: String,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -26,7 +26,7 @@ pub struct Scenario {
     pub field: Field,
     /// Its soil.
     pub soil: SoilSettings,
-    /// How the robot moves.
+    /// Motion of the robot.
     pub motion: MotionSettings,
     /// The IMU.
     pub imu: ImuSettings,
@@ -38,7 +38,7 @@ pub struct Scenario {
     pub profiles: ProfileSettings,
     /// The reference cloud.
     pub reference: ReferenceSettings,
-    /// Mounting that gives way.
+    /// Deformation of the mountings.
     pub deformation: DeformationSettings,
     /// Boards on the field.
     pub boards: Vec<BoardSettings>,
@@ -46,7 +46,7 @@ pub struct Scenario {
     pub scanners: Vec<ScannerSettings>,
     /// The drives.
     pub drives: Vec<DriveSettings>,
-    /// Where it was read from; `None` for a preset.
+    /// The file it was read from; `None` for a preset.
     #[serde(skip)]
     pub file: Option<PathBuf>,
 }
@@ -81,13 +81,13 @@ pub struct BoardSettings {
     pub center_m: [f64; 3],
     /// Tilt against the horizon, degrees.
     pub tilt_deg: f64,
-    /// Direction the normal leans to, degrees clockwise from north.
+    /// Direction of the inclination of the normal, degrees clockwise from north.
     pub azimuth_deg: f64,
     /// Length along the level and the sloping edge, metres.
     pub size_m: [f64; 2],
 }
 
-/// How the robot moves.
+/// Motion of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MotionSettings {
@@ -125,11 +125,11 @@ pub struct ImuSettings {
     pub gyro_bias_instability_deg_h: f64,
     /// Accelerometer bias instability, µg.
     pub accel_bias_instability_ug: f64,
-    /// Time in which a bias walks as far as its instability, seconds.
+    /// Time in which a bias random walk reaches the instability, seconds.
     pub bias_time_s: f64,
-    /// Standard deviation of each axis's bias at the start, rad/s.
+    /// Standard deviation of each axis's initial bias, rad/s.
     pub gyro_bias_sigma_rad_s: f64,
-    /// Standard deviation of each axis's bias at the start, m/s².
+    /// Standard deviation of each axis's initial bias, m/s².
     pub accel_bias_sigma_m_s2: f64,
     /// False for an ideal IMU.
     pub noise: bool,
@@ -145,11 +145,12 @@ pub struct PrismSettings {
     pub sigma_m: f64,
     /// The prism in the body (FRD), metres.
     pub lever_arm_m: [f64; 3],
-    /// A position carries a time stamp this much too late, seconds.
+    /// Delay of the time stamps of positions, seconds.
     pub latency_s: f64,
-    /// Amplitude of an error that depends on where the line of sight enters the prism, metres.
+    /// Amplitude of an error that depends on the direction in which the line of sight enters the
+    /// prism, metres.
     pub incidence_bias_m: f64,
-    /// The total station, metres.
+    /// Position of the total station, metres.
     pub station_m: [f64; 3],
 }
 
@@ -179,13 +180,13 @@ pub struct ProfileSettings {
     pub range_m: [f64; 2],
     /// Noise at the nearest and farthest distance, linear between, metres.
     pub sigma_m: [f64; 2],
-    /// No return beyond this angle of incidence, degrees.
+    /// Angle of incidence beyond which there is no return, degrees.
     pub grazing_deg: f64,
     /// Share of points lost at random.
     pub dropout: f64,
-    /// Neighbouring ranges that differ by more make an edge, metres.
+    /// Difference of neighbouring ranges above which they form an edge, metres.
     pub edge_m: f64,
-    /// Share of points at edges that are lost, and that fly between both sides.
+    /// Share of points at edges that are lost, and share that lie between both sides.
     pub edge_lost_flying: [f64; 2],
 }
 
@@ -203,21 +204,21 @@ pub struct ReferenceSettings {
     pub offset_m: [f64; 3],
 }
 
-/// Mounting that gives way to gravity, to acceleration and with time.
+/// Deformation of the mountings by gravity, by acceleration and with time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DeformationSettings {
-    /// Off: the mounting is rigid.
+    /// Off: the mountings are rigid.
     pub enabled: bool,
-    /// Rotation of a scanner for one degree of roll or pitch, degrees.
+    /// Rotation of a scanner per degree of roll or pitch, degrees.
     pub rotation_deg_per_deg: f64,
-    /// Shift of a scanner for one degree of roll or pitch, metres.
+    /// Shift of a scanner per degree of roll or pitch, metres.
     pub shift_m_per_deg: f64,
-    /// Shift of a scanner for an acceleration of 1 m/s², metres.
+    /// Shift of a scanner per 1 m/s² of acceleration, metres.
     pub shift_m_per_m_s2: f64,
-    /// Rotation gained from start to end of a drive, degrees.
+    /// Rotation accumulated over a drive, degrees.
     pub drift_deg: f64,
-    /// Shift gained from start to end of a drive, metres.
+    /// Shift accumulated over a drive, metres.
     pub drift_m: f64,
 }
 
@@ -231,9 +232,9 @@ pub struct ScannerSettings {
     pub translation_m: [f64; 3],
     /// True rotation body_from_scanner, degrees, `bonn`.
     pub rotation_deg: [f64; 3],
-    /// Position the user starts from.
+    /// Initial position for the calibration.
     pub initial_translation_m: [f64; 3],
-    /// Rotation the user starts from, `bonn`.
+    /// Initial rotation for the calibration, `bonn`.
     pub initial_rotation_deg: [f64; 3],
 }
 
@@ -251,12 +252,12 @@ pub struct DriveSettings {
 pub struct Pass {
     /// Index of the board.
     pub board: usize,
-    /// Degrees clockwise from north.
+    /// Heading, degrees clockwise from north.
     pub heading_deg: f64,
 }
 
 impl Scenario {
-    /// The paper's field and three drives, thinned in rate to what takes seconds.
+    /// The paper's field and three drives, with rates reduced so that it takes seconds.
     pub fn demo() -> Self {
         Self::default()
     }
@@ -277,7 +278,7 @@ impl Scenario {
     /// The preset of this name (`demo`, `full`) or the file at this path.
     ///
     /// # Errors
-    /// Neither a preset nor a readable file; keys that do not exist; numbers without sense.
+    /// Neither a preset nor a readable file; unknown keys; invalid values.
     pub fn load(name_or_path: &str) -> Result<Self> {
         match name_or_path {
             "demo" => return Ok(Self::demo()),
@@ -313,7 +314,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The rotation from FRD to the axes of the body as written.
+    /// The rotation from FRD to the body axes of the written files.
     pub fn body_from_frd(&self) -> Rotation {
         match self.body {
             BodyAxes::Frd => Rotation::identity(),
@@ -321,12 +322,12 @@ impl Scenario {
         }
     }
 
-    /// The prism in the body as written, metres.
+    /// The prism in the body axes of the written files, metres.
     pub fn lever_arm_m(&self) -> Vec3 {
         self.body_from_frd() * Vec3::from(self.prism.lever_arm_m)
     }
 
-    /// True mounting body_from_scanner of each scanner in the body as written.
+    /// True mounting body_from_scanner of each scanner in the body axes of the written files.
     pub fn true_mountings(&self) -> Vec<BodyFromScanner> {
         self.scanners
             .iter()
@@ -334,7 +335,7 @@ impl Scenario {
             .collect()
     }
 
-    /// Mounting body_from_scanner that the user starts from.
+    /// Initial mounting body_from_scanner of each scanner for the calibration.
     pub fn initial_mountings(&self) -> Vec<BodyFromScanner> {
         self.scanners
             .iter()

@@ -1,10 +1,10 @@
-//! What stands on the field: rough soil and tilted boards.
+//! Surfaces on the field: rough soil and tilted boards.
 
 use super::scenario::{BoardSettings, Scenario};
 use super::soil::Soil;
 use crate::geometry::Vec3;
 
-/// A flat board of no thickness.
+/// A flat board without thickness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Board {
     /// Centre, metres.
@@ -18,7 +18,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board with this tilt against the horizon, its normal leaning towards the azimuth.
+    /// The board with this tilt against the horizon, its normal inclined towards the azimuth.
     pub fn new(settings: &BoardSettings) -> Self {
         let azimuth = settings.azimuth_deg.to_radians();
         let (st, ct) = settings.tilt_deg.to_radians().sin_cos();
@@ -48,7 +48,7 @@ impl Board {
         self.center_m + self.edges[0] * u + self.edges[1] * v
     }
 
-    /// Range along the unit vector `direction`; `None` where the board is missed.
+    /// Range along the unit vector `direction`; `None` if the ray misses the board.
     pub fn intersect(&self, origin: &Vec3, direction: &Vec3) -> Option<f64> {
         let closing = self.normal.dot(direction);
         if closing.abs() < 1e-12 {
@@ -59,17 +59,17 @@ impl Board {
         (range >= 0.0 && u.abs() <= self.half_m[0] && v.abs() <= self.half_m[1]).then_some(range)
     }
 
-    /// Whether the board, grown by `margin_m`, covers the point seen from above.
+    /// Whether the board, widened by `margin_m`, covers the point in plan view.
     pub fn covers(&self, x: f64, y: f64, margin_m: f64) -> bool {
         let d = Vec3::new(x - self.center_m.x, y - self.center_m.y, 0.0);
-        // The point above or below on the board's plane.
+        // The point above or below in the board's plane.
         let on = d - Vec3::z() * (d.dot(&self.normal) / self.normal.z);
         on.dot(&self.edges[0]).abs() <= self.half_m[0] + margin_m
             && on.dot(&self.edges[1]).abs() <= self.half_m[1] + margin_m / self.normal.z
     }
 }
 
-/// Which surface a ray met.
+/// The surface that a ray hits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
     /// The ground.
@@ -78,14 +78,14 @@ pub enum Surface {
     Board(usize),
 }
 
-/// Where a ray ends.
+/// The point where a ray hits a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance from the origin, metres.
     pub range_m: f64,
-    /// Unit normal of the surface, turned towards the origin.
+    /// Unit normal of the surface, facing the origin of the ray.
     pub normal: Vec3,
-    /// What was hit.
+    /// The surface.
     pub surface: Surface,
 }
 
@@ -96,7 +96,7 @@ pub struct Scene {
     pub soil: Soil,
     /// The boards.
     pub boards: Vec<Board>,
-    /// The field goes from the origin to this corner (east, north), metres.
+    /// The field extends from the origin to this corner (east, north), metres.
     pub size_m: [f64; 2],
 }
 
@@ -110,8 +110,8 @@ impl Scene {
         }
     }
 
-    /// The first surface along the unit vector `direction`, exact on boards and good to 1e-6 m on
-    /// the ground; `None` beyond `max_range_m`.
+    /// The first surface along the unit vector `direction`, exact for boards and accurate to 1e-6 m
+    /// on the ground; `None` beyond `max_range_m`.
     pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<Hit> {
         let mut reach = max_range_m;
         let mut hit = None;
@@ -139,7 +139,7 @@ impl Scene {
         })
     }
 
-    /// Distance of a point near a surface from it, metres; on the ground to first order.
+    /// Distance of a point close to a surface from it, metres; on the ground to first order.
     pub fn distance_m(&self, point: &Vec3) -> f64 {
         let (height, [gx, gy]) = self.soil.height_and_gradient(point.x, point.y);
         let ground = (point.z - height).abs() / (1.0 + gx * gx + gy * gy).sqrt();
@@ -161,7 +161,7 @@ mod tests {
     use super::super::random::{Purpose, stream};
     use super::*;
 
-    /// First sign change of a dense march, refined by bisection: slow and obvious.
+    /// First sign change on a dense march, refined by bisection: slow and simple.
     fn reference(scene: &Scene, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
         let above = |range: f64| {
             let p = origin + direction * range;
@@ -228,8 +228,8 @@ mod tests {
             hits += 1;
             boards += usize::from(hit.surface != Surface::Soil);
             assert!(hit.normal.dot(&direction) <= 0.0);
-            // The march may step over a crumb that the ray grazes over less than 0.2 mm; then the
-            // fast range is the shorter one and must itself lie on the surface.
+            // The march may step over a crumb that the ray grazes for less than 0.2 mm; then the
+            // fast range is shorter and must itself be on the surface.
             if slow.is_none_or(|range| (hit.range_m - range).abs() > 1e-6) {
                 assert!(
                     slow.is_none_or(|range| hit.range_m < range),
@@ -252,7 +252,7 @@ mod tests {
             size_m: [1.0, 1.0],
         });
         assert!((board.normal - Vec3::new(0.5, 0.0, 0.75f64.sqrt())).norm() < 1e-12);
-        // Half a metre along the slope is 0.433 m from above.
+        // Half a metre along the slope is 0.433 m in plan view.
         assert!(board.covers(1.42, 2.0, 0.0) && !board.covers(1.44, 2.0, 0.0));
         assert!(board.covers(1.0, 2.49, 0.0) && !board.covers(1.0, 2.51, 0.0));
         let [u, v, w] = board.coordinates_m(&board.point_m(0.2, -0.3));

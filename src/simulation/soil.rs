@@ -1,4 +1,4 @@
-//! Rough soil as a height field, and rays that meet it.
+//! Rough soil as a height field, and its intersection with rays.
 
 use rand::RngExt;
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ struct Wave {
     values: Vec<f64>,
 }
 
-/// What rays need to know about a square of cells.
+/// Bounds for rays over a square of cells.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tile {
     highest: f64,
@@ -53,7 +53,7 @@ impl Wave {
     }
 
     fn height_m(&self, x: f64, y: f64) -> f64 {
-        // Half a wavelength between lattice points; turned so that lattices do not line up.
+        // Half a wavelength between lattice points; rotated so that lattices do not align.
         let (s, c) = self.length_m.sin_cos();
         let (u, v) = (
             2.0 * (c * x + s * y) / self.length_m,
@@ -154,7 +154,7 @@ impl Soil {
         f64::from(self.control[j * self.columns + i])
     }
 
-    /// Height of the ground that carries a wheel: wavelengths of at least `shortest_m`.
+    /// Height of the ground that supports a wheel: wavelengths of at least `shortest_m`.
     pub fn carrying_height_m(&self, x: f64, y: f64, shortest_m: f64) -> f64 {
         self.waves
             .iter()
@@ -163,7 +163,7 @@ impl Soil {
             .sum()
     }
 
-    /// Lower and upper corner of the ground that exists, metres.
+    /// Lower and upper corner of the extent of the ground, metres.
     pub fn extent_m(&self) -> [[f64; 2]; 2] {
         let size = |n: usize| (n - 2) as f64 * self.cell_m;
         [
@@ -175,7 +175,7 @@ impl Soil {
         ]
     }
 
-    /// Height and its gradient at a point; beyond the extent those of the nearest cell go on.
+    /// Height and its gradient at a point; outside the extent, the nearest cell is extrapolated.
     pub fn height_and_gradient(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let (u, v) = (
             (x - self.origin[0]) / self.cell_m,
@@ -204,10 +204,10 @@ impl Soil {
         self.height_and_gradient(x, y).0
     }
 
-    /// Range along the unit vector `direction` to the first point on the ground, good to 1e-6 m;
-    /// `None` beyond `max_range_m` or where the ground ends.
+    /// Range along the unit vector `direction` to the first point on the ground, accurate to 1e-6
+    /// m; `None` beyond `max_range_m` or outside the extent of the ground.
     ///
-    /// Each step is so short that, by the tile's bound on the slope, the ground cannot be crossed.
+    /// By the tile's bound on the slope, no step is long enough to cross the ground.
     pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
         let (enter, leave) = self.inside(origin, direction)?;
         let max_range = max_range_m.min(leave);
@@ -227,7 +227,7 @@ impl Soil {
             let ti = tile_of(p.x, self.origin[0], self.tile_columns);
             let tj = tile_of(p.y, self.origin[1], self.tiles.len() / self.tile_columns);
             let tile = self.tiles[tj * self.tile_columns + ti];
-            // A hair beyond the tile's edge, so that the next point lies in the next tile.
+            // Slightly beyond the tile's edge, so that the next point is in the next tile.
             let edge = |x: f64, o: f64, t: usize, d: f64| {
                 if d > 0.0 {
                     (o + (t + 1) as f64 * tile_m - x) / d
@@ -254,7 +254,8 @@ impl Soil {
             let above = p.z - height;
             if above < 1e-5 {
                 let closing = gradient[0] * direction.x + gradient[1] * direction.y - direction.z;
-                // Below 10 µm the ground is flat enough for Newton unless the ray grazes it.
+                // Below 10 µm the ground is flat enough for Newton's method unless the ray grazes
+                // it.
                 if above < 1e-7 {
                     return Some(range);
                 } else if closing > 0.1 {
@@ -271,7 +272,7 @@ impl Soil {
         None
     }
 
-    /// Where the ray is above the ground's extent.
+    /// The part of the ray above the ground's extent.
     fn inside(&self, origin: &Vec3, direction: &Vec3) -> Option<(f64, f64)> {
         let [low, high] = self.extent_m();
         let (mut enter, mut leave) = (0.0f64, f64::INFINITY);

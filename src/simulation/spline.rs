@@ -1,4 +1,4 @@
-//! Uniform quintic B-splines: four times continuously differentiable, local, without solving.
+//! Uniform quintic B-splines: four times continuously differentiable, local, no equations to solve.
 
 /// A curve of `N` channels over equally spaced knots.
 ///
@@ -115,7 +115,7 @@ mod tests {
     fn derivatives_meet_finite_differences_also_across_knots() {
         let samples: Vec<[f64; 1]> = (0..40).map(|i| [(f64::from(i) * 0.7).sin()]).collect();
         let spline = Spline::new(0.0, 0.5, &samples);
-        // Steps of 1e-4 leave 1e-8 of truncation and rounding.
+        // Steps of 1e-4 leave an error of 1e-8 from truncation and rounding.
         let h = 1e-4;
         for u in [3.0, 4.26, 7.5, 11.999_95] {
             let (a, b, c) = (spline.at(u - h), spline.at(u), spline.at(u + h));

@@ -1,4 +1,4 @@
-//! Writes a simulated campaign as the files a field crew would bring home, and the truth.
+//! Writing of a simulated campaign: the files that a field crew would bring home, and the truth.
 
 use std::path::{Path, PathBuf};
 
@@ -19,24 +19,24 @@ use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
 
-/// Profiles of each scanner made at a time.
+/// Profiles of each scanner generated at a time.
 const PROFILES_AT_ONCE: usize = 256;
 
-/// Strips of the reference made at a time.
+/// Strips of the reference generated at a time.
 const STRIPS_AT_ONCE: usize = 64;
 
-/// Seconds of the day at which the first drive starts, and from drive to drive.
+/// Start of the first drive, and interval between the starts of drives, seconds of the day.
 const FIRST_DRIVE_S: f64 = 36_000.0;
 const DRIVE_EVERY_S: f64 = 1_200.0;
 
-/// What was written.
+/// The files written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedFiles {
     /// One entry per drive; the first one's project evaluates the others.
     pub drives: Vec<SimulatedDrive>,
     /// The reference cloud.
     pub reference: PathBuf,
-    /// Its points.
+    /// Number of its points.
     pub reference_points: u64,
 }
 
@@ -49,19 +49,19 @@ pub struct SimulatedDrive {
     pub project: PathBuf,
     /// Its duration, seconds.
     pub duration_s: f64,
-    /// Profiles of all scanners.
+    /// Number of profiles of all scanners.
     pub profiles: u64,
-    /// Points of all scanners.
+    /// Number of points of all scanners.
     pub points: u64,
 }
 
 /// Simulates the scenario and writes it into the folder `out`: `drive-1`, `drive-2`, … with logs,
-/// recordings and `project.toml`, in each `truth` with trajectory, mounting and scene; beside them
-/// `tls.laz` and `scenario.toml`. The same scenario gives the same bytes with any number of
-/// threads. Memory stays bounded at any number of points.
+/// recordings and `project.toml`, each with a folder `truth` of trajectory, mounting and scene;
+/// next to them `tls.laz` and `scenario.toml`. The same scenario gives the same bytes for any
+/// number of threads. Memory is bounded for any number of points.
 ///
 /// # Errors
-/// A scenario without sense; a folder that cannot be written.
+/// An invalid scenario; a folder that cannot be written.
 pub fn simulate(
     scenario: &Scenario,
     out: &Path,
@@ -138,7 +138,7 @@ fn write_deformation(
             let time_s = start + k as f64 * 0.1;
             let mounting = mountings.body_from_scanner(scanner, time_s, &drive.at(time_s));
             let (t, q) = (mounting.translation_m, mounting.rotation.coords);
-            // Writing into a string cannot fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
                 "{time_s:.3},{:.7},{:.7},{:.7},{:.10},{:.10},{:.10},{:.10}",

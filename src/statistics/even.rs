@@ -1,32 +1,32 @@
-//! An even share of a stream.
+//! An evenly spread sample of a stream.
 
-/// Keeps an even share of a stream of unknown length. A value is kept where a hash of its place is
-/// below a bound that halves whenever too many are kept: every n-th point of a cloud would be the
-/// same few columns of every profile.
+/// An evenly spread sample of a stream of unknown length. A value is kept if a hash of its position
+/// is below a bound that is halved whenever too many are kept. Every n-th point of a cloud would
+/// instead pick the same few columns of every profile.
 #[derive(Debug)]
 pub struct EvenSample<T> {
     most: usize,
     bound: u64,
-    shown: u64,
+    seen: u64,
     kept: Vec<(u64, T)>,
 }
 
 impl<T> EvenSample<T> {
-    /// Of `most` values at most.
+    /// An empty sample that will keep at most `most` values.
     pub fn new(most: usize) -> Self {
         Self {
             most,
             bound: u64::MAX,
-            shown: 0,
+            seen: 0,
             kept: Vec::new(),
         }
     }
 
-    /// Takes in the next value.
-    pub fn show(&mut self, value: T) {
+    /// Takes the next value of the stream.
+    pub fn push(&mut self, value: T) {
         // Multiples of the golden ratio are spread evenly over [0, 2⁶⁴).
-        let hash = self.shown.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.shown += 1;
+        let hash = self.seen.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.seen += 1;
         if hash <= self.bound {
             self.kept.push((hash, value));
             if self.kept.len() > self.most {
@@ -36,12 +36,12 @@ impl<T> EvenSample<T> {
         }
     }
 
-    /// Number of values shown.
-    pub fn shown(&self) -> u64 {
-        self.shown
+    /// Number of values in the stream so far.
+    pub fn seen(&self) -> u64 {
+        self.seen
     }
 
-    /// What is kept, in the order of the stream.
+    /// The values kept, in the order of the stream.
     pub fn into_kept(self) -> Vec<T> {
         self.kept.into_iter().map(|(_, value)| value).collect()
     }

@@ -1,4 +1,4 @@
-//! What a sample says, and the quantiles that it is held against.
+//! Statistics of samples, and quantiles of the normal, χ² and Student's t distributions.
 
 mod even;
 mod normal;

@@ -1,27 +1,27 @@
 //! Means, medians and quantiles of a sample.
 
-/// Mean; NaN without values.
+/// The mean; NaN for an empty sample.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// √(Σ v² / n); NaN without values.
+/// √(Σ v² / n); NaN for an empty sample.
 pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     let add = |(sum, count), v| (sum + v * v, count + 1.0);
     let (sum, count): (f64, f64) = values.into_iter().fold((0.0, 0.0), add);
     (sum / count).sqrt()
 }
 
-/// The median, of an even number of values the greater of the two in the middle; `None` without
-/// values.
+/// The median; of an even number of values, the greater of the middle two. `None` for an empty
+/// sample.
 pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The value below which the share `p` of `sorted` lies, between neighbours by straight lines; the
-/// smallest for p ≤ 0, the largest for p ≥ 1; NaN without values.
+/// The quantile `p` of `sorted`, interpolated linearly; the smallest value for p ≤ 0, the largest
+/// for p ≥ 1; NaN for an empty sample.
 pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else {
         return f64::NAN;
@@ -32,9 +32,9 @@ pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     sorted[below] + (at - below as f64) * (sorted[above] - sorted[below])
 }
 
-/// The value that `quarters` quarters (1 to 3) of `sorted` lie below: where this cuts between two
-/// of them their mean, else the one it cuts through (definition 2 of Hyndman and Fan 1996). NaN
-/// without values.
+/// The quartile `quarters` (1 to 3) of `sorted`: the mean of two values if the cut falls between
+/// them, else the value it falls on (definition 2 of Hyndman and Fan 1996). NaN for an empty
+/// sample.
 pub fn quartile(sorted: &[f64], quarters: usize) -> f64 {
     let cut = quarters * sorted.len();
     if sorted.is_empty() {
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn quartiles_cut_or_lie_between() {
         let values = [1.0, 2.0, 4.0, 8.0, 16.0];
-        // Positions by hand: n = 4 cuts between, n = 5 cuts through, n = 1 is the value itself.
+        // Positions by hand: n = 4 cuts between, n = 5 cuts at a value, n = 1 is the value itself.
         let quartiles = |n: usize| [1, 2, 3].map(|quarters| quartile(&values[..n], quarters));
         assert_eq!(quartiles(1), [1.0, 1.0, 1.0]);
         assert_eq!(quartiles(2), [1.0, 1.5, 2.0]);

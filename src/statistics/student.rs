@@ -1,28 +1,28 @@
-//! The quantile of Student's t distribution that bounds of 95 % need.
+//! The 97.5 % quantile of Student's t distribution.
 
 use std::f64::consts::PI;
 
 use super::normal::NORMAL_97_5;
 
-/// From here on the expansion about the normal quantile is right to 1e-11.
+/// From here on the expansion about the normal quantile is accurate to 1e-11.
 const MANY: f64 = 200.0;
 
-/// 97.5 % quantile of Student's t distribution with `freedom` degrees of freedom, 1 or more and not
-/// necessarily whole. Right to 1e-11 relative; NaN below 1.
-pub fn student_97_5(freedom: f64) -> f64 {
-    if freedom.is_nan() || freedom < 1.0 {
+/// 97.5 % quantile of Student's t distribution with `dof` degrees of freedom, 1 or more and not
+/// necessarily an integer. Relative error below 1e-11; NaN below 1.
+pub fn student_97_5(dof: f64) -> f64 {
+    if dof.is_nan() || dof < 1.0 {
         return f64::NAN;
     }
-    if freedom >= MANY {
-        return expansion(freedom, 4);
+    if dof >= MANY {
+        return expansion(dof, 4);
     }
-    // The chance of |t| beyond a positive value falls and its slope flattens: from a start below
-    // the root, which two terms of the expansion are, Newton's steps approach it from below.
-    let density_at_zero = gamma_ratio(freedom / 2.0) / (PI * freedom).sqrt();
-    let mut t = expansion(freedom, 2);
+    // The tail probability falls and flattens for t > 0. Two terms of the expansion lie below the
+    // root, so Newton's steps approach it from below.
+    let density_at_zero = gamma_ratio(dof / 2.0) / (PI * dof).sqrt();
+    let mut t = expansion(dof, 2);
     for _ in 0..50 {
-        let density = density_at_zero * (-(freedom + 1.0) / 2.0 * (t * t / freedom).ln_1p()).exp();
-        let step = (chance_beyond(t, freedom) - 0.05) / (2.0 * density);
+        let density = density_at_zero * (-(dof + 1.0) / 2.0 * (t * t / dof).ln_1p()).exp();
+        let step = (tail_probability(t, dof) - 0.05) / (2.0 * density);
         t += step;
         if step.abs() <= 1e-13 * t {
             break;
@@ -33,7 +33,7 @@ pub fn student_97_5(freedom: f64) -> f64 {
 
 /// The first terms of the quantile in powers of 1 / degrees of freedom (Abramowitz and Stegun
 /// 26.7.5).
-fn expansion(freedom: f64, terms: usize) -> f64 {
+fn expansion(dof: f64, terms: usize) -> f64 {
     const Z: f64 = NORMAL_97_5;
     const Z2: f64 = Z * Z;
     const TERMS: [f64; 4] = [
@@ -43,18 +43,17 @@ fn expansion(freedom: f64, terms: usize) -> f64 {
         Z * ((((79.0 * Z2 + 776.0) * Z2 + 1482.0) * Z2 - 1920.0) * Z2 - 945.0) / 92_160.0,
     ];
     let terms = TERMS[..terms].iter().rev();
-    Z + terms.fold(0.0, |sum, term| (sum + term) / freedom)
+    Z + terms.fold(0.0, |sum, term| (sum + term) / dof)
 }
 
-/// The chance that |T| exceeds `t` ≥ 1.9: the regularised incomplete beta function
-/// I(ν / (ν + t²); ν / 2, 1 / 2), by its continued fraction (DLMF 8.17.22), which converges fast for
-/// such t.
-fn chance_beyond(t: f64, freedom: f64) -> f64 {
+/// The probability that |T| exceeds `t` ≥ 1.9: the regularised incomplete beta function I(ν / (ν +
+/// t²); ν / 2, 1 / 2), by its continued fraction (DLMF 8.17.22), which converges fast for such t.
+fn tail_probability(t: f64, dof: f64) -> f64 {
     const TINY: f64 = 1e-300;
-    let (a, b) = (freedom / 2.0, 0.5);
-    let beyond = t * t / (freedom + t * t);
+    let (a, b) = (dof / 2.0, 0.5);
+    let beyond = t * t / (dof + t * t);
     let x = 1.0 - beyond;
-    // Lentz's way to evaluate 1 / (1 + d₁ / (1 + d₂ / (1 + …))).
+    // Lentz's algorithm for 1 / (1 + d₁ / (1 + d₂ / (1 + …))).
     let (mut fraction, mut c, mut d) = (1.0, 1.0, 0.0);
     for i in 1..500 {
         let m = f64::from(i / 2);
@@ -72,11 +71,11 @@ fn chance_beyond(t: f64, freedom: f64) -> f64 {
             break;
         }
     }
-    let power = (-a * (t * t / freedom).ln_1p()).exp();
+    let power = (-a * (t * t / dof).ln_1p()).exp();
     gamma_ratio(a) * power * beyond.sqrt() / (a * PI.sqrt() * fraction)
 }
 
-/// Γ(a + ½) / Γ(a) for a > 0: the recurrence from where its asymptotic series is exact.
+/// Γ(a + ½) / Γ(a) for a > 0, by recurrence from where its asymptotic series is exact.
 fn gamma_ratio(a: f64) -> f64 {
     let (mut a, mut factor) = (a, 1.0);
     while a < 40.0 {
@@ -125,11 +124,11 @@ mod tests {
             (1e5, 1.9599877075346095),
             (1e9, 1.959963986912325),
         ];
-        for (freedom, expected) in table {
-            let found = student_97_5(freedom);
+        for (dof, expected) in table {
+            let found = student_97_5(dof);
             assert!(
                 (found / expected - 1.0).abs() < 1e-11,
-                "{freedom}: {found} {expected}"
+                "{dof}: {found} {expected}"
             );
         }
         assert_eq!(student_97_5(f64::INFINITY), NORMAL_97_5);

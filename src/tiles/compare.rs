@@ -1,4 +1,4 @@
-//! M3C2 between cloud files of any size, with the numbers of one piece.
+//! M3C2 between cloud files of any size, with the same results as in one piece.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -18,34 +18,34 @@ use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::{Progress, Silent};
 
-/// Memory for each point of the two clouds in one piece, bytes: as read, as indexed, and on the way
-/// from one to the other.
+/// Memory for each point of the two clouds in one piece, bytes: as read, as indexed, and during
+/// indexing.
 const BYTES_A_POINT: u64 = 160;
-/// A tile's points come with those of its halo, and those of the other cloud.
+/// A tile's points are loaded with those of its halo, and those of the other cloud.
 const BYTES_A_TILE_POINT: u64 = 4 * BYTES_A_POINT;
 
-/// What to compare, and how.
+/// The files and settings of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// The cloud to judge.
+    /// The cloud to assess.
     pub cloud: PathBuf,
-    /// The cloud to judge it by.
+    /// The cloud to compare it with.
     pub reference: PathBuf,
-    /// Core points in a file; without one they are the reference, thinned.
+    /// A file of core points; by default they are the reference, thinned.
     pub core: Option<PathBuf>,
-    /// Where normals come from.
+    /// The source of the normals.
     pub normals: NormalSource,
-    /// Radii and the like.
+    /// Radii and other settings.
     pub settings: ComparisonSettings,
-    /// Memory to keep to, bytes; `None` for half of what the machine has free. Clouds that fit are
-    /// compared in one piece, larger ones tile by tile; the numbers are the same. Some 150 MB,
-    /// and while a file is read 20 MB for each thread, are taken in any case; results and core
-    /// points from a file are kept whole, and formats other than LAS and LAZ are read whole.
+    /// Memory limit, bytes; `None` for half of the free memory. Clouds that fit are compared in one
+    /// piece, larger ones tile by tile; the results are the same. About 150 MB, and 20 MB per
+    /// thread while a file is read, are used in any case; results and core points from a file are
+    /// kept in memory, and formats other than LAS and LAZ are read whole.
     pub memory_bytes: Option<u64>,
 }
 
 impl Comparison {
-    /// The files that are read.
+    /// The input files.
     pub fn inputs(&self) -> Vec<PathBuf> {
         let mut inputs = vec![self.cloud.clone(), self.reference.clone()];
         inputs.extend(self.core.clone());
@@ -53,42 +53,42 @@ impl Comparison {
     }
 }
 
-/// Where the normals of the core points come from.
+/// The source of the normals of the core points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormalSource {
-    /// The file of the core points where it holds normals, else the reference; those found are
-    /// turned to this direction.
+    /// The file of core points if it contains normals, else the reference; computed normals are
+    /// oriented towards this direction.
     Core {
-        /// Any length above zero.
+        /// Non-zero, of any length.
         orientation: Vec3,
     },
-    /// The reference, whatever the file of the core points holds.
+    /// The reference, even if the file of core points contains normals.
     Reference {
-        /// Any length above zero.
+        /// Non-zero, of any length.
         orientation: Vec3,
     },
     /// One direction for all.
     Fixed(Vec3),
 }
 
-/// A comparison, and what its stages took.
+/// A comparison, and the times of its stages.
 #[derive(Debug)]
 pub struct Compared {
-    /// What was found at each core point.
+    /// The result at each core point.
     pub found: M3c2,
-    /// Number of tiles; 1 in one piece.
+    /// Number of tiles; 1 if compared in one piece.
     pub tiles: usize,
-    /// Memory kept to, bytes.
+    /// The memory limit, bytes.
     pub memory_bytes: u64,
-    /// Seconds of reading, and of finding core points.
+    /// Time to read the clouds and select core points, seconds.
     pub read_s: f64,
-    /// Seconds of indexing.
+    /// Time to index the clouds, seconds.
     pub index_s: f64,
-    /// Seconds of searching and measuring.
+    /// Time to compute the distances, seconds.
     pub compare_s: f64,
 }
 
-/// Compares two cloud files. What does not fit in memory goes to `staging`.
+/// Compares two cloud files. Data that do not fit in memory go to `staging`.
 ///
 /// # Errors
 /// Clouds that cannot be read; settings that [`crate::comparison::m3c2()`] refuses.
@@ -165,8 +165,8 @@ fn in_one_piece(
     Ok(())
 }
 
-/// Each tile of the reference with all points of both clouds that matter to its core points. Only
-/// results, and core points from a file, are kept in memory for all tiles.
+/// Compares each tile of the reference with all points of both clouds that affect its core points.
+/// Only results, and core points from a file, are kept in memory for all tiles.
 fn by_tiles(
     comparison: &Comparison,
     core: Option<&CorePoints>,
@@ -177,7 +177,7 @@ fn by_tiles(
     let normals = normals_of(comparison, core, progress);
     let settings = &comparison.settings;
     let (low, high) = reference.extent();
-    // Coordinates that are rounded when sides are moved must not cost a point.
+    // Rounding when the sides are moved must not lose a point.
     let wide = |margin_m: f64| margin_m * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax());
     let mut found: Vec<(u64, CoreDistance)> = Vec::new();
     for (tile, rectangle) in reference.tiles().rectangles().iter().enumerate() {
@@ -185,8 +185,8 @@ fn by_tiles(
         let (places, points) = match core {
             Some(core) => inside(&core.points, rectangle),
             None => {
-                // A voxel that reaches into the tile is known with all its points.
-                let near = reference.within(&rectangle.grown(wide(settings.core_spacing_m)))?;
+                // Loads all points of every voxel that reaches into the tile.
+                let near = reference.within(&rectangle.widened(wide(settings.core_spacing_m)))?;
                 thinned(&near.indices, &near.points, rectangle, comparison)
             }
         };
@@ -202,7 +202,7 @@ fn by_tiles(
             other => other,
         };
         if !points.is_empty() {
-            let region = rectangle.grown(wide(reach_m(settings)));
+            let region = rectangle.widened(wide(reach_m(settings)));
             let before = reference.within(&region)?.points;
             let after = compared.within(&region)?.points;
             let clouds = IndexedClouds::of_pieces(&before, &after, normals, settings)?;
@@ -220,7 +220,7 @@ fn by_tiles(
     Ok(())
 }
 
-/// Places and points of those of `points` that lie in a tile.
+/// Indices and points of those of `points` inside a tile.
 fn inside(points: &[Vec3], tile: &Rectangle) -> (Vec<u64>, Vec<Vec3>) {
     let own = (0u64..)
         .zip(points)
@@ -228,7 +228,7 @@ fn inside(points: &[Vec3], tile: &Rectangle) -> (Vec<u64>, Vec<Vec3>) {
     own.map(|(place, point)| (place, *point)).unzip()
 }
 
-/// Places in the reference and points of the core points in a tile, thinned from `points`.
+/// Indices in the reference and points of the core points in a tile, thinned from `points`.
 fn thinned(
     indices: &[u64],
     points: &[Vec3],
@@ -251,7 +251,7 @@ fn normals_of<'a>(
     let given = core.map_or(&[][..], |core| &core.normals);
     match comparison.normals {
         NormalSource::Core { .. } if !given.is_empty() => {
-            progress.say("normals are those in the file of the core points");
+            progress.say("using the normals in the core point file");
             Normals::Given(given)
         }
         NormalSource::Core { orientation } | NormalSource::Reference { orientation } => {

@@ -1,4 +1,4 @@
-//! The shape of every neighbourhood of a cloud, written beside its points.
+//! Shape features of all neighbourhoods of a cloud, written with its points.
 
 use std::path::Path;
 use std::time::Instant;
@@ -16,23 +16,23 @@ use crate::format::{ExtraDimension, ExtraKind};
 use crate::output::Staging;
 use crate::progress::Progress;
 
-/// Memory for each point of a cloud that is worked on in one piece, or of a tile with its halo,
-/// bytes: points, index, features twice. Less than 260 measured with 3 million points.
+/// Memory for each point of a cloud processed in one piece, or of a tile with its halo, bytes:
+/// points, index, features twice. Less than 260 measured with 3 million points.
 const BYTES_A_POINT: u64 = 300;
-/// Of a tile's points with halo there may be twice as many as of its own.
+/// A tile with its halo may have twice as many points as the tile alone.
 const BYTES_A_TILE_POINT: u64 = 2 * BYTES_A_POINT;
 
-/// What to compute and how.
+/// What to compute, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FeatureSettings {
     /// Which points are neighbours.
     pub neighbourhood: Neighbourhood,
-    /// What to write, in this order.
+    /// The features to write, in this order.
     pub features: Vec<Feature>,
-    /// Memory to keep to, bytes; `None` for half of what the machine has free. A cloud that fits is
-    /// worked on in one piece, a larger one tile by tile; the numbers are the same. Some 150
-    /// MB, and while the file is read 20 MB for each thread, are taken in any case; formats other
-    /// than LAS and LAZ are read whole.
+    /// Memory limit, bytes; `None` for half of the free memory. A cloud that fits is processed in
+    /// one piece, a larger one tile by tile; the results are the same. About 150 MB, and 20 MB per
+    /// thread while the file is read, are used in any case; formats other than LAS and LAZ are read
+    /// whole.
     pub memory_bytes: Option<u64>,
 }
 
@@ -54,43 +54,43 @@ impl Default for FeatureSettings {
     }
 }
 
-/// How the neighbourhoods were worked through, and what each stage took.
+/// Size of the work and times of its stages.
 #[derive(Debug, Clone, Copy)]
-pub struct FeatureWork {
+pub struct FeatureSummary {
     /// Number of points.
     pub points: u64,
-    /// Number of tiles; 1 in one piece.
+    /// Number of tiles; 1 if processed in one piece.
     pub tiles: usize,
     /// Points with neighbours beyond the halo of their tile.
     pub beyond_halo: u64,
-    /// Memory kept to, bytes.
+    /// The memory limit, bytes.
     pub memory_bytes: u64,
-    /// Seconds of reading, and sorting into tiles.
+    /// Time to read and sort into tiles, seconds.
     pub read_s: f64,
-    /// Seconds of finding neighbours and their shapes.
+    /// Time to compute neighbourhoods and features, seconds.
     pub features_s: f64,
-    /// Seconds of writing.
+    /// Time to write, seconds.
     pub write_s: f64,
 }
 
 /// Computes the features of every point of the file `cloud` and writes `output` (LAS or LAZ): the
-/// points in their order with all that they carry (LAS, LAZ) or with time and intensity (other
-/// formats), and the features as extra dimensions, 32-bit floating point, which rounds to
-/// 6 · 10⁻⁸ of a value. What does not fit in memory goes to `staging`.
+/// points in their order with all their fields (LAS, LAZ) or with time and intensity (other
+/// formats), and the features as extra dimensions in 32-bit floating point, with a relative
+/// rounding error of 6 · 10⁻⁸. Data that do not fit in memory go to `staging`.
 ///
 /// # Errors
-/// A cloud that cannot be read, or written as LAZ.
+/// A cloud that cannot be read, or cannot be written as LAS or LAZ.
 pub fn features(
     cloud: &Path,
     settings: &FeatureSettings,
     staging: &Staging,
     output: &Path,
     progress: &dyn Progress,
-) -> Result<FeatureWork> {
+) -> Result<FeatureSummary> {
     let start = Instant::now();
     let budget = Budget::new(settings.memory_bytes);
     let cloud = CloudSource::open(cloud, progress)?;
-    let mut work = FeatureWork {
+    let mut work = FeatureSummary {
         points: cloud.len(),
         tiles: 1,
         beyond_halo: 0,
@@ -121,7 +121,7 @@ pub fn features(
 fn in_one_piece(
     cloud: &CloudSource,
     settings: &FeatureSettings,
-    work: &mut FeatureWork,
+    work: &mut FeatureSummary,
     progress: &dyn Progress,
 ) -> Result<Vec<FeatureRow>> {
     let start = Instant::now();
@@ -139,13 +139,13 @@ fn in_one_piece(
     Ok(rows)
 }
 
-/// With the cloud on disk in tiles of `most_points`, in a folder of the staging area.
+/// Processes a cloud on disk in tiles of `most_points`, in a folder of the staging area.
 fn by_tiles(
     cloud: &CloudSource,
     settings: &FeatureSettings,
     most_points: usize,
     staging: &Staging,
-    work: &mut FeatureWork,
+    work: &mut FeatureSummary,
     progress: &dyn Progress,
 ) -> Result<SortedRows> {
     let start = Instant::now();
@@ -161,7 +161,7 @@ fn by_tiles(
             |near| FeatureRow::of(near, &settings.features),
             |index, row| rows.put(index, &row),
         )?;
-        (work.tiles, work.beyond_halo) = (solved.tiles, solved.aside);
+        (work.tiles, work.beyond_halo) = (solved.tiles, solved.deferred);
         rows.sorted()
     })?;
     work.features_s = seconds;
@@ -172,7 +172,7 @@ fn by_tiles(
     Ok(rows)
 }
 
-/// The extra dimensions that features are written as.
+/// The extra dimensions for the features.
 fn dimensions(features: &[Feature]) -> Vec<ExtraDimension> {
     let columns = features.iter().flat_map(|feature| {
         feature

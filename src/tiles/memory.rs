@@ -1,15 +1,15 @@
-//! How much memory a cloud may take, and how much the program took.
+//! Memory limits, and the peak memory of the program.
 
-/// What the program takes before it has read a point, and buffers of files, bytes.
+/// Memory of the program before it has read a point, and file buffers, bytes.
 const BYTES_BEFORE: u64 = 150 << 20;
-/// The least number of points in a tile: with fewer, halos outweigh tiles.
+/// Fewest points in a tile: with fewer, halos would outweigh tiles.
 const LEAST_TILE: u64 = 20_000;
-/// The most points in a tile.
+/// Most points in a tile.
 const MOST_TILE: u64 = 1 << 30;
-/// Memory where the system does not tell how much there is, bytes.
+/// Memory limit if the system does not report its memory, bytes.
 const UNKNOWN: u64 = 4 << 30;
 
-/// Memory to keep to.
+/// A memory limit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Budget {
     /// Bytes.
@@ -17,33 +17,33 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// That many bytes, or half of the memory that is free.
+    /// The given number of bytes, or half of the free memory.
     pub(super) fn new(bytes: Option<u64>) -> Self {
         Self {
             bytes: bytes.unwrap_or_else(|| free_bytes().unwrap_or(UNKNOWN) / 2),
         }
     }
 
-    /// Number of points that fit in one piece, of so many bytes each.
+    /// Number of points of this size that fit in one piece.
     pub(super) fn points(&self, bytes_a_point: u64) -> u64 {
         self.bytes.saturating_sub(BYTES_BEFORE) / bytes_a_point
     }
 
-    /// Number of points in a tile, of so many bytes each.
+    /// Number of points of this size in a tile.
     pub(super) fn tile_points(&self, bytes_a_point: u64) -> usize {
         self.points(bytes_a_point).clamp(LEAST_TILE, MOST_TILE) as usize
     }
 }
 
-/// The most memory the program has held so far, bytes; `None` where the system does not tell.
+/// Peak memory of the program so far, bytes; `None` if the system does not report it.
 #[cfg(target_os = "linux")]
 pub fn peak_memory_bytes() -> Option<u64> {
-    // `getrusage` counts the process that started this one as well.
+    // `getrusage` also counts the process that started this one.
     let status = procfs::process::Process::myself().ok()?.status().ok()?;
     status.vmhwm.map(|kilobytes| kilobytes * 1024)
 }
 
-/// The most memory the program has held so far, bytes; `None` where the system does not tell.
+/// Peak memory of the program so far, bytes; `None` if the system does not report it.
 #[cfg(all(unix, not(target_os = "linux")))]
 pub fn peak_memory_bytes() -> Option<u64> {
     use nix::sys::resource::{UsageWho, getrusage};
@@ -57,18 +57,19 @@ pub fn peak_memory_bytes() -> Option<u64> {
     peak.checked_mul(unit)
 }
 
-/// The most memory the program has held so far, bytes; `None` where the system does not tell.
+/// Peak memory of the program so far, bytes; `None` if the system does not report it.
 #[cfg(not(unix))]
 pub fn peak_memory_bytes() -> Option<u64> {
     None
 }
 
-/// Memory that programs can still take, bytes; `None` where the system does not tell.
+/// Available memory, bytes; `None` if the system does not report it.
 fn free_bytes() -> Option<u64> {
     let mut system = sysinfo::System::new();
     system.refresh_memory_specifics(sysinfo::MemoryRefreshKind::nothing().with_ram());
     let free = system.available_memory();
-    // A container may have less than its machine. Cached files give way and do not count.
+    // A container may have less memory than its machine. Cached files can be evicted and do not
+    // count.
     let limit = system.cgroup_limits().map_or(u64::MAX, |limits| {
         limits.total_memory.saturating_sub(limits.rss)
     });
@@ -80,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_system_tells_how_much_memory_there_is_and_was() {
+    fn the_system_reports_free_and_peak_memory() {
         assert!(free_bytes().is_some());
         assert!(cfg!(not(unix)) || peak_memory_bytes().is_some_and(|peak| peak > 1 << 20));
         assert_eq!(Budget::new(Some(7)).bytes, 7);

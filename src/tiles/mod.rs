@@ -1,6 +1,7 @@
-//! Work on clouds of any size, from file to file: what does not fit in memory goes to disk in tiles.
+//! Processing of clouds of any size, from file to file: data that do not fit in memory go to disk
+//! in tiles.
 //!
-//! The results do not depend on the memory given, nor on how the plane is cut.
+//! The results do not depend on the memory limit or on the tiles.
 
 mod compare;
 mod features;
@@ -15,10 +16,10 @@ mod surroundings;
 mod thin;
 
 pub use compare::{Compared, Comparison, NormalSource, compare};
-pub use features::{FeatureSettings, FeatureWork, features};
+pub use features::{FeatureSettings, FeatureSummary, features};
 pub use memory::peak_memory_bytes;
 pub use plane::{Rectangle, Tiles};
 pub use source::CloudSource;
 pub use store::{Stream, TilePoints, TileStore};
-pub use surroundings::{TiledWork, surroundings};
+pub use surroundings::{TilingSummary, surroundings};
 pub use thin::{Thinned, thin};

@@ -1,19 +1,19 @@
-//! The plane cut into rectangles that hold about as many points each, for clouds larger than
+//! Division of the plane into rectangles with about equal numbers of points, for clouds larger than
 //! memory.
 //!
-//! The rectangles are the leaves of a k-d tree over east and north, cut at medians of a sample of
-//! the points, so that dense and sparse parts and outliers far away all get tiles of equal work.
-//! They are half-open, the outer ones reach to infinity, and together they are the whole plane:
-//! every point lies in exactly one. Heights are not cut.
+//! The rectangles are the leaves of a k-d tree over east and north, split at medians of a sample of
+//! the points, so that dense and sparse parts and distant outliers all get tiles of equal work.
+//! They are half-open, the outer ones extend to infinity, and together they cover the plane: every
+//! point lies in exactly one. Heights are not divided.
 
 use crate::geometry::Vec3;
 
 /// A rectangle in the plane: low ≤ (east, north) < high, metres; sides may be infinite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rectangle {
-    /// Least east and north.
+    /// Smallest east and north, included.
     pub low: [f64; 2],
-    /// East and north that no longer belong to it.
+    /// Largest east and north, excluded.
     pub high: [f64; 2],
 }
 
@@ -24,20 +24,20 @@ impl Rectangle {
         high: [f64::INFINITY; 2],
     };
 
-    /// Whether the point lies in it.
+    /// Whether the point lies inside.
     pub fn contains(&self, point: &Vec3) -> bool {
         (0..2).all(|axis| self.low[axis] <= point[axis] && point[axis] < self.high[axis])
     }
 
     /// The rectangle with `margin_m` added on every side.
-    pub fn grown(&self, margin_m: f64) -> Self {
+    pub fn widened(&self, margin_m: f64) -> Self {
         Self {
             low: self.low.map(|side| side - margin_m),
             high: self.high.map(|side| side + margin_m),
         }
     }
 
-    /// The same, with sides beyond which there is no point of a cloud between `low` and `high`
+    /// The same rectangle, with sides beyond which a cloud between `low` and `high` has no points
     /// moved to infinity.
     pub fn open_beyond(&self, low: &Vec3, high: &Vec3) -> Self {
         let mut open = *self;
@@ -52,23 +52,23 @@ impl Rectangle {
         open
     }
 
-    /// Whether the two have a point in common.
-    pub fn meets(&self, other: &Self) -> bool {
+    /// Whether the two rectangles intersect.
+    pub fn intersects(&self, other: &Self) -> bool {
         (0..2).all(|axis| self.low[axis] < other.high[axis] && other.low[axis] < self.high[axis])
     }
 
-    /// A lower bound of the horizontal distance (m) from a point within to any point without:
-    /// infinite for the whole plane, negative for a point that lies without.
+    /// A lower bound on the horizontal distance (m) from a point inside to any point outside:
+    /// infinite for the whole plane, negative if the point is outside.
     ///
-    /// Rounding is monotone: for every point p without, a computed difference of coordinates
-    /// |p − point| on the axis of the nearest side is not less.
+    /// Rounding is monotone: for every point p outside, the computed difference |p − point| along
+    /// the axis of the nearest side is not smaller.
     pub fn depth_m(&self, point: &Vec3) -> f64 {
         (0..2)
             .flat_map(|axis| [point[axis] - self.low[axis], self.high[axis] - point[axis]])
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Horizontal distance (m) from a point to the rectangle, 0 within.
+    /// Horizontal distance (m) from a point to the rectangle, 0 inside.
     pub fn distance_m(&self, point: &Vec3) -> f64 {
         let gap = |axis: usize| {
             let (below, above) = (self.low[axis] - point[axis], point[axis] - self.high[axis]);
@@ -90,7 +90,7 @@ enum Node {
     Tile(usize),
 }
 
-/// Rectangles that together are the plane.
+/// Rectangles that together cover the plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tiles {
     nodes: Vec<Node>,
@@ -98,9 +98,9 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// Tiles that hold at most `most` points of `sample` (east, north) each, and more than half of
-    /// that where coordinates do not repeat; more only where points stand above each other. At
-    /// least one tile. The sample is reordered.
+    /// Tiles with at most `most` points of `sample` (east, north) each, and more than half of that
+    /// unless coordinates repeat; more only if points coincide in the plane. At least one tile. The
+    /// sample is reordered.
     pub fn new(sample: &mut [[f64; 2]], most: usize) -> Self {
         let mut tiles = Self {
             nodes: Vec::new(),
@@ -146,7 +146,7 @@ impl Tiles {
         &self.rectangles
     }
 
-    /// The number of the tile in which a point lies.
+    /// The index of the tile that contains a point.
     pub fn tile_of(&self, point: &Vec3) -> usize {
         let mut node = 0;
         loop {
@@ -159,16 +159,16 @@ impl Tiles {
     }
 }
 
-/// Orders `points` so that the first of them, whose number is returned with the place of the cut,
-/// lie below it on `axis`: as near to half of them as duplicates allow. `None` where all have one
-/// coordinate.
+/// Orders `points` so that the first ones lie below a split on `axis`; returns the coordinate of
+/// the split and the number of points below it, as close to half as duplicates allow. `None` if all
+/// points have the same coordinate.
 fn halve(points: &mut [[f64; 2]], axis: usize) -> Option<(f64, usize)> {
     let middle = points.len() / 2;
     points.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
     let at = points[middle][axis];
     let first_equal = points.partition_point(|p| p[axis] < at);
     let first_above = points.partition_point(|p| p[axis] <= at);
-    // The cut runs below or above the points that share the middle coordinate.
+    // The split is below or above the points with the middle coordinate.
     if first_equal > 0 && middle - first_equal <= first_above - middle {
         return Some((at, first_equal));
     }
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     fn sample(n: u32) -> Vec<[f64; 2]> {
-        // Dense in a corner, with one outlier far away and many points on one line.
+        // Dense in a corner, with one distant outlier and many points on one line.
         let mut points: Vec<[f64; 2]> = (0..n)
             .map(|i| {
                 let u = f64::from(i) * 0.618_033_988_749_895 % 1.0;
@@ -214,7 +214,7 @@ mod tests {
             assert_eq!(tiles.rectangles()[tile].distance_m(&point), 0.0);
             counts[tile] += 1;
         }
-        // 125 points stand in each of eight places, which can unbalance a cut by that many.
+        // 125 points coincide at each of eight positions, which can unbalance a split by that many.
         assert!(counts.iter().all(|n| (50..=300).contains(n)), "{counts:?}");
     }
 
@@ -224,7 +224,7 @@ mod tests {
             let tiles = Tiles::new(&mut vec![[3.0, 4.0]; n], 10);
             assert_eq!(tiles.rectangles(), [Rectangle::PLANE]);
         }
-        // One coordinate differs, for the least of the points.
+        // One coordinate differs, for a minority of the points.
         let mut points = vec![[3.0, 4.0]; 50];
         points[49] = [3.0, 5.0];
         let tiles = Tiles::new(&mut points, 10);
@@ -245,13 +245,13 @@ mod tests {
         assert!(tile.depth_m(&at(5.0, 0.0)) < 0.0);
         assert_eq!(tile.distance_m(&at(7.0, 7.0)), 5.0);
         assert_eq!(tile.distance_m(&at(2.0, -1e9)), 0.0);
-        assert_eq!(tile.grown(1.0).high, [5.0, 4.0]);
-        assert!(tile.meets(&tile.grown(-0.5)));
+        assert_eq!(tile.widened(1.0).high, [5.0, 4.0]);
+        assert!(tile.intersects(&tile.widened(-0.5)));
         let beside = Rectangle {
             low: [4.0, 0.0],
             high: [5.0, 1.0],
         };
-        assert!(!tile.meets(&beside) && tile.meets(&beside.grown(0.1)));
+        assert!(!tile.intersects(&beside) && tile.intersects(&beside.widened(0.1)));
         let open = tile.open_beyond(&at(0.0, 0.0), &at(3.9, 3.0));
         assert_eq!(open.low, [f64::NEG_INFINITY; 2]);
         assert_eq!(open.high, [f64::INFINITY, 3.0]);

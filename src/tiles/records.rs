@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
-/// Memory for what waits to be written, bytes.
+/// Memory for buffered records, bytes.
 const BUFFERS: usize = 64 << 20;
 
-/// Appends to many files at once, in large pieces and with one of them open at a time.
+/// Appends to many files at once, in large pieces and with one file open at a time.
 pub(super) struct Appender {
     waiting: Vec<Vec<u8>>,
-    /// Bytes that wait for each file at most, about.
+    /// Approximate limit on the bytes buffered for each file.
     most: usize,
 }
 
@@ -24,7 +24,7 @@ impl Appender {
         }
     }
 
-    /// Appends a record to a file of the given number and path.
+    /// Appends a record to the file with this number and path.
     pub(super) fn push(
         &mut self,
         file: usize,
@@ -42,7 +42,7 @@ impl Appender {
         Ok(())
     }
 
-    /// Writes what still waits.
+    /// Writes buffered records.
     pub(super) fn finish(self, path: impl Fn(usize) -> PathBuf) -> Result<()> {
         for (file, waiting) in self.waiting.iter().enumerate() {
             if !waiting.is_empty() {
@@ -62,7 +62,7 @@ fn append(path: &Path, bytes: &[u8]) -> Result<()> {
         .map_err(|e| Error::io(path, e))
 }
 
-/// Hands every record of a file of records of `N` bytes to `each`.
+/// Calls `each` with every record of a file of records of `N` bytes.
 pub(super) fn read_records<const N: usize>(
     path: &Path,
     mut each: impl FnMut(&[u8; N]) -> Result<()>,

@@ -1,4 +1,4 @@
-//! The features of a point as they are kept until they are written, in memory or on disk.
+//! Features of points, stored in memory or on disk until they are written.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,15 +8,15 @@ use crate::cloud::Surroundings;
 use crate::cloud::shape::{Feature, Shape};
 use crate::error::{Error, Result};
 
-/// Columns of all features.
+/// Number of columns of all features.
 const COLUMNS: usize = 14;
-/// Bytes of a row on disk, after the place of its point.
+/// Bytes of a row on disk, after the index of its point.
 const RECORD: usize = 4 * COLUMNS;
 
-/// The features that were chosen, of one point, rounded as they are written.
+/// The chosen features of one point, rounded for writing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FeatureRow {
-    /// Their columns in the order chosen: the bits of an f32, or the number of neighbours.
+    /// Their columns in the chosen order: the bits of an f32, or the number of neighbours.
     words: [u32; COLUMNS],
 }
 
@@ -29,7 +29,7 @@ impl FeatureRow {
         let mut words = [0; COLUMNS];
         let mut places = words.iter_mut();
         for &feature in features {
-            // The shorter one first: it must not take a place for a number it does not have.
+            // The shorter iterator first: zip must not consume a column without a value for it.
             let values = shape.values(feature).into_iter();
             for (value, place) in values.take(feature.columns().len()).zip(&mut places) {
                 *place = match feature {
@@ -41,7 +41,7 @@ impl FeatureRow {
         Self { words }
     }
 
-    /// Fills the columns of `features`, which are those that the row was made of.
+    /// Fills the columns of `features`, with which the row was made.
     pub(super) fn fill(&self, features: &[Feature], values: &mut [f64]) {
         let columns = features
             .iter()
@@ -71,7 +71,7 @@ impl FeatureRow {
     }
 }
 
-/// Rows on disk: taken in any order, sorted into files by ranges of places.
+/// Rows on disk: added in any order, sorted into files by ranges of indices.
 pub(super) struct RowStore {
     folder: PathBuf,
     appender: Appender,
@@ -80,7 +80,7 @@ pub(super) struct RowStore {
 }
 
 impl RowStore {
-    /// For `points` rows, of which `range` will be in memory at a time.
+    /// A store for `points` rows, of which `range` will be in memory at a time.
     pub(super) fn create(folder: &Path, points: u64, range: usize) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let range = range as u64;
@@ -99,7 +99,7 @@ impl RowStore {
         self.appender.push(file as usize, &parts, path)
     }
 
-    /// To be read in order.
+    /// Finishes writing, for reading in order.
     pub(super) fn sorted(self) -> Result<SortedRows> {
         self.appender
             .finish(|file| path(&self.folder, file as u64))?;
@@ -117,7 +117,7 @@ fn path(folder: &Path, file: u64) -> PathBuf {
     folder.join(format!("rows-{file}"))
 }
 
-/// Rows by place. Its folder goes when it is dropped.
+/// Rows by index. Its folder is removed when it is dropped.
 pub(super) struct SortedRows {
     folder: PathBuf,
     points: u64,
@@ -127,7 +127,7 @@ pub(super) struct SortedRows {
 }
 
 impl SortedRows {
-    /// The row of a place; fast where places ascend.
+    /// The row at an index; fast if indices ascend.
     pub(super) fn row(&mut self, index: u64) -> Result<FeatureRow> {
         let file = index / self.range;
         if self.loaded != Some(file) {
@@ -156,10 +156,10 @@ impl SortedRows {
         if found != expected {
             return Err(Error::data(
                 format!(
-                    "{}: {found} rows of {expected} in a temporary file",
+                    "{}: found {found} of {expected} rows in a temporary file",
                     self.folder.display()
                 ),
-                "free space on the disk and run again; nothing else may write to this folder",
+                "free disk space and run again; no other program may write to this folder",
             ));
         }
         self.loaded = Some(file);
@@ -169,7 +169,7 @@ impl SortedRows {
 
 impl Drop for SortedRows {
     fn drop(&mut self) {
-        // Nothing can be done about a failure here; the staging area is removed as a whole.
+        // A failure cannot be handled here; the staging area is removed as a whole.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
@@ -229,6 +229,6 @@ mod tests {
         let mut store = RowStore::create(&place, 3, 128).unwrap();
         store.put(0, &row(0)).unwrap();
         let error = store.sorted().unwrap().row(0).unwrap_err();
-        assert!(error.to_string().contains("1 rows of 3"), "{error}");
+        assert!(error.to_string().contains("1 of 3 rows"), "{error}");
     }
 }

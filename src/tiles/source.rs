@@ -10,10 +10,10 @@ use crate::format::{self, ExtraDimension, Format, Row};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// Points in memory that are handed on at a time.
+/// Number of in-memory points passed on at a time.
 const CHUNK: usize = 100_000;
 
-/// The points of a cloud: LAS and LAZ stay in their file, which is streamed whenever it is needed;
+/// The points of a cloud: LAS and LAZ remain in their file, which is streamed as often as needed;
 /// clouds of other formats are kept in memory.
 #[derive(Debug)]
 pub enum CloudSource {
@@ -24,7 +24,7 @@ pub enum CloudSource {
         /// Number of points, from its header.
         points: u64,
     },
-    /// What a file of another format held.
+    /// The content of a file of another format.
     Memory(PointCloud),
 }
 
@@ -34,7 +34,7 @@ impl CloudSource {
     /// # Errors
     /// As [`format::las_count`] and [`format::read_cloud`].
     pub fn open(path: &Path, progress: &dyn Progress) -> Result<Self> {
-        // What is wrong with a file of no known format its reader says better.
+        // For a file of unknown format, the reader gives the better error.
         if let Ok(Format::Las | Format::Laz) = format::detect(path) {
             return Ok(Self::Las {
                 path: path.to_owned(),
@@ -56,11 +56,11 @@ impl CloudSource {
         }
     }
 
-    /// Hands the points (metres) to `each` in pieces and in order. `progress` advances by one for
-    /// each point; the stage is the caller's.
+    /// Calls `each` with the points (metres) in pieces and in order. `progress` advances by one for
+    /// each point; the caller begins and ends the stage.
     ///
     /// # Errors
-    /// A file that is damaged or ends early; what `each` refuses.
+    /// A file that is damaged or ends early; errors of `each`.
     pub fn stream(
         &self,
         progress: &dyn Progress,
@@ -95,9 +95,9 @@ impl CloudSource {
         Ok(Cow::Owned(points))
     }
 
-    /// Writes those points that `row` accepts to `output`, with all that LAS and LAZ carry or with
-    /// the time and intensity of other formats, and `dimensions` beside them; how many seconds that
-    /// takes.
+    /// Writes the points that `row` accepts to `output`, with all fields of LAS and LAZ or with the
+    /// time and intensity of other formats, and with `dimensions`; returns the time taken in
+    /// seconds.
     ///
     /// # Errors
     /// As [`format::copy_las`] and [`format::cloud_to_las`].

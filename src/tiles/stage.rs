@@ -1,11 +1,11 @@
-//! Stages of work as they are shown and timed.
+//! Stages of work, shown and timed.
 
 use std::time::Instant;
 
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Runs `work` as the stage `name` of `total` units; what it gives, and the seconds it took.
+/// Runs `work` as the stage `name` of `total` units; returns its result and the seconds it took.
 pub(super) fn stage<T>(
     progress: &dyn Progress,
     name: &str,

@@ -1,17 +1,17 @@
-//! A cloud larger than memory, on disk in tiles: streamed in once, read back by rectangle.
+//! A cloud larger than memory, stored on disk in tiles: streamed in once, read back by rectangle.
 //!
-//! Nothing of a tile depends on how the cloud was cut: [`TileStore::within`] returns all points in
-//! a rectangle in the order of the stream. Work with a reach of h goes tile by tile like this:
+//! Results do not depend on the tiles: [`TileStore::within`] returns all points in a rectangle in
+//! the order of the stream. Work with a reach of h goes tile by tile like this:
 //!
 //! ```text
 //! let store = TileStore::write(&staging.path("tiles"), most_points, stream)?;
 //! for tile in store.tiles().rectangles() {
-//!     let near = store.within(&tile.grown(h))?;   // the points with halo
+//!     let near = store.within(&tile.widened(h))?;   // the points with halo
 //!     let own = near.points.iter().filter(|point| tile.contains(point));
 //! }
 //! ```
 //!
-//! Two clouds have a store each; the tiles of one serve as rectangles for both.
+//! For two clouds, each has its own store; the tiles of one serve as rectangles for both.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -30,22 +30,22 @@ use crate::statistics::EvenSample;
 
 /// Bytes of a point in a file: index and three coordinates.
 const RECORD: usize = 32;
-/// Most points that the tiles are laid out by.
+/// Largest sample from which the tiles are laid out.
 const MOST_SAMPLED: usize = 1 << 18;
 
-/// Hands a cloud to whoever asks for it, in chunks and in its order.
+/// Streams a cloud in chunks and in order.
 pub type Stream<'a> = dyn FnMut(&mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> + 'a;
 
-/// Points with their places in the stream.
+/// Points with their indices in the stream.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TilePoints {
-    /// Place of each point in the stream, counted from 0, ascending.
+    /// Index of each point in the stream, counted from 0, ascending.
     pub indices: Vec<u64>,
     /// The points, metres.
     pub points: Vec<Vec3>,
 }
 
-/// The points of a cloud on disk, by tile. Its folder goes when it is dropped.
+/// The points of a cloud on disk, by tile. Its folder is removed when it is dropped.
 #[derive(Debug)]
 pub struct TileStore {
     folder: PathBuf,
@@ -56,18 +56,18 @@ pub struct TileStore {
 }
 
 impl TileStore {
-    /// Writes the points that `stream` hands over into `folder`, which is created, in tiles of
-    /// about `most_points` at most; more only where points stand above each other. Takes 32 bytes
-    /// of disk a point (56 while it is written), and memory for a tile and some 100 MB.
+    /// Writes the points of `stream` into `folder`, which is created, in tiles of at most about
+    /// `most_points`; more only if points coincide in the plane. Takes 32 bytes of disk per point
+    /// (56 while it is written), and memory for a tile and about 100 MB.
     ///
-    /// The folder belongs to the store. In a [`crate::output::Staging`] it vanishes with a run
-    /// that is killed.
+    /// The folder belongs to the store. Inside a [`crate::output::Staging`] it is removed even
+    /// after a killed run.
     ///
     /// # Errors
-    /// What the stream finds, a folder that cannot be written.
+    /// Errors of the stream, a folder that cannot be written.
     pub fn write(folder: &Path, most_points: usize, stream: &mut Stream<'_>) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        // From here on the folder is removed also when something fails.
+        // From here on the folder is also removed on failure.
         let mut store = Self {
             folder: folder.to_owned(),
             tiles: Tiles::new(&mut [], 1),
@@ -86,7 +86,7 @@ impl TileStore {
         Ok(store)
     }
 
-    /// As [`Self::write`], of the points of a cloud, as a stage of `progress`.
+    /// As [`Self::write`], for the points of a cloud, as a stage of `progress`.
     ///
     /// # Errors
     /// As there, and as [`CloudSource::stream`].
@@ -101,8 +101,7 @@ impl TileStore {
         stage(progress, "sorting a cloud into tiles", cloud.len(), write).map(|(store, _)| store)
     }
 
-    /// Writes the stream as it comes, and returns how many points there are and an even sample of
-    /// them.
+    /// Writes the stream unsorted, and returns the number of points and an even sample of them.
     fn gather(&mut self, whole: &Path, stream: &mut Stream<'_>) -> Result<(u64, Vec<[f64; 2]>)> {
         let file = File::create(whole).map_err(|e| Error::io(whole, e))?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
@@ -111,7 +110,7 @@ impl TileStore {
             for point in points {
                 self.low = self.low.inf(point);
                 self.high = self.high.sup(point);
-                sample.show([point.x, point.y]);
+                sample.push([point.x, point.y]);
                 for value in point.iter() {
                     out.write_all(&value.to_le_bytes())
                         .map_err(|e| Error::io(whole, e))?;
@@ -120,10 +119,10 @@ impl TileStore {
             Ok(())
         })?;
         out.flush().map_err(|e| Error::io(whole, e))?;
-        Ok((sample.shown(), sample.into_kept()))
+        Ok((sample.seen(), sample.into_kept()))
     }
 
-    /// Sorts what was gathered into the files of the tiles.
+    /// Sorts the gathered points into the files of the tiles.
     fn spread(&mut self, whole: &Path) -> Result<()> {
         let mut appender = Appender::new(self.counts.len());
         let mut index = 0u64;
@@ -143,7 +142,7 @@ impl TileStore {
         self.folder.join(format!("tile-{tile}"))
     }
 
-    /// The tiles; each has points or is empty.
+    /// The tiles, which may be empty.
     pub fn tiles(&self) -> &Tiles {
         &self.tiles
     }
@@ -153,7 +152,7 @@ impl TileStore {
         self.counts[tile]
     }
 
-    /// Least and greatest coordinates of the cloud, metres; infinite where it has no points.
+    /// Smallest and largest coordinates of the cloud, metres; infinite if it has no points.
     pub fn extent(&self) -> (Vec3, Vec3) {
         (self.low, self.high)
     }
@@ -167,7 +166,7 @@ impl TileStore {
         Ok(found.unwrap_or_default())
     }
 
-    /// All points in a rectangle; `None` where there are more than `most`.
+    /// All points in a rectangle; `None` if there are more than `most`.
     ///
     /// # Errors
     /// A file that cannot be read.
@@ -175,7 +174,7 @@ impl TileStore {
         let mut found: Vec<(u64, Vec3)> = Vec::new();
         let mut files = 0;
         for (tile, other) in self.tiles.rectangles().iter().enumerate() {
-            if self.counts[tile] == 0 || !other.meets(rectangle) {
+            if self.counts[tile] == 0 || !other.intersects(rectangle) {
                 continue;
             }
             files += 1;
@@ -200,7 +199,7 @@ impl TileStore {
 
 impl Drop for TileStore {
     fn drop(&mut self) {
-        // Nothing can be done about a failure here; the staging area is removed as a whole.
+        // A failure cannot be handled here; the staging area is removed as a whole.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
@@ -244,7 +243,7 @@ mod tests {
             let store = store(&place, &points, most);
             let tiles = store.tiles().rectangles();
             assert!(tiles.len() >= 5000 / most.min(5000));
-            let halos = tiles.iter().map(|tile| tile.grown(0.07));
+            let halos = tiles.iter().map(|tile| tile.widened(0.07));
             for rectangle in tiles.iter().copied().chain(halos) {
                 let found = store.within(&rectangle).unwrap();
                 let expected: Vec<u64> = (0..)

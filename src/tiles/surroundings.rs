@@ -1,10 +1,11 @@
-//! The surroundings of every point of a cloud on disk, tile by tile, exactly as in one piece.
+//! The surroundings of every point of a cloud on disk, tile by tile, with the same results as in
+//! one piece.
 //!
-//! Each tile is solved with a halo. The k nearest of a point are right where the farthest of them
-//! is nearer than the border of what was loaded. Points for which that fails are solved with a
-//! wider halo, and what then still fails (outliers, whose neighbours are far away) is put aside:
-//! for these the tiles are visited in order, and from each that may matter the k nearest are merged
-//! into those found so far, equal distances by place in the cloud.
+//! Each tile is processed with a halo. The k nearest of a point are correct if the farthest of them
+//! is nearer than the border of the loaded region. Points that fail this test are repeated with a
+//! wider halo, and those that still fail (outliers, whose neighbours are far away) are deferred:
+//! for them the tiles are visited in order, and the k nearest from each relevant tile are merged
+//! into those found so far, ties ordered by index in the cloud.
 
 use rayon::prelude::*;
 
@@ -14,48 +15,49 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::{Progress, Silent};
 
-/// Relative slack of every comparison of distances; far above rounding, far below what costs time.
+/// Relative tolerance of every comparison of distances, far above the rounding error.
 const SLACK: f64 = 1e-9;
-/// Halo of the first try in units of the radius that k points of the tile's mean density take.
+/// First halo in units of the radius that contains k points at the tile's mean density.
 const FIRST_HALO: f64 = 3.0;
-/// The next halo in units of the last.
+/// Ratio of the next halo to the last.
 const WIDER: f64 = 4.0;
-/// Tries before points are put aside.
+/// Number of attempts before points are deferred.
 const TRIES: usize = 3;
-/// So few points are put aside at once: loading a wider halo costs more.
+/// If at most this many points are left, they are deferred without another attempt: loading a wider
+/// halo would cost more.
 const FEW: usize = 100;
-/// Points loaded at most in units of those of a full tile.
+/// Most points loaded, in units of those of a full tile.
 const MOST_LOADED: usize = 2;
-/// Neighbours in memory for points put aside, in units of the points of a full tile.
-const MOST_ASIDE: usize = 4;
+/// Most neighbours in memory for deferred points, in units of the points of a full tile.
+const MOST_DEFERRED: usize = 4;
 
-/// A point whose neighbours may lie outside what was loaded.
+/// A point whose neighbours may lie outside the loaded region.
 #[derive(Debug, Clone, Copy)]
 struct Pending {
     index: u64,
     point: Vec3,
-    /// No neighbour is farther than this, metres.
+    /// Upper bound on the distance of its neighbours, metres.
     bound_m: f64,
 }
 
-/// How a cloud was worked through.
+/// Size of the work on a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TiledWork {
+pub struct TilingSummary {
     /// Number of tiles.
     pub tiles: usize,
-    /// Points that were put aside.
-    pub aside: u64,
+    /// Number of deferred points.
+    pub deferred: u64,
 }
 
-/// Hands the surroundings of every point of the store to `each`, and what that makes of them to
-/// `take` with the place of the point in the cloud, in no order. The numbers do not depend on the
-/// tiles. Memory grows with `most_points`, which should be that of the store, and with the number
-/// of points in a tile grown by the radius where one is asked for.
+/// Calls `each` with the surroundings of every point of the store, and `take` with the index of the
+/// point in the cloud and the result of `each`, in arbitrary order. The results do not depend on
+/// the tiles. Memory grows with `most_points`, which should be that of the store, and, for a given
+/// radius, with the number of points in a tile widened by the radius.
 ///
-/// `progress` advances by one for each point; the stage is the caller's.
+/// `progress` advances by one for each point; the caller begins and ends the stage.
 ///
 /// # Errors
-/// A file of the store that cannot be read; what `take` refuses.
+/// A file of the store that cannot be read; errors of `take`.
 pub fn surroundings<T: Send + Sync + Clone>(
     store: &TileStore,
     of: Neighbourhood,
@@ -63,32 +65,32 @@ pub fn surroundings<T: Send + Sync + Clone>(
     progress: &dyn Progress,
     each: impl Fn(&Surroundings) -> T + Sync,
     mut take: impl FnMut(u64, T) -> Result<()>,
-) -> Result<TiledWork> {
-    let mut aside = Vec::new();
-    let mut put_aside = 0;
+) -> Result<TilingSummary> {
+    let mut deferred = Vec::new();
+    let mut deferred_count = 0;
     let batch = match of {
-        Neighbourhood::Nearest(k) => (MOST_ASIDE * most_points / k.max(1)).max(1),
+        Neighbourhood::Nearest(k) => (MOST_DEFERRED * most_points / k.max(1)).max(1),
         Neighbourhood::Within(_) => usize::MAX,
     };
     for tile in 0..store.tiles().rectangles().len() {
-        let left = solve_tile(store, tile, of, most_points, progress, &each, &mut take)?;
-        put_aside += left.len() as u64;
-        aside.extend(left);
-        while aside.len() >= batch {
-            let rest = aside.split_off(batch);
-            solve_aside(store, &aside, of, &each, &mut take)?;
-            aside = rest;
+        let left = process_tile(store, tile, of, most_points, progress, &each, &mut take)?;
+        deferred_count += left.len() as u64;
+        deferred.extend(left);
+        while deferred.len() >= batch {
+            let rest = deferred.split_off(batch);
+            process_deferred(store, &deferred, of, &each, &mut take)?;
+            deferred = rest;
         }
     }
-    solve_aside(store, &aside, of, &each, &mut take)?;
-    Ok(TiledWork {
+    process_deferred(store, &deferred, of, &each, &mut take)?;
+    Ok(TilingSummary {
         tiles: store.tiles().rectangles().len(),
-        aside: put_aside,
+        deferred: deferred_count,
     })
 }
 
-/// Solves what it can of a tile and returns the rest.
-fn solve_tile<T: Send + Sync + Clone>(
+/// Processes the points of a tile, and returns those that failed.
+fn process_tile<T: Send + Sync + Clone>(
     store: &TileStore,
     tile: usize,
     of: Neighbourhood,
@@ -109,12 +111,12 @@ fn solve_tile<T: Send + Sync + Clone>(
     let mut pending: Option<Vec<Pending>> = None;
     let mut halo_m = first_halo_m(store, tile, of);
     for attempt in 0.. {
-        let region = rectangle.grown(halo_m).open_beyond(&low, &high);
+        let region = rectangle.widened(halo_m).open_beyond(&low, &high);
         let Some(loaded) = store.at_most(&region, most_loaded)? else {
             if pending.is_some() {
                 break;
             }
-            // The tile alone is always loaded.
+            // The tile without a halo can always be loaded.
             halo_m = if attempt < TRIES { halo_m / WIDER } else { 0.0 };
             continue;
         };
@@ -130,10 +132,10 @@ fn solve_tile<T: Send + Sync + Clone>(
                 .collect()
         });
         let queries: Vec<Vec3> = wanted.iter().map(|pending| pending.point).collect();
-        let watched: &dyn Progress = if is_first { progress } else { &Silent };
+        let reported: &dyn Progress = if is_first { progress } else { &Silent };
         let found =
             index(&loaded.points, store)
-                .surroundings(&queries, of, watched, |_, near| (each(near), near.reach_m))?;
+                .surroundings(&queries, of, reported, |_, near| (each(near), near.reach_m))?;
         let mut left = Vec::new();
         for (pending, (value, reach_m)) in wanted.into_iter().zip(found) {
             let depth_m = region.depth_m(&pending.point);
@@ -156,13 +158,13 @@ fn solve_tile<T: Send + Sync + Clone>(
     Ok(pending.unwrap_or_default())
 }
 
-/// The halo to start with.
+/// The initial halo.
 fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
     let (low, high) = store.extent();
     let rectangle = store.tiles().rectangles()[tile];
     match of {
         Neighbourhood::Within(radius) => {
-            // Coordinates that are rounded when sides are moved must not cost a neighbour.
+            // Rounding when the sides are moved must not lose a neighbour.
             radius * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax())
         }
         Neighbourhood::Nearest(k) => {
@@ -177,10 +179,10 @@ fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
     }
 }
 
-/// Solves points by visiting all tiles that their neighbours may lie in.
-fn solve_aside<T: Send + Sync + Clone>(
+/// Processes deferred points by visiting all tiles that may contain their neighbours.
+fn process_deferred<T: Send + Sync + Clone>(
     store: &TileStore,
-    aside: &[Pending],
+    deferred: &[Pending],
     of: Neighbourhood,
     each: &(impl Fn(&Surroundings) -> T + Sync),
     take: &mut impl FnMut(u64, T) -> Result<()>,
@@ -188,8 +190,8 @@ fn solve_aside<T: Send + Sync + Clone>(
     let Neighbourhood::Nearest(k) = of else {
         return Ok(());
     };
-    // Squared distance, place in the cloud, point; nearest first.
-    let mut best: Vec<Vec<(f64, u64, Vec3)>> = vec![Vec::new(); aside.len()];
+    // Squared distance, index in the cloud, point; nearest first.
+    let mut best: Vec<Vec<(f64, u64, Vec3)>> = vec![Vec::new(); deferred.len()];
     for (tile, rectangle) in store.tiles().rectangles().iter().enumerate() {
         let matters = |(pending, best): (&Pending, &Vec<(f64, u64, Vec3)>)| {
             let limit_m = match best.last() {
@@ -198,17 +200,17 @@ fn solve_aside<T: Send + Sync + Clone>(
             };
             rectangle.distance_m(&pending.point) <= limit_m * (1.0 + SLACK)
         };
-        if store.count(tile) == 0 || !aside.iter().zip(&best).any(matters) {
+        if store.count(tile) == 0 || !deferred.iter().zip(&best).any(matters) {
             continue;
         }
         let loaded = store.within(rectangle)?;
         let index = index(&loaded.points, store);
-        aside
+        deferred
             .par_iter()
             .zip(&mut best)
             .filter(|(pending, best)| matters((pending, best)))
             .for_each(|(pending, best)| {
-                let near = index.find_nearest(&pending.point, k);
+                let near = index.nearest_with_distances(&pending.point, k);
                 best.extend(near.map(|(squared, at, _)| {
                     let at = at as usize;
                     (squared, loaded.indices[at], loaded.points[at])
@@ -217,7 +219,7 @@ fn solve_aside<T: Send + Sync + Clone>(
                 best.truncate(k);
             });
     }
-    for (pending, mut near) in aside.iter().zip(best) {
+    for (pending, mut near) in deferred.iter().zip(best) {
         near.sort_unstable_by_key(|(_, index, _)| *index);
         let points: Vec<Vec3> = near.iter().map(|(_, _, point)| *point).collect();
         let query = [pending.point];
@@ -230,7 +232,7 @@ fn solve_aside<T: Send + Sync + Clone>(
     Ok(())
 }
 
-/// An index over some points of a store, whose order is that of an index over the whole cloud.
+/// An index over some points of a store, in the order of an index over the whole cloud.
 fn index(points: &[Vec3], store: &TileStore) -> NeighbourIndex {
     let (low, high) = store.extent();
     NeighbourIndex::in_extent(points, &low, &high)

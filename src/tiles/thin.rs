@@ -1,4 +1,4 @@
-//! One point a voxel of a cloud that may be larger than memory.
+//! Thinning of clouds that may be larger than memory.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -9,28 +9,28 @@ use crate::cloud::voxel::Thinner;
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// How much is kept of a cloud, and what each stage took.
+/// The result of thinning, and the times of its stages.
 #[derive(Debug, Clone, Copy)]
 pub struct Thinned {
-    /// Number of points.
+    /// Number of points read.
     pub points: u64,
-    /// Number of points that are kept.
+    /// Number of points kept.
     pub kept: usize,
-    /// Seconds of reading.
+    /// Time to read, seconds.
     pub read_s: f64,
-    /// Seconds of thinning.
+    /// Time to thin, seconds.
     pub thin_s: f64,
-    /// Seconds of writing.
+    /// Time to write, seconds.
     pub write_s: f64,
 }
 
-/// Writes the points of the file `cloud` that [`crate::cloud::voxel::thin`] keeps on voxels of the
-/// edge `voxel_m` (metres, positive) to `output` (LAS or LAZ), in their order. Points of a LAS or
-/// LAZ file keep everything they carry, bit by bit; such a file may be larger than memory, because
-/// no more of it is held than twice what is kept ([`Thinner`]). It is read twice.
+/// Writes the points of the file `cloud` that [`crate::cloud::voxel::thin`] keeps on voxels of edge
+/// `voxel_m` (metres, positive) to `output` (LAS or LAZ), in their order. Points of a LAS or LAZ
+/// file keep all their fields bit by bit; such a file may be larger than memory, because at most
+/// twice the points kept are held ([`Thinner`]). It is read twice.
 ///
 /// # Errors
-/// A cloud that cannot be read, or written as LAZ.
+/// A cloud that cannot be read, or cannot be written as LAS or LAZ.
 pub fn thin(cloud: &Path, voxel_m: f64, output: &Path, progress: &dyn Progress) -> Result<Thinned> {
     let start = Instant::now();
     let cloud = CloudSource::open(cloud, progress)?;

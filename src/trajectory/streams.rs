@@ -330,7 +330,7 @@ fn check_unit(name: &str, own: (f64, f64), count: usize, imu: (f64, f64)) -> Res
     const ALIKE: f64 = 4.0;
     let span_s = own.1 - own.0;
     let step_s = span_s / (count.max(2) - 1) as f64;
-    let unit = unit_of_times_within(span_s / (imu.1 - imu.0), ALIKE);
+    let unit = time_unit_within(span_s / (imu.1 - imu.0), ALIKE);
     match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
         Some(unit) => Err(Error::data(
             format!("time steps of {step_s:.3} s in the {name}: are these {unit}?"),

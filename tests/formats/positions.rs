@@ -189,7 +189,7 @@ fn what_cannot_be_meant_is_said() {
         (
             both,
             &found,
-            "expected the project to say which: observations = \"cartesian\"",
+            "expected a choice in the project: observations = \"cartesian\"",
         ),
         (
             geographic,
@@ -310,7 +310,7 @@ fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
     assert_eq!((found.format, found.count), (Format::TpsCsv, 1522));
     let text = found.to_string();
     for expected in [
-        "9 rows have no range",
+        "9 rows without a range",
         "observations = \"cartesian\" or",
         "13.916170 to",
     ] {

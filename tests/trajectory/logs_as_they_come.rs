@@ -39,13 +39,10 @@ fn flaws_are_named_with_place_and_size() {
     );
     let mut logs = good();
     logs.prism.iter_mut().for_each(|f| f.time_s += 100.0);
-    assert_names(
-        &logs,
-        &["IMU log", "prism log", "miss each other by 40.003 s"],
-    );
+    assert_names(&logs, &["IMU log", "prism log", "the gap is 40.003 s"]);
     let mut logs = good();
     logs.heading.iter_mut().for_each(|f| f.time_s -= 1000.0);
-    assert_names(&logs, &["heading log", "miss each other"]);
+    assert_names(&logs, &["heading log", "do not overlap"]);
     let mut logs = good();
     logs.prism.truncate(4);
     assert_names(&logs, &["only 4 prism fixes", "at least 5"]);

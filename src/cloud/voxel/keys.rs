@@ -1,4 +1,4 @@
-//! The voxel of a point, and maps over voxels.
+//! Voxel keys, and maps over voxels.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -8,11 +8,11 @@ use crate::geometry::Vec3;
 /// Column, row and layer of a voxel.
 pub type VoxelKey = [i64; 3];
 
-/// A map with keys such as [`VoxelKey`], or tuples of it and other integers, hashed quickly and the
-/// same in every run.
+/// A map with keys such as [`VoxelKey`], or tuples of it and other integers, with a fast hash that
+/// is the same in every run.
 pub type VoxelMap<Key, Value> = HashMap<Key, Value, BuildHasherDefault<VoxelHasher>>;
 
-/// The voxel of edge `voxel_m` (metres, positive) that holds `point`.
+/// The voxel of edge `voxel_m` (metres, positive) that contains `point`.
 #[inline]
 pub fn voxel_key(point: &Vec3, voxel_m: f64) -> VoxelKey {
     [
@@ -22,7 +22,7 @@ pub fn voxel_key(point: &Vec3, voxel_m: f64) -> VoxelKey {
     ]
 }
 
-/// Squared distance of `point` to the centre of its voxel, in units of the edge.
+/// Squared distance from `point` to the centre of its voxel, in units of the edge.
 #[inline]
 pub fn squared_distance_to_centre(point: &Vec3, voxel_m: f64) -> f64 {
     let offset = (point / voxel_m).map(|u| u - u.floor() - 0.5);
@@ -30,8 +30,8 @@ pub fn squared_distance_to_centre(point: &Vec3, voxel_m: f64) -> f64 {
 }
 
 /// Hashes the integers of voxel keys: each word is added to the state, which is multiplied by an
-/// odd constant to 128 bits and folded. Not safe against keys made to collide, which measured
-/// points are not.
+/// odd constant to 128 bits and folded. Not safe against keys made to collide, which do not occur
+/// in measured points.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct VoxelHasher {
     state: u64,
@@ -40,9 +40,9 @@ pub struct VoxelHasher {
 impl VoxelHasher {
     #[inline]
     fn mix(&mut self, word: u64) {
-        // 2⁶⁴ divided by the golden ratio: odd, bits without pattern.
+        // 2⁶⁴ divided by the golden ratio: odd, with irregular bits.
         const MULTIPLIER: u128 = 0x9E37_79B9_7F4A_7C15;
-        // The rotation keeps (a, b) apart from (b, a); the added constant keeps zeros from staying
+        // The rotation separates (a, b) from (b, a); the added constant keeps zeros from staying
         // zero.
         let word = word ^ self.state.rotate_left(23) ^ 0xD1B5_4A32_D192_ED03;
         let product = u128::from(word) * MULTIPLIER;

@@ -1,9 +1,9 @@
 //! Thinning on a voxel grid that is fixed in space.
 //!
 //! Voxel i along an axis is the half-open interval [i v, (i + 1) v) of the edge length v, so the
-//! same point falls into the same voxel whatever cloud it belongs to. Of the points in a voxel the
-//! one nearest to its centre is kept, of equals the first: whatever order and pieces a cloud comes
-//! in, what is kept of the parts holds what is kept of the whole.
+//! same point falls into the same voxel in every cloud. Of the points in a voxel the one nearest to
+//! its centre is kept, at equal distances the first. Whatever the order and the parts of a cloud,
+//! thinning the parts keeps every point that thinning the whole keeps.
 
 mod keys;
 mod numbering;

@@ -1,5 +1,5 @@
-//! Names of voxels for the tables of the thinning: short ones for clouds of ordinary extent, whole
-//! ones for all others.
+//! Voxel keys for the tables of the thinning: packed into one word for clouds of ordinary extent,
+//! complete ones for all others.
 
 use std::hash::Hasher;
 
@@ -8,35 +8,35 @@ use rayon::prelude::*;
 use super::keys::VoxelHasher;
 use crate::geometry::Vec3;
 
-/// What a voxel is called.
+/// A way to number voxels.
 pub(super) trait Numbering: Sync {
-    /// Equal where two points share a voxel (and group).
+    /// Equal if two points share a voxel (and group).
     type Key: Copy + Eq + Default + Send + Sync;
 
     /// The key of the voxel of the point with this index and these coordinates in voxels, and the
-    /// voxel's lower corner in voxels; `None` where a coordinate is not finite, and outside of what
-    /// has a key.
+    /// voxel's lower corner in voxels; `None` if a coordinate is not finite or the voxel cannot be
+    /// numbered.
     fn voxel(&self, index: usize, in_voxels: &Vec3) -> Option<(Self::Key, Vec3)>;
 
-    /// 64 bits without pattern.
+    /// 64 irregular bits.
     fn hash(key: Self::Key) -> u64;
 }
 
-/// Added to a number of at most 2⁵¹ in size, leaves its nearest integer in the last bits: 1.5 · 2⁵².
+/// When added to a number of at most 2⁵¹, leaves its nearest integer in the last bits: 1.5 · 2⁵².
 const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
-/// Largest first voxel of an axis, and bits of the extent of an axis: below these every number too
-/// large for [`TO_INTEGER`] is seen to lie outside.
+/// Largest first voxel of an axis, and largest number of bits of an axis: within these limits every
+/// number too large for [`TO_INTEGER`] is recognised as lying outside.
 const FARTHEST: f64 = (1u64 << 50) as f64;
 const MOST_BITS: u32 = 49;
 /// Bits of an axis before the cloud's extent is known: 10 km at 5 mm, half of it to each side of
 /// the first point.
 const GUESSED_BITS: u32 = 21;
 
-/// Voxels of a box, numbered in one word.
+/// The voxels of a box, numbered in one word.
 pub(super) struct Packed {
-    /// The first voxel of each axis, as [`TO_INTEGER`] leaves it.
+    /// The first voxel of each axis, in the form that [`TO_INTEGER`] leaves.
     first: [u64; 3],
-    /// Bits of each axis, together less than 64.
+    /// Bits of each axis, in total less than 64.
     bits: [u32; 3],
 }
 
@@ -51,7 +51,7 @@ impl Packed {
         Self::new(first.map(|v| v.floor() - half), [GUESSED_BITS; 3])
     }
 
-    /// The voxels of all points, where one word can number them.
+    /// The voxels of all points, if one word can number them.
     pub(super) fn of_all(points: &[Vec3], voxel_m: f64) -> Option<Self> {
         let nothing = || (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
         let (low, high) = points
@@ -61,7 +61,7 @@ impl Packed {
             .fold(nothing, |(low, high), u| (low.inf(&u), high.sup(&u)))
             .reduce(nothing, |a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
         let low = low.map(f64::floor);
-        // Beyond 2⁶³ the conversion saturates, and there are too many bits in any case.
+        // Beyond 2⁶³ the conversion saturates, and the bits are too many in any case.
         let bits = (high.map(f64::floor) - low).map(|voxels| 64 - (voxels as u64).leading_zeros());
         Self::new(low, bits.into())
     }
@@ -81,7 +81,7 @@ impl Numbering for Packed {
 
     #[inline(always)]
     fn voxel(&self, _index: usize, in_voxels: &Vec3) -> Option<(u64, Vec3)> {
-        // `f64::floor` is a call on processors without SSE 4.1, and branches are guessed wrongly
+        // `f64::floor` is a call on processors without SSE 4.1, and branches would be mispredicted
         // half of the time.
         let floor = in_voxels.map(|u| {
             let nearest = (u + TO_INTEGER) - TO_INTEGER;
@@ -104,7 +104,7 @@ impl Numbering for Packed {
     }
 }
 
-/// Any voxel, of any group.
+/// Any voxel of any group.
 pub(super) struct Whole<Group> {
     pub(super) group: Group,
 }

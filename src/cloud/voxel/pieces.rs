@@ -1,19 +1,19 @@
-//! Thinning of clouds that come piece by piece.
+//! Thinning of clouds that arrive in pieces.
 
 use rayon::prelude::*;
 
 use super::thinning::thin;
 use crate::geometry::Vec3;
 
-/// Points that are taken in before they are thinned for the first time: less than 2 GB with all
-/// that thinning takes.
+/// Number of points at which a cloud is thinned for the first time: less than 2 GB with all that
+/// thinning takes.
 const FIRST: usize = 1 << 25;
 
-/// Thins a cloud that comes piece by piece, with the result that [`thin`] has on the whole.
+/// Thins a cloud that arrives in pieces, with the same result as [`thin`] on the whole.
 ///
-/// Whoever thins whenever it [is full](Self::is_full), which is when there is twice as much as was
-/// kept the last time, holds no more than twice what is kept and one piece (32 bytes a point, and
-/// what [`thin`] takes), and spends three times the time of thinning all at once at most.
+/// If thinned whenever it [is full](Self::is_full), which is when it holds twice as many points as
+/// were kept last time, it holds at most twice what is kept and one piece (32 bytes a point, and
+/// what [`thin`] takes), and spends at most three times the time of thinning all at once.
 ///
 /// ```
 /// use boresight::cloud::voxel::Thinner;
@@ -30,23 +30,23 @@ const FIRST: usize = 1 << 25;
 #[derive(Debug, Clone)]
 pub struct Thinner {
     voxel_m: f64,
-    /// Points taken in so far.
+    /// Number of points added so far.
     seen: u64,
     points: Vec<Vec3>,
-    /// Where each of the points stood, ascending; `None` as long as none has been forgotten.
+    /// Index of each point, ascending; `None` as long as no point has been dropped.
     indices: Option<Vec<u64>>,
-    /// Points held that call for thinning, and the least of that.
+    /// Number of points at which thinning is due, and its minimum.
     full: usize,
     first: usize,
 }
 
 impl Thinner {
-    /// Has no points yet; `voxel_m` is the edge of the voxels (metres, positive).
+    /// An empty thinner; `voxel_m` is the edge of the voxels (metres, positive).
     pub fn new(voxel_m: f64) -> Self {
         Self::with_first(voxel_m, FIRST)
     }
 
-    /// Is full for the first time with `first` points.
+    /// A thinner that is full for the first time with `first` points.
     fn with_first(voxel_m: f64, first: usize) -> Self {
         Self {
             voxel_m,
@@ -58,7 +58,7 @@ impl Thinner {
         }
     }
 
-    /// Takes in the next points.
+    /// Adds the next points.
     pub fn add(&mut self, points: &[Vec3]) {
         let next = self.seen + points.len() as u64;
         self.points.extend_from_slice(points);
@@ -68,19 +68,19 @@ impl Thinner {
         self.seen = next;
     }
 
-    /// Whether it is time to thin.
+    /// Whether thinning is due.
     pub fn is_full(&self) -> bool {
         self.points.len() >= self.full
     }
 
-    /// Forgets the points that are not kept. The nearest of a voxel, of equals the first, is the
-    /// nearest of the nearest of its parts, because the order of the points stays.
+    /// Drops the points that are not kept. The nearest of a voxel, at equal distances the first, is
+    /// the nearest of the nearest of its parts, because the order of the points is preserved.
     ///
     /// # Panics
     /// With 2³² points or more.
     pub fn thin(&mut self) {
         let kept = thin(&self.points, self.voxel_m);
-        self.indices = Some(self.named(&kept));
+        self.indices = Some(self.indices_of(&kept));
         for (to, &from) in kept.iter().enumerate() {
             self.points[to] = self.points[from as usize];
         }
@@ -88,16 +88,16 @@ impl Thinner {
         self.full = self.first.max(2 * kept.len());
     }
 
-    /// Of all points taken in, the indices of those that are kept, ascending.
+    /// The indices of the points kept of all points added, ascending.
     ///
     /// # Panics
     /// With 2³² points or more.
     pub fn finish(self) -> Vec<u64> {
-        self.named(&thin(&self.points, self.voxel_m))
+        self.indices_of(&thin(&self.points, self.voxel_m))
     }
 
-    /// Where the points at these places stood.
-    fn named(&self, places: &[u32]) -> Vec<u64> {
+    /// The indices of the points at these positions.
+    fn indices_of(&self, places: &[u32]) -> Vec<u64> {
         match &self.indices {
             Some(indices) => places.par_iter().map(|&at| indices[at as usize]).collect(),
             None => places.par_iter().map(|&at| u64::from(at)).collect(),
@@ -109,7 +109,7 @@ impl Thinner {
 mod tests {
     use super::*;
 
-    /// A rough surface with a point that comes twice now and then.
+    /// A rough surface with an occasional duplicate point.
     fn surface(n: usize) -> Vec<Vec3> {
         let mut points: Vec<Vec3> = (0..n as u64)
             .map(|i| {
@@ -130,7 +130,7 @@ mod tests {
     fn a_cloud_in_pieces_is_thinned_as_in_one() {
         let mut points = surface(20_000);
         points[..800].fill(Vec3::repeat(f64::NAN));
-        // From many points a voxel to about one.
+        // From many points per voxel to about one.
         for voxel_m in [0.2, 0.03, 0.004] {
             let whole: Vec<u64> = thin(&points, voxel_m).iter().map(|&i| i.into()).collect();
             for (first, piece) in [(1, 1), (10, 999), (700, 64), (5000, 7), (100, 20_000)] {
@@ -145,7 +145,7 @@ mod tests {
                 }
                 let found = thinner.finish();
                 assert_eq!(found, whole, "{voxel_m} m, pieces of {piece}");
-                // Bounded by what is kept, not by what comes in.
+                // Bounded by the number of points kept, not added.
                 assert!(most <= first.max(2 * whole.len()) + piece, "{most}");
             }
         }

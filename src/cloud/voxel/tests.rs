@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::geometry::Vec3;
 
-/// The definition, point by point.
+/// The definition, applied point by point.
 fn slow(points: &[Vec3], voxel_m: f64) -> Vec<u32> {
     let mut best: BTreeMap<VoxelKey, (f64, u32)> = BTreeMap::new();
     for (point, index) in points.iter().zip(0..) {
@@ -47,7 +47,7 @@ fn in_order(mut points: Vec<Vec3>) -> Vec<Vec3> {
 
 #[test]
 fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
-    // Some chunks and buckets, which small clouds do not have.
+    // Several chunks and buckets, which small clouds do not have.
     let n = 150_000;
     let utm = Vec3::new(362_328.5, 5_157_700.25, 108.5);
     let surface = Vec3::new(3.0, 3.0, 0.01);
@@ -55,7 +55,7 @@ fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
         ("about zero", scattered(n, Vec3::zeros(), surface)),
         ("projected", scattered(n, utm, surface)),
         ("in order", in_order(scattered(n, utm, surface))),
-        // 25 bits an axis at 5 mm: numbered when the extent is known.
+        // 25 bits per axis at 5 mm: numbered once the extent is known.
         ("wide and flat", scattered(n, utm, Vec3::new(1e5, 1e5, 0.1))),
         // More than 64 bits in all.
         ("wide and high", scattered(n, utm, Vec3::repeat(1e6))),
@@ -65,7 +65,7 @@ fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
         ),
     ];
     for (name, mut points) in clouds {
-        // Every voxel of the first third is met again.
+        // Every voxel of the first third occurs again.
         for i in 0..points.len() / 3 {
             let place = points.len() - 1 - i;
             points[place] = points[i] + Vec3::new(1e-4, -1e-4, 1e-4);
@@ -85,7 +85,7 @@ fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
 
 #[test]
 fn of_equally_near_points_the_first_is_kept() {
-    // Mirror images about the centres of two voxels, shown turn by turn, in many chunks.
+    // Mirror images about the centres of two voxels, alternating, in many chunks.
     let offsets = [0.25, -0.25].map(|x| Vec3::new(x, 0.125, 0.0));
     let points: Vec<Vec3> = (0..200_000)
         .map(|i| {
@@ -97,7 +97,7 @@ fn of_equally_near_points_the_first_is_kept() {
 }
 
 #[test]
-fn distances_that_only_f64_tells_apart_decide() {
+fn distances_that_differ_only_in_f64_decide() {
     // 0.25² + ε is the same f32 for all of these.
     let at = |steps: i32| Vec3::new(0.75 + f64::from(steps) * 1e-12, 0.5, 0.5);
     assert_eq!(thin(&[at(3), at(2), at(5)], 1.0), [1]);
@@ -108,7 +108,7 @@ fn distances_that_only_f64_tells_apart_decide() {
 
 #[test]
 fn borders_are_those_of_the_division() {
-    // Multiples of the edge and their neighbours among the numbers, far from zero as well.
+    // Multiples of the edge and the adjacent floating-point numbers, far from zero as well.
     for voxel_m in [0.1, 0.005, 0.3, 1.0 / 3.0] {
         for far in [0.0f64, 5_157_700.0, -362_328.0] {
             let points: Vec<Vec3> = (-500..500)
@@ -133,7 +133,7 @@ fn points_that_are_not_finite_are_never_kept() {
             }
         }
         for far in [0.0, 1e9] {
-            // One far point makes the extent too large for short numbers.
+            // One far point makes the extent too large for packed keys.
             points[1].z = far;
             let expected = slow(&points, 0.02);
             assert!(expected.iter().all(|i| i % 3 != 0) && expected.len() > 2500);
@@ -142,7 +142,7 @@ fn points_that_are_not_finite_are_never_kept() {
         }
         assert!(thin(&[Vec3::new(0.0, bad, 0.0)], 1.0).is_empty());
     }
-    // Finite, but not in voxels.
+    // Finite, but not in units of voxels.
     assert_eq!(thin(&[Vec3::repeat(1e300), Vec3::zeros()], 1e-9), [1]);
 }
 
@@ -165,19 +165,19 @@ fn voxels_may_be_far_larger_or_smaller_than_the_cloud() {
 
 #[test]
 fn tables_grow_with_the_voxels_in_them() {
-    // One bucket of many voxels is what a poor hash would make; room is there for fewer.
+    // One bucket of many voxels, as from a poor hash; it was allocated for fewer.
     let entries: Vec<(u64, u64)> = (0..100_000).map(|i| (i * 8, i)).collect();
     let mut table = thinning::Table::new();
     table.clear(3);
     let place = |key: u64| key.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     for round in 0..2 {
         for (key, rating) in &entries {
-            let held = table.find(*key, place);
+            let held = table.rating_mut(*key, place);
             if round == 0 {
                 *held = *rating;
-                table.count_one(place);
+                table.count_added(place);
             }
-            assert_eq!(*table.find(*key, place), *rating);
+            assert_eq!(*table.rating_mut(*key, place), *rating);
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Thinning in parallel: points are dealt by the hash of their voxel into buckets so small that the
-//! table of one stays in a core's cache, then each bucket is thinned by itself.
+//! Parallel thinning: points are distributed to buckets by the hash of their voxel, so small that
+//! the table of one stays in a core's cache; then each bucket is thinned separately.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -9,19 +9,19 @@ use super::keys::squared_distance_to_centre;
 use super::numbering::{Numbering, Packed, Whole};
 use crate::geometry::Vec3;
 
-/// Points dealt at a time: they and their entries stay in a core's cache, and what a bucket gets
-/// of them is long enough to be read in one go.
+/// Points distributed at a time: they and their entries stay in a core's cache, and the share of a
+/// bucket is long enough to be read sequentially.
 const CHUNK: usize = 1 << 16;
-/// Points of a bucket, about. Its table takes 1 MB.
+/// Approximate number of points in a bucket. Its table takes 1 MB.
 const BUCKET: usize = 1 << 15;
-/// More buckets would get a few entries of each chunk.
+/// With more buckets, each would get only a few entries of a chunk.
 const MOST_BUCKET_BITS: u32 = 12;
 
 /// Indices of one point for each occupied voxel of edge `voxel_m` (metres, positive): the point
-/// nearest to the voxel's centre, of equals the first. Ascending, and the same at any number of
-/// threads. A point with a coordinate that is NaN or infinite is never kept.
+/// nearest to the voxel's centre, at equal distances the first. Ascending, and the same for any
+/// number of threads. A point with a coordinate that is NaN or infinite is never kept.
 ///
-/// Takes 17 bytes of memory a point beside the cloud and the result.
+/// Takes 17 bytes of memory per point in addition to the cloud and the result.
 ///
 /// # Panics
 /// With 2³² points or more.
@@ -33,7 +33,7 @@ const MOST_BUCKET_BITS: u32 = 12;
 /// assert_eq!(thin(&points, 1.0), [1, 3]);
 /// ```
 pub fn thin(points: &[Vec3], voxel_m: f64) -> Vec<u32> {
-    // The extent is rarely so large that it is worth another look at all points.
+    // The extent is rarely so large that a second pass over all points is needed.
     let packed = Packed::around_first(points, voxel_m)
         .and_then(|numbering| thin_numbered(points, voxel_m, &numbering).ok());
     packed
@@ -44,11 +44,11 @@ pub fn thin(points: &[Vec3], voxel_m: f64) -> Vec<u32> {
         .unwrap_or_else(|| thin_by(points, voxel_m, |_| 0))
 }
 
-/// As [`thin`], for each group of points by itself: one point for each voxel and value of `group`,
-/// which is asked with the index of the point (for instance its scanner and pass). Takes two and a
-/// half times the memory.
+/// As [`thin`], for each group of points separately: one point for each voxel and value of `group`,
+/// which is called with the index of the point (it may return its scanner and pass, for example).
+/// Takes two and a half times the memory.
 ///
-/// Thinning across passes would hide the misfit between them, which is what calibration looks for.
+/// Thinning across passes would hide the discrepancies between them, which calibration minimises.
 ///
 /// # Panics
 /// With 2³² points or more.
@@ -57,20 +57,20 @@ pub fn thin_by(points: &[Vec3], voxel_m: f64, group: impl Fn(usize) -> u64 + Syn
         .unwrap_or_else(|Outside| unreachable!("every voxel has a whole number"))
 }
 
-/// A point lies outside of what has a number.
+/// A point is outside the voxels that can be numbered.
 struct Outside;
 
-/// A point by its voxel: the key, and the rating that decides between points of one voxel. The
-/// rating is the squared distance to the centre as the bits of an f32, which are ordered as the
-/// numbers are, then the index. Rounding never swaps two distances, so that only those of equal
-/// bits need a second look.
+/// A point with the key of its voxel and the rating that decides between points of one voxel. The
+/// rating is the squared distance to the centre as the bits of an f32, which are ordered like the
+/// numbers, followed by the index. Rounding never swaps two distances, so only those with equal
+/// bits need a second comparison.
 type Entry<Key> = (Key, u64);
 
-/// No point has this rating: squared distances end at 0.75.
+/// Not a rating of any point: squared distances are at most 0.75.
 const FREE: u64 = u64::MAX;
 
 /// The entries of a chunk of points, by bucket.
-struct Dealt<Key> {
+struct Distributed<Key> {
     entries: Vec<Entry<Key>>,
     /// The first entry of each bucket, and the end.
     starts: Vec<u32>,
@@ -78,9 +78,9 @@ struct Dealt<Key> {
 
 /// The voxels of a bucket with the best rating of each, in open addressing.
 pub(super) struct Table<Key> {
-    /// A power of two of them.
+    /// Their number is a power of two.
     slots: Vec<Entry<Key>>,
-    /// Leaves as many of the first bits of a hash as number the slots.
+    /// Shift that leaves as many leading bits of a hash as number the slots.
     shift: u32,
     used: usize,
 }
@@ -94,7 +94,7 @@ impl<Key: Copy + Eq + Default> Table<Key> {
         }
     }
 
-    /// Forgets all voxels and makes room for `count`.
+    /// Removes all voxels and makes room for `count`.
     pub(super) fn clear(&mut self, count: usize) {
         let slots = (count + count / 2 + 2).next_power_of_two();
         self.slots.clear();
@@ -103,9 +103,9 @@ impl<Key: Copy + Eq + Default> Table<Key> {
         self.used = 0;
     }
 
-    /// The rating of a voxel; [`FREE`] where there is none yet, and its place is then taken.
+    /// The rating of a voxel, inserted as [`FREE`] if the voxel is new.
     #[inline(always)]
-    pub(super) fn find(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
+    pub(super) fn rating_mut(&mut self, key: Key, place: impl Fn(Key) -> u64) -> &mut u64 {
         let mask = self.slots.len() - 1;
         let mut at = (place(key) >> self.shift) as usize & mask;
         loop {
@@ -122,9 +122,9 @@ impl<Key: Copy + Eq + Default> Table<Key> {
         &mut self.slots[at].1
     }
 
-    /// Counts a voxel that has been added, and makes room where the slots fill up.
+    /// Counts a voxel that has been added, and grows the table if it fills up.
     #[inline(always)]
-    pub(super) fn count_one(&mut self, place: impl Fn(Key) -> u64) {
+    pub(super) fn count_added(&mut self, place: impl Fn(Key) -> u64) {
         self.used += 1;
         if self.used > self.slots.len() / 4 * 3 {
             self.grow(place);
@@ -138,51 +138,51 @@ impl<Key: Copy + Eq + Default> Table<Key> {
         self.clear(2 * old.len());
         self.used = used;
         for (key, rating) in old.into_iter().filter(|slot| slot.1 != FREE) {
-            *self.find(key, &place) = rating;
+            *self.rating_mut(key, &place) = rating;
         }
     }
 }
 
-/// Points and the mark of those that are not kept.
-struct Contest<'a> {
+/// Points and their marks: kept or not.
+struct Thinning<'a> {
     points: &'a [Vec3],
     voxel_m: f64,
-    /// 1 where a point is not kept.
-    lost: Vec<AtomicU8>,
+    /// 1 if a point is not kept.
+    dropped: Vec<AtomicU8>,
 }
 
-impl Contest<'_> {
-    fn lose(&self, index: usize) {
-        self.lost[index].store(1, Ordering::Relaxed);
+impl Thinning<'_> {
+    fn drop_point(&self, index: usize) {
+        self.dropped[index].store(1, Ordering::Relaxed);
     }
 
     /// Leaves the better of two ratings of one voxel in `held` and marks the other's point.
     #[inline(always)]
-    fn meet(&self, held: &mut u64, other: u64) {
+    fn keep_better(&self, held: &mut u64, other: u64) {
         let (mut better, mut worse) = ((*held).min(other), (*held).max(other));
         if better >> 32 == worse >> 32 && self.swapped(better as u32, worse as u32) {
             std::mem::swap(&mut better, &mut worse);
         }
         *held = better;
-        self.lose(worse as u32 as usize);
+        self.drop_point(worse as u32 as usize);
     }
 
-    /// Whether the later of two points is nearer to the centre by what an f32 does not show.
+    /// Whether the later of two points is nearer to the centre by a difference lost in f32.
     #[cold]
     fn swapped(&self, first: u32, second: u32) -> bool {
         let distance = |i: u32| squared_distance_to_centre(&self.points[i as usize], self.voxel_m);
         distance(second) < distance(first)
     }
 
-    /// Deals chunk number `number` of the points into 2^`bits` buckets; neighbours in the list that
-    /// share a voxel, as those of a profile often do, are decided at once.
-    fn deal<N: Numbering>(
+    /// Distributes chunk `number` of the points to 2^`bits` buckets; consecutive points that share
+    /// a voxel, as those of a profile often do, are compared at once.
+    fn distribute<N: Numbering>(
         &self,
         number: usize,
         bits: u32,
         numbering: &N,
         entries: &mut Vec<Entry<N::Key>>,
-    ) -> Result<Dealt<N::Key>, Outside> {
+    ) -> Result<Distributed<N::Key>, Outside> {
         let first = number * CHUNK;
         let last = (first + CHUNK).min(self.points.len());
         let bucket = |key| (N::hash(key) >> (64 - bits)) as usize;
@@ -195,7 +195,7 @@ impl Contest<'_> {
                 if in_voxels.iter().all(|v| v.is_finite()) {
                     return Err(Outside);
                 }
-                self.lose(index);
+                self.drop_point(index);
                 continue;
             };
             let distance = (in_voxels - floor - Vec3::repeat(0.5)).norm_squared();
@@ -203,7 +203,7 @@ impl Contest<'_> {
             if before == Some(key)
                 && let Some((_, held)) = entries.last_mut()
             {
-                self.meet(held, rating);
+                self.keep_better(held, rating);
                 continue;
             }
             before = Some(key);
@@ -220,20 +220,20 @@ impl Contest<'_> {
             *count = start;
         }
         let mut places = counts;
-        let mut dealt = vec![Entry::default(); entries.len()];
+        let mut distributed = vec![Entry::default(); entries.len()];
         for entry in &*entries {
             let place = &mut places[bucket(entry.0)];
-            dealt[*place as usize] = *entry;
+            distributed[*place as usize] = *entry;
             *place += 1;
         }
-        Ok(Dealt {
-            entries: dealt,
+        Ok(Distributed {
+            entries: distributed,
             starts,
         })
     }
 
-    /// Decides a bucket that got `runs` of the chunks.
-    fn decide<'b, N: Numbering>(
+    /// Selects the points of a bucket from the `runs` that the chunks contributed.
+    fn select<'b, N: Numbering>(
         &self,
         runs: impl Iterator<Item = &'b [Entry<N::Key>]> + Clone,
         bits: u32,
@@ -242,25 +242,25 @@ impl Contest<'_> {
         N::Key: 'b,
     {
         let count: usize = runs.clone().map(<[_]>::len).sum();
-        // The bits that chose the bucket are the same for all of its voxels.
+        // The bits that selected the bucket are the same for all of its voxels.
         let place = |key| N::hash(key) << bits;
         table.clear(count.min(2 * BUCKET));
         for &(key, rating) in runs.flatten() {
-            let held = table.find(key, place);
+            let held = table.rating_mut(key, place);
             if *held == FREE {
                 *held = rating;
-                table.count_one(place);
+                table.count_added(place);
             } else {
-                self.meet(held, rating);
+                self.keep_better(held, rating);
             }
         }
     }
 
-    /// The indices of the points that have not lost.
+    /// The indices of the points that are kept.
     fn kept(&self) -> Vec<u32> {
-        let has_lost = |mark: &AtomicU8| mark.load(Ordering::Relaxed) != 0;
-        let count = |chunk: &[AtomicU8]| chunk.iter().filter(|mark| !has_lost(mark)).count();
-        let counts: Vec<usize> = self.lost.par_chunks(CHUNK).map(count).collect();
+        let is_dropped = |mark: &AtomicU8| mark.load(Ordering::Relaxed) != 0;
+        let count = |chunk: &[AtomicU8]| chunk.iter().filter(|mark| !is_dropped(mark)).count();
+        let counts: Vec<usize> = self.dropped.par_chunks(CHUNK).map(count).collect();
         let mut kept = vec![0; counts.iter().sum()];
         let mut rest = kept.as_mut_slice();
         let mut parts = Vec::with_capacity(counts.len());
@@ -271,12 +271,12 @@ impl Contest<'_> {
             || vec![0; CHUNK],
             |indices, (number, part)| {
                 let first = number * CHUNK;
-                let marks = &self.lost[first..(first + CHUNK).min(self.lost.len())];
+                let marks = &self.dropped[first..(first + CHUNK).min(self.dropped.len())];
                 let mut count = 0;
-                // Writes also what is not kept, to be overwritten: that costs less than a branch.
+                // Also writes indices that are not kept, to be overwritten: cheaper than a branch.
                 for (mark, index) in marks.iter().zip(first as u32..) {
                     indices[count] = index;
-                    count += usize::from(!has_lost(mark));
+                    count += usize::from(!is_dropped(mark));
                 }
                 part.copy_from_slice(&indices[..count]);
             },
@@ -291,29 +291,32 @@ fn thin_numbered<N: Numbering>(
     numbering: &N,
 ) -> Result<Vec<u32>, Outside> {
     let n = points.len();
-    assert!(u32::try_from(n).is_ok(), "{n} points at once are too many");
-    let contest = Contest {
+    assert!(
+        u32::try_from(n).is_ok(),
+        "{n} points are too many to thin at once"
+    );
+    let thinning = Thinning {
         points,
         voxel_m,
-        lost: (0..n).into_par_iter().map(|_| AtomicU8::new(0)).collect(),
+        dropped: (0..n).into_par_iter().map(|_| AtomicU8::new(0)).collect(),
     };
     let bits = (n / BUCKET).max(2).next_power_of_two().trailing_zeros();
     let bits = bits.min(MOST_BUCKET_BITS);
-    let dealt = (0..n.div_ceil(CHUNK))
+    let distributed = (0..n.div_ceil(CHUNK))
         .into_par_iter()
         .map_init(
             || Vec::with_capacity(CHUNK.min(n)),
-            |entries, number| contest.deal(number, bits, numbering, entries),
+            |entries, number| thinning.distribute(number, bits, numbering, entries),
         )
         .collect::<Result<Vec<_>, Outside>>()?;
     (0..1usize << bits)
         .into_par_iter()
         .for_each_init(Table::new, |table, bucket| {
-            let runs = dealt.iter().map(|chunk| {
+            let runs = distributed.iter().map(|chunk| {
                 let (start, end) = (chunk.starts[bucket], chunk.starts[bucket + 1]);
                 &chunk.entries[start as usize..end as usize]
             });
-            contest.decide::<N>(runs, bits, table);
+            thinning.select::<N>(runs, bits, table);
         });
-    Ok(contest.kept())
+    Ok(thinning.kept())
 }

@@ -1,23 +1,23 @@
-//! Times and ranges of a stream, gathered as it is read.
+//! Times and ranges of a stream, collected while it is read.
 
 use super::inspection::{Bounds, Gap, Inspection};
 use crate::statistics::median;
 
-/// Gaps remembered.
+/// Number of gaps kept.
 const MOST_GAPS: usize = 10;
-/// Intervals that the median is taken from.
+/// Most intervals from which the median is taken.
 const MOST_INTERVALS: usize = 1_000_000;
 
-/// Gathers the times of a stream.
+/// Collects the times of a stream.
 #[derive(Default)]
-pub(super) struct Clock {
+pub(super) struct Times {
     span: Option<[f64; 2]>,
     last: Option<f64>,
     epochs: u64,
     intervals: Vec<f64>,
     longest: Vec<Gap>,
     backwards: u64,
-    /// Rows with the time of the row before.
+    /// Rows with the time of the previous row.
     pub(super) repeated: u64,
 }
 

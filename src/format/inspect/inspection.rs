@@ -1,4 +1,4 @@
-//! What was found in a file, and how it is told.
+//! The result of inspecting a file, and its text.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -10,22 +10,22 @@ use crate::format::detect::Format;
 pub struct Gap {
     /// Last time before it, seconds.
     pub start_s: f64,
-    /// Its length, seconds.
+    /// Length, seconds.
     pub duration_s: f64,
 }
 
-/// The least and the greatest value of a column; its unit is the end of its name.
+/// The smallest and the largest value of a column; its name ends in the unit.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Bounds {
     /// Name with unit.
     pub column: String,
-    /// Least value.
+    /// Smallest value.
     pub min: f64,
-    /// Greatest value.
+    /// Largest value.
     pub max: f64,
 }
 
-/// What a file holds.
+/// The content of a file in numbers.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Inspection {
     /// The file.
@@ -36,7 +36,7 @@ pub struct Inspection {
     pub bytes: u64,
     /// Rows, samples, poses or points.
     pub count: u64,
-    /// Distinct times, where rows are in time order.
+    /// Number of distinct times, if rows are in time order.
     pub epochs: Option<u64>,
     /// First and last time, seconds.
     pub span_s: Option<[f64; 2]>,
@@ -48,7 +48,7 @@ pub struct Inspection {
     pub bounds: Vec<Bounds>,
     /// Names of the columns or fields in the file.
     pub columns: Vec<String>,
-    /// What else the user should know.
+    /// Further remarks for the user.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a file holds, in numbers with units, without keeping it in memory.
+//! The content of a file in numbers with units, without keeping it in memory.
 
 mod gather;
 mod inspection;
@@ -25,7 +25,7 @@ const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 /// Reads a file through and says what it holds.
 ///
 /// # Errors
-/// Whatever its reader finds wrong, and project files, which are no data.
+/// All errors of its reader, and project files, which are not data.
 pub fn inspect(path: &Path) -> Result<Inspection> {
     let format = detect(path)?;
     let (_, bytes) = open(path)?;
@@ -55,7 +55,7 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
         Format::Project => {
             return Err(Error::data(
                 format!("{} is a project, not data", path.display()),
-                "name the files of the project, or inspect it as a project",
+                "inspect the files that it names, or inspect it as a project",
             ));
         }
         _ => inspect_cloud(path, &mut report)?,
@@ -88,19 +88,19 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     }
     if without_range > 0 {
         report.notes.push(format!(
-            "{without_range} rows have no range: they are rejected on reading, and not among the \
+            "{without_range} rows without a range: they are rejected when read, and not included in the \
              values above"
         ));
     }
     match report.format {
         Format::TpsCsv => report.notes.push(
-            "coordinates and polar observations: the project chooses with observations = \
-             \"cartesian\" or \"polar\"; vertical angles are from the horizon (vertical_angle = \
+            "coordinates and polar observations: choose in the project with observations = \
+             \"cartesian\" or \"polar\"; vertical angles count from the horizon (vertical_angle = \
              \"elevation\")"
                 .to_owned(),
         ),
         Format::PolarCsv => report.notes.push(
-            "polar observations: the project gives station_m and station_orientation_deg"
+            "polar observations: the project must give station_m and station_orientation_deg"
                 .to_owned(),
         ),
         _ => {}
@@ -118,7 +118,7 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     );
     if is_log && repeated > 0 {
         report.notes.push(format!(
-            "{repeated} rows repeat the time of the row before: they are dropped and named when \
+            "{repeated} rows repeat the time of the previous row: they are dropped and reported when \
              the trajectory is estimated"
         ));
     }
@@ -175,7 +175,7 @@ fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
     report.columns = extra_names(&file);
     if PoseColumns::of(&file).is_some() {
         report.notes.push(
-            "every point carries the pose of the sensor: the file serves as profiles and as \
+            "every point carries the sensor's pose: the file can serve as profiles and as a \
              trajectory"
                 .to_owned(),
         );

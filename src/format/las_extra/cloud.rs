@@ -1,4 +1,4 @@
-//! A cloud in memory written with dimensions beside its points.
+//! A cloud in memory, written with extra dimensions.
 
 use std::path::Path;
 
@@ -9,14 +9,14 @@ use crate::format::cloud_writer::CloudWriter;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// Writes those points of `cloud` that `row` accepts as LAS or LAZ, in their order, with time and
-/// intensity where the cloud has them and the values of `dimensions`; returns how many there are.
-/// Coordinates are rounded to [`CLOUD_STEP_M`](crate::format::CLOUD_STEP_M), or to the least power of ten that
-/// lets 32 bits span the cloud. `progress` advances by one for each point; the stage is the
-/// caller's.
+/// Writes the points of `cloud` that `row` accepts as LAS or LAZ, in their order, with time and
+/// intensity if the cloud has them and the values of `dimensions`; returns their number.
+/// Coordinates are rounded to [`CLOUD_STEP_M`](crate::format::CLOUD_STEP_M), or to the smallest
+/// power of ten for which 32 bits span the cloud. `progress` advances by one for each point; the
+/// caller begins and ends the stage.
 ///
 /// # Errors
-/// Names that LAS cannot hold, an output that cannot be written, what `row` refuses.
+/// Names that LAS does not allow, an output that cannot be written, errors of `row`.
 pub fn cloud_to_las(
     cloud: &PointCloud,
     output: &Path,

@@ -1,4 +1,4 @@
-//! A LAS or LAZ file copied point by point with dimensions appended.
+//! A LAS or LAZ file copied point by point with appended dimensions.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -8,23 +8,23 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::format::las::LasFile;
 use crate::format::las_out::{LasOut, is_compressed};
-use crate::output::keep_inputs;
+use crate::output::protect_inputs;
 use crate::progress::Progress;
 
-/// Copies those points of the LAS or LAZ file `input` that `row` accepts to `output` (compressed
-/// where its name ends in `.laz`), in their order, each with everything it carries and the values
-/// of `dimensions` after it; returns how many there are. A dimension that the input already has
-/// under one of these names is replaced.
+/// Copies the points of the LAS or LAZ file `input` that `row` accepts to `output` (compressed if
+/// its name ends in `.laz`), in their order, each with all its fields followed by the values of
+/// `dimensions`; returns their number. A dimension of the input with one of these names is
+/// replaced.
 ///
-/// What stays: point format, scale, offset, times, flags, colours, coordinate reference system,
-/// existing extra dimensions, all other variable-length records. What changes: the version becomes
-/// 1.4, which defines extra dimensions; indices over the order of the points in the file (COPC,
-/// LAStools) are left out. Memory is bounded by some chunks of points. `progress` advances by one
-/// for each point read; the stage is the caller's.
+/// Kept: point format, scale, offset, times, flags, colours, coordinate reference system, existing
+/// extra dimensions and all other variable-length records. Changed: the version becomes 1.4, which
+/// defines extra dimensions; indices that depend on the order of the points in the file (COPC,
+/// LAStools) are left out. Memory is bounded by a few chunks of points. `progress` advances by one
+/// for each point read; the caller begins and ends the stage.
 ///
 /// # Errors
-/// An input that is the output, is damaged, holds no point or waveforms; names that LAS cannot hold; an output
-/// that cannot be written; what `row` refuses.
+/// An input that is the output, is damaged, has no points or has waveforms; names that LAS does
+/// not allow; an output that cannot be written; errors of `row`.
 pub fn copy_las(
     input: &Path,
     output: &Path,
@@ -33,7 +33,7 @@ pub fn copy_las(
     progress: &dyn Progress,
 ) -> Result<u64> {
     dimension::check(output, dimensions)?;
-    keep_inputs(Path::new(""), &[input.to_owned()], &[output])?;
+    protect_inputs(Path::new(""), &[input.to_owned()], &[output])?;
     let mut file = LasFile::open(input)?;
     let format = *file.header().point_format();
     let expected = file.header().number_of_points();
@@ -42,7 +42,7 @@ pub fn copy_las(
             input,
             Location::Whole,
             "points with waveforms (point formats 4, 5, 9, 10)",
-            "points without: export the points alone",
+            "points without waveforms: export the points alone",
         ));
     }
     if expected == 0 {
@@ -100,7 +100,7 @@ fn header(
     builder.point_format.is_compressed = is_compressed(output)?;
     builder.version = (1, 4).into();
     builder.generating_software = "boresight".to_owned();
-    // Between the end of the points and the first extended record; lengths have changed.
+    // The bytes between the points and the first extended record; the lengths have changed.
     builder.point_padding = Vec::new();
     builder.evlrs = evlrs(file)?;
     for list in [&mut builder.vlrs, &mut builder.evlrs] {
@@ -112,7 +112,7 @@ fn header(
     Ok(builder)
 }
 
-/// Records that the writer makes anew, or that speak of places in the old file.
+/// Records that the writer creates itself, or that refer to positions in the old file.
 fn is_rewritten(vlr: &las::Vlr) -> bool {
     let id = (vlr.user_id.as_str(), vlr.record_id);
     matches!(
@@ -121,7 +121,7 @@ fn is_rewritten(vlr: &las::Vlr) -> bool {
     )
 }
 
-/// Texts that are not ASCII have been decoded into something longer than the fields they came from.
+/// Decoded texts that are not ASCII can be longer than the fields they came from.
 fn make_writable(vlr: &mut las::Vlr) {
     for (text, most) in [(&mut vlr.user_id, 16), (&mut vlr.description, 32)] {
         if !text.is_ascii() {
@@ -131,7 +131,7 @@ fn make_writable(vlr: &mut las::Vlr) {
     }
 }
 
-/// All extended records of a file; the decoder reads the first only.
+/// All extended records of a file; the decoder reads only the first.
 fn evlrs(file: &LasFile) -> Result<Vec<las::Vlr>> {
     let path = file.path();
     if file.header().evlrs().is_empty() {
@@ -162,7 +162,7 @@ fn evlrs(file: &LasFile) -> Result<Vec<las::Vlr>> {
         let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
         String::from_utf8_lossy(&bytes[..end]).into_owned()
     };
-    // Start of the first extended record and their number (LAS 1.4, table 3).
+    // Start of the first extended record and number of extended records (LAS 1.4, table 3).
     let head = bytes_at(235, 12)?;
     let (mut at, count) = (number(&head[..8]), number(&head[8..]));
     let mut found = Vec::new();

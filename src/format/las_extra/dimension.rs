@@ -1,5 +1,4 @@
-//! What an extra dimension is called, how it is stored, and its place in the record that describes
-//! all of them (LAS 1.4 R15, table 24).
+//! Name, storage type and description record of an extra dimension (LAS 1.4 R15, table 24).
 
 use std::ops::Range;
 use std::path::Path;
@@ -7,37 +6,36 @@ use std::path::Path;
 use crate::error::{Error, Location, Result};
 use crate::format::las::{LasFile, extra_columns};
 
-/// Asked once for every point of the input, in its order, with the index of the point: fills one
-/// value for each dimension and says whether the point is to be written at all. What it does not
-/// fill is NaN.
+/// Called once for every point of the input, in order, with the index of the point: fills one value
+/// for each dimension and returns whether to write the point. Values that it does not fill are NaN.
 pub type Row<'a> = dyn FnMut(u64, &mut [f64]) -> Result<bool> + 'a;
 
-/// Bytes of the description of one dimension.
+/// Bytes of the description of a dimension.
 const ENTRY: usize = 192;
 /// Bytes of a name and of a description text.
 const TEXT: usize = 32;
 /// Most bytes that one entry without a type can cover.
 const MOST_UNTYPED: usize = 255;
 
-/// How the values of a dimension are stored.
+/// The storage type of a dimension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExtraKind {
-    /// 32-bit floating point: values are rounded to 6 · 10⁻⁸ of themselves; NaN is no value.
+    /// 32-bit floating point: relative rounding error 6 · 10⁻⁸; NaN means no value.
     F32,
-    /// 64-bit floating point: as computed; NaN is no value.
+    /// 64-bit floating point: as computed; NaN means no value.
     F64,
-    /// Whole numbers from 0 to 2³² − 1: values are cut off to that range, NaN becomes 0.
+    /// Integers from 0 to 2³² − 1: values are clamped to this range, NaN becomes 0.
     U32,
 }
 
-/// A named value beside each point.
+/// A named value for each point.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExtraDimension {
-    /// By which others find it: ASCII, 32 bytes at most.
+    /// Name: ASCII, 32 bytes at most.
     pub name: String,
-    /// How it is stored.
+    /// Storage type.
     pub kind: ExtraKind,
-    /// What it is, with its unit: ASCII, 32 bytes at most.
+    /// Description with unit: ASCII, 32 bytes at most.
     pub description: String,
 }
 
@@ -50,7 +48,7 @@ impl ExtraKind {
         }
     }
 
-    /// The number of the type in the standard.
+    /// The type code of the standard.
     fn code(self) -> u8 {
         match self {
             Self::U32 => 5,
@@ -63,14 +61,14 @@ impl ExtraKind {
         match self {
             Self::F32 => into.extend_from_slice(&(value as f32).to_le_bytes()),
             Self::F64 => into.extend_from_slice(&value.to_le_bytes()),
-            // `as` saturates and makes 0 of NaN.
+            // `as` saturates and converts NaN to 0.
             Self::U32 => into.extend_from_slice(&(value as u32).to_le_bytes()),
         }
     }
 }
 
 impl ExtraDimension {
-    /// A dimension of this name.
+    /// A dimension with this name.
     pub fn new(name: &str, kind: ExtraKind, description: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -88,10 +86,10 @@ impl ExtraDimension {
     }
 }
 
-/// Checks what the format demands of names and texts.
+/// Checks names and descriptions against the format.
 ///
 /// # Errors
-/// An empty name, one given twice, text that is too long or not ASCII.
+/// A name that is empty or not unique; text that is too long or not ASCII.
 pub(in crate::format) fn check(path: &Path, dimensions: &[ExtraDimension]) -> Result<()> {
     for (at, dimension) in dimensions.iter().enumerate() {
         let fits = |text: &str| text.is_ascii() && text.len() <= TEXT;
@@ -108,15 +106,15 @@ pub(in crate::format) fn check(path: &Path, dimensions: &[ExtraDimension]) -> Re
                     "the extra dimension `{}` described as `{}`",
                     dimension.name, dimension.description
                 ),
-                "different names, names and descriptions of at most 32 ASCII characters",
+                "different names, and names and descriptions of at most 32 ASCII characters",
             ));
         }
     }
     Ok(())
 }
 
-/// Makes room for `dimensions` in each point, after the extra bytes that `described` describes,
-/// and adds the record that describes both.
+/// Makes room for `dimensions` in each point, after the extra bytes that `described` describes, and
+/// adds the record that describes both.
 ///
 /// # Errors
 /// Points that would be too long.
@@ -134,8 +132,8 @@ pub(in crate::format) fn append(
         return Err(Error::format(
             path,
             Location::Whole,
-            format!("{length} extra bytes beside each point"),
-            "at most 65535 bytes a point",
+            format!("{length} extra bytes per point"),
+            "at most 65535 bytes per point",
         ));
     }
     format.extra_bytes = length as u16;
@@ -154,17 +152,17 @@ pub(in crate::format) fn append(
     Ok(())
 }
 
-/// Which extra bytes of a file stay when dimensions are appended, and their description.
+/// The extra bytes of a file that are kept when dimensions are appended, and their description.
 pub(super) struct Kept {
-    /// Entries of the dimensions that stay.
+    /// Entries of the dimensions that are kept.
     pub(super) entries: Vec<u8>,
-    /// Where they stand among the extra bytes of a point, in order.
+    /// Their ranges in the extra bytes of a point, in order.
     pub(super) ranges: Vec<Range<usize>>,
 }
 
 impl Kept {
-    /// All of the file's extra bytes but those of dimensions that `dimensions` name anew. Bytes
-    /// that nothing describes get an entry without type, so that others find what follows.
+    /// All of the file's extra bytes except the dimensions replaced by `dimensions`. Undescribed
+    /// bytes get an untyped entry, so that readers find the dimensions behind them.
     pub(super) fn of(file: &LasFile, dimensions: &[ExtraDimension]) -> Result<Self> {
         let length = usize::from(file.header().point_format().extra_bytes);
         let described: Vec<&[u8]> = file
@@ -212,7 +210,7 @@ impl Kept {
         Ok(kept)
     }
 
-    /// Bytes that stay.
+    /// Number of bytes that are kept.
     pub(super) fn len(&self) -> usize {
         self.ranges.iter().map(|range| range.len()).sum()
     }

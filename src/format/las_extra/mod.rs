@@ -1,5 +1,5 @@
-//! Clouds written as LAS or LAZ with further named values beside each point: "extra bytes", which
-//! LAS 1.4 describes in a record of its own.
+//! Clouds written as LAS or LAZ with further named values for each point: the "extra bytes" that
+//! LAS 1.4 describes in a separate record.
 
 mod cloud;
 mod copy;

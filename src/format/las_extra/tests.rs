@@ -20,7 +20,7 @@ fn dimensions() -> [ExtraDimension; 3] {
     ]
 }
 
-/// What the tests write at point `index`.
+/// The test value of a dimension at point `index`.
 fn value(index: u64, dimension: usize) -> f64 {
     let x = index as f64;
     match dimension {
@@ -89,9 +89,9 @@ fn write_input(path: &Path) -> las::Header {
     let length = usize::from(header.point_format().len());
     let bytes: Vec<u8> = (0..23 * length)
         .map(|i| match i % length {
-            // Whatever a field may hold; the first byte of one return.
+            // Arbitrary field values; the first byte of one return.
             14 => 0x11,
-            // The times must be finite.
+            // Times must be finite.
             at @ 22..30 => [0, 0, 0, 0, 0, 0, (i / length) as u8, 0x40][at - 22],
             at => ((i / length) * 31 + at * 7) as u8,
         })
@@ -335,7 +335,7 @@ fn inputs_that_cannot_be_copied_are_named() {
     write_header(&input, las::Builder::from((1, 4)));
     assert!(refused().contains("no point"), "{}", refused());
 
-    // Its extra bytes are described as eight, its points have two.
+    // The extra bytes are described as eight, the points have two.
     let mut described = vec![0; 192];
     described[2] = 10;
     described[4..8].copy_from_slice(b"long");

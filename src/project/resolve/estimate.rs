@@ -1,18 +1,18 @@
-//! What is estimated beside the trajectory.
+//! Constants estimated together with the trajectory.
 
 use super::table::Table;
 use crate::error::Result;
 use crate::project::source::nearest;
 use crate::trajectory::{Constant, PositionKind, PositionSettings};
 
-/// The constants that `estimate` names, in its order, each once.
+/// The constants listed in `estimate`, in that order, without repetition.
 pub(super) fn constants(
     table: &Table<'_>,
     names: &[String],
     positions: &[PositionSettings],
     has_heading: bool,
 ) -> Result<Vec<Constant>> {
-    let all = every(positions);
+    let all = all_constants(positions);
     let known: Vec<String> = all.iter().map(|c| c.name(positions)).collect();
     let mut found = Vec::new();
     for name in names {
@@ -27,10 +27,7 @@ pub(super) fn constants(
         };
         let constant = all[index];
         if found.contains(&constant) {
-            return Err(error(
-                format!("`{name}` a second time"),
-                "each constant once",
-            ));
+            return Err(error(format!("`{name}` twice"), "each constant once"));
         }
         let of_heading = matches!(
             constant,
@@ -38,8 +35,8 @@ pub(super) fn constants(
         );
         if of_heading && !has_heading {
             return Err(error(
-                format!("`{name}` and no [heading]"),
-                "a log of headings",
+                format!("`{name}` without [heading]"),
+                "a [heading] log",
             ));
         }
         if let Constant::IncidenceBias(index) = constant
@@ -48,7 +45,7 @@ pub(super) fn constants(
             return Err(error(
                 format!("`{name}` without a line of sight"),
                 &format!(
-                    "station_m of `{}`: where its total station stands",
+                    "station_m of `{}`, the position of its total station",
                     positions[index].name
                 ),
             ));
@@ -58,8 +55,8 @@ pub(super) fn constants(
     Ok(found)
 }
 
-/// Every constant of a project with these position sensors.
-fn every(positions: &[PositionSettings]) -> Vec<Constant> {
+/// All constants of a project with these position sensors.
+fn all_constants(positions: &[PositionSettings]) -> Vec<Constant> {
     let mut all = Vec::new();
     for (index, settings) in positions.iter().enumerate() {
         all.extend([Constant::TimeOffset(index), Constant::LeverArm(index)]);

@@ -1,4 +1,4 @@
-//! From the project as typed to the project as checked.
+//! From the project as written to the checked project.
 
 mod estimate;
 mod motion;
@@ -16,7 +16,7 @@ use super::source::Source;
 use crate::error::Result;
 use table::Table;
 
-/// Reads a project file, checks it and brings it into SI units.
+/// Reads a project file, checks it and converts it to SI units.
 pub(super) fn read(path: &Path) -> Result<Project> {
     let source = &Source::read(path)?;
     let written = &source.written()?;

@@ -1,4 +1,4 @@
-//! The logs or the poses, and the noise of the IMU.
+//! Logs or poses, and the noise of the IMU.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
 use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise, PoseLimits, TrajectorySettings};
 
-/// Poses or logs, not both.
+/// Either poses or logs.
 pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
     let given = [
         ("imu", written.imu.is_some()),
@@ -24,7 +24,7 @@ pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
         if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
             return Err(source.error(
                 &[Step::Key(name)],
-                format!("[{name}] beside [trajectory] with a file"),
+                format!("[{name}] together with [trajectory] with a file"),
                 "either a trajectory or the logs to estimate it from, not both",
             ));
         }
@@ -51,7 +51,7 @@ pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
     }
 }
 
-/// Bounds above 0.
+/// Limits above 0.
 pub(super) fn limits(source: &Source, written: &Written) -> Result<PoseLimits> {
     let table = Table::new(source, "trajectory");
     let bound = |key, value: Option<f64>| value.map(|x| table.positive(key, x)).transpose();
@@ -65,7 +65,7 @@ pub(super) fn limits(source: &Source, written: &Written) -> Result<PoseLimits> {
     })
 }
 
-/// Refuses keys that mean nothing here.
+/// Refuses keys that have no meaning here.
 fn refuse(table: &Table<'_>, keys: &[(&str, bool)], why: &str, expected: &str) -> Result<()> {
     match keys.iter().find(|(_, given)| *given) {
         Some((key, _)) => Err(table.error(key, format!("{key} {why}"), expected)),
@@ -83,8 +83,8 @@ fn poses_file(source: &Source, file: &Path, poses: &written::Trajectory) -> Resu
     refuse(
         &table,
         &estimation,
-        "beside a file of poses",
-        "it only where the trajectory is estimated from logs",
+        "together with a file of poses",
+        "this key only if the trajectory is estimated from logs",
     )?;
     let sigma = |key, value: Option<f64>| value.map(|x| table.positive(key, x)).transpose();
     let LogFile {
@@ -126,7 +126,7 @@ fn logs(
         &table,
         &of_poses,
         "without a file of poses",
-        "`file` beside it; offsets and sigmas of logs are in their own tables",
+        "`file` as well; offsets and sigmas of logs belong in their own tables",
     )?;
     let found = positions::positions(source, all)?;
     let (positions, position_settings): (Vec<_>, Vec<_>) = found.into_iter().unzip();

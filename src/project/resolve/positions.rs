@@ -11,11 +11,11 @@ use crate::project::written::{self, ObservationKind, Written};
 use crate::sensor::{Observations, TotalStation};
 use crate::trajectory::{PositionKind, PositionSettings};
 
-/// What the constants of other sensors are called: `heading.time_offset`.
+/// Prefixes of the constants of other sensors, for example `heading.time_offset`.
 const TAKEN: [&str; 4] = ["frame", "heading", "imu", "trajectory"];
-/// A prism that moves, metres.
+/// Default standard deviation of a moving prism, metres.
 const PRISM_SIGMA_M: f64 = 0.005;
-/// RTK: east, north, up, metres.
+/// Default standard deviations of RTK: east, north, up, metres.
 const GNSS_SIGMA_M: [f64; 3] = [0.02, 0.02, 0.04];
 
 /// Radians of an angle in seconds of arc.
@@ -23,7 +23,7 @@ pub(in crate::project) fn arcsec_to_radians(arcsec: f64) -> f64 {
     (arcsec / 3600.0).to_radians()
 }
 
-/// All prisms, then all antennas, in the order of the file, with names of their own.
+/// All prisms, then all antennas, in the order of the file, with unique names.
 pub(super) fn positions(
     source: &Source,
     written: &Written,
@@ -56,7 +56,7 @@ fn table_of<'a>(source: &'a Source, name: &'a str, index: usize, count: usize) -
     }
 }
 
-/// The name as given, or that of the table where it is the only one.
+/// The given name, or the name of the table if it is the only one.
 fn name(
     table: &Table<'_>,
     given: Option<&str>,
@@ -70,7 +70,7 @@ fn name(
             return Err(table.error(
                 "file",
                 format!("one of {count} [[{}]] without a name", table.name),
-                "`name`, to tell them apart",
+                "`name`, to distinguish them",
             ));
         }
     };
@@ -79,8 +79,8 @@ fn name(
     if others.iter().any(|(_, other)| is_other(&other.name)) || TAKEN.iter().any(|t| is_other(t)) {
         return Err(table.error(
             "name",
-            format!("the name {name:?}, which something else has"),
-            "a name of its own for each",
+            format!("the name {name:?}, which is already taken"),
+            "a unique name",
         ));
     }
     Ok(name.to_owned())
@@ -135,7 +135,7 @@ fn prism(
         .transpose()?;
     let observations = observations(table, prism, station_m)?;
     let sigma_m = match &observations {
-        // Every fix comes with its covariance; this is about what it is nearby.
+        // Every fix has its own covariance; this is a typical value at short range.
         Observations::Polar(station) => {
             Vec3::repeat(station.sigma_prism_m.hypot(station.sigma_distance_m))
         }
@@ -157,7 +157,7 @@ fn prism(
     Ok((log, settings))
 }
 
-/// Polar where the orientation of the instrument is given.
+/// Polar if the orientation of the instrument is given.
 fn observations(
     table: &Table<'_>,
     prism: &written::Prism,
@@ -184,7 +184,7 @@ fn observations(
             return Err(table.error(
                 key,
                 format!("{key} without station_orientation_deg"),
-                "station_m and station_orientation_deg where the log is polar",
+                "station_m and station_orientation_deg for a polar log",
             ));
         }
         return Ok(match prism.observations {
@@ -195,18 +195,18 @@ fn observations(
     if prism.observations == Some(ObservationKind::Cartesian) {
         return Err(table.error(
             "station_orientation_deg",
-            "station_orientation_deg beside observations = \"cartesian\"",
-            "one of the two: coordinates are taken as they are",
+            "station_orientation_deg together with observations = \"cartesian\"",
+            "one of the two: coordinates are not transformed",
         ));
     }
     let Some(station_m) = station_m else {
         return Err(table.error(
             "station_orientation_deg",
             "station_orientation_deg without station_m",
-            "both: where the instrument stands and where its zero points",
+            "both: the instrument's position and the azimuth of its zero",
         ));
     };
-    // Who states the instrument's noise and nothing else wants just that.
+    // If the instrument's noise is given, no default for tracking is added.
     let stated = noise.iter().any(|(_, value)| value.is_some());
     let default = if stated { 0.0 } else { PRISM_SIGMA_M };
     let Numbers([sigma_prism_m, y, z]) = prism.sigma_m.unwrap_or(Numbers([default; 3]));

@@ -1,4 +1,4 @@
-//! Scanners and evaluations, and what their names must be.
+//! Scanners and evaluations, and checks of their names.
 
 use super::table::Table;
 use crate::calibration::PARAMETER_NAMES;
@@ -9,7 +9,7 @@ use crate::project::checked::{Evaluation, Scanner};
 use crate::project::source::{Source, nearest};
 use crate::project::written;
 
-/// The scanners, with names of their own.
+/// The scanners, with unique names.
 pub(super) fn scanners(source: &Source, written: &[written::Scanner]) -> Result<Vec<Scanner>> {
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
@@ -60,7 +60,7 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
     })
 }
 
-/// The evaluations, with names of their own.
+/// The evaluations, with unique names.
 pub(super) fn evaluations(
     source: &Source,
     written: &[written::Evaluation],
@@ -74,8 +74,8 @@ pub(super) fn evaluations(
     Ok(written.iter().map(evaluation).collect())
 }
 
-/// Names become file names and keys of the result: fit for both, and each only once even where
-/// the file system does not tell upper from lower case.
+/// Names become file names and keys of the result: they must be valid for both, and unique even in
+/// file systems that ignore case.
 fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
     let pairs: Vec<String> = lower
@@ -89,16 +89,12 @@ fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
         };
         check_letters(&table, name, ", as it becomes part of file names")?;
         if lower[..index].contains(&lower[index]) {
-            return Err(table.error(
-                "name",
-                format!("the name {name:?} a second time"),
-                "a name of its own for each",
-            ));
+            return Err(table.error("name", format!("the name {name:?} twice"), "a unique name"));
         }
         if lower[index] == "initial" || array == "scanner" && pairs.contains(&lower[index]) {
             return Err(table.error(
                 "name",
-                format!("the name {name:?}, which the results need for something else"),
+                format!("the name {name:?}, which is reserved for the results"),
                 "another name",
             ));
         }
@@ -106,7 +102,7 @@ fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// Names are short and hold nothing that has a meaning elsewhere.
+/// Names are short and contain no characters with a special meaning.
 pub(super) fn check_letters(table: &Table<'_>, name: &str, why: &str) -> Result<()> {
     let fit = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
     if !name.is_empty() && name.chars().count() <= 64 && name.chars().all(fit) {
@@ -119,7 +115,7 @@ pub(super) fn check_letters(table: &Table<'_>, name: &str, why: &str) -> Result<
     ))
 }
 
-/// Largest deviation from length 1 that rounding to four digits explains.
+/// Largest deviation from length 1 due to rounding to four digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// R_bs of a scanner, from its angles or its quaternion.
@@ -143,8 +139,8 @@ fn rotation(
                     "length 1 (order x, y, z, w)",
                 ));
             }
-            // What is of unit length to rounding stays as it is, so that printing and reading
-            // gives the same bits.
+            // If the length is 1 up to rounding, the quaternion is kept, so that printing and
+            // reading gives the same bits.
             Ok(if off < 1e-12 {
                 Rotation::new_unchecked(quaternion)
             } else {

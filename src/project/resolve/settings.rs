@@ -1,4 +1,4 @@
-//! Calibration and comparison.
+//! Settings of calibration and comparison.
 
 use super::table::Table;
 use crate::calibration::CalibrationSettings;
@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::project::source::Source;
 use crate::project::written;
 
-/// Scales that become finer, and neighbourhoods that have a volume.
+/// Scales from coarse to fine, and neighbourhoods that span a volume.
 pub(super) fn calibration(
     source: &Source,
     written: &written::Calibration,

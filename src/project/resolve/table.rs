@@ -1,4 +1,4 @@
-//! One table of the project file: checks of its values, and errors at its keys.
+//! One table of the project file: checks of its values, and errors for its keys.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::project::source::{Source, Step};
 pub(super) struct Table<'a> {
     pub source: &'a Source,
     pub name: &'a str,
-    /// Which, where the table is one of an array.
+    /// Its index if the table is in an array.
     pub index: Option<usize>,
 }
 
@@ -32,7 +32,7 @@ impl<'a> Table<'a> {
         self.source.error(&steps, found, expected)
     }
 
-    /// `value` where it is finite and `good`.
+    /// Returns `value` if it is finite and `good`.
     pub fn number(
         &self,
         key: &str,
@@ -56,7 +56,7 @@ impl<'a> Table<'a> {
     }
 
     pub fn not_negative(&self, key: &str, value: f64) -> Result<f64> {
-        self.number(key, value, |x| x >= 0.0, "a number not below 0")
+        self.number(key, value, |x| x >= 0.0, "0 or a number above 0")
     }
 
     pub fn vector(&self, key: &str, values: [f64; 3]) -> Result<Vec3> {

@@ -1,6 +1,6 @@
 use super::{EXAMPLE, Motion, POSES, Project, SEVERAL, folder, read, write};
 
-/// The message for `text` without the folder, so that it starts `project.toml`.
+/// The message for `text`, without the folder, so that it starts with `project.toml`.
 fn message(text: &str) -> String {
     let message = read(text).unwrap_err().to_string();
     let start = message.find("project.toml").unwrap();
@@ -9,7 +9,7 @@ fn message(text: &str) -> String {
 
 #[test]
 fn mistakes_are_named_with_line_and_remedy() {
-    // What to put in place of what, and what the message must hold.
+    // Text to replace, its replacement, and what the message must contain.
     let cases: [(&str, &str, &str); 30] = [
         (
             "sigma_m = 0.005",
@@ -74,12 +74,12 @@ fn mistakes_are_named_with_line_and_remedy() {
         (
             "sigma_m = 0.005",
             "sigma_m = 0.005 m",
-            "line 16: found what is not TOML (",
+            "line 16: found invalid TOML (",
         ),
         (
             "lever_arm_m = [0.10, 0.05, -0.55]",
             "",
-            "line 14: found a table without it, expected the key `lever_arm_m`",
+            "line 14: found a table without `lever_arm_m`, expected the key `lever_arm_m`",
         ),
         (
             "lever_arm_m = [0.10, 0.05, -0.55]",
@@ -119,7 +119,7 @@ fn mistakes_are_named_with_line_and_remedy() {
         (
             "name = \"left\"",
             "name = \"initial\"",
-            "line 28: found the name \"initial\", which the results need",
+            "line 28: found the name \"initial\", which is reserved for the results",
         ),
         (
             "profiles = \"left.bin\"",
@@ -154,7 +154,7 @@ fn mistakes_are_named_with_line_and_remedy() {
         (
             "# [trajectory]                          # instead of the three above\n#",
             "[trajectory]\n",
-            "line 7: found [imu] beside [trajectory] with a file, expected either a trajectory or the logs",
+            "line 7: found [imu] together with [trajectory] with a file, expected either a trajectory or the logs",
         ),
         (
             "[prism]\nfile = \"prism.csv\"\nsigma_m = 0.005\nlever_arm_m = [0.10, 0.05, -0.55]",
@@ -184,12 +184,12 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
         (
             "name = \"rear\"",
             "name = \"FRONT\"",
-            "line 23: found the name \"FRONT\", which something else has",
+            "line 23: found the name \"FRONT\", which is already taken",
         ),
         (
             "name = \"rear\"",
             "name = \"gnss\"",
-            "line 32: found the name \"gnss\", which something else",
+            "line 32: found the name \"gnss\", which is already",
         ),
         (
             "name = \"rear\"",
@@ -249,7 +249,7 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
         (
             "loss = \"huber\"",
             "observations = \"cartesian\"",
-            "line 13: found station_orientation_deg beside observations = \"cartesian\"",
+            "line 13: found station_orientation_deg together with observations = \"cartesian\"",
         ),
         (
             "\"gnss.lever_arm\"",
@@ -264,7 +264,7 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
         (
             "\"gnss.lever_arm\"",
             "\"frame.gravity\"",
-            "line 46: found `frame.gravity` a second time",
+            "line 46: found `frame.gravity` twice",
         ),
         ("station_m = [363000.0, 5600000.0, 61.0]\n", "", ""),
         (
@@ -275,7 +275,7 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
         (
             "nodes = \"imu\"",
             "sigma_position_m = 1",
-            "line 44: found sigma_position_m without a file of poses, expected `file` beside it",
+            "line 44: found sigma_position_m without a file of poses, expected `file` as well",
         ),
         (
             "[gnss]",
@@ -315,17 +315,17 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
     let no_heading = super::UNUSUAL.replacen("[[scanner]]", &format!("{offset}[[scanner]]"), 1);
     let no_heading = message(&no_heading);
     assert!(
-        no_heading.contains("found `heading.time_offset` and no [heading]"),
+        no_heading.contains("found `heading.time_offset` without [heading]"),
         "{no_heading}"
     );
     let nodes = message(&format!("{POSES}nodes = \"prism\"\n"));
     assert!(
-        nodes.contains("line 6: found nodes beside a file of poses"),
+        nodes.contains("line 6: found nodes together with a file of poses"),
         "{nodes}"
     );
 }
 
-/// `[[prism]]` for one is as good as `[prism]`, to the line of a mistake.
+/// `[[prism]]` with one table is equivalent to `[prism]`, up to the line of an error.
 #[test]
 fn an_array_of_one_is_one() {
     let array = EXAMPLE.replace("[prism]\n", "[[prism]]\n");
@@ -351,7 +351,7 @@ fn names_are_given_once() {
     };
     let twice = message(&format!("{POSES}{}{}", scanner("a"), scanner("A")));
     assert!(
-        twice.contains("line 12: found the name \"A\" a second time"),
+        twice.contains("line 12: found the name \"A\" twice"),
         "{twice}"
     );
     let pair = [scanner("a"), scanner("b"), scanner("a-b")].concat();
@@ -409,7 +409,7 @@ fn missing_files_are_named_with_key_line_and_path() {
         "{message}"
     );
 
-    // The other drive is looked at as well, but not the drives that it names in turn.
+    // The other drive is checked as well, but not the drives that it references.
     write(&drive_2, EXAMPLE);
     assert_eq!(missing(), Ok(()));
     write(&drive_2, &EXAMPLE.replace("\"left\"", "\"rear\""));

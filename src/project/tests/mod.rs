@@ -57,7 +57,7 @@ name = "drive-2"
 project = "../drive-2/project.toml"
 "#;
 
-/// Everything that the example leaves out.
+/// All keys that the example leaves out.
 const UNUSUAL: &str = r#"
 frame = { body = "FLU", origin_m = [363000.0, 5.6e6, 60.0], grid_convergence_deg = -1.237 }
 
@@ -109,7 +109,7 @@ sigma_position_m = 0.0016
 sigma_rotation_deg = 0.03
 "#;
 
-/// Several total stations and antennas, and all that is estimated.
+/// Several total stations and antennas, and all constants that can be estimated.
 const SEVERAL: &str = r#"
 [frame]
 origin_m = [363000.0, 5.6e6, 60.0]
@@ -348,7 +348,7 @@ fn typed_values_are_printed_as_typed() {
 }
 
 proptest::proptest! {
-    /// Mountings that no short decimal gives still read back bit for bit.
+    /// Mountings without a short decimal form also read back bit for bit.
     #[test]
     fn every_mounting_reads_back(
         axis in proptest::array::uniform3(-3.0f64..3.0),

@@ -5,8 +5,8 @@
 //!
 //! σ²(τ) = Σₖ (θₖ₊₂ₘ − 2 θₖ₊ₘ + θₖ)² / (2 τ² (N − 2m + 1)), k = 0 … N − 2m.
 //!
-//! White noise of density n shows as n²/τ, a bias that walks with density w as w² τ / 3, flicker of
-//! instability b as the floor b² · 2 ln 2 / π = (0.664 b)².
+//! White noise of density n appears as n²/τ, a bias random walk of density w as w² τ / 3, flicker
+//! noise of instability b as the floor b² · 2 ln 2 / π = (0.664 b)².
 
 mod rest;
 #[cfg(test)]
@@ -18,22 +18,23 @@ use crate::geometry::Vec3;
 
 /// Deviation of flicker noise in units of its instability, √(2 ln 2 / π).
 const FLICKER_FLOOR: f64 = 0.664_282;
-/// Fewest degrees of freedom of a point that decides a figure: its deviation is then known to
-/// 1/√18 = 24 %.
-const DECIDING_FREEDOM: f64 = 9.0;
-/// Fewest degrees of freedom of a point that is listed: 41 %.
-const LISTED_FREEDOM: f64 = 3.0;
-/// A segment of the variance has a slope when its exponent is met to this, beside what chance
-/// explains: what one noise may contribute where the other rules.
+/// Fewest degrees of freedom of a point that determines a noise figure: its deviation is then known
+/// to 1/√18 = 24 %.
+const DECIDING_DOF: f64 = 9.0;
+/// Fewest degrees of freedom of a point that is listed: its deviation is known to 41 %.
+const LISTED_DOF: f64 = 3.0;
+/// Tolerance of the slope of a segment of the variance, in addition to chance: it allows for a
+/// second noise beside the dominant one.
 const SLOPE_SLACK: f64 = 0.2;
-/// Chance is given this many standard deviations.
+/// Tolerance for chance, in standard deviations.
 const CHANCE_SIGMAS: f64 = 2.0;
-/// Points (an octave apart) that white noise must rule.
+/// Fewest points (an octave apart) at which white noise must dominate.
 const FEWEST_WHITE_POINTS: usize = 4;
-/// Points that must follow a walk of the bias, and how many standard deviations each may lie off.
+/// Fewest points that must follow a bias random walk, and how many standard deviations each may be
+/// off.
 const FEWEST_WALK_POINTS: usize = 3;
 const OUTLYING_SIGMAS: f64 = 3.0;
-/// Fewest samples worth looking at: below, no [`FEWEST_WHITE_POINTS`] can decide.
+/// Fewest samples analysed: with fewer, [`FEWEST_WHITE_POINTS`] cannot be reached.
 const FEWEST_SAMPLES: usize = 128;
 
 /// One point of an Allan curve.
@@ -43,8 +44,10 @@ pub struct AllanPoint {
     pub tau_s: f64,
     /// Allan deviation in the unit of the values.
     pub deviation: f64,
-    /// Equivalent degrees of freedom of the variance: its relative standard deviation is √(2 / this).
-    pub freedom: f64,
+    /// Equivalent degrees of freedom of the variance, whose relative standard deviation is √(2 /
+    /// this).
+    #[serde(rename = "freedom")]
+    pub dof: f64,
 }
 
 impl AllanPoint {
@@ -54,10 +57,10 @@ impl AllanPoint {
 
     /// Standard deviation of ln σ².
     fn log_sigma(&self) -> f64 {
-        (2.0 / self.freedom).sqrt()
+        (2.0 / self.dof).sqrt()
     }
 
-    /// Standard deviation of the deviation, as a share of it.
+    /// Relative standard deviation of the deviation.
     pub fn relative_sigma(&self) -> f64 {
         0.5 * self.log_sigma()
     }
@@ -67,24 +70,25 @@ impl AllanPoint {
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case", tag = "known")]
 pub enum Figure {
-    /// Found.
+    /// The log determines it.
     Determined {
         /// The figure.
         value: f64,
         /// Its standard deviation.
         sigma: f64,
     },
-    /// The log is too short to show it: it lies below this with 97.5 % confidence.
+    /// The log is too short to determine it: it lies below this with 97.5 % confidence.
     AtMost {
         /// The bound.
         value: f64,
     },
-    /// The log says nothing of it.
-    No,
+    /// The log does not constrain it.
+    #[serde(rename = "no")]
+    Undetermined,
 }
 
 impl Figure {
-    /// The value where it is determined.
+    /// The value if it is determined.
     pub fn determined(&self) -> Option<f64> {
         match *self {
             Self::Determined { value, .. } => Some(value),
@@ -102,28 +106,28 @@ impl Figure {
             Self::AtMost { value } => Self::AtMost {
                 value: value * factor,
             },
-            Self::No => Self::No,
+            Self::Undetermined => Self::Undetermined,
         }
     }
 }
 
-/// What the Allan curve of one axis shows. With values in u: densities in u/√Hz and u/√s,
+/// Noise figures of one axis from its Allan curve. For values in u: densities in u/√Hz and u/√s,
 /// instability in u.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct AxisNoise {
-    /// Octave-spaced points, from the sampling interval up.
+    /// Points an octave apart, from the sampling interval up.
     pub curve: Vec<AllanPoint>,
     /// Density of the white noise, u/√Hz.
     pub white: Figure,
     /// Bias instability: the first minimum of the deviation over 0.664, u.
     pub instability: Figure,
-    /// Density of the random walk of the bias, where the deviation rises as √τ, u/√s.
+    /// Density of the bias random walk, where the deviation rises as √τ, u/√s.
     pub walk: Figure,
 }
 
-/// What a static IMU log shows; rad/s for the gyro, m/s² for the accelerometer.
+/// Noise figures of an IMU from a log at rest; rad/s for the gyro, m/s² for the accelerometer.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct ImuNoiseFound {
+pub struct ImuNoiseEstimate {
     /// First and last time used, seconds.
     pub span_s: [f64; 2],
     /// Mean interval between the samples used, seconds.
@@ -134,17 +138,17 @@ pub struct ImuNoiseFound {
     pub gyro: [AxisNoise; 3],
     /// x, y, z.
     pub accel: [AxisNoise; 3],
-    /// What makes the figures doubtful.
+    /// Reasons to doubt the figures.
     pub warnings: Vec<String>,
 }
 
-/// Noise figures from a log of an IMU at rest. Where samples are missing, the longest stretch
-/// without a gap is used.
+/// Noise figures from a log of an IMU at rest. If samples are missing, the longest stretch without
+/// a gap is used.
 ///
 /// # Errors
-/// Values that are not finite, times that do not increase, fewer than 128 samples in a row, a log
-/// that is not of an IMU at rest.
-pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
+/// Values that are not finite, times that do not increase, fewer than 128 consecutive samples, an
+/// IMU that is not at rest.
+pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseEstimate> {
     let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
     if let Some(bad) = imu
         .iter()
@@ -152,7 +156,7 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
     {
         return Err(Error::data(
             format!(
-                "the sample at {} s holds a value that is not finite",
+                "the sample at {} s contains a value that is not finite",
                 bad.time_s
             ),
             "remove the sample",
@@ -160,8 +164,11 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
     }
     if let Some(pair) = imu.windows(2).find(|w| w[1].time_s <= w[0].time_s) {
         return Err(Error::data(
-            format!("time {} s after {} s", pair[1].time_s, pair[0].time_s),
-            "times must increase strictly",
+            format!(
+                "time {} s follows {} s: times must increase strictly",
+                pair[1].time_s, pair[0].time_s
+            ),
+            "sort the log by time and remove repeated samples",
         ));
     }
     let used = rest::longest_stretch(imu);
@@ -170,8 +177,8 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
             Problem::TooFew,
             format!("the log has {} samples without a gap", used.len()),
             format!(
-                "noise figures need at least {FEWEST_SAMPLES}, and a bias instability an hour or \
-                 more at rest"
+                "record at least {FEWEST_SAMPLES} at rest for noise figures, an hour or more for a \
+                 bias instability"
             ),
         ));
     }
@@ -188,7 +195,7 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
         let values: Vec<f64> = used.iter().map(|s| pick(s)[i]).collect();
         axis_noise(allan_curve(&values, interval_s))
     };
-    Ok(ImuNoiseFound {
+    Ok(ImuNoiseEstimate {
         span_s: [first, last],
         interval_s,
         samples: used.len(),
@@ -199,9 +206,9 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
 }
 
 /// The overlapping Allan deviation of `values`, means over consecutive intervals of `interval_s`
-/// seconds, at τ of 1, 2, 4, … intervals, as far as three degrees of freedom are left.
+/// seconds, at τ of 1, 2, 4, … intervals, as long as three degrees of freedom remain.
 pub fn allan_curve(values: &[f64], interval_s: f64) -> Vec<AllanPoint> {
-    // Without their mean the values integrate to small numbers, and nothing is lost to rounding.
+    // Removing the mean keeps the integral small, so that rounding loses nothing.
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let mut integral = Vec::with_capacity(values.len() + 1);
     let mut sum = 0.0;
@@ -215,9 +222,9 @@ pub fn allan_curve(values: &[f64], interval_s: f64) -> Vec<AllanPoint> {
         .map(|m| AllanPoint {
             tau_s: m as f64 * interval_s,
             deviation: overlapping_variance(&integral, m, interval_s).sqrt(),
-            freedom: freedom(integral.len(), m),
+            dof: equivalent_dof(integral.len(), m),
         })
-        .take_while(|point| point.freedom >= LISTED_FREEDOM)
+        .take_while(|point| point.dof >= LISTED_DOF)
         .collect()
 }
 
@@ -231,9 +238,9 @@ fn overlapping_variance(integral: &[f64], m: usize, interval_s: f64) -> f64 {
 }
 
 /// Equivalent degrees of freedom of the overlapping Allan variance from n integrated values at m
-/// intervals: the lesser of those for white and for flicker noise (Riley, Handbook of Frequency
+/// intervals: the smaller of those for white and for flicker noise (Riley, Handbook of Frequency
 /// Stability Analysis, NIST SP 1065, table 5; white and flicker FM).
-fn freedom(n: usize, m: usize) -> f64 {
+fn equivalent_dof(n: usize, m: usize) -> f64 {
     let (n, m) = (n as f64, m as f64);
     let white =
         (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * 4.0 * m * m / (4.0 * m * m + 5.0);
@@ -245,12 +252,12 @@ fn freedom(n: usize, m: usize) -> f64 {
     white.min(flicker)
 }
 
-/// Reads the figures off a curve.
+/// Derives the noise figures from a curve.
 fn axis_noise(curve: Vec<AllanPoint>) -> AxisNoise {
     let white = white(&curve);
     let (instability, walk) = match white.determined() {
         Some(density) => bias(&curve, density),
-        None => (Figure::No, Figure::No),
+        None => (Figure::Undetermined, Figure::Undetermined),
     };
     AxisNoise {
         curve,
@@ -267,11 +274,11 @@ fn has_slope(a: &AllanPoint, b: &AllanPoint, exponent: f64) -> bool {
     (found - exponent).abs() <= SLOPE_SLACK + chance
 }
 
-/// The white noise: the longest run of octaves with σ² ∝ 1/τ, which leaves out short τ that a
-/// filter or the resolution of the sensor rules and long τ that the bias rules. ln(τ σ²) is
-/// averaged with the degrees of freedom as weights, so that the shortest τ of the run decide.
+/// The white noise from the longest run of octaves with σ² ∝ 1/τ, which excludes short τ dominated
+/// by a filter or the resolution of the sensor and long τ dominated by the bias. ln(τ σ²) is
+/// averaged with the degrees of freedom as weights, so that the shortest τ of the run dominate.
 fn white(curve: &[AllanPoint]) -> Figure {
-    let decide = |p: &&AllanPoint| p.freedom >= DECIDING_FREEDOM && p.deviation > 0.0;
+    let decide = |p: &&AllanPoint| p.dof >= DECIDING_DOF && p.deviation > 0.0;
     let curve: Vec<AllanPoint> = curve.iter().take_while(decide).copied().collect();
     let mut longest: &[AllanPoint] = &[];
     for run in curve.chunk_by(|a, b| has_slope(a, b, -1.0)) {
@@ -280,31 +287,28 @@ fn white(curve: &[AllanPoint]) -> Figure {
         }
     }
     if longest.len() < FEWEST_WHITE_POINTS {
-        return Figure::No;
+        return Figure::Undetermined;
     }
-    let weights: f64 = longest.iter().map(|p| p.freedom).sum();
+    let weights: f64 = longest.iter().map(|p| p.dof).sum();
     let mean = longest
         .iter()
-        .map(|p| p.freedom * (p.tau_s * p.variance()).ln())
+        .map(|p| p.dof * (p.tau_s * p.variance()).ln())
         .sum::<f64>()
         / weights;
     let value = (0.5 * mean).exp();
-    // The points of a run share the same samples: the best of them is counted alone.
-    let best = longest.iter().map(|p| p.freedom).fold(0.0, f64::max);
+    // The points of a run share the same samples: only the best of them counts.
+    let best = longest.iter().map(|p| p.dof).fold(0.0, f64::max);
     Figure::Determined {
         value,
         sigma: value / (2.0 * best).sqrt(),
     }
 }
 
-/// Bias instability and walk of a curve with white noise of this density.
+/// Bias instability and bias random walk of a curve with white noise of this density.
 fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
-    let deciding: Vec<&AllanPoint> = curve
-        .iter()
-        .take_while(|p| p.freedom >= DECIDING_FREEDOM)
-        .collect();
-    // The first minimum, after which the curve rises by more than chance: a bias that forgets
-    // itself averages out in the end, and is lower there.
+    let deciding: Vec<&AllanPoint> = curve.iter().take_while(|p| p.dof >= DECIDING_DOF).collect();
+    // The first minimum, after which the curve rises by more than chance: a bias with finite memory
+    // averages out at long τ, where the curve is lower.
     let mut at = 0;
     for (i, point) in deciding.iter().enumerate() {
         let rise = (point.variance() / deciding[at].variance()).ln();
@@ -315,16 +319,16 @@ fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
         }
     }
     let Some(lowest) = deciding.get(at) else {
-        return (Figure::No, Figure::No);
+        return (Figure::Undetermined, Figure::Undetermined);
     };
-    // White noise alone reaches the floor too where the log ends: the bias must show above it, and
-    // the curve must have stopped falling before the end.
+    // White noise alone also reaches the floor where the log ends: the bias must exceed it, and the
+    // curve must have stopped falling before the end.
     let over_white = lowest.variance() * lowest.tau_s / (density * density);
     let seen = over_white.ln() > CHANCE_SIGMAS * lowest.log_sigma() && at + 1 < deciding.len();
     if !seen {
         let highest = lowest.deviation * (CHANCE_SIGMAS * lowest.relative_sigma()).exp();
         let value = highest / FLICKER_FLOOR;
-        return (Figure::AtMost { value }, Figure::No);
+        return (Figure::AtMost { value }, Figure::Undetermined);
     }
     let value = lowest.deviation / FLICKER_FLOOR;
     let instability = Figure::Determined {
@@ -334,10 +338,10 @@ fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
     (instability, walk(&deciding[at + 1..], density))
 }
 
-/// The walk of the bias from the curve beyond its minimum, where the deviation, less the white
+/// The bias random walk from the curve beyond its minimum, where the deviation, less the white
 /// noise, rises as √τ over two octaves or more.
 fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
-    // ln w² of every point and its standard deviation, of which the white noise takes no share.
+    // ln w² of every point, white noise subtracted, and its standard deviation.
     let found: Vec<(f64, f64)> = beyond
         .iter()
         .map(|p| {
@@ -347,19 +351,19 @@ fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
         })
         .collect();
     if found.len() < FEWEST_WALK_POINTS || found.iter().any(|(log, _)| !log.is_finite()) {
-        return Figure::No;
+        return Figure::Undetermined;
     }
     let weights: f64 = found.iter().map(|(_, s)| s.powi(-2)).sum();
     let mean = found.iter().map(|(log, s)| log * s.powi(-2)).sum::<f64>() / weights;
-    let rises_so = found
+    let follows_walk = found
         .iter()
         .all(|(log, s)| (log - mean).abs() <= OUTLYING_SIGMAS * s);
-    // Nor may a flat floor explain the same points.
+    // A flat floor must not explain the same points.
     let (first, last) = (beyond[0], beyond[beyond.len() - 1]);
     let rise = (last.variance() / first.variance()).ln();
     let rises = rise > CHANCE_SIGMAS * first.log_sigma().hypot(last.log_sigma());
-    if !(rises_so && rises) {
-        return Figure::No;
+    if !(follows_walk && rises) {
+        return Figure::Undetermined;
     }
     let value = (0.5 * mean).exp();
     let best = found.iter().map(|(_, s)| *s).fold(f64::INFINITY, f64::min);

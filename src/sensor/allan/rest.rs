@@ -1,28 +1,28 @@
-//! Whether a log is that of an IMU at rest, and without gaps.
+//! Checks that a log is that of an IMU at rest and has no gaps.
 
 use super::super::ImuSample;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::statistics::median;
 
-/// Blocks over which rates and gravity are averaged and variances taken.
+/// Length of the blocks over which rates and gravity are averaged and variances computed.
 const BLOCK_S: f64 = 1.0;
 /// Fewest samples in a block: of 16, a variance is known to 37 %.
 const FEWEST_IN_BLOCK: usize = 16;
 /// An interval longer than this many medians is a gap.
 const GAP_INTERVALS: f64 = 1.5;
-/// The rate of no block of a resting IMU differs by this from that of the others: it is far above
-/// the noise of a mean over a second, and the slowest turn of a robot.
+/// The mean rate of a resting IMU differs less than this between blocks: far above the noise of a
+/// one-second mean, and the slowest turn of a robot.
 const MOVING_RATE_RAD_S: f64 = 1.0 / 180.0 * std::f64::consts::PI;
-/// Nor the direction of gravity, in which a bias of 17 mg would show as much.
+/// Tolerance of the direction of gravity, to which a bias of 17 mg would contribute as much.
 const MOVING_TILT_RAD: f64 = 1.0 / 180.0 * std::f64::consts::PI;
-/// A resting IMU measures gravity, but for its bias and scale.
+/// Specific force of an IMU at rest: gravity, apart from bias and scale.
 const GRAVITY_M_S2: std::ops::Range<f64> = 9.3..10.3;
-/// A turning table, or a bias that no IMU has.
+/// Above this, the IMU is on a turntable or has an implausible bias.
 const LARGEST_MEAN_RATE_RAD_S: f64 = 5.0 / 180.0 * std::f64::consts::PI;
-/// A block whose variance is this many times the median was shaken: chance makes one of four
-/// million blocks of 16 samples so.
-const SHAKEN_VARIANCE: f64 = 4.0;
+/// A block whose variance is this many times the median was disturbed: by chance, one in four
+/// million blocks of 16 samples would be.
+const DISTURBED_VARIANCE: f64 = 4.0;
 
 /// The longest part of the log without a gap.
 pub(super) fn longest_stretch(imu: &[ImuSample]) -> &[ImuSample] {
@@ -33,7 +33,7 @@ pub(super) fn longest_stretch(imu: &[ImuSample]) -> &[ImuSample] {
         .unwrap_or(imu)
 }
 
-/// Refuses a log that moves; warns of one that was shaken.
+/// Refuses a log with motion; warns of disturbances.
 pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
     let length = ((BLOCK_S / interval_s).round() as usize).max(FEWEST_IN_BLOCK);
     let blocks: Vec<Block> = imu.chunks_exact(length).map(Block::new).collect();
@@ -44,7 +44,7 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
     let moving = |what: String| {
         Err(Error::data(
             format!("the IMU is not at rest: {what}"),
-            "give a log in which nothing moves, or the part of one",
+            "use a log recorded at rest, or only its part at rest",
         ))
     };
     if !GRAVITY_M_S2.contains(&force.norm()) {
@@ -54,13 +54,13 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
         ));
     }
     if rate.norm() > LARGEST_MEAN_RATE_RAD_S {
-        return moving(format!("it turns by {:.1} °/s", rate.norm().to_degrees()));
+        return moving(format!("it turns at {:.1} °/s", rate.norm().to_degrees()));
     }
     for block in &blocks {
         let tilt = block.force.angle(&force);
         if tilt > MOVING_TILT_RAD {
             return moving(format!(
-                "at {:.3} s gravity comes from a direction {:.1}° off the usual one",
+                "at {:.3} s the direction of gravity is {:.1}° off the median",
                 block.time_s,
                 tilt.to_degrees()
             ));
@@ -68,27 +68,27 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
         let turn = (block.rate - rate).norm();
         if turn > MOVING_RATE_RAD_S {
             return moving(format!(
-                "at {:.3} s it turns by {:.1} °/s",
+                "at {:.3} s it turns at {:.1} °/s",
                 block.time_s,
                 turn.to_degrees()
             ));
         }
     }
-    Ok(shaken(&blocks))
+    Ok(disturbed(&blocks))
 }
 
-fn shaken(blocks: &[Block]) -> Vec<String> {
-    let usual: [f64; 6] =
+fn disturbed(blocks: &[Block]) -> Vec<String> {
+    let medians: [f64; 6] =
         std::array::from_fn(|i| median(blocks.iter().map(|b| b.variance[i])).unwrap_or(f64::NAN));
-    let is_shaken = |b: &&Block| (0..6).any(|i| b.variance[i] > SHAKEN_VARIANCE * usual[i]);
-    let shaken: Vec<&Block> = blocks.iter().filter(is_shaken).collect();
-    shaken
+    let is_disturbed = |b: &&Block| (0..6).any(|i| b.variance[i] > DISTURBED_VARIANCE * medians[i]);
+    let disturbed: Vec<&Block> = blocks.iter().filter(is_disturbed).collect();
+    disturbed
         .first()
         .map(|first| {
             format!(
                 "{} of {} seconds are noisier than the rest, the first at {:.3} s: was the IMU \
-                 touched, or did it stand on something that shakes?",
-                shaken.len(),
+                 touched, or was its support vibrating?",
+                disturbed.len(),
                 blocks.len(),
                 first.time_s
             )
@@ -102,7 +102,7 @@ struct Block {
     time_s: f64,
     rate: Vec3,
     force: Vec3,
-    /// Of gyro x, y, z and accelerometer x, y, z about their means.
+    /// Variances of gyro x, y, z and accelerometer x, y, z.
     variance: [f64; 6],
 }
 

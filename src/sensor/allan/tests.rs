@@ -4,7 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 const RATE_HZ: f64 = 100.0;
-/// Of the gyro of the rover in the benchmark, rad/s/√Hz and rad/s/√s.
+/// Noise of the gyro of the benchmark's rover, rad/s/√Hz and rad/s/√s.
 const WHITE: f64 = 4.4e-5;
 const WALK: f64 = 2e-6;
 /// An estimate lies this many of its standard deviations from the truth in one of 16,000 cases.
@@ -21,14 +21,14 @@ impl Noise {
         StandardNormal.sample(&mut self.0)
     }
 
-    /// White noise of a density, averaged over sampling intervals.
+    /// White noise of the given density, averaged over sampling intervals.
     fn white(&mut self, n: usize, density: f64) -> Vec<f64> {
         (0..n)
             .map(|_| density * RATE_HZ.sqrt() * self.normal())
             .collect()
     }
 
-    /// A bias that forgets itself with `memory` a sample and is pushed by `push`.
+    /// A first-order Gauss-Markov bias: `memory` a sample, driving noise `push`.
     fn bias(&mut self, n: usize, memory: f64, push: f64) -> Vec<f64> {
         let mut bias = 0.0;
         (0..n)
@@ -105,8 +105,8 @@ fn series_that_can_be_done_by_hand() {
     assert!(allan_curve(&[1.0], 1.0).is_empty());
 }
 
-/// 2 mean² / variance of the estimates over many logs is what the degrees of freedom claim: never
-/// much less, and not twice as much.
+/// 2 mean² / variance of the estimates over many logs must match the degrees of freedom: never much
+/// less, and not twice as much.
 #[test]
 fn degrees_of_freedom_are_those_of_white_noise() {
     const LOGS: usize = 600;
@@ -118,7 +118,7 @@ fn degrees_of_freedom_are_those_of_white_noise() {
         let all = || curves.iter().map(|curve| curve[i].variance());
         let mean = all().sum::<f64>() / LOGS as f64;
         let variance = all().map(|x| (x - mean).powi(2)).sum::<f64>() / (LOGS - 1) as f64;
-        let (found, claimed) = (2.0 * mean * mean / variance, curves[0][i].freedom);
+        let (found, claimed) = (2.0 * mean * mean / variance, curves[0][i].dof);
         // The variance of a chi-square with f degrees is itself known to √((2 + 12 / f) / 600).
         let chance = SIGMAS * ((2.0 + 12.0 / claimed) / LOGS as f64).sqrt();
         let share = found / claimed;
@@ -143,7 +143,7 @@ fn white_noise_and_walk_come_back() {
 }
 
 #[test]
-fn a_bias_that_forgets_itself_has_the_minimum_of_the_closed_form() {
+fn a_gauss_markov_bias_has_the_minimum_of_the_closed_form() {
     let (time_s, sigma) = (100.0, 6e-5);
     let memory = (-1.0 / (RATE_HZ * time_s)).exp();
     let push = sigma * (1.0f64 - memory * memory).sqrt();
@@ -178,7 +178,7 @@ fn what_a_log_cannot_show_is_not_invented() {
         let mut noise = Noise::new(40 + seed);
         let found = figures(&noise.white(60_000, WHITE));
         assert_found(found.white, WHITE);
-        assert_eq!(found.walk, Figure::No);
+        assert_eq!(found.walk, Figure::Undetermined);
         match found.instability {
             Figure::AtMost { value } => {
                 // The bound is no better than ten minutes allow: white noise over the longest time
@@ -186,25 +186,31 @@ fn what_a_log_cannot_show_is_not_invented() {
                 assert!(value > 0.5 * WHITE / 60f64.sqrt(), "{value}");
             }
             Figure::Determined { .. } => determined += 1,
-            Figure::No => panic!("no bound"),
+            Figure::Undetermined => panic!("no bound"),
         }
     }
     // Chance lifts the minimum by two sigmas in one log of forty.
     assert!(determined <= 2, "{determined} of 20");
-    // A walk over ten minutes only begins to rise.
+    // Over ten minutes, a random walk only begins to rise.
     let found = figures(&Noise::new(61).white_and_walk(60));
     assert!(
         matches!(found.instability, Figure::AtMost { .. }),
         "{found:?}"
     );
-    // Too short for anything; and a sensor that says always the same.
-    assert_eq!(figures(&Noise::new(62).white(40, WHITE)).white, Figure::No);
+    // Too short for anything; and a sensor with constant output.
+    assert_eq!(
+        figures(&Noise::new(62).white(40, WHITE)).white,
+        Figure::Undetermined
+    );
     let silent = figures(&[0.25; 10_000]);
-    assert_eq!((silent.white, silent.instability), (Figure::No, Figure::No));
+    assert_eq!(
+        (silent.white, silent.instability),
+        (Figure::Undetermined, Figure::Undetermined)
+    );
 }
 
-/// Sensors that smooth what they put out show less noise at short times; the density holds where
-/// the deviation falls as it should.
+/// Sensors that smooth their output show less noise at short times; the density is taken where the
+/// deviation falls as it should.
 #[test]
 fn smoothing_in_the_sensor_does_not_lower_the_density() {
     let white = Noise::new(70).white(360_000, WHITE);
@@ -218,7 +224,7 @@ fn smoothing_in_the_sensor_does_not_lower_the_density() {
     assert!((found / WHITE - 1.0).abs() < 0.10, "{found}");
 }
 
-/// An IMU on a table that leans a little.
+/// An IMU on a slightly tilted table.
 fn resting(seed: u64, seconds: usize) -> Vec<ImuSample> {
     let mut noise = Noise::new(seed);
     let n = seconds * RATE_HZ as usize;
@@ -259,19 +265,19 @@ fn motion_is_refused_and_named() {
     };
     let turns = refused(|t, s| s.gyro_rad_s.z += if t >= 40.0 { 0.057 } else { 0.0 });
     assert!(
-        turns.contains("at 140.000 s it turns by 3.3 °/s"),
+        turns.contains("at 140.000 s it turns at 3.3 °/s"),
         "{turns}"
     );
     let rolls = refused(|t, s| s.accel_m_s2.y += 0.5 * (0.3 * t).sin() * t.signum());
-    assert!(rolls.contains("gravity comes from a direction"), "{rolls}");
+    assert!(rolls.contains("the direction of gravity"), "{rolls}");
     let falls = refused(|_, s| s.accel_m_s2.z = 0.1);
     assert!(falls.contains("not that of gravity"), "{falls}");
     let spins = refused(|_, s| s.gyro_rad_s.z += 0.2);
-    assert!(spins.contains("it turns by 11"), "{spins}");
+    assert!(spins.contains("it turns at 11"), "{spins}");
 }
 
 #[test]
-fn knocks_and_gaps_are_told() {
+fn knocks_and_gaps_are_reported() {
     let mut log = resting(82, 60);
     for sample in &mut log[2000..2010] {
         sample.accel_m_s2.z += 0.2;
