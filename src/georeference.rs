@@ -190,7 +190,7 @@ impl<'a> Georeferencer<'a> {
         let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
         let step_s = poses_s / (self.trajectory.poses().len() - 1) as f64;
         let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
-        if let Some(unit) = unit_of_times_within(poses_s / points_s, TOLERANCE_FACTOR)
+        if let Some(unit) = time_unit_within(poses_s / points_s, TOLERANCE_FACTOR)
             && step_s > MAX_STEP_S
         {
             return Err(Error::data(
@@ -198,7 +198,7 @@ impl<'a> Georeferencer<'a> {
                 "give the times of the trajectory in seconds",
             ));
         }
-        if let Some(unit) = unit_of_times_within(points_s / poses_s, TOLERANCE_FACTOR)
+        if let Some(unit) = time_unit_within(points_s / poses_s, TOLERANCE_FACTOR)
             && self.outside as f64 > MAX_SHARE_OUTSIDE * self.read as f64
         {
             return Err(Error::data(

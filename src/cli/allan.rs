@@ -9,7 +9,7 @@ use super::print::unprintable;
 use crate::error::{Error, Location, Result};
 use crate::format::{self, Format};
 use crate::sensor::STANDARD_GRAVITY_M_S2;
-use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseFound, allan};
+use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseEstimate, allan};
 
 /// A key of `[imu]` with the figures of the three axes.
 struct Key {
@@ -251,7 +251,7 @@ fn short(sigma: f64) -> String {
 }
 
 /// Appends the Allan deviations, one line per octave.
-fn curves(text: &mut String, found: &ImuNoiseFound) {
+fn curves(text: &mut String, found: &ImuNoiseEstimate) {
     let _ = writeln!(
         text,
         "\n  Allan deviation, gyro °/h, accelerometer µg\n  {:>11}{:>8}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}",

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::lines::Lines;
-use super::native::Sheet;
+use super::native::TableWriter;
 use super::table::{Columns, Table};
 use crate::cloud::PointCloud;
 use crate::error::Result;

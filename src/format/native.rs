@@ -163,7 +163,7 @@ pub(crate) fn write_rows<const N: usize, T>(
     let header: Vec<&str> = names
         .filter_map(|(name, used)| used.then_some(*name))
         .collect();
-    let mut sheet = Sheet::create(path, &header)?;
+    let mut sheet = TableWriter::create(path, &header)?;
     for record in records {
         let cells = row(record).into_iter().zip(used);
         sheet.row(cells.filter_map(|(cell, used)| used.then_some(cell)))?;

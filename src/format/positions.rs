@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::file::nothing_in;
 use super::lines::header_names;
-use super::native::{Sheet, sigma};
+use super::native::{TableWriter, sigma};
 use super::table::{Columns, Table};
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Mat3, Vec3};

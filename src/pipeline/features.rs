@@ -56,7 +56,7 @@ fn warn_of_few(work: &FeatureSummary, settings: &FeatureSettings, progress: &dyn
     }
 }
 
-fn outcome(work: &FeatureWork, settings: &FeatureSettings, target: PathBuf) -> Outcome {
+fn outcome(work: &FeatureSummary, settings: &FeatureSettings, target: PathBuf) -> Outcome {
     let names: Vec<&str> = settings.features.iter().map(|f| f.name()).collect();
     let neighbourhood = match settings.neighbourhood {
         Neighbourhood::Nearest(k) => format!("{k} nearest points"),

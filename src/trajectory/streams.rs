@@ -7,9 +7,7 @@ use super::settings::TrajectorySettings;
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, is_finite};
-use crate::sensor::{
-    HeadingFix, ImuSample, PositionFix, Timed, check_overlap, unit_of_times_within,
-};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, time_unit_within};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
 pub(super) const FEWEST_FIXES: usize = 5;

@@ -21,7 +21,7 @@ pub(super) struct Times {
     pub(super) repeated: u64,
 }
 
-impl Clock {
+impl Times {
     fn see(&mut self, time_s: f64) {
         let span = self.span.get_or_insert([time_s; 2]);
         *span = [span[0].min(time_s), span[1].max(time_s)];
@@ -74,7 +74,7 @@ impl Clock {
 /// columns.
 pub(super) struct Gather {
     pub(super) count: u64,
-    pub(super) clock: Clock,
+    pub(super) clock: Times,
     bounds: Vec<Bounds>,
 }
 
@@ -88,7 +88,7 @@ impl Gather {
         };
         Self {
             count: 0,
-            clock: Clock::default(),
+            clock: Times::default(),
             bounds: names.iter().map(bounds).collect(),
         }
     }
