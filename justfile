@@ -34,7 +34,7 @@ bench-trajectory *ARGS:
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
 
-# What an update of the online smoother costs through an hour (needs the shared pose_case)
+# What an update of the online smoother costs through an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
 
@@ -45,3 +45,7 @@ consistency DRIVES="50":
 # The kernels beside their peers on the same files; writes docs/performance.md (needs Python)
 bench-kernels *ARGS:
     python3 benches/kernels/run.py {{ARGS}}
+
+# Every message that a user can meet, for reading aloud (needs Python)
+messages *FILES:
+    python3 tools/messages.py {{FILES}}

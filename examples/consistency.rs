@@ -5,21 +5,15 @@
 //! many lie within the 95 % band of χ² with as many degrees; then the constants. A second number
 //! is the first seed, 0 if absent: `-- 50 50` are 50 drives that `-- 50` has not seen.
 
-use boresight::geometry::{Rotation, Vec3};
-use boresight::progress::Silent;
-use boresight::simulation::{
-    Drive, Scenario, Scene, simulate_heading, simulate_imu, simulate_prism,
-};
+use boresight::simulation::{Drive, Scenario, Scene};
 use boresight::trajectory::Constant;
-use boresight::trajectory::{Estimate, MotionLogs, estimate};
 use boresight::{Error, Result};
 use std::collections::BTreeMap;
 
 #[path = "../tests/common/consistency.rs"]
 mod consistency;
-use consistency::{settings_of, squares};
+use consistency::{EPOCHS, band, squares_at_epochs, twin};
 
-const EPOCHS: usize = 20;
 const LATENCY_S: f64 = 0.03;
 const OFFSET_DEG: f64 = 1.5;
 
@@ -48,26 +42,25 @@ fn main() -> Result<()> {
         scenario.seed = 100 + seed;
         scenario.prism.latency_s = 0.0;
         scenario.heading.mounting_offset_deg = 0.0;
-        let (plain, truth) = run(&scenario, &paths[index], index, Vec::new())?;
-        let nodes = plain.trajectory.nodes().len();
-        for epoch in 0..EPOCHS {
-            let node = (2 * epoch + 1) * nodes / (2 * EPOCHS);
-            let squares = squares(&plain, &truth, node)
-                .ok_or_else(|| Error::data("a covariance is not positive", "report this"))?;
+        let (plain, truth) = twin(&scenario, &paths[index], index);
+        let squares = squares_at_epochs(&plain.try_estimate()?, &truth)
+            .ok_or_else(|| Error::data("a covariance is not positive", "report this"))?;
+        for (epoch, squares) in squares.into_iter().enumerate() {
             for (sum, square) in sums.iter_mut().zip(squares) {
                 sum[epoch] += square / drives as f64;
             }
         }
         scenario.prism.latency_s = LATENCY_S;
         scenario.heading.mounting_offset_deg = OFFSET_DEG;
-        let estimated = vec![
+        let (mut disturbed, _) = twin(&scenario, &paths[index], index);
+        disturbed.settings.estimate = vec![
             Constant::TimeOffset(0),
             Constant::LeverArm(0),
             Constant::HeadingOffset,
             Constant::Gravity,
             Constant::ImuNoiseScale,
         ];
-        let (found, _) = run(&scenario, &paths[index], index, estimated)?;
+        let found = disturbed.try_estimate()?;
         let arm = scenario.lever_arm_m();
         for constant in &found.solution.constants {
             let truth = match constant.name.as_str() {
@@ -95,7 +88,7 @@ fn main() -> Result<()> {
         .iter()
         .zip(&sums)
     {
-        let [low, high] = band(degrees * drives as f64).map(|x| x / drives as f64);
+        let [low, high] = band(*degrees, drives as f64, 1.96);
         let inside = means.iter().filter(|m| (low..=high).contains(*m)).count();
         let grand = means.iter().sum::<f64>() / EPOCHS as f64;
         println!(
@@ -105,7 +98,7 @@ fn main() -> Result<()> {
     }
     for (name, errors) in constants {
         let n = errors.count.max(1) as f64;
-        let [low, high] = band(n).map(|x| x / n);
+        let [low, high] = band(1.0, n, 1.96);
         println!(
             "{name}: mean square {:.3}, band {low:.2} to {high:.2}, mean {:+.2} ± {:.2}, {} \
              determined, {} not",
@@ -117,34 +110,4 @@ fn main() -> Result<()> {
         );
     }
     Ok(())
-}
-
-/// Bounds of χ² that hold 95 % (Wilson and Hilferty 1931).
-fn band(degrees: f64) -> [f64; 2] {
-    let spread = 2.0 / (9.0 * degrees);
-    [-1.96, 1.96].map(|z| degrees * (1.0 - spread + z * spread.sqrt()).powi(3))
-}
-
-/// The estimate of one drive and the true poses.
-fn run(
-    scenario: &Scenario,
-    drive: &Drive,
-    index: usize,
-    estimated: Vec<Constant>,
-) -> Result<(Estimate, Vec<(Vec3, Rotation)>)> {
-    let imu = simulate_imu(scenario, drive, index);
-    let positions = [simulate_prism(scenario, drive, index)];
-    let heading = simulate_heading(scenario, drive, index);
-    let mut settings = settings_of(scenario);
-    settings.estimate = estimated;
-    let logs = MotionLogs {
-        imu: &imu.samples,
-        positions: &positions,
-        heading: &heading,
-    };
-    let poses = imu.truth.iter().map(|r| {
-        let pose = r.world_from_body;
-        (pose.translation_m, pose.rotation)
-    });
-    Ok((estimate(&logs, &settings, &Silent)?, poses.collect()))
 }

@@ -5,14 +5,18 @@
 
 use std::path::Path;
 
+use boresight::Result;
 use boresight::calibration::Calibration;
-use boresight::geometry::{EulerConvention, so3};
-use boresight::pipeline::stages::{self, Poses};
-use boresight::progress::Silent;
-use boresight::project::Project;
-use boresight::simulation::{Scenario, simulate};
-use boresight::trajectory::Trajectory;
-use boresight::{Result, format};
+use boresight::geometry::{EulerConvention, Vec3};
+use boresight::pipeline::stages::Poses;
+use boresight::simulation::Scenario;
+
+#[path = "../tests/common/consistency.rs"]
+mod consistency;
+#[path = "../tests/common/demo_drive.rs"]
+mod demo_drive;
+use consistency::{PoseErrors, rms};
+use demo_drive::{DemoDrive, calibrate};
 
 fn main() -> Result<()> {
     let mut args = std::env::args().skip(1);
@@ -21,11 +25,9 @@ fn main() -> Result<()> {
     let mut inside = [(0, 0); 3];
     for seed in first..first + seeds {
         let folder = std::env::temp_dir().join(format!("boresight-montecarlo-{seed}"));
-        for (kind, calibration) in run(seed, &folder)?.into_iter().enumerate() {
-            let name = ["own poses", "no reference", "exact poses"][kind];
-            let (covered, all) = judge(seed, name, &calibration);
-            inside[kind].0 += covered;
-            inside[kind].1 += all;
+        for (total, (covered, all)) in inside.iter_mut().zip(run(seed, &folder)?) {
+            total.0 += covered;
+            total.1 += all;
         }
         println!("running totals inside 95 %: {inside:?}");
         let _ = std::fs::remove_dir_all(&folder);
@@ -33,69 +35,45 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// With own poses, without the reference, and with exact poses.
-fn run(seed: u64, folder: &Path) -> Result<[Calibration; 3]> {
-    let mut scenario = Scenario {
+/// With own poses, without the reference, and with exact poses: how many errors of how many lie
+/// inside 95 %.
+fn run(seed: u64, folder: &Path) -> Result<[(usize, usize); 3]> {
+    let scenario = Scenario {
         seed,
         ..Scenario::demo()
     };
-    scenario.drives.truncate(1);
-    let files = simulate(&scenario, folder, &Silent)?;
-    let project = Project::read(&files.drives[0].project)?;
-    let reference = stages::reference(&project, &Silent)?;
-    let poses = stages::poses(&project, &Silent)?;
-    let truth = format::read_trajectory(&files.drives[0].folder.join("truth/trajectory.csv"))?;
-    let exact = Poses::from_file(Trajectory::new(truth)?);
-    pose_errors(&poses, &exact);
-    let calibrate = |poses: &Poses, reference: &[_]| {
-        let samples = stages::samples(&project, &poses.trajectory, &Silent)?;
-        stages::calibration(
-            &project,
-            &project.calibration,
-            poses,
-            &samples,
-            reference,
-            &Silent,
-        )
-    };
-    Ok([
-        calibrate(&poses, &reference)?,
-        calibrate(&poses, &[])?,
-        calibrate(&exact, &reference)?,
-    ])
+    let drive = DemoDrive::simulate(scenario, folder)?;
+    print_pose_errors(&drive.own, &drive.exact);
+    let settings = &drive.project.calibration;
+    let runs = [
+        ("own poses", &drive.own, &drive.reference[..]),
+        ("no reference", &drive.own, &[]),
+        ("exact poses", &drive.exact, &drive.reference),
+    ];
+    let mut inside = [(0, 0); 3];
+    for (inside, (name, poses, reference)) in inside.iter_mut().zip(runs) {
+        let found = calibrate(&drive.project, settings, poses, reference)?;
+        *inside = judge(&format!("seed {seed} {name}"), &drive, &found);
+    }
+    Ok(inside)
 }
 
 /// Root mean square errors of the poses and how they compare with their sigmas.
-fn pose_errors(poses: &Poses, exact: &Poses) {
-    let mut sums = [[0.0; 2]; 6];
-    let nodes = poses.trajectory.nodes();
-    for node in nodes {
-        let (Some(truth), Some(sigma)) = (exact.trajectory.pose_at(node.time_s), node.sigma) else {
-            continue;
-        };
-        let shift = node.world_from_body.translation_m - truth.translation_m;
-        let turn = so3::log(&(node.world_from_body.rotation * truth.rotation.inverse()));
-        for axis in 0..3 {
-            for (row, error, sigma) in [
-                (axis, shift[axis], sigma.position_m[axis]),
-                (3 + axis, turn[axis], sigma.rotation_rad[axis]),
-            ] {
-                sums[row][0] += error * error;
-                sums[row][1] += (error / sigma).powi(2);
-            }
+fn print_pose_errors(poses: &Poses, exact: &Poses) {
+    let mut errors = PoseErrors::default();
+    for node in poses.trajectory.poses() {
+        if let Some(truth) = exact.trajectory.pose_at(node.time_s) {
+            errors.add(node, &(truth.translation_m, truth.rotation));
         }
     }
-    let rms = |x: f64| (x / nodes.len() as f64).sqrt();
-    let shown: Vec<String> = sums
-        .iter()
-        .enumerate()
-        .map(|(row, [raw, normalised])| {
-            let unit = if row < 3 {
-                rms(*raw) * 1e3
-            } else {
-                rms(*raw).to_degrees()
+    let shown: Vec<String> = (0..6)
+        .map(|i| {
+            let of_axis = |all: &[Vec3]| rms(all.iter().map(|error| error[i % 3]));
+            let error = match i {
+                0..3 => of_axis(&errors.shift) * 1e3,
+                _ => of_axis(&errors.turn).to_degrees(),
             };
-            format!("{unit:.4} ({:.2} sigma)", rms(*normalised))
+            format!("{error:.4} ({:.2} sigma)", errors.normalised()[i])
         })
         .collect();
     println!(
@@ -105,24 +83,16 @@ fn pose_errors(poses: &Poses, exact: &Poses) {
 }
 
 /// Prints errors and sigmas of one calibration; how many of how many lie inside 95 %.
-fn judge(seed: u64, name: &str, calibration: &Calibration) -> (usize, usize) {
-    let convention = EulerConvention::Bonn;
-    let truth = Scenario::demo().true_mountings();
+fn judge(name: &str, drive: &DemoDrive, calibration: &Calibration) -> (usize, usize) {
     let (mut covered, mut all) = (0, 0);
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {
-        let sigmas = calibration.sigmas(scanner, convention);
-        let found = &mounting.body_from_scanner;
-        let shift = found.translation_m - truth[scanner].translation_m;
-        let angles = |pose: &boresight::geometry::BodyFromScanner| {
-            boresight::geometry::euler::euler_deg_from_rotation(convention, &pose.rotation)
-        };
-        let (a, b) = (angles(found), angles(&truth[scanner]));
-        let mut line = format!("seed {seed} {name} {}:", mounting.name);
+        let sigmas = calibration.sigmas(scanner, EulerConvention::Bonn);
+        let errors = drive.errors(calibration, scanner);
+        let mut line = format!("{name} {}:", mounting.name);
         for parameter in 0..6 {
-            let (error, unit) = if parameter < 3 {
-                (shift[parameter] * 1e3, 1e3)
-            } else {
-                (a[parameter - 3] - b[parameter - 3], 1f64.to_degrees())
+            let (error, unit) = match parameter {
+                0..3 => (errors[parameter] * 1e3, 1e3),
+                _ => (errors[parameter], 1f64.to_degrees()),
             };
             match sigmas[parameter] {
                 Some(sigma) => {

@@ -27,8 +27,27 @@ impl fmt::Display for Location {
     }
 }
 
+/// Why readable data cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Problem {
+    /// A value or a setting that cannot be right: not finite, out of range, out of order, in another
+    /// unit.
+    Invalid,
+    /// Streams that share no time, or clouds that share no space.
+    NoOverlap,
+    /// Fewer data than the method needs.
+    TooFew,
+    /// Unknowns that the data do not determine.
+    NotDetermined,
+    /// A result that would replace a file from which it is made.
+    WouldReplaceInput,
+}
+
 /// What went wrong, with everything needed to mend it.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The operating system refused a file.
     #[error("{}: {source}", path.display())]
@@ -53,6 +72,8 @@ pub enum Error {
     /// The data are readable but cannot be used together, or not for this purpose.
     #[error("{problem}\n  remedy: {remedy}")]
     Data {
+        /// Which kind of problem, for programs.
+        kind: Problem,
         /// What is wrong, with names and numbers.
         problem: String,
         /// What the user can do about it.
@@ -87,9 +108,15 @@ impl Error {
         }
     }
 
-    /// An [`Error::Data`].
+    /// An [`Error::Data`] of the kind [`Problem::Invalid`].
     pub fn data(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::of(Problem::Invalid, problem, remedy)
+    }
+
+    /// An [`Error::Data`] of this kind.
+    pub fn of(kind: Problem, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Data {
+            kind,
             problem: problem.into(),
             remedy: remedy.into(),
         }

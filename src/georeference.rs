@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
-use crate::sensor::{ScanPoint, check_overlap};
+use crate::sensor::{ScanPoint, check_overlap, unit_of_times_within};
 use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
 
@@ -144,20 +144,22 @@ impl<'a> Georeferencer<'a> {
     ///
     /// # Errors
     /// There was no point, or none within the trajectory's span (with both spans), or none with a
-    /// pose that is known well enough.
+    /// pose that is known well enough; times of poses or points that are not in seconds.
     pub fn check(&self, name: &str) -> Result<()> {
         if self.read == 0 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!("scanner `{name}` has no points"),
                 "check that the profile file is the right one and not empty",
             ));
         }
         let refused = &self.refused;
         if self.outside + refused.points < self.read {
-            return Ok(());
+            return self.check_units(name);
         }
         if refused.points > 0 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::NotDetermined,
                 format!("no point of scanner `{name}` can be placed: {refused}"),
                 "raise the bound, or mend the trajectory where its sigmas grow",
             ));
@@ -165,10 +167,41 @@ impl<'a> Georeferencer<'a> {
         let profiles = format!("the profiles of scanner `{name}`");
         let poses = ("the trajectory", self.trajectory.span_s());
         check_overlap((&profiles, self.span_s), poses)?;
-        Err(Error::data(
+        Err(Error::of(
+            Problem::NoOverlap,
             format!("no profile of scanner `{name}` falls on a pose of the trajectory"),
             "check the clocks; `time_offset_s` shifts a scanner",
         ))
+    }
+
+    /// Where the times of points and poses, both from zero on, are in different units, some points
+    /// fall on the trajectory all the same.
+    fn check_units(&self, name: &str) -> Result<()> {
+        /// Slower poses place no points.
+        const LONGEST_STEP_S: f64 = 1.0;
+        const MOST_OUTSIDE: f64 = 0.99;
+        const ALIKE: f64 = 4.0;
+        let length = |(first, last): (f64, f64)| last - first;
+        let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
+        let step_s = poses_s / (self.trajectory.poses().len() - 1) as f64;
+        let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
+        if let Some(unit) = unit_of_times_within(poses_s / points_s, ALIKE)
+            && step_s > LONGEST_STEP_S
+        {
+            return Err(Error::data(
+                format!("time steps of {step_s:.3} s between poses: are these {unit}? ({spans})"),
+                "give the times of the trajectory in seconds",
+            ));
+        }
+        if let Some(unit) = unit_of_times_within(points_s / poses_s, ALIKE)
+            && self.outside as f64 > MOST_OUTSIDE * self.read as f64
+        {
+            return Err(Error::data(
+                format!("the times of scanner `{name}`: are these {unit}? ({spans})"),
+                "give the times of the profiles in seconds",
+            ));
+        }
+        Ok(())
     }
 
     /// Where `point` is in the world, metres; `None` as [`Self::body_at`].

@@ -9,7 +9,9 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::error::{Error, Location, Result};
+use same_file::is_same_file;
+
+use crate::error::{Error, Location, Problem, Result};
 
 /// Start of the names of staging folders; the lock beside each ends in `.lock`.
 const PREFIX: &str = ".staging-";
@@ -38,15 +40,19 @@ pub struct Staging {
     folder: PathBuf,
     lock_path: PathBuf,
     _lock: File,
+    inputs: Vec<PathBuf>,
 }
 
 impl Staging {
     /// Creates `dir` where it is missing and a staging folder in it, and removes those of runs
-    /// that were killed.
+    /// that were killed. `inputs` are the files that the work reads and `names` those that it is
+    /// going to write into `dir`: what would replace an input is refused here, before the work, and
+    /// what was not named at the latest by [`Staging::commit`].
     ///
     /// # Errors
-    /// `dir` cannot be created or written.
-    pub fn new(dir: &Path) -> Result<Self> {
+    /// `dir` cannot be created or written; see also [`keep_inputs`].
+    pub fn new(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<Self> {
+        keep_inputs(dir, inputs, names)?;
         if dir.exists() && !dir.is_dir() {
             let (found, expected) = ("a file", "a folder for the results, or a name still free");
             return Err(Error::format(dir, Location::Whole, found, expected));
@@ -77,6 +83,7 @@ impl Staging {
             folder,
             lock_path,
             _lock: lock,
+            inputs: inputs.to_vec(),
         })
     }
 
@@ -95,10 +102,12 @@ impl Staging {
     /// of their names, `result.json` last.
     ///
     /// # Errors
-    /// A file cannot be flushed or renamed; those already renamed are complete.
+    /// A file would replace an input, and none is renamed; a file cannot be flushed or renamed, and
+    /// those already renamed are complete.
     pub fn commit(self) -> Result<()> {
         let mut names = Vec::new();
         list_files(&self.folder, Path::new(""), &mut names)?;
+        keep_inputs(&self.dir, &self.inputs, &names)?;
         names.sort_by_key(|name| (name == Path::new(LAST), name.clone()));
         for name in &names {
             let staged = self.folder.join(name);
@@ -128,6 +137,32 @@ impl Drop for Staging {
         let _ = fs::remove_dir_all(&self.folder);
         let _ = fs::remove_file(&self.lock_path);
     }
+}
+
+/// Checks that none of the files `names` in `dir` is one of `inputs`, under whatever name and through
+/// whatever links: nothing replaces what it was made from.
+///
+/// # Errors
+/// Names the input, and what would replace it.
+pub fn keep_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]) -> Result<()> {
+    for target in names.iter().map(|name| dir.join(name)) {
+        // Pipes are no files, and opening them might wait forever.
+        let same = |input: &&PathBuf| {
+            target.is_file() && input.is_file() && is_same_file(input, &target).unwrap_or(false)
+        };
+        if let Some(input) = inputs.iter().find(same) {
+            return Err(Error::of(
+                Problem::WouldReplaceInput,
+                format!(
+                    "{} is an input, and would be replaced by the result {}",
+                    input.display(),
+                    target.display()
+                ),
+                "choose another folder for the results (--out)",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Removes staging folders in `dir` whose lock nobody holds.
@@ -191,7 +226,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         _ => Path::new("."),
     };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let staging = Staging::new(parent)?;
+    let staging = Staging::new(parent, &[], &[&*name])?;
     let staged = staging.path(&name);
     fs::write(&staged, bytes).map_err(|e| Error::io(&staged, e))?;
     staging.commit()
@@ -214,7 +249,7 @@ mod tests {
     fn nothing_shows_before_the_commit_and_everything_after() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
-        let staging = Staging::new(&out).unwrap();
+        let staging = Staging::new(&out, &[], &["result.json"]).unwrap();
         fs::write(staging.path("result.json"), "{}").unwrap();
         fs::write(staging.path("drive-1/imu.csv"), "a").unwrap();
         assert!(!out.join("result.json").exists() && !out.join("drive-1").exists());
@@ -230,7 +265,7 @@ mod tests {
     fn a_dropped_staging_leaves_nothing_and_old_results_stay() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join("result.json"), "old").unwrap();
-        let staging = Staging::new(dir.path()).unwrap();
+        let staging = Staging::new(dir.path(), &[], &["kept"]).unwrap();
         fs::write(staging.path("result.json"), "new").unwrap();
         drop(staging);
         assert_eq!(names(dir.path()), ["result.json"]);
@@ -246,13 +281,47 @@ mod tests {
         fs::create_dir(dir.path().join(".staging-1-0")).unwrap();
         fs::write(dir.path().join(".staging-1-0/half.laz"), "half").unwrap();
         fs::write(dir.path().join(".staging-1-0.lock"), "").unwrap();
-        let living = Staging::new(dir.path()).unwrap();
+        let living = Staging::new(dir.path(), &[], &["kept"]).unwrap();
         fs::write(living.path("kept"), "kept").unwrap();
-        let second = Staging::new(dir.path()).unwrap();
+        let second = Staging::new(dir.path(), &[], &["kept"]).unwrap();
         assert!(!dir.path().join(".staging-1-0").exists());
         drop(second);
         living.commit().unwrap();
         assert_eq!(names(dir.path()), ["kept"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn inputs_are_kept_under_every_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        fs::create_dir(at("out")).unwrap();
+        fs::write(at("in.csv"), "input").unwrap();
+        let inputs = [at("in.csv")];
+        let refused = |out: &Path, name: &str| {
+            let error = Staging::new(out, &inputs, &[name]).unwrap_err().to_string();
+            assert!(error.contains("in.csv is an input"), "{error}");
+        };
+        refused(dir.path(), "in.csv");
+        refused(&at("out"), "../in.csv");
+        std::os::unix::fs::symlink(at("in.csv"), at("out/soft.csv")).unwrap();
+        refused(&at("out"), "soft.csv");
+        fs::hard_link(at("in.csv"), at("out/hard.csv")).unwrap();
+        refused(&at("out"), "hard.csv");
+        std::os::unix::fs::symlink(dir.path(), at("link")).unwrap();
+        refused(&at("link"), "in.csv");
+        // A copy is another file; and nothing was left behind by what was refused.
+        fs::copy(at("in.csv"), at("out/copy.csv")).unwrap();
+        Staging::new(&at("out"), &inputs, &["copy.csv", "new.csv"]).unwrap();
+        assert_eq!(names(&at("out")), ["copy.csv", "hard.csv", "soft.csv"]);
+        // What was not named is refused before anything is renamed.
+        let staging = Staging::new(dir.path(), &inputs, &["a.csv"]).unwrap();
+        fs::write(staging.path("a.csv"), "result").unwrap();
+        fs::write(staging.path("in.csv"), "result").unwrap();
+        let error = staging.commit().unwrap_err().to_string();
+        assert!(error.contains("in.csv is an input"), "{error}");
+        assert_eq!(names(dir.path()), ["in.csv", "link", "out"]);
+        assert_eq!(fs::read_to_string(at("in.csv")).unwrap(), "input");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 /// Receives what the work reports, and may tell it to stop. The command line draws bars, tests stay
 /// silent.
 ///
-/// Work begins its stages with [`stage`](trait.Progress.html#method.stage), which ends them too.
+/// Work begins its stages with `stage`, which ends them too, and asks with `check` whether to go on.
 pub trait Progress: Sync {
     /// A stage begins, within those that run; `total` counts its units of work (0 where unknown).
     fn begin(&self, stage: &str, total: u64);
@@ -63,6 +63,15 @@ impl Drop for Stage<'_> {
     fn drop(&mut self) {
         self.progress.end();
     }
+}
+
+/// Run time of one stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageSeconds {
+    /// Name, for example "trajectory".
+    pub name: String,
+    /// Seconds.
+    pub seconds: f64,
 }
 
 /// Reports nothing, and never stops.

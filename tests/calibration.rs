@@ -2,74 +2,35 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
 use std::sync::OnceLock;
 
-use boresight::calibration::Calibration;
-use boresight::calibration::{CalibrationSettings, Method};
-use boresight::format;
+use boresight::calibration::{Calibration, CalibrationSettings, Method};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
-use boresight::pipeline::stages::{self, Poses};
-use boresight::progress::Silent;
+use boresight::pipeline::stages::Poses;
 use boresight::project::Project;
-use boresight::simulation::{Scenario, simulate};
-use boresight::trajectory::Trajectory;
+use boresight::simulation::Scenario;
+use common::demo_drive::{DemoDrive, calibrate};
 use tempfile::TempDir;
 
-/// The simulated drive, read once for all tests.
-struct Case {
-    _folder: TempDir,
-    project: Project,
-    reference: Vec<Vec3>,
-    own: Poses,
-    exact: Poses,
-    truth: Vec<BodyFromScanner>,
-}
-
-fn case() -> &'static Case {
-    static CASE: OnceLock<Case> = OnceLock::new();
-    CASE.get_or_init(|| {
+/// The demo's first drive on three scales, simulated once for all tests. The folder is kept, since
+/// every calibration reads its profiles.
+fn case() -> &'static DemoDrive {
+    static CASE: OnceLock<(DemoDrive, TempDir)> = OnceLock::new();
+    let (case, _) = CASE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let mut scenario = Scenario::demo();
-        scenario.drives.truncate(1);
-        let files = simulate(&scenario, folder.path(), &Silent).unwrap();
-        let mut project = Project::read(&files.drives[0].project).unwrap();
-        project.calibration.voxel_sizes_m = vec![0.05, 0.03, 0.02];
-        let truth = files.drives[0].folder.join("truth/trajectory.csv");
-        let exact = Trajectory::new(format::read_trajectory(&truth).unwrap()).unwrap();
-        Case {
-            reference: stages::reference(&project, &Silent).unwrap(),
-            own: stages::poses(&project, &Silent).unwrap(),
-            exact: Poses::from_file(exact),
-            truth: scenario.true_mountings(),
-            project,
-            _folder: folder,
-        }
-    })
+        let mut case = DemoDrive::simulate(Scenario::demo(), folder.path()).unwrap();
+        case.project.calibration.voxel_sizes_m = vec![0.05, 0.03, 0.02];
+        (case, folder)
+    });
+    case
 }
 
-fn calibrate(poses: &Poses, reference: &[Vec3], settings: &CalibrationSettings) -> Calibration {
-    let project = &case().project;
-    let samples = stages::samples(project, &poses.trajectory, &Silent).unwrap();
-    stages::calibration(project, settings, poses, &samples, reference, &Silent).unwrap()
-}
-
-/// Errors of tx ty tz (m) and α β γ (degrees, `bonn`) of a scanner.
-fn errors(found: &Calibration, scanner: usize) -> [f64; 6] {
-    let pose = &found.mountings[scanner].body_from_scanner;
-    let truth = &case().truth[scanner];
-    let shift = pose.translation_m - truth.translation_m;
-    let angles =
-        |pose: &BodyFromScanner| euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation);
-    let (a, b) = (angles(pose), angles(truth));
-    [
-        shift.x,
-        shift.y,
-        shift.z,
-        a[0] - b[0],
-        a[1] - b[1],
-        a[2] - b[2],
-    ]
+/// On its own settings.
+fn calibrated(project: &Project, poses: &Poses, reference: &[Vec3]) -> Calibration {
+    calibrate(project, &project.calibration, poses, reference).unwrap()
 }
 
 /// Errors must lie within 4 mm and 0.15°, the limits that poses of this grade set, and within 2.8
@@ -77,7 +38,7 @@ fn errors(found: &Calibration, scanner: usize) -> [f64; 6] {
 fn assert_honest(found: &Calibration, label: &str) {
     for scanner in 0..2 {
         let sigmas = found.sigmas(scanner, EulerConvention::Bonn);
-        let errors = errors(found, scanner);
+        let errors = case().errors(found, scanner);
         println!("{label} {scanner}: errors {errors:?}, sigmas {sigmas:?}");
         for parameter in 0..6 {
             if !found.is_observable(scanner, parameter) {
@@ -110,9 +71,9 @@ fn assert_honest(found: &Calibration, label: &str) {
 #[test]
 fn with_exact_poses_the_truth_is_found() {
     let case = case();
-    let found = calibrate(&case.exact, &case.reference, &case.project.calibration);
+    let found = calibrated(&case.project, &case.exact, &case.reference);
     for scanner in 0..2 {
-        let errors = errors(&found, scanner);
+        let errors = case.errors(&found, scanner);
         println!("exact poses {scanner}: errors {errors:?}");
         assert!(errors[..3].iter().all(|e| e.abs() < 1e-4), "{errors:?}");
         assert!(errors[3..].iter().all(|e| e.abs() < 0.005), "{errors:?}");
@@ -122,7 +83,7 @@ fn with_exact_poses_the_truth_is_found() {
 #[test]
 fn with_own_poses_the_errors_are_those_claimed() {
     let case = case();
-    let found = calibrate(&case.own, &case.reference, &case.project.calibration);
+    let found = calibrated(&case.project, &case.own, &case.reference);
     assert!(found.observability.free.is_empty());
     assert_honest(&found, "own poses");
     let constancy = found.constancy.unwrap();
@@ -132,7 +93,7 @@ fn with_own_poses_the_errors_are_those_claimed() {
 #[test]
 fn without_a_reference_the_common_height_is_named_and_held() {
     let case = case();
-    let found = calibrate(&case.own, &[], &case.project.calibration);
+    let found = calibrated(&case.project, &case.own, &[]);
     assert_eq!(found.observability.free.len(), 1);
     assert_eq!(
         found.observability.free[0].words,
@@ -163,9 +124,7 @@ fn the_height_of_a_single_scanner_is_not_invented_either() {
     let mut project = case.project.clone();
     project.scanners.truncate(1);
     project.calibration.voxel_sizes_m = vec![0.05];
-    let samples = stages::samples(&project, &case.own.trajectory, &Silent).unwrap();
-    let settings = &project.calibration;
-    let found = stages::calibration(&project, settings, &case.own, &samples, &[], &Silent).unwrap();
+    let found = calibrated(&project, &case.own, &[]);
     assert_eq!(found.observability.free[0].words, "the height of `left`");
     assert_eq!(found.unobservable(0), ["tz"]);
     let height = found.mountings[0].body_from_scanner.translation_m.z;
@@ -179,14 +138,8 @@ fn held_parameters_stay_to_the_last_bit() {
     for scanner in &mut project.scanners {
         scanner.fixed = [true, false, true, false, true, false];
     }
-    let samples = stages::samples(&project, &case.own.trajectory, &Silent).unwrap();
-    let settings = CalibrationSettings {
-        voxel_sizes_m: vec![0.05],
-        ..project.calibration.clone()
-    };
-    let reference = &case.reference;
-    let found =
-        stages::calibration(&project, &settings, &case.own, &samples, reference, &Silent).unwrap();
+    project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&project, &case.own, &case.reference);
     for (scanner, before) in project.scanners.iter().enumerate() {
         let (a, b) = (
             &before.body_from_scanner,
@@ -214,10 +167,10 @@ fn the_papers_method_lifts_the_scanners_and_needs_more() {
         max_iterations: 20,
         ..case.project.calibration.clone()
     };
-    let found = calibrate(&case.own, &case.reference, &settings);
+    let found = calibrate(&case.project, &settings, &case.own, &case.reference).unwrap();
     let scale = &found.scales[0];
     for scanner in 0..2 {
-        let errors = errors(&found, scanner);
+        let errors = case.errors(&found, scanner);
         println!("paper {scanner}: errors {errors:?}");
         // The scanners start 87 mm and 85 mm too high. A tenth of that is what the plain voxel
         // filter and the squares may leave at this scale, 17 % of the voxel.
@@ -233,17 +186,10 @@ fn the_papers_method_lifts_the_scanners_and_needs_more() {
 fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();
-    scenario.drives.truncate(1);
     scenario.deformation.enabled = true;
-    let files = simulate(&scenario, folder.path(), &Silent).unwrap();
-    let mut project = Project::read(&files.drives[0].project).unwrap();
-    project.calibration.voxel_sizes_m = vec![0.05];
-    let reference = stages::reference(&project, &Silent).unwrap();
-    let poses = stages::poses(&project, &Silent).unwrap();
-    let samples = stages::samples(&project, &poses.trajectory, &Silent).unwrap();
-    let settings = &project.calibration;
-    let found =
-        stages::calibration(&project, settings, &poses, &samples, &reference, &Silent).unwrap();
+    let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
+    case.project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&case.project, &case.own, &case.reference);
     let constancy = found.constancy.unwrap();
     println!(
         "{} mm, {} times expected, {:?}",

@@ -5,23 +5,26 @@ mod common;
 use std::fs;
 use std::path::Path;
 
-use common::{boresight, project_of_logs};
+use common::{boresight, change_project, on_project, project_of_logs, rewrite_project};
+
+/// Commands that write results.
+const WRITING: [&str; 9] = [
+    "demo",
+    "simulate",
+    "trajectory",
+    "calibrate",
+    "georeference",
+    "compare",
+    "thin",
+    "features",
+    "run",
+];
 
 #[test]
 fn help_names_every_command_and_the_exit_codes() {
     let run = boresight(&["--help"]);
     assert_eq!(run.code, 0);
-    for name in [
-        "demo",
-        "simulate",
-        "inspect",
-        "trajectory",
-        "calibrate",
-        "georeference",
-        "compare",
-        "thin",
-        "run",
-    ] {
+    for name in WRITING.iter().chain(&["inspect"]) {
         assert!(
             run.out.contains(&format!("\n  {name} ")),
             "{name}: {}",
@@ -41,16 +44,7 @@ fn help_names_every_command_and_the_exit_codes() {
 
 #[test]
 fn every_command_that_writes_takes_a_folder() {
-    for name in [
-        "demo",
-        "simulate",
-        "trajectory",
-        "calibrate",
-        "georeference",
-        "compare",
-        "thin",
-        "run",
-    ] {
+    for name in WRITING {
         let run = boresight(&[name, "--help"]);
         assert_eq!(run.code, 0, "{name}: {}", run.err);
         assert!(run.out.contains("--out <DIR>"), "{name}: {}", run.out);
@@ -99,11 +93,9 @@ fn wrong_use_exits_2_and_says_what_is_known() {
 #[test]
 fn a_mistyped_key_is_named_with_file_line_and_the_nearest_key() {
     let folder = project_of_logs();
-    let path = folder.path().join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, text.replace("lever_arm_m", "leverarm_m")).unwrap();
+    change_project(folder.path(), "lever_arm_m", "leverarm_m");
     for command in ["inspect", "trajectory", "calibrate", "georeference", "run"] {
-        let run = boresight(&[command, path.to_str().unwrap()]);
+        let run = on_project(folder.path(), command, &[]);
         assert_eq!(run.code, 1);
         assert_eq!(run.out, "");
         assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
@@ -120,10 +112,8 @@ fn a_mistyped_key_is_named_with_file_line_and_the_nearest_key() {
 #[test]
 fn errors_are_one_json_document_where_json_is_asked_for() {
     let folder = project_of_logs();
-    let path = folder.path().join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, text.replace("lever_arm_m", "leverarm_m")).unwrap();
-    let run = boresight(&["run", path.to_str().unwrap(), "--json"]);
+    change_project(folder.path(), "lever_arm_m", "leverarm_m");
+    let run = on_project(folder.path(), "run", &["--json"]);
     assert_eq!(run.code, 1);
     let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     assert_eq!(document["error"]["line"], 6);
@@ -150,10 +140,9 @@ fn a_missing_project_file_is_named() {
 #[test]
 fn a_missing_log_is_named_with_its_key_and_line_and_nothing_is_written() {
     let folder = project_of_logs();
-    let path = folder.path().join("project.toml");
     fs::remove_file(folder.path().join("prism.csv")).unwrap();
     for command in ["inspect", "trajectory", "calibrate", "georeference", "run"] {
-        let run = boresight(&[command, path.to_str().unwrap()]);
+        let run = on_project(folder.path(), command, &[]);
         assert_eq!(run.code, 1);
         assert!(
             run.err
@@ -169,8 +158,7 @@ fn a_missing_log_is_named_with_its_key_and_line_and_nothing_is_written() {
 #[test]
 fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
     let folder = project_of_logs();
-    let path = folder.path().join("project.toml");
-    let run = boresight(&["inspect", path.to_str().unwrap()]);
+    let run = on_project(folder.path(), "inspect", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     for expected in [
         "body axes               FRD: x forward, y right, z down",
@@ -192,8 +180,7 @@ fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
 #[test]
 fn inspect_as_json_gives_the_resolved_project() {
     let folder = project_of_logs();
-    let path = folder.path().join("project.toml");
-    let run = boresight(&["inspect", path.to_str().unwrap(), "--json"]);
+    let run = on_project(folder.path(), "inspect", &["--json"]);
     let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     let project = &document["files"][0]["project"];
     assert_eq!(project["prism"]["sigma_m"], 0.005);
@@ -290,12 +277,11 @@ fn noise_figures_of_a_static_log_can_be_pasted_into_a_project() {
     let bound = "# gyro_bias_instability_deg_h: not determined by this log, at most ";
     assert!(pasted.contains(bound), "{pasted}");
 
-    let path = folder.path().join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    let pasted_with_file = pasted.replace("[imu]\n", "[imu]\nfile = \"imu.csv\"\n");
-    let text = text.replace("[imu]\nfile = \"imu.csv\"\n", &pasted_with_file);
-    fs::write(&path, text).unwrap();
-    let run = boresight(&["inspect", path.to_str().unwrap(), "--json"]);
+    let with_file = pasted.replace("[imu]\n", "[imu]\nfile = \"imu.csv\"\n");
+    rewrite_project(folder.path(), |text| {
+        text.replace("[imu]\nfile = \"imu.csv\"\n", &with_file)
+    });
+    let run = on_project(folder.path(), "inspect", &["--json"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     let project: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     for (key, _) in expected {

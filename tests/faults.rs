@@ -9,7 +9,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Run, boresight, project_of_logs};
+use common::{
+    Run, boresight, change_project, names, on_project, project_of_logs, replace_logs,
+    rewrite_project,
+};
 
 /// Rewrites the log `name`, whose rows start with a time, row by row.
 fn change_rows(folder: &Path, name: &str, change: impl Fn(usize, &str) -> String) {
@@ -56,17 +59,13 @@ fn assert_one_error(folder: &Path, run: &Run, expected: &[&str]) {
     }
 }
 
-fn on_project(folder: &Path, command: &str) -> Run {
-    boresight(&[command, folder.join("project.toml").to_str().unwrap()])
-}
-
 #[test]
 fn a_prism_log_that_does_not_overlap_the_imu_is_named_with_the_gap() {
     let folder = project_of_logs();
     shift_times(folder.path(), "prism.csv", 1000.0);
     for command in ["trajectory", "run"] {
         // The IMU ends at 29.98 s, the prism starts at 1000.01 s.
-        let run = on_project(folder.path(), command);
+        let run = on_project(folder.path(), command, &[]);
         assert_one_error(
             folder.path(),
             &run,
@@ -83,11 +82,9 @@ fn a_prism_log_that_does_not_overlap_the_imu_is_named_with_the_gap() {
 fn a_time_offset_of_the_project_mends_what_does_not_overlap() {
     let folder = project_of_logs();
     shift_times(folder.path(), "prism.csv", 1000.0);
-    let path = folder.path().join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
     let mended = "file = \"prism.csv\"\ntime_offset_s = -1000.0";
-    fs::write(&path, text.replace("file = \"prism.csv\"", mended)).unwrap();
-    let run = on_project(folder.path(), "trajectory");
+    change_project(folder.path(), "file = \"prism.csv\"", mended);
+    let run = on_project(folder.path(), "trajectory", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(folder.path().join("out/trajectory.csv").exists());
 }
@@ -97,7 +94,7 @@ fn profiles_outside_the_trajectory_are_named_with_the_scanner() {
     let folder = project_of_logs();
     shift_times(folder.path(), "left.csv", 500.0);
     for command in ["calibrate", "georeference", "run"] {
-        let run = on_project(folder.path(), command);
+        let run = on_project(folder.path(), command, &[]);
         assert_one_error(
             folder.path(),
             &run,
@@ -140,11 +137,11 @@ fn an_empty_cloud_is_named() {
 #[test]
 fn a_reference_without_points_is_named() {
     let folder = project_of_logs();
-    let path = folder.path().join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, format!("{text}\n[reference]\nfile = \"tls.csv\"\n")).unwrap();
+    rewrite_project(folder.path(), |text| {
+        format!("{text}\n[reference]\nfile = \"tls.csv\"\n")
+    });
     fs::write(folder.path().join("tls.csv"), "east_m, north_m, up_m\n").unwrap();
-    let run = on_project(folder.path(), "run");
+    let run = on_project(folder.path(), "run", &[]);
     assert_one_error(folder.path(), &run, &["tls.csv"]);
 }
 
@@ -161,7 +158,7 @@ fn a_value_that_is_no_number_is_named_with_file_and_line() {
                     row.to_owned()
                 }
             });
-            let run = on_project(folder.path(), "run");
+            let run = on_project(folder.path(), "run", &[]);
             assert_one_error(folder.path(), &run, &[&format!("{name}, line {line}: ")]);
         }
     }
@@ -170,7 +167,7 @@ fn a_value_that_is_no_number_is_named_with_file_and_line() {
 #[test]
 fn poses_that_run_backwards_are_named_with_file_and_line() {
     let folder = project_of_logs();
-    let run = on_project(folder.path(), "trajectory");
+    let run = on_project(folder.path(), "trajectory", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     fs::rename(
         folder.path().join("out/trajectory.csv"),
@@ -186,17 +183,9 @@ fn poses_that_run_backwards_are_named_with_file_and_line() {
         }
     });
     replace_logs(folder.path(), "[trajectory]\nfile = \"poses.csv\"\n");
-    let run = on_project(folder.path(), "georeference");
+    let run = on_project(folder.path(), "georeference", &[]);
     assert_eq!(run.code, 1);
     assert!(run.err.contains("poses.csv, line 90"), "{}", run.err);
-}
-
-/// Puts `tables` in place of the project's logs.
-fn replace_logs(folder: &Path, tables: &str) {
-    let path = folder.join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    let scanners = &text[text.find("[[scanner]]").unwrap()..];
-    fs::write(&path, format!("{tables}\n{scanners}")).unwrap();
 }
 
 #[test]
@@ -205,7 +194,7 @@ fn a_log_that_ends_in_the_middle_of_a_row_is_named() {
     let path = folder.path().join("imu.csv");
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
-    let run = on_project(folder.path(), "trajectory");
+    let run = on_project(folder.path(), "trajectory", &[]);
     assert_one_error(folder.path(), &run, &["imu.csv, line 1501"]);
 }
 
@@ -219,7 +208,7 @@ fn a_killed_run_leaves_old_or_new_files() {
     let other = text.replace("[prism]", "[prism]\nsigma_m = 0.02");
     let full_run = || {
         let start = Instant::now();
-        let run = on_project(folder.path(), "trajectory");
+        let run = on_project(folder.path(), "trajectory", &[]);
         assert_eq!(run.code, 0, "{}", run.err);
         (fs::read(&result).unwrap(), start.elapsed())
     };
@@ -261,10 +250,8 @@ fn a_killed_run_leaves_old_or_new_files() {
 
     // The next run that is left alone removes what the killed ones left.
     full_run();
-    for entry in fs::read_dir(folder.path().join("out")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        assert!(!name.starts_with('.'), "{name} was left behind");
-    }
+    let left = names(&folder.path().join("out"));
+    assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
 }
 
 /// A run ends on its own, whatever the data: here within a minute.

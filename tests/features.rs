@@ -9,15 +9,13 @@ use std::path::Path;
 use boresight::cloud::{NeighbourIndex, Neighbourhood, PointCloud, Surroundings};
 use boresight::format::{self, ExtraDimension, ExtraKind};
 use boresight::geometry::Vec3;
-use boresight::pipeline::tile_store::TileStore;
-use boresight::pipeline::tiled;
 use boresight::progress::Silent;
-use common::{Run, boresight, shared_data};
+use boresight::tiles::{self, TileStore};
+use common::{Run, boresight, names};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Clouds that are hard to cut.
-fn nasty_clouds() -> Vec<(&'static str, Vec<Vec3>)> {
+fn clouds_hard_to_cut() -> Vec<(&'static str, Vec<Vec3>)> {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let mut uniform = |n: usize, size: f64| -> Vec<Vec3> {
         (0..n)
@@ -73,7 +71,7 @@ fn nasty_clouds() -> Vec<(&'static str, Vec<Vec3>)> {
 fn tiles_give_the_numbers_of_one_piece() {
     let folder = tempfile::tempdir().unwrap();
     let mut put_aside = 0;
-    for (name, points) in nasty_clouds() {
+    for (name, points) in clouds_hard_to_cut() {
         for of in [
             Neighbourhood::Nearest(1),
             Neighbourhood::Nearest(12),
@@ -99,7 +97,7 @@ fn tiles_give_the_numbers_of_one_piece() {
                     Ok(())
                 };
                 let work =
-                    tiled::surroundings(&store, of, most, &Silent, |near| *near, take).unwrap();
+                    tiles::surroundings(&store, of, most, &Silent, |near| *near, take).unwrap();
                 assert!(most > 700 || points.len() < 100 || work.tiles > 1, "{name}");
                 put_aside += work.aside;
                 for (index, (found, expected)) in found.iter().zip(&whole).enumerate() {
@@ -158,15 +156,6 @@ fn features(input: &Path, out: &Path, more: &[&str]) -> Run {
     ];
     arguments.extend(more);
     boresight(&arguments)
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
-    names.sort();
-    names
 }
 
 #[test]
@@ -241,9 +230,7 @@ fn the_file_carries_what_it_had_and_the_features() {
 
 #[test]
 fn the_truck_keeps_its_dimensions() {
-    let Some(truck) = shared_data("boresight_truck/Truck.adc.laz") else {
-        return;
-    };
+    let truck = common::data("boresight_truck/Truck.adc.laz");
     let folder = tempfile::tempdir().unwrap();
     let run = features(&truck, folder.path(), &["--neighbours", "20"]);
     assert_eq!(run.code, 0, "{}", run.err);

@@ -8,22 +8,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use common::{Run, boresight, project_of_logs};
-
-fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
-    let project = folder.join("project.toml");
-    let mut arguments = vec![command, project.to_str().unwrap()];
-    arguments.extend(more);
-    boresight(&arguments)
-}
-
-/// Puts `new` in place of `old`, which stands once in the project.
-fn change_project(folder: &Path, old: &str, new: &str) {
-    let path = folder.join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    assert_eq!(text.matches(old).count(), 1, "{old}");
-    fs::write(&path, text.replacen(old, new, 1)).unwrap();
-}
+use common::tables::numbers;
+use common::{boresight, change_project, on_project, project_of_logs, replace_logs};
 
 const PRISM: &str = "[prism]\nfile = \"prism.csv\"\nlever_arm_m = [0.10, 0.05, -0.55]\n";
 const STATION: [f64; 3] = [-7.0, 12.0, 1.5];
@@ -31,10 +17,8 @@ const STATION: [f64; 3] = [-7.0, 12.0, 1.5];
 /// Writes the coordinates of `prism.csv` as polar observations from [`STATION`], horizontal zero
 /// at azimuth 30°, zenith angles, with rows without a range on lines 50 and 100.
 fn write_polar(folder: &Path) {
-    let text = fs::read_to_string(folder.join("prism.csv")).unwrap();
     let mut polar = "time_s,slope_distance_m,horizontal_deg,vertical_deg,status\n".to_owned();
-    for row in text.lines().skip(1) {
-        let cells: Vec<f64> = row.split(',').map(|c| c.trim().parse().unwrap()).collect();
+    for cells in numbers(&folder.join("prism.csv")) {
         let [east, north, up] = [1, 2, 3].map(|i| cells[i] - STATION[i - 1]);
         let distance = (east * east + north * north + up * up).sqrt();
         let horizontal = (east.atan2(north).to_degrees() - 30.0).rem_euclid(360.0);
@@ -49,9 +33,7 @@ fn write_polar(folder: &Path) {
 }
 
 fn poses(folder: &Path) -> Vec<Vec<f64>> {
-    let text = fs::read_to_string(folder.join("out/trajectory.csv")).unwrap();
-    let cells = |row: &str| row.split(',').map(|c| c.parse().unwrap()).collect();
-    text.lines().skip(1).map(cells).collect()
+    numbers(&folder.join("out/trajectory.csv"))
 }
 
 #[test]
@@ -209,11 +191,8 @@ fn with_poses(folder: &Path, sigmas: bool, tables: &str) {
         }
     }
     fs::write(folder.join("poses.csv"), text + "\n").unwrap();
-    let path = folder.join("project.toml");
-    let text = fs::read_to_string(&path).unwrap();
-    let scanners = &text[text.find("[[scanner]]").unwrap()..];
     let poses = format!("[trajectory]\nfile = \"poses.csv\"\n{tables}\n");
-    fs::write(&path, format!("{poses}{scanners}")).unwrap();
+    replace_logs(folder, &poses);
 }
 
 /// How many points the scanner's cloud holds.

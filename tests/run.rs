@@ -9,32 +9,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{Run, boresight};
+use common::{TINY_SCENARIO, boresight, names, on_project, rewrite_project};
 use serde_json::Value;
-
-/// One board, two passes, ten coarse profiles a second.
-const SCENARIO: &str = r#"
-name = "tiny"
-boards = [{ center_m = [1.2, 1.2, 0.5], tilt_deg = 30.0, azimuth_deg = 70.0, size_m = [1.0, 1.0] }]
-drives = [{ passes = [{ board = 0, heading_deg = 90.0 }, { board = 0, heading_deg = 270.0 }] }]
-[field]
-size_m = [2.4, 2.4]
-margin_m = 4.0
-[profiles]
-rate_hz = 10.0
-width = 64
-[reference]
-board_spacing_m = 0.015
-soil_spacing_m = 0.03
-[motion]
-rest_s = 3.0
-"#;
 
 /// The folder of the simulated drive, with a space in its path, and what keeps it.
 fn simulated() -> (tempfile::TempDir, PathBuf) {
     let kept = tempfile::tempdir().unwrap();
     let scenario = kept.path().join("tiny.toml");
-    fs::write(&scenario, SCENARIO).unwrap();
+    fs::write(&scenario, TINY_SCENARIO).unwrap();
     let out = kept.path().join("test field");
     let run = boresight(&[
         "simulate",
@@ -45,7 +27,7 @@ fn simulated() -> (tempfile::TempDir, PathBuf) {
     ]);
     assert_eq!(run.code, 0, "{}", run.err);
     let drive = out.join("drive-1");
-    change(&drive, |text| {
+    rewrite_project(&drive, |text| {
         let lines = text.lines().map(|line| match line.split_once(" = ") {
             Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.05]\n".to_owned(),
             Some(("neighbours", _)) => "neighbours = 20\n".to_owned(),
@@ -54,18 +36,6 @@ fn simulated() -> (tempfile::TempDir, PathBuf) {
         lines.collect()
     });
     (kept, drive)
-}
-
-fn change(drive: &Path, how: impl Fn(String) -> String) {
-    let path = drive.join("project.toml");
-    fs::write(&path, how(fs::read_to_string(&path).unwrap())).unwrap();
-}
-
-fn on_drive(drive: &Path, arguments: &[&str]) -> Run {
-    let project = drive.join("project.toml");
-    let mut all = vec![arguments[0], project.to_str().unwrap()];
-    all.extend(&arguments[1..]);
-    boresight(&all)
 }
 
 /// `document` without what differs from run to run: times and memory.
@@ -115,10 +85,10 @@ fn the_same_bytes_on_one_and_on_two_threads() {
     let (_kept, drive) = simulated();
     let [one, two] = ["1", "2"].map(|threads| {
         let out = drive.join(format!("on {threads}"));
-        let run = on_drive(
+        let run = on_project(
             &drive,
+            "run",
             &[
-                "run",
                 "--json",
                 "--threads",
                 threads,
@@ -145,17 +115,17 @@ fn a_killed_run_leaves_old_or_new_files() {
     let (_kept, drive) = simulated();
     let out = drive.join("out");
     let start = Instant::now();
-    let run = on_drive(&drive, &["run"]);
+    let run = on_project(&drive, "run", &[]);
     let took = start.elapsed();
     assert_eq!(run.code, 0, "{}", run.err);
     let (old, old_files) = (results(&out), drive.join("old"));
     fs::rename(&out, &old_files).unwrap();
     // Every result is another with these.
-    change(&drive, |text| {
+    rewrite_project(&drive, |text| {
         text.replace("sigma_m = 0.005", "sigma_m = 0.02")
             .replace("translation_m = [1.2,", "translation_m = [1.21,")
     });
-    let run = on_drive(&drive, &["run"]);
+    let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     let new = results(&out);
     for (name, bytes) in &old {
@@ -209,7 +179,7 @@ fn a_killed_run_leaves_old_or_new_files() {
 
     // The next run that is left alone removes what the killed ones left.
     assert!(leftovers > 0, "no run was killed at work");
-    assert_eq!(on_drive(&drive, &["run"]).code, 0);
+    assert_eq!(on_project(&drive, "run", &[]).code, 0);
     assert!(results(&out) == new);
     assert_eq!(hidden(&out), 0);
 }
@@ -217,11 +187,9 @@ fn a_killed_run_leaves_old_or_new_files() {
 /// Number of hidden files and folders in `out`.
 #[cfg(unix)]
 fn hidden(out: &Path) -> usize {
-    let names = fs::read_dir(out)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name());
-    names
-        .filter(|name| name.to_str().unwrap().starts_with('.'))
+    names(out)
+        .iter()
+        .filter(|name| name.starts_with('.'))
         .count()
 }
 
@@ -259,7 +227,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
         edit(&drive);
         for command in ["calibrate", "run"] {
             let start = Instant::now();
-            let run = on_drive(&drive, &[command, "--quiet"]);
+            let run = on_project(&drive, command, &["--quiet"]);
             assert_eq!(run.code, 1, "{}", run.err);
             assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
             for expected in expected {
@@ -271,7 +239,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
     };
     refused(
         &|drive| {
-            change(drive, |text| {
+            rewrite_project(drive, |text| {
                 let all = r#"fixed = ["tx", "ty", "tz", "rx", "ry", "rz"]"#;
                 text.replace("[[scanner]]", &format!("[[scanner]]\n{all}"))
             });
@@ -286,7 +254,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
         &|drive| {
             let far = "east_m, north_m, up_m\n100, 0, 0\n101, 1, 0\n";
             fs::write(drive.join("far.csv"), far).unwrap();
-            change(drive, |text| text.replace("../tls.laz", "far.csv"));
+            rewrite_project(drive, |text| text.replace("../tls.laz", "far.csv"));
         },
         // Nothing that was simulated reaches beyond 10 m.
         &[
@@ -307,8 +275,8 @@ fn variants_of_a_project_run() {
     let (_kept, drive) = simulated();
     let project = fs::read_to_string(drive.join("project.toml")).unwrap();
     let variant = |edit: &dyn Fn(&str) -> String| {
-        change(&drive, |_| edit(&project));
-        let run = on_drive(&drive, &["run", "--json"]);
+        rewrite_project(&drive, |_| edit(&project));
+        let run = on_project(&drive, "run", &["--json"]);
         assert_eq!(run.code, 0, "{}", run.err);
         serde_json::from_str::<Value>(&run.out).unwrap()
     };

@@ -27,7 +27,7 @@ fn point(i: usize) -> Vec3 {
 fn write_laz(path: &Path) {
     let mut writer = CloudWriter::create(path, point(0)).unwrap();
     for i in 0..N {
-        let scanner = (i % 3) as u8;
+        let scanner = (i % 3) as u16;
         writer
             .write(&point(i), 0.001 * i as f64, (i % 65_536) as f32, scanner)
             .unwrap();

@@ -1,6 +1,6 @@
 """Whether boresight's numbers are those of other programs; prints one line a check.
 
-usage: agreement.py BORESIGHT FOLDER (features CLOUD | thin CLOUD | m3c2 EPOCH1 EPOCH2 CORE) [--shared DIR]
+usage: agreement.py BORESIGHT FOLDER (features CLOUD | thin CLOUD | m3c2 EPOCH1 EPOCH2 CORE)
 
 Exit code 1 where a check fails, with the line beginning with FAILED. Tolerances:
 
@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 
 from with_peer import CYLINDER_RADIUS_M, MAX_DISTANCE_M, NEIGHBOURS, NORMAL_RADII_M, VOXEL_M
 
+AUTZEN = Path(__file__).resolve().parents[2] / "tests" / "data" / "autzen_m3c2"
 SAMPLE = 2000
 CORE_SAMPLE = 50_000
 OMNIVARIANCE_RELATIVE = 1e-6
@@ -173,17 +174,12 @@ def main():
     arguments.add_argument("folder", type=Path)
     arguments.add_argument("kernel", choices=["features", "thin", "m3c2"])
     arguments.add_argument("files", type=Path, nargs="+")
-    arguments.add_argument("--shared", type=Path, metavar="DIR")
     given = arguments.parse_args()
     logging.getLogger("py4dgeo").setLevel(logging.WARNING)
     check, out = Checks(), given.folder / given.kernel
     {"features": features, "thin": thin, "m3c2": m3c2}[given.kernel](check, given.boresight, out, *given.files)
     if given.kernel == "m3c2":
-        case = given.shared / "autzen_m3c2" if given.shared else None
-        if case and case.is_dir():
-            autzen(check, given.boresight, given.folder / "autzen", case)
-        else:
-            print("skipped: autzen_m3c2 (CloudCompare, PDAL), as --shared names no folder with it")
+        autzen(check, given.boresight, given.folder / "autzen", AUTZEN)
     return 1 if check.failed else 0
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """boresight's kernels and their peers on the same files, in one go.
 
-usage: python3 benches/kernels/run.py [--quick] [--shared ../shared/data] [--crates] ...
+usage: python3 benches/kernels/run.py [--quick] [--crates] ...
 
 Makes a virtual environment with the peers, builds boresight, makes the clouds (see clouds.py), runs
 boresight and every peer in turn, each run a fresh process, so that noise of the machine meets all
@@ -104,7 +104,6 @@ def measure(python, binary, kernel, cases, given):
         say(f"agreement: {kernel}")
         largest = clouds[-1]["files"]["shuffled"].values()
         command = [python, HERE / "agreement.py", binary, given.work / "agreement", kernel, *largest]
-        command += ["--shared", given.shared.resolve()] if given.shared else []
         process = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, cwd=given.work)
         lines = process.stdout.splitlines()
         if process.returncode != 0 and not any(line.startswith("FAILED") for line in lines):
@@ -124,7 +123,6 @@ def arguments():
     parser.add_argument("--boresight", type=Path, metavar="FILE", help="a binary to run instead of building one")
     parser.add_argument("--peers-only", action="store_true", help="without boresight; nothing written")
     parser.add_argument("--crates", action="store_true", help="neighbour indices of Rust crates too (see crates/)")
-    parser.add_argument("--shared", type=Path, metavar="DIR", help="folder with autzen_m3c2 by CloudCompare and PDAL")
     parser.add_argument("--venv", type=Path, default=ROOT / "target" / "bench-venv", metavar="DIR")
     parser.add_argument("--work", type=Path, default=ROOT / "target" / "bench-kernels", metavar="DIR",
                         help="the clouds, 3 GB; made where missing")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """boresight and gtsam on the same logs, in one go.
 
-usage: python3 benches/trajectory/run.py [--quick] [--pose-case DIR] [--drives 5,20,60] ...
+usage: python3 benches/trajectory/run.py [--quick] [--pose-case] [--drives 5,20,60] ...
 
 Makes a virtual environment with gtsam, builds boresight, makes the logs, runs both in turn
 (boresight, gtsam, boresight, ...) so that noise of the machine meets both, prints medians and ratios,
@@ -61,7 +61,7 @@ def main():
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="only one drive of five minutes, three runs")
-    parser.add_argument("--pose-case", type=Path, metavar="DIR", help="recorded logs to run on as well")
+    parser.add_argument("--pose-case", action="store_true", help="run on tests/data/pose_case as well")
     parser.add_argument("--drives", default="5,20,60", metavar="MIN,MIN", help="lengths to simulate [5,20,60]")
     parser.add_argument("--repetitions", type=int, default=5, metavar="N", help="up to 5 minutes [5]")
     parser.add_argument("--long-repetitions", type=int, default=3, metavar="N", help="beyond 5 minutes [3]")
@@ -87,7 +87,7 @@ def logs(given, python):
     drives = []
     if given.pose_case:
         folder = given.work / "pose_case"
-        subprocess.run([*simulate, str(folder), "--convert", str(given.pose_case)], check=True)
+        subprocess.run([*simulate, str(folder), "--convert", str(ROOT / "tests" / "data" / "pose_case")], check=True)
         drives.append((5.0, folder))
     for minutes in filter(None, given.drives.split(",")):
         folder = given.work / f"drive-{minutes}"

@@ -11,8 +11,7 @@ IMU 100 Hz: row k is the mean angular rate and specific force over [t_k, t_k + 1
 plus white noise; biases walk. Prism 7 Hz and heading 5 Hz are taken at the IMU time nearest to each
 of their ticks, since a factor graph without interpolation can only use fixes at its nodes.
 
-With --convert, a folder in the form of pose_case (params.json, yaw in radians from east) is written
-in boresight's form instead.
+With --convert, a folder in the form of tests/data/pose_case is written in boresight's form instead.
 """
 
 import argparse
@@ -122,13 +121,14 @@ SIMULATED = {
 
 
 def convert(folder):
-    """A folder in the form of pose_case, and what its estimators may know."""
+    """A folder in the form of tests/data/pose_case, and what its estimators may know."""
     table = lambda name: np.loadtxt(folder / name, delimiter=",", skiprows=1)
+    timed = lambda rows: np.column_stack([np.arange(len(rows)) / IMU_HZ, rows])
     heading = table("heading.csv")
     heading[:, 1] = np.pi / 2 - heading[:, 1]
-    truth = table("truth.csv")[:, [0, 1, 2, 3, 5, 6, 7, 4]]
+    truth = timed(np.load(folder / "truth.npy"))[:, [0, 1, 2, 3, 5, 6, 7, 4]]
     known = json.loads((folder / "params.json").read_text())
-    return table("imu.csv"), table("prism.csv"), heading, truth, known
+    return timed(np.load(folder / "imu.npy")), table("prism.csv"), heading, truth, known
 
 
 PROJECT = """[frame]

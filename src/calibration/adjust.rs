@@ -3,10 +3,10 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::cost::{NormalEquations, cost};
-use super::damping::Damping;
 use super::observability::Observability;
 use super::parameters::{moved, poses};
 use super::scale::{Adjusted, Ending, ScaleProblem, State};
+use crate::adjustment::{Damping, DampingRule, Verdict};
 use crate::error::Result;
 use crate::progress::Progress;
 
@@ -25,6 +25,18 @@ const CONVERGED_COST: f64 = 1e-5;
 /// And when neighbourhoods found anew have not lowered it by more than this: they alternate.
 const WORTH_SEARCHING: f64 = 1e-4;
 
+/// Damping is relative to the diagonal of the normal matrix; more than the largest would move points
+/// by less than rounding.
+const DAMPING: DampingRule = DampingRule {
+    initial: 1e-6,
+    factor: 10.0,
+    least_raised: 1e-4,
+    least_lowered: 1e-12,
+    floor: 1e-12,
+    largest: 1e10,
+    rounding: 0.0,
+};
+
 /// Minimises the [`cost`](super::cost) from `start` over the directions in which `observability`
 /// lets the mountings move.
 ///
@@ -40,7 +52,7 @@ pub fn minimise(
     let mut searched_at = poses(&now.mountings);
     let mut best = (now.cost, now.mountings.clone());
     let mut costs = vec![now.cost];
-    let mut damping = Damping::default();
+    let mut damping = Damping::new(DAMPING);
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
     let count = now.surface.planes.len() as f64;
@@ -48,7 +60,7 @@ pub fn minimise(
         progress.check()?;
         iterations += 1;
         let basis = observability.determined(&now.mountings);
-        let Some(step) = damped_step(&now.equations, &basis, damping) else {
+        let Some(step) = damped_step(&now.equations, &basis, damping.value()) else {
             ending = Ending::NotDetermined;
             break;
         };
@@ -57,10 +69,12 @@ pub fn minimise(
         let moved_m = problem.cloud.farthest_move(&poses(&now.mountings), &there);
         let is_small = moved_m < CONVERGED_SHARE * problem.floor_m;
         let surface = now.surface.moved(&there);
-        let lowered = now.cost - cost(&surface.planes, problem.floor_m);
-        if !damping.accepts(lowered) {
+        let cost = cost(&surface.planes, problem.floor_m);
+        let lowered = now.cost - cost;
+        let verdict = damping.judge(now.cost, cost);
+        if verdict != Verdict::Accepted {
             costs.push(now.cost);
-            if is_small || damping.is_exhausted() {
+            if is_small || verdict == Verdict::GivenUp {
                 ending = Ending::CostFloor;
                 break;
             }
@@ -101,7 +115,7 @@ pub fn minimise(
 fn damped_step(
     equations: &NormalEquations,
     basis: &DMatrix<f64>,
-    mut damping: Damping,
+    mut damping: f64,
 ) -> Option<DVector<f64>> {
     let matrix = basis.transpose() * &equations.matrix * basis;
     let gradient = basis.transpose() * &equations.gradient;
@@ -111,12 +125,13 @@ fn damped_step(
     loop {
         let mut damped = matrix.clone();
         for i in 0..damped.nrows() {
-            damped[(i, i)] *= 1.0 + damping.share();
+            damped[(i, i)] *= 1.0 + damping;
         }
         if let Some(factor) = Cholesky::new(damped) {
             return Some(-(basis * factor.solve(&gradient)));
         }
-        if !damping.raise() {
+        damping = (damping * 100.0).max(1e-9);
+        if damping > DAMPING.largest {
             return None;
         }
     }

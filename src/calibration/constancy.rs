@@ -125,13 +125,12 @@ impl Constancy {
         if all.len() < FEWEST_BLOCKS {
             return None;
         }
-        let rms_of = |f: &dyn Fn(&Block) -> f64| {
-            rms(&all.iter().map(|block| f(block)).collect::<Vec<f64>>())
-        };
-        let ratio = rms_of(&|block| block.mean_m / block.expected_sigma_m);
+        let ratio = rms(all
+            .iter()
+            .map(|block| block.mean_m / block.expected_sigma_m));
         Some(Self {
             ratio,
-            rms_m: rms_of(&|block| block.mean_m),
+            rms_m: rms(all.iter().map(|block| block.mean_m)),
             constant: ratio < SUSPICIOUS_RATIO,
             strongest: strongest_correlation(&blocks, trajectory),
             blocks,
@@ -155,7 +154,7 @@ impl Residual {
         let (node, _) = trajectory.locate(profile.time_s)?;
         let shape = StructureTensor::of(&placed.world, &reference);
         let normal = upward_normal(&shape)?;
-        let sigma = trajectory.nodes()[node].sigma?;
+        let sigma = trajectory.poses()[node].sigma?;
         let by_pose = surface.rows(centre, &normal).by_pose;
         // Standard deviations of rotations are about world axes.
         let moment = profile.rotation * by_pose.rotation;

@@ -6,7 +6,7 @@ use super::parameters::{Mounting, poses};
 use super::sample::ScannerSample;
 use super::settings::CalibrationSettings;
 use crate::cloud::voxel;
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::statistics::median;
 use crate::surface::SurfaceCloud;
@@ -50,7 +50,7 @@ impl<'a> Input<'a> {
         samples: &'a [ScannerSample],
         trajectory: &'a Trajectory,
     ) -> Self {
-        let has_sigmas = trajectory.nodes().iter().any(|node| node.sigma.is_some());
+        let has_sigmas = trajectory.poses().iter().any(|node| node.sigma.is_some());
         Self {
             mountings,
             samples,
@@ -89,13 +89,14 @@ impl<'a> Input<'a> {
         }
         for (mounting, sample) in self.mountings.iter().zip(self.samples) {
             if sample.points.is_empty() {
-                return Err(Error::data(
+                return Err(Error::of(
+                    Problem::TooFew,
                     format!("scanner `{}` has no points", mounting.name),
                     "leave the scanner out, or give its points",
                 ));
             }
         }
-        let poses = self.trajectory.nodes().len();
+        let poses = self.trajectory.poses().len();
         match self.poses {
             PoseUncertainty::Smoothed(covariance) if covariance.nodes() != poses => {
                 Err(Error::data(
@@ -136,7 +137,8 @@ impl<'a> Input<'a> {
         }
         let (all, needed) = (cloud.movable.len() + cloud.fixed.len(), settings.neighbours);
         if all < 2 * needed {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!(
                     "only {all} points are left on voxels of {voxel_m} m, where every \
                      neighbourhood needs {needed}"
@@ -151,7 +153,7 @@ impl<'a> Input<'a> {
     /// poses, the median along the drive so that an outage does not count. Passes cannot agree
     /// better than their poses.
     pub(super) fn floor_m(&self, voxel_m: f64) -> f64 {
-        let sigmas = self.trajectory.nodes().iter().filter_map(|node| node.sigma);
+        let sigmas = self.trajectory.poses().iter().filter_map(|node| node.sigma);
         let variances = sigmas.map(|sigma| sigma.position_m.norm_squared() / 3.0);
         let variance = median(variances).unwrap_or(0.0);
         (variance + (FLOOR_SHARE * voxel_m).powi(2)).sqrt()

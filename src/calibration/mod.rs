@@ -8,7 +8,6 @@
 mod adjust;
 mod constancy;
 mod cost;
-mod damping;
 mod input;
 mod observability;
 mod paper;
@@ -21,6 +20,7 @@ mod settings;
 #[cfg(test)]
 mod small_case;
 mod uncertainty;
+mod variant;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -34,6 +34,7 @@ pub use sample::{ScannerSample, sample_profiles};
 pub use scale::Ending;
 pub use serialize::{MountingForms, ScannerResult};
 pub use settings::{CalibrationSettings, Method};
+pub use variant::Variant;
 
 use crate::error::Result;
 use crate::progress::Progress;
@@ -45,74 +46,7 @@ const MOST_CENTRES: usize = 250_000;
 
 /// Makes neighbourhoods thin coarse to fine, then says what the mountings found are worth.
 ///
-/// From arrays, with the trajectory of the body, points of a reference in the world, and of each
-/// scanner the times and the points in its own frame:
-///
-/// ```
-/// use boresight::Result;
-/// use boresight::calibration::{CalibrationSettings, Input, Mounting, ScannerSample, calibrate};
-/// # use boresight::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
-/// # use boresight::{progress::Silent, sensor::PoseRecord, trajectory::Trajectory};
-/// # // Two fans across the track look down on waves; four passes, out and back along x and y.
-/// # let height = |x: f64, y: f64| 0.1 * (2.0 * x + y).sin() + 0.1 * (3.0 * y - x).cos();
-/// # let pose_at = |time_s: f64| {
-/// #     let (pass, along) = ((time_s / 10.0).floor(), (time_s % 10.0) / 5.0 - 1.0);
-/// #     let yaw = pass * std::f64::consts::FRAC_PI_2;
-/// #     let turn = Rotation::from_euler_angles(0.1 * time_s.sin(), 0.1 * (2.0 * time_s).cos(), yaw);
-/// #     WorldFromBody::new(turn, Vec3::new(along * yaw.cos(), along * yaw.sin(), 2.0))
-/// # };
-/// # let truth = [-1.0, 1.0].map(|side: f64| {
-/// #     let turn = Rotation::from_euler_angles(0.5 * side, 0.02, std::f64::consts::FRAC_PI_2);
-/// #     BodyFromScanner::new(turn, Vec3::new(0.3, 0.5 * side, 0.1))
-/// # });
-/// # let scans = truth.map(|body_from_scanner| {
-/// #     let (mut times_s, mut points_m) = (Vec::new(), Vec::new());
-/// #     for (profile, beam) in (0..4000).flat_map(|profile| (-9..=9).map(move |beam| (profile, beam))) {
-/// #         let time_s = 0.01 * f64::from(profile);
-/// #         let world_from_scanner = pose_at(time_s) * body_from_scanner;
-/// #         let angle = 0.05 * f64::from(beam);
-/// #         let direction = Vec3::new(angle.sin(), 0.0, -angle.cos());
-/// #         let range = (0..20).fold(2.0, |range, _| {
-/// #             let hit = world_from_scanner.map(&(direction * range));
-/// #             range + hit.z - height(hit.x, hit.y)
-/// #         });
-/// #         times_s.push(time_s);
-/// #         points_m.push(direction * range);
-/// #     }
-/// #     (times_s, points_m)
-/// # });
-/// # let reference: Vec<Vec3> = (0..40_000)
-/// #     .map(|i| (f64::from(i % 200) * 0.025 - 2.5, f64::from(i / 200) * 0.025 - 2.5))
-/// #     .map(|(x, y)| Vec3::new(x, y, height(x, y)))
-/// #     .collect();
-/// # let poses = (0..=4000).map(|i| 0.01 * f64::from(i)).map(|time_s| PoseRecord {
-/// #     time_s,
-/// #     world_from_body: pose_at(time_s),
-/// #     velocity_m_s: None,
-/// #     bias: None,
-/// #     sigma: None,
-/// # });
-/// # let trajectory = Trajectory::new(poses.collect())?;
-/// # let off = |pose: &BodyFromScanner| pose.perturbed(&Vec3::new(0.01, -0.01, 0.01), &Vec3::repeat(0.02));
-/// # let [left, right] = truth.each_ref().map(off);
-/// let settings = CalibrationSettings {
-///     voxel_sizes_m: vec![0.1, 0.05],
-///     ..Default::default()
-/// };
-/// let mountings = vec![Mounting::new("left", left), Mounting::new("right", right)];
-/// let thinned = mountings.iter().zip(&scans).map(|(mounting, (times_s, points_m))| {
-///     ScannerSample::from_points(mounting, times_s, points_m, &trajectory, &settings)
-/// });
-/// let samples = thinned.collect::<Result<Vec<_>>>()?;
-/// let input = Input::new(mountings, &samples, &trajectory).with_reference(&reference);
-/// let found = calibrate(&input, &settings, &Silent)?;
-/// println!("{}", serde_json::to_string(&found.scanners())?); // with standard deviations
-/// # assert!(found.converged);
-/// # for (found, truth) in found.poses().iter().zip(&truth) {
-/// #     assert!((found.translation_m - truth.translation_m).norm() < 2e-3);
-/// # }
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// The [guide](crate#calibrate-two-scanners) shows it with plain arrays.
 ///
 /// # Errors
 /// Settings or input that make no sense; a scanner without points; fewer points than a

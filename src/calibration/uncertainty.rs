@@ -203,7 +203,7 @@ impl<'a> PoseErrors<'a> {
         Self {
             trajectory,
             poses,
-            by_node: PoseGradient::new(size, trajectory.nodes().len()),
+            by_node: PoseGradient::new(size, trajectory.poses().len()),
             by_block: BTreeMap::new(),
         }
     }
@@ -225,7 +225,7 @@ impl<'a> PoseErrors<'a> {
             }
             // Errors are constant over a block, and independent between blocks and axes.
             PoseUncertainty::Sigmas => {
-                let Some(sigma) = self.trajectory.nodes()[node].sigma else {
+                let Some(sigma) = self.trajectory.poses()[node].sigma else {
                     return;
                 };
                 let block = (profile.time_s - self.trajectory.span_s().0) / BLOCK_S;

@@ -5,13 +5,11 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::inspect::unprintable;
+use super::print::unprintable;
 use crate::error::{Error, Location, Result};
 use crate::format::{self, Format};
+use crate::sensor::STANDARD_GRAVITY_M_S2;
 use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseFound, allan};
-
-/// Standard gravity, the g of datasheets, m/s².
-const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// One key of `[imu]`, and the figure of each axis behind it.
 struct Key {
@@ -64,7 +62,7 @@ struct Keys {
 impl Keys {
     fn of(found: &ImuNoiseFound) -> [Self; 2] {
         let degrees = 1f64.to_degrees();
-        let micro_g = 1e6 / STANDARD_GRAVITY;
+        let micro_g = 1e6 / STANDARD_GRAVITY_M_S2;
         let (gyro, accel) = (&found.gyro, &found.accel);
         [
             Self {
@@ -269,7 +267,7 @@ fn curves(text: &mut String, found: &ImuNoiseFound) {
             );
         }
         for axis in &found.accel {
-            let micro_g = axis.curve[i].deviation * 1e6 / STANDARD_GRAVITY;
+            let micro_g = axis.curve[i].deviation * 1e6 / STANDARD_GRAVITY_M_S2;
             let _ = write!(text, "{:>11}", digits(micro_g));
         }
         text.push('\n');

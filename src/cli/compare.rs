@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::{Context, out_folder};
+use super::context::{Context, out_folder};
+use super::values::{direction, not_negative, positive};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::pipeline::{self, Comparison, NormalSource, Outcome};
+use crate::pipeline::{self, Outcome};
+use crate::tiles::{Comparison, NormalSource};
 
 /// Measure the distances between two clouds along their normals (M3C2)
 ///
@@ -81,7 +83,7 @@ impl Compare {
             settings: self.settings(),
             memory_bytes: self.memory_mb.map(|mb| u64::from(mb) * 1_000_000),
         };
-        context.logged(&out, |options| {
+        context.logged(&out, &comparison.inputs(), |options| {
             pipeline::compare(&comparison, options, &context.terminal)
         })
     }
@@ -126,35 +128,6 @@ impl Compare {
             min_points: self.min_points.unwrap_or(default.min_points),
         }
     }
-}
-
-pub(super) fn positive(text: &str) -> std::result::Result<f64, String> {
-    number(text)
-        .filter(|x| *x > 0.0)
-        .ok_or_else(|| "expected metres above 0".to_owned())
-}
-
-fn not_negative(text: &str) -> std::result::Result<f64, String> {
-    number(text)
-        .filter(|x| *x >= 0.0)
-        .ok_or_else(|| "expected metres, 0 or more".to_owned())
-}
-
-fn direction(text: &str) -> std::result::Result<Vec3, String> {
-    if text.trim() == "vertical" {
-        return Ok(Vec3::z());
-    }
-    let components: Option<Vec<f64>> = text.split(',').map(number).collect();
-    match components.as_deref() {
-        Some([east, north, up]) if [east, north, up].iter().any(|x| **x != 0.0) => {
-            Ok(Vec3::new(*east, *north, *up))
-        }
-        _ => Err("expected `vertical` or three numbers that are not all 0: east,north,up".into()),
-    }
-}
-
-fn number(text: &str) -> Option<f64> {
-    text.trim().parse().ok().filter(|x: &f64| x.is_finite())
 }
 
 #[cfg(test)]

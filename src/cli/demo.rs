@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::Context;
+use super::context::Context;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -16,7 +16,7 @@ pub(super) struct Demo {
 
 impl Demo {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        context.logged(&self.out, |options| {
+        context.logged(&self.out, &[], |options| {
             pipeline::demo(options, &context.terminal)
         })
     }

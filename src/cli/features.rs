@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::compare::positive;
-use super::{Context, out_folder};
+use super::context::{Context, out_folder};
+use super::values::positive;
 use crate::cloud::Neighbourhood;
 use crate::cloud::shape::Feature;
 use crate::error::Result;
-use crate::pipeline::{self, FeatureSettings, Outcome};
+use crate::pipeline::{self, Outcome};
+use crate::tiles::FeatureSettings;
 
 /// Write the shape of every point's neighbourhood beside it: omnivariance, planarity, normals, ...
 #[derive(Debug, clap::Args)]
@@ -47,7 +48,8 @@ impl Features {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let out = out_folder(&self.out, &self.cloud);
         let settings = self.settings();
-        context.logged(&out, |options| {
+        let inputs = [self.cloud.clone()];
+        context.logged(&out, &inputs, |options| {
             pipeline::features(&self.cloud, &settings, options, &context.terminal)
         })
     }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::describe;
-use crate::error::{Error, Result};
+use super::print::unprintable;
+use crate::error::Result;
 use crate::format::{self, Format};
 use crate::pipeline::Outcome;
 use crate::project::Project;
@@ -73,11 +74,4 @@ fn inspect(file: &Path) -> Result<(Value, String)> {
         "steps": describe::steps(&project),
     });
     Ok((document, describe::project(&project)))
-}
-
-pub(super) fn unprintable(error: impl std::fmt::Display) -> Error {
-    Error::data(
-        format!("what was found cannot be printed as JSON: {error}"),
-        "inspect without --json",
-    )
 }

@@ -1,30 +1,28 @@
-//! The command line: one file a command; here they are parsed, run, and mapped to exit codes.
+//! The command line: commands are parsed and run, and their outcome mapped to exit codes. Those
+//! that take more than a project have a file each.
 
 mod allan;
-mod calibrate;
 mod compare;
+mod context;
 mod demo;
 mod describe;
 mod features;
-mod georeference;
 mod inspect;
-mod online;
-mod run;
+mod print;
 mod simulate;
 mod terminal;
 mod thin;
 mod trajectory;
+mod values;
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
-use serde_json::{Value, json};
 
-use crate::error::{Error, Location, Result};
-use crate::pipeline::{Options, Outcome};
-use crate::project::Project;
+use crate::error::{Error, Result};
+use crate::pipeline::{self, Outcome};
+use context::{Context, OnProject};
+use print::{print_error, print_outcome};
 use terminal::Terminal;
 
 /// Calibrates laser profile scanners on a moving platform and proves how good the calibration is.
@@ -65,73 +63,15 @@ enum Command {
     Simulate(simulate::Simulate),
     Inspect(inspect::Inspect),
     Trajectory(trajectory::Trajectory),
-    Calibrate(calibrate::Calibrate),
-    Georeference(georeference::Georeference),
+    /// Find the mounting of every scanner of a project
+    Calibrate(OnProject),
+    /// Turn the profiles of a project into clouds, with the mountings it holds
+    Georeference(OnProject),
     Compare(compare::Compare),
     Features(features::Features),
     Thin(thin::Thin),
-    Run(run::Run),
-}
-
-/// A project to work on and where its results go.
-#[derive(Debug, Args)]
-struct OnProject {
-    /// The project file
-    project: PathBuf,
-    /// Folder of the results [default: `out` beside the project]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-}
-
-/// What every command is given.
-struct Context {
-    seed: Option<u64>,
-    terminal: Terminal,
-}
-
-impl Context {
-    fn options(&self, out: &Path) -> Options {
-        Options {
-            out: out.to_owned(),
-            seed: self.seed,
-        }
-    }
-
-    /// Reads a project, looks for its files, runs `stage` on it and keeps the log.
-    fn on_project(
-        &self,
-        on: &OnProject,
-        stage: fn(&Project, &Options, &dyn crate::progress::Progress) -> Result<Outcome>,
-    ) -> Result<Outcome> {
-        let project = Project::read(&on.project)?;
-        project.check_files()?;
-        let out = out_folder(&on.out, &on.project);
-        self.logged(&out, |options| stage(&project, options, &self.terminal))
-    }
-
-    /// Runs `work` and writes what it reported to `log.txt` in `out`, also when it failed there.
-    fn logged(
-        &self,
-        out: &Path,
-        work: impl FnOnce(&Options) -> Result<Outcome>,
-    ) -> Result<Outcome> {
-        let outcome = work(&self.options(out));
-        if let Err(error) = &outcome {
-            self.terminal.note(&format!("error: {error}"));
-        }
-        if out.is_dir() {
-            let written = self.terminal.write_log(&out.join("log.txt"));
-            // The error of the work matters more than one of its log.
-            outcome.and_then(|outcome| written.map(|()| outcome))
-        } else {
-            outcome
-        }
-    }
-}
-
-/// The folder that was asked for, or `out` beside `file`.
-fn out_folder(asked: &Option<PathBuf>, file: &Path) -> PathBuf {
-    asked.clone().unwrap_or_else(|| file.with_file_name("out"))
+    /// Do everything with a project: trajectory, calibration, clouds, comparison, report
+    Run(OnProject),
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -176,79 +116,21 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         seed: global.seed,
         terminal: Terminal::new(global.quiet, global.verbose),
     };
-    let complete = |outcome| (outcome, true);
-    pool.install(|| match line.command {
-        Command::Inspect(command) => command.execute(),
-        Command::Demo(command) => command.execute(&context).map(complete),
-        Command::Simulate(command) => command.execute(&context).map(complete),
-        Command::Trajectory(command) => command.execute(&context).map(complete),
-        Command::Calibrate(command) => command.execute(&context).map(complete),
-        Command::Georeference(command) => command.execute(&context).map(complete),
-        Command::Compare(command) => command.execute(&context).map(complete),
-        Command::Features(command) => command.execute(&context).map(complete),
-        Command::Thin(command) => command.execute(&context).map(complete),
-        Command::Run(command) => command.execute(&context).map(complete),
+    pool.install(|| {
+        let outcome = match line.command {
+            Command::Inspect(command) => return command.execute(),
+            Command::Demo(command) => command.execute(&context),
+            Command::Simulate(command) => command.execute(&context),
+            Command::Trajectory(command) => command.execute(&context),
+            Command::Calibrate(on) => context.on_project(&on, pipeline::calibrate),
+            Command::Georeference(on) => context.on_project(&on, pipeline::georeference),
+            Command::Compare(command) => command.execute(&context),
+            Command::Features(command) => command.execute(&context),
+            Command::Thin(command) => command.execute(&context),
+            Command::Run(on) => context.on_project(&on, pipeline::run),
+        };
+        outcome.map(|outcome| (outcome, true))
     })
-}
-
-fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
-    let mut text = if json {
-        format!("{:#}\n", outcome.result)
-    } else {
-        format!("{}\n", outcome.summary.trim_end())
-    };
-    if !json {
-        if !outcome.files.is_empty() && outcome.summary.contains('\n') {
-            text.push('\n');
-        }
-        for file in &outcome.files {
-            text.push_str(&format!("wrote {}\n", file.display()));
-        }
-    }
-    match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        written => written.map_err(|error| Error::io("stdout", error)),
-    }
-}
-
-/// Says once what went wrong; nothing is left to do where that cannot be written.
-fn print_error(error: &Error, json: bool) {
-    let _ = if json {
-        writeln!(std::io::stdout(), "{:#}", error_json(error))
-    } else {
-        writeln!(std::io::stderr(), "error: {error}")
-    };
-}
-
-fn error_json(error: &Error) -> Value {
-    let mut details = match error {
-        Error::Io { path, source } => {
-            json!({ "file": path.display().to_string(), "problem": source.to_string() })
-        }
-        Error::Format {
-            path,
-            at,
-            found,
-            expected,
-        } => {
-            let mut details = json!({
-                "file": path.display().to_string(),
-                "found": found,
-                "expected": expected,
-            });
-            match at {
-                Location::Whole => {}
-                Location::Line(line) => details["line"] = json!(line),
-                Location::Byte(byte) => details["byte"] = json!(byte),
-            }
-            details
-        }
-        Error::Data { problem, remedy } => json!({ "problem": problem, "remedy": remedy }),
-        Error::Cancelled => json!({ "problem": "cancelled" }),
-    };
-    details["message"] = json!(error.to_string());
-    json!({ "error": details })
 }
 
 #[cfg(test)]
@@ -259,17 +141,5 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         CommandLine::command().debug_assert();
-    }
-
-    #[test]
-    fn errors_as_json_name_file_and_line() {
-        let error = Error::format("a.toml", Location::Line(3), "x", "y");
-        let json = error_json(&error);
-        assert_eq!(json["error"]["file"], "a.toml");
-        assert_eq!(json["error"]["line"], 3);
-        assert_eq!(
-            json["error"]["message"],
-            "a.toml, line 3: found x, expected y"
-        );
     }
 }

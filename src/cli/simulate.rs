@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::Context;
+use super::context::Context;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -19,7 +19,8 @@ pub(super) struct Simulate {
 
 impl Simulate {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        context.logged(&self.out, |options| {
+        let scenario = PathBuf::from(&self.scenario);
+        context.logged(&self.out, &[scenario], |options| {
             pipeline::simulate(&self.scenario, options, &context.terminal)
         })
     }

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::compare::positive;
-use super::{Context, out_folder};
+use super::context::{Context, out_folder};
+use super::values::positive;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -26,7 +26,8 @@ pub(super) struct Thin {
 impl Thin {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let out = out_folder(&self.out, &self.cloud);
-        context.logged(&out, |options| {
+        let inputs = [self.cloud.clone()];
+        context.logged(&out, &inputs, |options| {
             pipeline::thin(&self.cloud, self.voxel_m, options, &context.terminal)
         })
     }

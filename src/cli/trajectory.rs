@@ -1,24 +1,59 @@
 //! `boresight trajectory`
 
-use super::online::OnlineFlags;
-use super::{Context, OnProject};
+use std::time::Duration;
+
+use super::context::{Context, OnProject, out_folder};
 use crate::error::Result;
+use crate::pipeline::online::{Source, online};
 use crate::pipeline::{self, Outcome};
+use crate::project::Project;
 
 /// Estimate the trajectory from the logs of a project
 #[derive(Debug, clap::Args)]
 pub(super) struct Trajectory {
     #[command(flatten)]
     on: OnProject,
-    #[command(flatten)]
-    online: OnlineFlags,
+    /// Go through the logs update by update as if live; writes the newest poses to online.csv
+    #[arg(long)]
+    online: bool,
+    /// The logs may still grow: follow them, and print every update as a line of CSV
+    #[arg(long, requires = "online", conflicts_with = "stdin")]
+    follow: bool,
+    /// With --follow: stop when no log has grown for S seconds
+    #[arg(long, requires = "follow", value_name = "S", default_value = "10", value_parser = seconds)]
+    idle_s: Duration,
+    /// Read records from standard input, one a line after the name of its sensor (`imu,…`,
+    /// `prism,…`, `heading,…`), and print every update as a line of CSV
+    #[arg(long, requires = "online")]
+    stdin: bool,
+}
+
+fn seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    Duration::try_from_secs_f64(seconds).map_err(|_| "not a number of seconds".to_owned())
 }
 
 impl Trajectory {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        if self.online.online {
-            return self.online.execute(&self.on, context);
+        if !self.online {
+            return context.on_project(&self.on, pipeline::trajectory);
         }
-        context.on_project(&self.on, pipeline::trajectory)
+        let project = Project::read(&self.on.project)?;
+        if !self.stdin {
+            project.check_files()?;
+        }
+        let out = out_folder(&self.on.out, &self.on.project);
+        let mut rows = std::io::stdout();
+        let mut lines = std::io::stdin().lock();
+        let source = if self.stdin {
+            Source::Lines(&mut lines)
+        } else if self.follow {
+            Source::Follow(self.idle_s)
+        } else {
+            Source::Replay
+        };
+        context.logged(&out, &project.inputs(), |options| {
+            online(&project, source, options, &mut rows, &context.terminal)
+        })
     }
 }

@@ -29,9 +29,10 @@
 use std::cell::Cell;
 use std::ops::Range;
 
+use super::bounds::{Bounds, squared_distance};
 use super::lanes::{Lanes, WORD};
-use super::neighbours::{Bounds, squared_distance};
-use super::{NeighbourIndex, StructureTensor};
+use super::neighbours::NeighbourIndex;
+use super::tensor::StructureTensor;
 use crate::geometry::{Mat3, Vec3};
 
 /// Most candidates that may be left to f64 before the threshold is sought further.

@@ -36,6 +36,9 @@ pub(super) struct Grid {
 }
 
 impl Grid {
+    /// Most bits that tell two points apart: of a grid, of those inside it, and once more.
+    pub(super) const MOST_BITS: usize = 6 * 3 * BITS as usize;
+
     /// In place of the key of a point that is not finite.
     pub(super) const NOWHERE: u64 = u64::MAX;
 
@@ -146,14 +149,27 @@ impl Grid {
     /// the 53 bits of a coordinate.
     pub(super) fn inside(&self, point: &Vec3) -> Option<Self> {
         let cell = self.cell(point);
-        (self.depth < 2).then(|| Self {
+        (self.depth != LAST && self.depth != 2 * LAST + 1).then(|| Self {
             low: Vec3::from_fn(|axis, _| self.low[axis] + f64::from(cell[axis]) / self.cells_per_m),
             cells_per_m: self.cells_per_m * CELLS,
             depth: self.depth + 1,
             used_bits: 3 * BITS,
         })
     }
+
+    /// The grid over the points alone that the last grid leaves in one cell, which lie between `low`
+    /// and `high`: a single point far away makes the cells of all others too large. `None` where
+    /// they are at one place, and at the second time.
+    pub(super) fn around(&self, low: &Vec3, high: &Vec3) -> Option<Self> {
+        (self.depth == LAST && low != high).then(|| Self {
+            depth: LAST + 1,
+            ..Self::over(low, high)
+        })
+    }
 }
+
+/// Depth of the last grid inside others.
+const LAST: u32 = 2;
 
 /// The points of a chunk by parcel.
 struct Dealt {

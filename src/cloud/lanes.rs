@@ -192,51 +192,94 @@ impl Lanes for Avx512 {
     }
 }
 
-#[cfg(all(test, target_arch = "x86_64"))]
+#[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::vectors::Width;
 
-    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,popcnt")]
-    fn wide(squared: &[f32], points: &[[f64; 4]]) -> (Vec<u64>, usize, Vec<u32>, [[f64; 4]; 3]) {
-        all::<Avx512>(squared, points)
+    #[derive(Debug, PartialEq)]
+    struct Found {
+        words: Vec<u64>,
+        count: usize,
+        places: Vec<u32>,
+        sums: [[f64; 4]; 3],
     }
+
+    const THRESHOLD: f32 = 0.5;
+    const CENTRE: [f64; 4] = [0.1, 0.2, 0.3, 0.0];
 
     #[inline(always)]
-    fn all<L: Lanes>(
-        squared: &[f32],
-        points: &[[f64; 4]],
-    ) -> (Vec<u64>, usize, Vec<u32>, [[f64; 4]; 3]) {
+    fn found<L: Lanes>(squared: &[f32], points: &[[f64; 4]]) -> Found {
         let words = squared.as_chunks::<WORD>().0.iter();
-        let words: Vec<u64> = words.map(|word| L::up_to(word, 0.5)).collect();
+        let words: Vec<u64> = words.map(|word| L::up_to(word, THRESHOLD)).collect();
         let mut places = Vec::new();
         L::places(&words, &mut places);
-        let sums = L::moments(points, &places, &[0.1, 0.2, 0.3, 0.0]);
-        (words, L::count(squared, 0.5), places, sums)
+        Found {
+            count: L::count(squared, THRESHOLD),
+            sums: L::moments(points, &places, &CENTRE),
+            words,
+            places,
+        }
     }
 
-    #[test]
-    fn wide_and_plain_loops_find_the_same_bits() {
-        if Width::here() != Width::Avx512 {
-            println!("skipped: the machine has no AVX-512");
-            return;
-        }
-        for seed in 0..20u32 {
-            let n = 64 * (1 + seed as usize % 5);
+    /// Squared distances, some of them no numbers or just at the threshold, and points.
+    fn cases() -> impl Iterator<Item = (Vec<f32>, Vec<[f64; 4]>)> {
+        (0..20u32).map(|seed| {
+            let n = WORD * (1 + seed as usize % 5);
             let noise = |i: usize| {
                 f64::from((i as u32 + seed).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24)
             };
             let mut squared: Vec<f32> = (0..n).map(|i| noise(i) as f32).collect();
-            squared[n / 2] = 0.5;
+            squared[n / 2] = THRESHOLD;
             squared[n / 3] = f32::NAN;
             squared[n - 1] = f32::INFINITY;
-            let points: Vec<[f64; 4]> = (0..n)
-                .map(|i| [noise(3 * i), noise(3 * i + 1), noise(3 * i + 2), 1.0])
-                .collect();
+            let point = |i| [noise(3 * i), noise(3 * i + 1), noise(3 * i + 2), 1.0];
+            (squared, (0..n).map(point).collect())
+        })
+    }
+
+    #[test]
+    fn plain_loops_find_what_they_say() {
+        for (squared, points) in cases() {
+            let found = found::<Plain>(&squared, &points);
+            let below = (0..).zip(&squared).filter(|(_, s)| **s <= THRESHOLD);
+            let places: Vec<u32> = below.map(|(place, _)| place).collect();
+            assert!(places.contains(&(squared.len() as u32 / 2)));
+            let mut words = vec![0; squared.len() / WORD];
+            let mut sums = [[0.0; 4]; 3];
+            for &place in &places {
+                words[place as usize / WORD] |= 1u64 << (place as usize % WORD);
+                let d: [f64; 4] = std::array::from_fn(|i| points[place as usize][i] - CENTRE[i]);
+                for (row, sums) in sums.iter_mut().enumerate() {
+                    for (column, sum) in sums.iter_mut().enumerate() {
+                        *sum += d[row] * d[column];
+                    }
+                }
+            }
+            assert_eq!((found.count, &found.places), (places.len(), &places));
+            assert_eq!(found.words, words);
+            for (found, sum) in found.sums.iter().flatten().zip(sums.iter().flatten()) {
+                assert!((found - sum).abs() < 1e-12, "{found} {sum}");
+            }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    #[cfg_attr(not(has_avx512), ignore = "this machine has no AVX-512")]
+    fn wide_and_plain_loops_find_the_same_bits() {
+        use crate::cloud::vectors::Width;
+
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,popcnt")]
+        fn wide(squared: &[f32], points: &[[f64; 4]]) -> Found {
+            found::<Avx512>(squared, points)
+        }
+
+        assert_eq!(Width::here(), Width::Avx512);
+        for (squared, points) in cases() {
             // SAFETY: the machine has AVX-512.
             #[allow(unsafe_code)]
             let wide = unsafe { wide(&squared, &points) };
-            assert_eq!(wide, all::<Plain>(&squared, &points));
+            assert_eq!(wide, found::<Plain>(&squared, &points));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Points in space and what their neighbourhoods say.
 
+pub(crate) mod bounds;
 mod candidates;
 mod curve;
 mod lanes;
@@ -8,7 +9,6 @@ pub mod neighbourhoods;
 pub mod neighbours;
 pub mod shape;
 pub mod tensor;
-pub mod tiles;
 pub(crate) mod vectors;
 pub mod voxel;
 

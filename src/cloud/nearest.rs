@@ -1,6 +1,6 @@
 //! The k nearest of the points shown so far.
 
-use super::neighbours::squared_distance;
+use super::bounds::squared_distance;
 use crate::geometry::Vec3;
 
 /// Candidates pile up and are cut to the k best when twice as many have come, which costs a
@@ -8,7 +8,9 @@ use crate::geometry::Vec3;
 pub(super) struct Nearest {
     query: Vec3,
     k: usize,
+    /// Squared distance and index of the k-th nearest so far.
     limit: f64,
+    limit_index: u32,
     /// Squared distance, index, place: the bits of non-negative f64 sort like the numbers, and one
     /// integer compares without branches. Those from `filled` on are unused.
     candidates: Vec<u128>,
@@ -22,6 +24,7 @@ impl Nearest {
             query: *query,
             k,
             limit: f64::INFINITY,
+            limit_index: u32::MAX,
             candidates: Vec::with_capacity(2 * k),
             filled: 0,
         }
@@ -31,9 +34,11 @@ impl Nearest {
         &self.query
     }
 
-    /// No point farther than this (squared) can be among the k nearest.
-    pub(super) fn limit(&self) -> f64 {
-        self.limit
+    /// Whether one of the k nearest may lie in a box at this squared distance, with indices from
+    /// `least` on: as far as the k-th, only a smaller index counts, or else thousands of points at
+    /// one place would all be looked at.
+    pub(super) fn may_take(&self, distance: f64, least: u32) -> bool {
+        distance < self.limit || (distance == self.limit && least <= self.limit_index)
     }
 
     /// Shows points with their indices; `first` is the place of the first of them.
@@ -64,6 +69,7 @@ impl Nearest {
             let candidates = &mut self.candidates[..self.filled];
             let (_, farthest, _) = candidates.select_nth_unstable(self.k - 1);
             self.limit = f64::from_bits((*farthest >> 64) as u64);
+            self.limit_index = (*farthest >> 32) as u32;
             self.filled = self.k;
         }
     }

@@ -6,11 +6,12 @@
 
 use rayon::prelude::*;
 
+use super::bounds::Bounds;
 use super::candidates::{Candidates, Search};
 use super::lanes::{Lanes, Plain};
-use super::neighbours::Bounds;
+use super::neighbours::NeighbourIndex;
+use super::tensor::StructureTensor;
 use super::vectors::with_widest_vectors;
-use super::{NeighbourIndex, StructureTensor};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::{Progress, Silent};
@@ -136,7 +137,7 @@ impl NeighbourIndex {
             .par_chunks(CHUNK)
             .flat_map_iter(|groups| {
                 let mut values = Vec::new();
-                let mut scratch = Scratch::default();
+                let mut scratch = Scratch::new();
                 let mut found = Vec::new();
                 for group in groups {
                     if progress.is_cancelled() {
@@ -195,21 +196,36 @@ struct Group<'a> {
 }
 
 /// What is kept from group to group.
-#[derive(Default)]
-struct Scratch {
+struct Scratch<Found> {
     candidates: Candidates,
     /// How far the neighbours of the group before reached, metres; 0 where that is not known.
     reach_m: f64,
+    /// The last query of the group before, and what was found for it.
+    last: Option<(Vec3, Found)>,
+}
+
+impl<Found> Scratch<Found> {
+    fn new() -> Self {
+        Self {
+            candidates: Candidates::default(),
+            reach_m: 0.0,
+            last: None,
+        }
+    }
 }
 
 /// As [`solve`], compiled for the widest vectors of this machine; see [`super::vectors`].
-fn solve_group<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found]) {
+fn solve_group<Found: Take>(group: &Group<'_>, scratch: &mut Scratch<Found>, found: &mut [Found]) {
     #[cfg(target_arch = "x86_64")]
     {
         use super::lanes::Avx512;
         use super::vectors::Width;
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt")]
-        fn with_avx512<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found]) {
+        fn with_avx512<Found: Take>(
+            group: &Group<'_>,
+            scratch: &mut Scratch<Found>,
+            found: &mut [Found],
+        ) {
             solve::<Avx512, Found>(group, scratch, found);
         }
         if Width::here() == Width::Avx512 {
@@ -222,14 +238,50 @@ fn solve_group<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mu
 }
 
 with_widest_vectors! {
-    fn solve_plain<Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found])
+    fn solve_plain<Found: Take>(group: &Group<'_>, scratch: &mut Scratch<Found>, found: &mut [Found])
         = solve::<Plain, Found>
 }
 
-/// Finds the neighbours of the queries of a group. Written without closures, which would not be
-/// compiled for the wide vectors.
+/// Finds the neighbours of the queries of a group. Queries at one place have the same neighbours: of
+/// a run of them only the first is searched for.
 #[inline(always)]
-fn solve<L: Lanes, Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found: &mut [Found]) {
+fn solve<L: Lanes, Found: Take>(
+    group: &Group<'_>,
+    scratch: &mut Scratch<Found>,
+    found: &mut [Found],
+) {
+    let queries = group.queries;
+    let mut open: Vec<usize> = Vec::with_capacity(queries.len());
+    for at in 0..queries.len() {
+        if at > 0 && queries[at] == queries[at - 1] {
+            continue;
+        }
+        match &scratch.last {
+            Some((query, same)) if at == 0 && *query == queries[0] => found[0] = same.clone(),
+            _ => open.push(at),
+        }
+    }
+    if !open.is_empty() {
+        solve_open::<L, Found>(group, scratch, open, found);
+    }
+    for at in 1..queries.len() {
+        if queries[at] == queries[at - 1] {
+            found[at] = found[at - 1].clone();
+        }
+    }
+    let last = queries.last().zip(found.last());
+    scratch.last = last.map(|(query, found)| (*query, found.clone()));
+}
+
+/// Finds the neighbours of the queries of a group at the places `open`. Written without closures,
+/// which would not be compiled for the wide vectors.
+#[inline(always)]
+fn solve_open<L: Lanes, Found: Take>(
+    group: &Group<'_>,
+    scratch: &mut Scratch<Found>,
+    mut open: Vec<usize>,
+    found: &mut [Found],
+) {
     let &Group {
         index,
         ref bounds,
@@ -239,14 +291,15 @@ fn solve<L: Lanes, Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found:
     let Scratch {
         candidates,
         reach_m,
+        ..
     } = scratch;
     let k = match of {
         Neighbourhood::Nearest(k) => k,
         Neighbourhood::Within(radius) => {
             candidates.gather(index, bounds, radius * (1.0 + 1e-12), usize::MAX);
-            for (query, found) in queries.iter().zip(found) {
-                candidates.within::<L>(query, radius);
-                *found = Found::take::<L>(candidates, query, radius);
+            for at in open {
+                candidates.within::<L>(&queries[at], radius);
+                found[at] = Found::take::<L>(candidates, &queries[at], radius);
             }
             return;
         }
@@ -265,9 +318,8 @@ fn solve<L: Lanes, Found: Take>(group: &Group<'_>, scratch: &mut Scratch, found:
     } else {
         1.05 * *reach_m
     };
-    let most = MOST_CANDIDATES * k.max(GROUP);
+    let most = MOST_CANDIDATES.saturating_mul(k.max(GROUP));
     *reach_m = 0.0;
-    let mut open: Vec<usize> = (0..queries.len()).collect();
     while !open.is_empty() {
         if !candidates.gather(index, bounds, margin_m, most) {
             if !is_first_known {

@@ -15,6 +15,7 @@
 
 use rayon::prelude::*;
 
+use super::bounds::{Bounds, squared_distance};
 use super::curve::Grid;
 use super::nearest::Nearest;
 use crate::geometry::{Vec3, is_finite};
@@ -26,83 +27,6 @@ const LEAF: usize = 32;
 /// Subtrees with more points than this are built by another thread.
 const PARALLEL_BUILD: usize = 1 << 14;
 
-/// Axis-aligned bounding box.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Bounds {
-    /// Smallest coordinates.
-    pub(crate) low: Vec3,
-    /// Largest coordinates.
-    pub(crate) high: Vec3,
-}
-
-impl Bounds {
-    /// The smallest box around `points`.
-    fn of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
-        let points = points.into_iter();
-        points.fold(Self::nothing(), |bounds, point| Self {
-            low: bounds.low.inf(point),
-            high: bounds.high.sup(point),
-        })
-    }
-
-    fn nothing() -> Self {
-        Self {
-            low: Vec3::repeat(f64::INFINITY),
-            high: Vec3::repeat(f64::NEG_INFINITY),
-        }
-    }
-
-    fn with(&self, other: &Self) -> Self {
-        Self {
-            low: self.low.inf(&other.low),
-            high: self.high.sup(&other.high),
-        }
-    }
-
-    /// Squared distance from `query` to the nearest point of the box, 0 inside.
-    #[inline]
-    pub(crate) fn squared_distance(&self, query: &Vec3) -> f64 {
-        let mut gap = [0.0; 3];
-        for (axis, gap) in gap.iter_mut().enumerate() {
-            let below = self.low[axis] - query[axis];
-            let above = query[axis] - self.high[axis];
-            *gap = below.max(above).max(0.0);
-        }
-        gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]
-    }
-
-    /// Whether `point` lies in the closed box.
-    #[inline(always)]
-    pub(crate) fn holds(&self, point: &Vec3) -> bool {
-        // Without branches.
-        (0..3).fold(true, |inside, axis| {
-            inside & (point[axis] >= self.low[axis]) & (point[axis] <= self.high[axis])
-        })
-    }
-
-    /// How far `point` is from the nearest face, metres; negative outside.
-    #[inline(always)]
-    pub(crate) fn room(&self, point: &Vec3) -> f64 {
-        let (below, above) = (point - self.low, self.high - point);
-        below.min().min(above.min())
-    }
-
-    /// Whether the two boxes have a point in common.
-    #[inline]
-    pub(crate) fn meets(&self, other: &Self) -> bool {
-        (0..3).fold(true, |meets, axis| {
-            meets & (self.low[axis] <= other.high[axis]) & (self.high[axis] >= other.low[axis])
-        })
-    }
-}
-
-/// ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z²
-#[inline(always)]
-pub(super) fn squared_distance(a: &Vec3, b: &Vec3) -> f64 {
-    let (x, y, z) = (a.x - b.x, a.y - b.y, a.z - b.z);
-    x * x + y * y + z * z
-}
-
 /// A run of points in the order of the curve.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
@@ -111,6 +35,8 @@ pub(super) struct Node {
     pub(super) end: u32,
     /// The second child, counted from this node; 0 for a leaf.
     second: u32,
+    /// Smallest index of the points.
+    least: u32,
 }
 
 impl Node {
@@ -263,21 +189,21 @@ impl NeighbourIndex {
         enter: impl Fn(&Bounds) -> bool,
         mut each: impl FnMut(std::ops::Range<usize>),
     ) {
-        // A depth-first search keeps one waiting sibling a level: three grids of 63 bits and the
+        // A depth-first search keeps one waiting sibling a level: the bits of all grids and the
         // halvings of points at one place.
-        let mut waiting = [0usize; 3 * 63 + 32];
+        let mut waiting = [0u32; Grid::MOST_BITS + 32];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
             depth -= 1;
             let at = waiting[depth];
-            let node = &self.nodes[at];
+            let node = &self.nodes[at as usize];
             if !enter(&node.bounds) {
                 continue;
             }
             if node.second == 0 {
                 each(node.points());
             } else {
-                waiting[depth] = at + node.second as usize;
+                waiting[depth] = at + node.second;
                 waiting[depth + 1] = at + 1;
                 depth += 2;
             }
@@ -325,8 +251,7 @@ impl NeighbourIndex {
             [(to_first, first), (to_second, second)]
         };
         for (distance, child) in ordered {
-            // A box exactly as far as the k-th point may hold a tie with a smaller index.
-            if distance <= nearest.limit() {
+            if nearest.may_take(distance, self.nodes[child].least) {
                 self.collect_nearest(nearest, child);
             }
         }
@@ -363,21 +288,25 @@ impl Run<'_> {
             first: self.first,
             end: self.first + count as u32,
             second: 0,
+            least: u32::MAX,
         });
         if count <= LEAF {
             if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
                 self.sort_to_the_last(grid);
             }
             nodes[at].bounds = Bounds::of(&*self.ordered);
+            nodes[at].least = self.keyed.iter().fold(u32::MAX, |least, k| least.min(k.1));
             return;
         }
         let mut finer = *grid;
         let mut differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
         while differing == 0 {
-            let Some(inside) = finer.inside(&self.ordered[0]) else {
-                break;
-            };
-            finer = inside;
+            let next = finer.inside(&self.ordered[0]).or_else(|| {
+                let bounds = Bounds::of(&*self.ordered);
+                finer.around(&bounds.low, &bounds.high)
+            });
+            let Some(next) = next else { break };
+            finer = next;
             self.sort_by(&finer);
             differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
         }
@@ -397,8 +326,9 @@ impl Run<'_> {
             nodes[at].second = (nodes.len() - at) as u32;
             high.build(&finer, nodes);
         }
-        let other = nodes[at + nodes[at].second as usize].bounds;
-        nodes[at].bounds = nodes[at + 1].bounds.with(&other);
+        let (first, second) = (nodes[at + 1], nodes[at + nodes[at].second as usize]);
+        nodes[at].bounds = first.bounds.with(&second.bounds);
+        nodes[at].least = first.least.min(second.least);
     }
 
     fn split(self, half: usize) -> (Self, Self) {

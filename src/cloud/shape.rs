@@ -27,7 +27,8 @@
 //! ratios of √λᵢ and adds 0.001 to each denominator (its `scattering` is the sphericity of those);
 //! its eigenentropy adds 0.001 as well; its `Verticality` is this one, `VerticalityPGEOF` is not.
 
-use super::{Eigen, Surroundings};
+use super::neighbourhoods::Surroundings;
+use super::tensor::Eigen;
 use crate::geometry::{Mat3, Vec3};
 
 /// Eigenvalues nearer to each other than this, relative to their sum, are equal: a few roundings.

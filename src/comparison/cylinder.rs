@@ -1,10 +1,10 @@
 //! The cylinder around a core point.
 
+use super::settings::ComparisonSettings;
 use super::window::{Between, Window};
 use crate::cloud::NeighbourIndex;
-use crate::cloud::neighbours::Bounds;
+use crate::cloud::bounds::Bounds;
 use crate::cloud::vectors::with_widest_vectors;
-use crate::comparison::ComparisonSettings;
 use crate::geometry::Vec3;
 
 /// Closed at its side. Open at its ends, closed at the core point where it is one-sided.

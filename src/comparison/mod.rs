@@ -1,19 +1,25 @@
 //! How far apart two clouds are: M3C2 and its statistics.
 
+mod agreement;
 mod cells;
+mod checks;
 mod cylinder;
 mod detection;
 mod groups;
 pub mod m3c2;
 mod moments;
 mod normals;
+mod result;
 mod search;
 mod settings;
 pub mod statistics;
 mod sums;
 mod window;
 
-pub use m3c2::{CoreDistance, M3c2, Normals, core_indices, core_points, m3c2};
+pub use agreement::{Against, Agreement, Agreements, MountingKind, agreements};
+pub use checks::Normals;
+pub use m3c2::{core_indices, core_points, m3c2};
+pub use result::{CoreDistance, M3c2};
 pub use search::{IndexedClouds, reach_m};
 pub use settings::{Aggregation, ComparisonSettings, Detection};
 pub use statistics::{Histogram, Statistics};

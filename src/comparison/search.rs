@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use super::cells::{Cells, Lattice};
+use super::checks::{Normals, check, check_core, empty};
 use super::cylinder::{self, Cylinder, Heights};
 use super::detection::{Sample, level_of_detection};
 use super::groups::{Groups, box_around};
-use super::m3c2::{CoreDistance, M3c2, Normals, check, check_core, empty};
 use super::moments::Offsets;
 use super::normals;
+use super::result::{CoreDistance, M3c2};
+use super::settings::ComparisonSettings;
 use super::window::Window;
 use crate::cloud::NeighbourIndex;
-use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::geometry::{Vec3, is_finite};
 use crate::progress::Progress;

@@ -1,7 +1,7 @@
 //! A comparison in numbers.
 
-use crate::comparison::m3c2::M3c2;
-use crate::error::{Error, Result};
+use super::result::M3c2;
+use crate::error::{Error, Problem, Result};
 use crate::statistics::{mean, quantile, rms};
 
 /// Statistics of the finite distances of a comparison, metres.
@@ -41,7 +41,7 @@ impl Statistics {
         }
         let n = sorted_m.len();
         let count = n as f64;
-        let (mean_m, rmse_m) = (mean(&sorted_m), rms(&sorted_m));
+        let (mean_m, rmse_m) = (mean(&sorted_m), rms(sorted_m.iter().copied()));
         let about_mean = sorted_m.iter().map(|d| (d - mean_m).powi(2)).sum::<f64>();
         sorted_m.sort_unstable_by(f64::total_cmp);
         let judged: Vec<bool> = comparison
@@ -60,12 +60,6 @@ impl Statistics {
             significant_share: significant as f64 / judged.len() as f64,
             sorted_m,
         })
-    }
-
-    /// The distance below which the share `p` of them lies, between neighbours by straight lines;
-    /// the smallest for p ≤ 0, the largest for p ≥ 1.
-    pub fn quantile_m(&self, p: f64) -> f64 {
-        quantile(&self.sorted_m, p)
     }
 
     /// Counts of the distances in `bins` (at least one) equal intervals from `low_m` to `high_m`.
@@ -113,7 +107,8 @@ fn clouds_do_not_meet(comparison: &M3c2) -> Error {
     let without_normal = core.iter().filter(|core| core.normal.x.is_nan()).count();
     let reference = core.iter().filter(|core| core.reference_count > 0).count();
     let compared = core.iter().filter(|core| core.compared_count > 0).count();
-    Error::data(
+    Error::of(
+        Problem::NoOverlap,
         format!(
             "the clouds do not meet: of {} core points none has points of both clouds in its \
              cylinder ({reference} have points of the reference, {compared} of the compared cloud, \

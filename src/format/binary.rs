@@ -1,5 +1,14 @@
 //! Numbers in binary records whose layout a header describes: PLY, PCD and `.npy`.
 
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use super::file;
+use crate::cloud::PointCloud;
+use crate::error::{Error, Location, Result};
+use crate::geometry::Vec3;
+
 /// A type of number in a binary record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Number {
@@ -75,7 +84,7 @@ impl Fields {
 
     /// Appends a record to a cloud, unless a coordinate is not finite: such points were not
     /// measured.
-    pub(crate) fn push(&self, values: &[f64], cloud: &mut crate::cloud::PointCloud) {
+    pub(crate) fn push(&self, values: &[f64], cloud: &mut PointCloud) {
         let at = |index: Option<usize>| index.map(|i| values[i]);
         let [Some(x), Some(y), Some(z)] = self.xyz.map(at) else {
             return;
@@ -83,7 +92,7 @@ impl Fields {
         if !(x.is_finite() && y.is_finite() && z.is_finite()) {
             return;
         }
-        cloud.points.push(crate::geometry::Vec3::new(x, y, z));
+        cloud.points.push(Vec3::new(x, y, z));
         cloud.intensity.extend(at(self.intensity).map(|v| v as f32));
         cloud.time_s.extend(at(self.time));
     }
@@ -91,35 +100,31 @@ impl Fields {
 
 /// Bytes of one file, taken piece by piece.
 pub(crate) struct Bytes<'a> {
-    pub(crate) path: &'a std::path::Path,
-    pub(crate) reader: std::io::BufReader<std::fs::File>,
+    pub(crate) path: &'a Path,
+    pub(crate) reader: BufReader<File>,
     pub(crate) at: u64,
     pub(crate) total: u64,
 }
 
 impl<'a> Bytes<'a> {
-    pub(crate) fn open(path: &'a std::path::Path) -> crate::Result<Self> {
-        let (file, total) = super::open(path)?;
+    pub(crate) fn open(path: &'a Path) -> Result<Self> {
+        let (file, total) = file::open(path)?;
         Ok(Self {
             path,
-            reader: std::io::BufReader::with_capacity(1 << 18, file),
+            reader: BufReader::with_capacity(1 << 18, file),
             at: 0,
             total,
         })
     }
 
     /// A format error at the present place.
-    pub(crate) fn error(
-        &self,
-        found: impl Into<String>,
-        expected: impl Into<String>,
-    ) -> crate::Error {
-        let at = crate::error::Location::Byte(self.at);
-        crate::Error::format(self.path, at, found, expected)
+    pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
+        let at = Location::Byte(self.at);
+        Error::format(self.path, at, found, expected)
     }
 
     /// Checks that `n` more bytes are there before memory is taken for them.
-    pub(crate) fn check(&self, n: u64, what: &str) -> crate::Result<()> {
+    pub(crate) fn check(&self, n: u64, what: &str) -> Result<()> {
         let left = self.total.saturating_sub(self.at);
         if n <= left {
             return Ok(());
@@ -131,24 +136,22 @@ impl<'a> Bytes<'a> {
     }
 
     /// Fills `into`.
-    pub(crate) fn take(&mut self, into: &mut [u8], what: &str) -> crate::Result<()> {
-        use std::io::Read;
+    pub(crate) fn take(&mut self, into: &mut [u8], what: &str) -> Result<()> {
         self.check(into.len() as u64, what)?;
         self.reader
             .read_exact(into)
-            .map_err(|e| crate::Error::io(self.path, e))?;
+            .map_err(|e| Error::io(self.path, e))?;
         self.at += into.len() as u64;
         Ok(())
     }
 
     /// A line of text without its end; an error where the file ends before one or it is no text.
-    pub(crate) fn line(&mut self) -> crate::Result<String> {
-        use std::io::{BufRead, Read};
+    pub(crate) fn line(&mut self) -> Result<String> {
         let mut line = Vec::new();
         let read = (&mut self.reader)
             .take(1 << 16)
             .read_until(b'\n', &mut line)
-            .map_err(|e| crate::Error::io(self.path, e))?;
+            .map_err(|e| Error::io(self.path, e))?;
         if read == 0 {
             return Err(self.error("the end of the file", "a line of text"));
         }

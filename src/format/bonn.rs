@@ -10,8 +10,8 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-use super::profile::ProfileReader;
-use super::{CHUNK_POINTS, nothing_in};
+use super::file::{self, CHUNK_POINTS, nothing_in};
+use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
@@ -115,7 +115,7 @@ impl Head {
 
 impl BonnReader {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (file, total) = super::open(path)?;
+        let (file, total) = file::open(path)?;
         Ok(Self {
             path: path.to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::trajectory::read_lines;
+use super::pose_table::read_lines;
 use crate::error::Result;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::las_extra::{ExtraDimension, dimension};
+use super::las_extra::dimension::{self, ExtraDimension};
 use super::las_out::{LasOut, is_compressed};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -16,8 +16,8 @@ const RECORD: usize = 30;
 const TIMELESS_RECORD: usize = 20;
 
 /// Writes a LAS 1.4 file of point format 6, compressed where its name ends in `.laz`: position,
-/// GPS time, intensity, and the number of the scanner as `user_data` and `point_source_id`; where
-/// asked for, further named values. The same points give the same bytes.
+/// GPS time, intensity, and the number of the scanner as `point_source_id` and, up to 255, as
+/// `user_data`; where asked for, further named values. The same points give the same bytes.
 pub struct CloudWriter {
     path: PathBuf,
     out: LasOut,
@@ -117,7 +117,7 @@ impl CloudWriter {
     ///
     /// # Errors
     /// A point too far from the offset or not finite, a file that cannot be written.
-    pub fn write(&mut self, point: &Vec3, time_s: f64, intensity: f32, scanner: u8) -> Result<()> {
+    pub fn write(&mut self, point: &Vec3, time_s: f64, intensity: f32, scanner: u16) -> Result<()> {
         self.write_with(point, time_s, intensity, scanner, &[])
     }
 
@@ -130,7 +130,7 @@ impl CloudWriter {
         point: &Vec3,
         time_s: f64,
         intensity: f32,
-        scanner: u8,
+        scanner: u16,
         values: &[f64],
     ) -> Result<()> {
         let raw = (point - self.offset_m).map(|v| (v / self.step_m).round());
@@ -144,17 +144,18 @@ impl CloudWriter {
         }
         // `as` saturates and makes 0 of NaN.
         record[12..14].copy_from_slice(&(intensity.round() as u16).to_le_bytes());
+        let user_data = u8::try_from(scanner).unwrap_or(u8::MAX);
         // The first of one return; flags, class and scan angle stay 0.
         let length = if self.has_time {
             record[14] = 0x11;
-            record[17] = scanner;
-            record[20..22].copy_from_slice(&u16::from(scanner).to_le_bytes());
+            record[17] = user_data;
+            record[20..22].copy_from_slice(&scanner.to_le_bytes());
             record[22..30].copy_from_slice(&time_s.to_le_bytes());
             RECORD
         } else {
             record[14] = 0x09;
-            record[17] = scanner;
-            record[18..20].copy_from_slice(&u16::from(scanner).to_le_bytes());
+            record[17] = user_data;
+            record[18..20].copy_from_slice(&scanner.to_le_bytes());
             TIMELESS_RECORD
         };
         self.extra.clear();

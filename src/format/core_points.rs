@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use super::table::{Columns, Table, header_names};
-use super::{Format, read_cloud};
+use super::cloud::read_cloud;
+use super::detect::{Format, detect};
+use super::lines::header_names;
+use super::native::read_rows;
+use super::table::Columns;
 use crate::error::Result;
 use crate::geometry::Vec3;
 
@@ -29,7 +32,7 @@ pub struct CorePoints {
 /// # Errors
 /// Those of [`read_cloud`]; a table with one or two of the three columns.
 pub fn read_core_points(path: &Path) -> Result<CorePoints> {
-    let is_table = matches!(super::detect(path), Ok(Format::CloudCsv));
+    let is_table = matches!(detect(path), Ok(Format::CloudCsv));
     let components = &WITH_NORMALS.needed[3..];
     let has_normals = is_table
         && header_names(path)?
@@ -41,17 +44,12 @@ pub fn read_core_points(path: &Path) -> Result<CorePoints> {
             normals: Vec::new(),
         });
     }
-    let mut table = Table::open(path, &WITH_NORMALS)?;
-    let mut core = CorePoints::default();
-    let mut row = [0.0; 6];
-    while table.next_row(&mut row)? {
-        core.points.push(Vec3::new(row[0], row[1], row[2]));
-        core.normals.push(Vec3::new(row[3], row[4], row[5]));
-    }
-    if core.points.is_empty() {
-        return Err(super::nothing_in(path, "point"));
-    }
-    Ok(core)
+    let rows = read_rows::<6, _>(path, &WITH_NORMALS, "point", |row, _| {
+        let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
+        Ok((vector(0), vector(3)))
+    })?;
+    let (points, normals) = rows.into_iter().unzip();
+    Ok(CorePoints { points, normals })
 }
 
 #[cfg(test)]

@@ -4,8 +4,10 @@ use std::fmt;
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
-use super::table::{Columns, Lines, Separator, numbers};
-use super::{bonn, cloud, extension, first_bytes, native, positions, profile, sbet, trajectory};
+use super::file::{extension, first_bytes, nothing_in, open};
+use super::lines::{Lines, Separator, numbers};
+use super::table::Columns;
+use super::{bonn, cloud_table, native, pose_table, positions, profile, sbet};
 use crate::error::{Error, Result};
 
 /// A file format that is read here.
@@ -92,12 +94,12 @@ impl fmt::Display for Format {
 
 /// The native tables, those with more needed columns first.
 pub(crate) const TABLES: [(Format, Columns); 8] = [
-    (Format::TrajectoryCsv, trajectory::TRAJECTORY),
+    (Format::TrajectoryCsv, pose_table::TRAJECTORY),
     (Format::ImuCsv, native::IMU),
     (Format::TpsCsv, positions::TPS),
     (Format::PolarCsv, positions::POLAR),
     (Format::PrismCsv, positions::POSITIONS),
-    (Format::CloudCsv, cloud::CLOUD),
+    (Format::CloudCsv, cloud_table::CLOUD),
     (Format::ProfileCsv, profile::PROFILES),
     (Format::HeadingCsv, native::HEADING),
 ];
@@ -107,7 +109,7 @@ pub(crate) const TABLES: [(Format, Columns); 8] = [
 /// # Errors
 /// A file that is missing, empty, or of no known format: what it starts with is named.
 pub fn detect(path: &Path) -> Result<Format> {
-    let (mut file, size) = super::open(path)?;
+    let (mut file, size) = open(path)?;
     let start = first_bytes(path, &mut file)?;
     file.seek(SeekFrom::Start(0))
         .map_err(|e| Error::io(path, e))?;
@@ -204,7 +206,7 @@ fn by_text(path: &Path) -> Result<Format> {
             }
         }
     }
-    Err(super::nothing_in(path, "line of data"))
+    Err(nothing_in(path, "line of data"))
 }
 
 fn unknown(lines: &Lines, names: &[String]) -> Error {

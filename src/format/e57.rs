@@ -4,7 +4,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 use super::binary::Number;
-use super::{first_bytes, guarded};
+use super::file::{first_bytes, guarded, open};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromScanner};
@@ -20,7 +20,7 @@ fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
 
 /// Hands every measured point with its intensity (0 where a scan has none) to `take`.
 pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
-    let (mut file, size) = super::open(path)?;
+    let (mut file, size) = open(path)?;
     let head = first_bytes(path, &mut file)?;
     check_header(path, &head, size)?;
     guarded(path, "E57", || {

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::guarded;
+use super::file::{self, first_bytes, guarded};
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
@@ -14,7 +14,7 @@ const LARGEST_CHUNK: u64 = 100_000_000;
 
 /// Does the file start as LAS and LAZ do? Leaves the file at its start.
 pub(crate) fn is_las(path: &Path, file: &mut File) -> Result<bool> {
-    Ok(super::first_bytes(path, file)?.starts_with(b"LASF"))
+    Ok(first_bytes(path, file)?.starts_with(b"LASF"))
 }
 
 /// One point as decoded, with what may stand beside it.
@@ -49,7 +49,7 @@ fn problem(path: &Path, error: las::Error) -> Error {
 
 impl LasFile {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (mut file, bytes) = super::open(path)?;
+        let (mut file, bytes) = file::open(path)?;
         check_header(path, &mut file, bytes)?;
         guarded(path, "LAS or LAZ", || {
             // Sequential decompression takes no memory by what a damaged chunk table says.

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use super::file::extension;
 use crate::error::{Error, Location, Result};
 
 /// Points compressed at a time: several of the format's chunks of 50,000, so that all threads
@@ -26,7 +27,7 @@ pub(super) struct LasOut {
 /// # Errors
 /// A name that ends neither in `.las` nor `.laz`.
 pub(super) fn is_compressed(path: &Path) -> Result<bool> {
-    match super::extension(path).as_str() {
+    match extension(path).as_str() {
         "laz" => Ok(true),
         "las" => Ok(false),
         other => Err(Error::format(

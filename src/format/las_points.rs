@@ -1,11 +1,13 @@
-//! The positions in a LAS or LAZ file, streamed in bounded memory and decoded on all threads.
+//! The points in a LAS or LAZ file, decoded on all threads.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::las::LasFile;
-use super::{CHUNK_POINTS, nothing_in};
+use super::file::{CHUNK_POINTS, nothing_in};
+use super::las::{LasFile, LasPoint};
+use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
@@ -34,35 +36,78 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
     let parts = count.div_ceil(PART);
     let at_once = rayon::current_num_threads() as u64;
     for first in (0..parts).step_by(at_once as usize) {
-        let pieces: Result<Vec<Vec<Vec3>>> = (first..parts.min(first + at_once))
-            .into_par_iter()
-            .map(|part| read_part(path, part * PART, PART.min(count - part * PART)))
-            .collect();
-        pieces?.iter().try_for_each(|piece| each(piece))?;
+        let some = first..parts.min(first + at_once);
+        let pieces = read_parts(path, some, count, Vec::with_capacity, |points, point| {
+            points.push(point.position);
+        })?;
+        pieces.iter().try_for_each(|piece| each(piece))?;
     }
     Ok(())
 }
 
-fn read_part(path: &Path, start: u64, count: u64) -> Result<Vec<Vec3>> {
-    let mut file = LasFile::open(path)?;
-    if start > 0 {
-        file.seek(start)?;
+/// The points of a LAS or LAZ file with intensity, and time where it has that.
+pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
+    let count = las_count(path)?;
+    let empty = |most| PointCloud {
+        points: Vec::with_capacity(most),
+        time_s: Vec::new(),
+        intensity: Vec::with_capacity(most),
+    };
+    let parts = read_parts(
+        path,
+        0..count.div_ceil(PART),
+        count,
+        empty,
+        |cloud, point| {
+            cloud.points.push(point.position);
+            cloud.intensity.push(point.intensity);
+            // Times are finite where there are any.
+            if !point.time_s.is_nan() {
+                cloud.time_s.push(point.time_s);
+            }
+        },
+    )?;
+    let mut cloud = empty(count as usize);
+    for part in parts {
+        cloud.points.extend(part.points);
+        cloud.time_s.extend(part.time_s);
+        cloud.intensity.extend(part.intensity);
     }
-    let mut points = Vec::with_capacity(count as usize);
-    while file.taken() < start + count {
-        let left = (start + count - file.taken()) as usize;
-        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
-            points.push(point.position);
-            Ok(())
-        })?;
-        if read == 0 {
-            return Err(Error::format(
-                path,
-                Location::Whole,
-                format!("{} points", file.taken()),
-                format!("at least {}, as its header says", start + count),
-            ));
+    Ok(cloud)
+}
+
+/// Decodes some parts of a file of `count` points side by side: each begins `empty`, with the
+/// number of its points, and `take`s them in order.
+fn read_parts<T: Send>(
+    path: &Path,
+    parts: Range<u64>,
+    count: u64,
+    empty: impl Fn(usize) -> T + Sync,
+    take: impl Fn(&mut T, LasPoint<'_>) + Sync,
+) -> Result<Vec<T>> {
+    let read_part = |part| {
+        let (start, end) = (part * PART, count.min((part + 1) * PART));
+        let mut file = LasFile::open(path)?;
+        if start > 0 {
+            file.seek(start)?;
         }
-    }
-    Ok(points)
+        let mut found = empty((end - start) as usize);
+        while file.taken() < end {
+            let left = (end - file.taken()) as usize;
+            let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+                take(&mut found, point);
+                Ok(())
+            })?;
+            if read == 0 {
+                return Err(Error::format(
+                    path,
+                    Location::Whole,
+                    format!("{} points", file.taken()),
+                    format!("the {count} points of its header"),
+                ));
+            }
+        }
+        Ok(found)
+    };
+    parts.into_par_iter().map(read_part).collect()
 }

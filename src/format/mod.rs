@@ -1,43 +1,43 @@
 //! One file per file format, in and out; detection.
 //!
 //! Angles in files are degrees where a column's name says so; records hold radians. Every reader
-//! ends in data or in one [`Error`] that names the file, the line or byte, what
+//! ends in data or in one [`Error`](crate::Error) that names the file, the line or byte, what
 //! stands there and what should.
 
 mod binary;
 mod bonn;
 mod bonn_trajectory;
 mod cloud;
+mod cloud_table;
 mod cloud_writer;
 mod core_points;
 mod detect;
 mod e57;
+mod file;
 mod inspect;
 mod las;
 mod las_extra;
 mod las_out;
 mod las_points;
 mod las_scan;
+mod lines;
 mod mounting;
 mod native;
 mod npy;
 mod pcd;
 mod ply;
+mod pose_table;
 mod positions;
 mod profile;
+mod profile_reader;
 mod pts;
 mod sbet;
 mod table;
 mod trajectory;
 
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
-
-use crate::error::{Error, Location, Result};
-
 pub use bonn::BonnWriter;
-pub use cloud::{points_named, read_cloud, stream_points, write_cloud_table};
+pub use cloud::read_cloud;
+pub use cloud_table::write_cloud_table;
 pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
 pub use core_points::{CorePoints, read_core_points};
 pub use detect::{Format, detect};
@@ -46,72 +46,9 @@ pub use las_extra::{ExtraDimension, ExtraKind, Row, cloud_to_las, copy_las};
 pub use las_points::{las_count, stream_las};
 pub use mounting::{read_mounting, write_mounting};
 pub use native::{read_heading, read_imu, write_heading, write_imu};
+pub use pose_table::write_trajectory;
 pub(crate) use positions::read_new_positions;
 pub use positions::{Positions, read_positions, write_positions};
-pub use profile::{ProfileReader, open_profiles, write_profiles};
-pub use trajectory::{read_trajectory, write_trajectory};
-
-/// Points that readers hand over at a time, about.
-pub(crate) const CHUNK_POINTS: usize = 200_000;
-
-/// Opens a file that must hold something; also its size in bytes.
-pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
-    if metadata.is_dir() {
-        return Err(Error::format(path, Location::Whole, "a folder", "a file"));
-    }
-    if metadata.is_file() && metadata.len() == 0 {
-        return Err(Error::format(
-            path,
-            Location::Whole,
-            "an empty file",
-            "data",
-        ));
-    }
-    Ok((file, metadata.len()))
-}
-
-/// The first bytes of a file, up to 4096; the file is left at its start.
-pub(crate) fn first_bytes(path: &Path, file: &mut File) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    file.take(4096)
-        .read_to_end(&mut bytes)
-        .and_then(|_| file.seek(SeekFrom::Start(0)))
-        .map_err(|e| Error::io(path, e))?;
-    Ok(bytes)
-}
-
-/// The error of a file with the right form and nothing in it.
-pub(crate) fn nothing_in(path: &Path, what: &str) -> Error {
-    Error::format(
-        path,
-        Location::Whole,
-        format!("no {what}"),
-        format!("at least one {what}"),
-    )
-}
-
-/// The extension of `path` in lower case, without the dot.
-pub(crate) fn extension(path: &Path) -> String {
-    path.extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default()
-}
-
-/// Runs a decoder that others wrote on a file that may be damaged: should it panic, that is an
-/// error of the file.
-pub(crate) fn guarded<T>(
-    path: &Path,
-    format: &str,
-    decode: impl FnOnce() -> Result<T>,
-) -> Result<T> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode)).unwrap_or_else(|_| {
-        Err(Error::format(
-            path,
-            Location::Whole,
-            "content that no decoder understands",
-            format!("an undamaged {format} file"),
-        ))
-    })
-}
+pub use profile::{open_profiles, write_profiles};
+pub use profile_reader::ProfileReader;
+pub use trajectory::read_trajectory;

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::table::Lines;
+use super::lines::Lines;
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::geometry::{BodyFromScanner, EulerConvention, Vec3};

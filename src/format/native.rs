@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use super::file::nothing_in;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -82,7 +83,7 @@ pub(crate) fn read_rows<const N: usize, T>(
         records.push(record(&row, &table)?);
     }
     if records.is_empty() {
-        return Err(super::nothing_in(path, what));
+        return Err(nothing_in(path, what));
     }
     Ok(records)
 }
@@ -144,17 +145,42 @@ impl<'a> Sheet<'a> {
     }
 }
 
+/// Writes records as a table of the needed columns and those others that any record has a value
+/// for; `row` gives all values of a record, NaN where it has none.
+pub(crate) fn write_rows<const N: usize, T>(
+    path: &Path,
+    columns: &Columns,
+    records: &[T],
+    row: impl Fn(&T) -> [f64; N],
+) -> Result<()> {
+    let mut used = [false; N];
+    used[..columns.needed.len()].fill(true);
+    for record in records {
+        for (used, value) in used.iter_mut().zip(row(record)) {
+            *used |= !value.is_nan();
+        }
+    }
+    let names = columns.needed.iter().chain(columns.optional).zip(used);
+    let header: Vec<&str> = names
+        .filter_map(|(name, used)| used.then_some(*name))
+        .collect();
+    let mut sheet = Sheet::create(path, &header)?;
+    for record in records {
+        let cells = row(record).into_iter().zip(used);
+        sheet.row(cells.filter_map(|(cell, used)| used.then_some(cell)))?;
+    }
+    sheet.finish()
+}
+
 /// Writes an IMU log that [`read_imu`] reads back bit by bit.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
-    let mut sheet = Sheet::create(path, IMU.needed)?;
-    for sample in samples {
+    write_rows(path, &IMU, samples, |sample| {
         let (w, a) = (&sample.gyro_rad_s, &sample.accel_m_s2);
-        sheet.row([sample.time_s, w.x, w.y, w.z, a.x, a.y, a.z])?;
-    }
-    sheet.finish()
+        [sample.time_s, w.x, w.y, w.z, a.x, a.y, a.z]
+    })
 }
 
 /// Writes a heading log in degrees, read back by [`read_heading`] to 1e-15 of its value; with
@@ -163,23 +189,10 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_heading(path: &Path, fixes: &[HeadingFix]) -> Result<()> {
-    type Value = fn(&HeadingFix) -> Option<f64>;
-    let columns: [(&str, Value); 3] = [
-        ("sigma_deg", |fix| fix.sigma_rad),
-        ("pitch_deg", |fix| fix.pitch_rad),
-        ("sigma_pitch_deg", |fix| fix.pitch_sigma_rad),
-    ];
-    let present = |(_, value): &&(&str, Value)| fixes.iter().any(|fix| value(fix).is_some());
-    let columns: Vec<_> = columns.iter().filter(present).collect();
-    let mut header = HEADING.needed.to_vec();
-    header.extend(columns.iter().map(|(name, _)| name));
-    let mut sheet = Sheet::create(path, &header)?;
-    for fix in fixes {
-        let more = columns
-            .iter()
-            .map(|(_, value)| value(fix).map_or(f64::NAN, f64::to_degrees));
-        let row = [fix.time_s, fix.heading_rad.to_degrees()];
-        sheet.row(row.into_iter().chain(more))?;
-    }
-    sheet.finish()
+    let degrees = |value: Option<f64>| value.map_or(f64::NAN, f64::to_degrees);
+    write_rows(path, &HEADING, fixes, |fix| {
+        let heading_deg = fix.heading_rad.to_degrees();
+        let others = [fix.sigma_rad, fix.pitch_rad, fix.pitch_sigma_rad].map(degrees);
+        [fix.time_s, heading_deg, others[0], others[1], others[2]]
+    })
 }

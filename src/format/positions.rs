@@ -3,8 +3,10 @@
 
 use std::path::Path;
 
+use super::file::nothing_in;
+use super::lines::header_names;
 use super::native::{Sheet, sigma};
-use super::table::{Columns, Table, header_names};
+use super::table::{Columns, Table};
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Mat3, Vec3};
 use crate::sensor::{
@@ -88,7 +90,7 @@ pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positi
             let found = format!("{rejected} rows, none with a range");
             return Err(error(path, found, "at least one position"));
         }
-        return Err(super::nothing_in(path, "position"));
+        return Err(nothing_in(path, "position"));
     }
     Ok(found)
 }

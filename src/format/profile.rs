@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::bonn::BonnReader;
+use super::file::{CHUNK_POINTS, extension, first_bytes, nothing_in, open};
 use super::las_scan::{LasScan, PosedScan};
 use super::native::Sheet;
+use super::profile_reader::ProfileReader;
 use super::table::{Columns, Table};
-use super::{CHUNK_POINTS, las, nothing_in};
+use super::{bonn, las};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
@@ -16,23 +18,6 @@ pub(crate) const PROFILES: Columns = Columns {
     optional: &["y_m", "intensity"],
 };
 
-/// A recording of one scanner, read once from front to back.
-pub trait ProfileReader: Send {
-    /// Replaces the content of `into` by the next points in time order, some 200,000 at most;
-    /// false, and nothing in `into`, at the end.
-    ///
-    /// # Errors
-    /// What is damaged or contradicts the format; times that go backwards; a recording without
-    /// any valid point.
-    fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool>;
-
-    /// Bytes of the file read so far; of compressed files an estimate.
-    fn bytes_read(&self) -> u64;
-
-    /// Bytes of the file.
-    fn bytes_total(&self) -> u64;
-}
-
 /// Opens a recording: Bonn `.bin`, the native table `time_s, x_m, z_m`, LAS or LAZ whose points
 /// lie in the scanner frame and have times, or LAS and LAZ with the sensor's pose at every point,
 /// from which the points in the scanner frame are taken back (those are sorted by time in memory).
@@ -40,7 +25,7 @@ pub trait ProfileReader: Send {
 /// # Errors
 /// A file that is missing, empty, or of none of these formats.
 pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
-    let (mut file, _) = super::open(path)?;
+    let (mut file, _) = open(path)?;
     if las::is_las(path, &mut file)? {
         let file = las::LasFile::open(path)?;
         return if las::PoseColumns::of(&file).is_some() {
@@ -49,8 +34,8 @@ pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
             Ok(Box::new(LasScan::new(&file)?))
         };
     }
-    let start = super::first_bytes(path, &mut file)?;
-    if super::extension(path) == "bin" || super::bonn::looks_like(&start) {
+    let start = first_bytes(path, &mut file)?;
+    if extension(path) == "bin" || bonn::looks_like(&start) {
         return Ok(Box::new(BonnReader::open(path)?));
     }
     Ok(Box::new(TableProfiles {

@@ -2,26 +2,14 @@
 
 use std::path::Path;
 
-use super::table::{Lines, numbers};
+use super::lines::Lines;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 
-/// Reads a line of at least `n` numbers, skipping empty lines; false at the end of the file.
+/// Reads a line of at least `n` numbers; false at the end of the file.
 fn row(lines: &mut Lines, n: usize, cells: &mut Vec<f64>) -> Result<bool> {
-    loop {
-        if !lines.advance()? {
-            return Ok(false);
-        }
-        if lines.text().is_empty() {
-            continue;
-        }
-        if numbers(lines.text(), cells) && cells.len() >= n && cells.iter().all(|v| v.is_finite()) {
-            return Ok(true);
-        }
-        let found: String = lines.text().chars().take(80).collect();
-        return Err(lines.error(format!("`{found}`"), format!("{n} numbers or more")));
-    }
+    lines.next_numbers(cells, |found| found >= n, || format!("{n} numbers or more"))
 }
 
 fn ended(lines: &Lines, expected: &str) -> Error {

@@ -1,39 +1,11 @@
-//! Trajectories: the native table, TUM, and the choice among all formats that hold poses.
+//! Trajectories from all formats that hold poses.
 
 use std::path::Path;
 
-use super::native::{Sheet, read_rows};
-use super::table::{Columns, Lines, Table, numbers};
-use super::{Format, bonn_trajectory, las_scan, sbet};
+use super::detect::{Format, detect};
+use super::{bonn_trajectory, las_scan, pose_table, sbet};
 use crate::error::{Error, Location, Result};
-use crate::geometry::{Rotation, Vec3, WorldFromBody};
-use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
-
-pub(crate) const TRAJECTORY: Columns = Columns {
-    needed: &[
-        "time_s", "east_m", "north_m", "up_m", "qx", "qy", "qz", "qw",
-    ],
-    optional: &[
-        "velocity_east_m_s",
-        "velocity_north_m_s",
-        "velocity_up_m_s",
-        "gyro_bias_x_rad_s",
-        "gyro_bias_y_rad_s",
-        "gyro_bias_z_rad_s",
-        "accel_bias_x_m_s2",
-        "accel_bias_y_m_s2",
-        "accel_bias_z_m_s2",
-        "sigma_east_m",
-        "sigma_north_m",
-        "sigma_up_m",
-        "sigma_rotation_east_rad",
-        "sigma_rotation_north_rad",
-        "sigma_rotation_up_rad",
-    ],
-};
-
-/// How far from 1 the length of a quaternion may be: files with four decimals stay below.
-const QUATERNION_SLACK: f64 = 1e-3;
+use crate::sensor::PoseRecord;
 
 /// Reads a trajectory: the native table, Bonn `.trj`, TUM (`time x y z qx qy qz qw`), or LAS and
 /// LAZ that carry the sensor's pose with every point (one pose per distinct time).
@@ -43,10 +15,10 @@ const QUATERNION_SLACK: f64 = 1e-3;
 /// increase; no poses.
 pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
     // Unknown tables are handed on as well: their reader names the column that is missing.
-    match super::detect(path).unwrap_or(Format::TrajectoryCsv) {
+    match detect(path).unwrap_or(Format::TrajectoryCsv) {
         Format::Las | Format::Laz => las_scan::read_poses(path),
         Format::BonnTrajectory => bonn_trajectory::read(path),
-        Format::Tum => read_tum(path),
+        Format::Tum => pose_table::read_tum(path),
         Format::Sbet => {
             // A damaged file is told first.
             sbet::for_each(path, |_| ())?;
@@ -64,7 +36,7 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
         | Format::PrismCsv
         | Format::HeadingCsv
         | Format::ProfileCsv
-        | Format::CloudCsv => read_native(path),
+        | Format::CloudCsv => pose_table::read_native(path),
         other => Err(Error::format(
             path,
             Location::Whole,
@@ -72,149 +44,8 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
             format!(
                 "a trajectory: a table with the columns {}, Bonn .trj, TUM, or LAS and LAZ with \
                  the sensor's pose at every point",
-                TRAJECTORY.needed.join(", ")
+                pose_table::TRAJECTORY.needed.join(", ")
             ),
         )),
     }
-}
-
-/// The rotation of a quaternion as written, its bits kept where its length is 1.
-fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
-    let q = nalgebra::Quaternion::new(w, x, y, z);
-    let length = q.norm();
-    if (length - 1.0).abs() < 1e-14 {
-        Ok(Rotation::new_unchecked(q))
-    } else if (length - 1.0).abs() <= QUATERNION_SLACK {
-        Ok(Rotation::new_normalize(q))
-    } else {
-        Err(length)
-    }
-}
-
-const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
-
-fn read_native(path: &Path) -> Result<Vec<PoseRecord>> {
-    let mut last = f64::NEG_INFINITY;
-    read_rows::<23, _>(path, &TRAJECTORY, "pose", |row, table: &Table| {
-        if row[0] <= last {
-            return Err(table.error(
-                format!("time {} s after {last} s", row[0]),
-                "times that increase",
-            ));
-        }
-        last = row[0];
-        let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
-        let present = |i: usize, n: usize| row[i..i + n].iter().all(|v| !v.is_nan());
-        let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
-            table.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
-        })?;
-        Ok(PoseRecord {
-            time_s: row[0],
-            world_from_body: WorldFromBody::new(r, vector(1)),
-            velocity_m_s: present(8, 3).then(|| vector(8)),
-            bias: present(11, 6).then(|| ImuBias {
-                gyro_rad_s: vector(11),
-                accel_m_s2: vector(14),
-            }),
-            sigma: present(17, 6).then(|| PoseSigma {
-                position_m: vector(17),
-                rotation_rad: vector(20),
-            }),
-        })
-    })
-}
-
-fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
-    read_lines::<8>(path, |row, lines| {
-        let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
-            lines.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
-        })?;
-        Ok(PoseRecord {
-            time_s: row[0],
-            world_from_body: WorldFromBody::new(r, Vec3::new(row[1], row[2], row[3])),
-            velocity_m_s: None,
-            bias: None,
-            sigma: None,
-        })
-    })
-}
-
-/// Reads lines of `N` numbers with `#` comments, the first number being the time.
-pub(crate) fn read_lines<const N: usize>(
-    path: &Path,
-    mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,
-) -> Result<Vec<PoseRecord>> {
-    let mut lines = Lines::open(path)?;
-    let mut cells = Vec::with_capacity(N);
-    let mut records: Vec<PoseRecord> = Vec::new();
-    while lines.advance()? {
-        let text = lines.text();
-        if text.is_empty() || text.starts_with('#') {
-            continue;
-        }
-        let numeric = numbers(text, &mut cells) && cells.iter().all(|v| v.is_finite());
-        let row: &[f64; N] = match cells.as_slice().try_into() {
-            Ok(row) if numeric => row,
-            _ => {
-                let found: String = text.chars().take(80).collect();
-                return Err(lines.error(format!("`{found}`"), format!("{N} finite numbers")));
-            }
-        };
-        if let Some(last) = records.last().filter(|last| row[0] <= last.time_s) {
-            return Err(lines.error(
-                format!("time {} s after {} s", row[0], last.time_s),
-                "times that increase",
-            ));
-        }
-        records.push(record(row, &lines)?);
-    }
-    if records.is_empty() {
-        return Err(super::nothing_in(path, "pose"));
-    }
-    Ok(records)
-}
-
-/// Writes the native table, read back bit by bit by [`read_trajectory`]; velocities, biases and
-/// standard deviations as columns where any pose has them.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
-    let with = [
-        poses.iter().any(|p| p.velocity_m_s.is_some()),
-        poses.iter().any(|p| p.bias.is_some()),
-        poses.iter().any(|p| p.sigma.is_some()),
-    ];
-    let mut header = TRAJECTORY.needed.to_vec();
-    for (range, with) in [0..3, 3..9, 9..15].into_iter().zip(with) {
-        if with {
-            header.extend(&TRAJECTORY.optional[range]);
-        }
-    }
-    let mut sheet = Sheet::create(path, &header)?;
-    let absent = Vec3::repeat(f64::NAN);
-    let mut row = Vec::with_capacity(23);
-    for p in poses {
-        let (t, q) = (
-            &p.world_from_body.translation_m,
-            &p.world_from_body.rotation,
-        );
-        row.clear();
-        row.extend([p.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w]);
-        if with[0] {
-            row.extend(p.velocity_m_s.unwrap_or(absent).iter());
-        }
-        if with[1] {
-            let bias = p.bias.map_or([absent; 2], |b| [b.gyro_rad_s, b.accel_m_s2]);
-            row.extend(bias.iter().flatten());
-        }
-        if with[2] {
-            let sigma = p
-                .sigma
-                .map_or([absent; 2], |s| [s.position_m, s.rotation_rad]);
-            row.extend(sigma.iter().flatten());
-        }
-        sheet.row(row.iter().copied())?;
-    }
-    sheet.finish()
 }

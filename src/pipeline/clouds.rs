@@ -1,88 +1,68 @@
 //! Georeferenced clouds: written whole as they stream by, and kept thinned for comparing.
 
+use std::path::PathBuf;
+
+use super::job::Job;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format::CloudWriter;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
 use crate::progress::Progress;
-use crate::project::{Project, Scanner};
+use crate::project::Project;
 use crate::sensor::ScanPoint;
+use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
 
 /// Most points of one scanner and drive that are kept for comparing. M3C2 averages over cylinders;
 /// what is left still gives tens of points to each.
 const MOST_KEPT: usize = 2_000_000;
 
-/// Keeps an even share of a stream of unknown length. A point is kept where a hash of its index is
-/// below a bound that halves whenever too many are kept: every n-th point would be the same few
-/// columns of every profile.
-struct Evenly {
-    bound: u64,
-    shown: u64,
-    kept: Vec<(u64, ScanPoint)>,
-}
-
-impl Evenly {
-    fn new() -> Self {
-        Self {
-            bound: u64::MAX,
-            shown: 0,
-            kept: Vec::new(),
-        }
-    }
-
-    fn show(&mut self, point: &ScanPoint) {
-        // Multiples of the golden ratio are spread evenly over [0, 2^64).
-        let hash = self.shown.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.shown += 1;
-        if hash <= self.bound {
-            self.kept.push((hash, *point));
-            if self.kept.len() > MOST_KEPT {
-                self.bound /= 2;
-                self.kept.retain(|(hash, _)| *hash <= self.bound);
-            }
-        }
-    }
-}
-
 /// An even share of each scanner's laser points, in the frame of the scanner.
 pub type KeptPoints = Vec<Vec<ScanPoint>>;
 
 /// Reads all profiles of the project once. Keeps an even share of each scanner's points and, where
-/// `write` is given, writes all of them, placed with the given mountings, to the path that it
-/// returns for a scanner.
+/// `placed` is given, writes all of them: placed with a mounting for each scanner to a file for each.
 ///
 /// # Errors
 /// What the readers find; profiles of which none falls in the trajectory's span; a cloud cannot be
-/// written.
+/// written; [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[BodyFromScanner],
-    write: Option<&(dyn Fn(&Scanner) -> std::path::PathBuf + Sync)>,
+    placed: Option<(&[BodyFromScanner], &[PathBuf])>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
     let jobs = project
         .scanners
         .iter()
-        .zip(mountings)
         .enumerate()
-        .map(|(index, (scanner, pose))| Ok((index, scanner, pose, open_profiles(scanner)?)))
+        .map(|(index, scanner)| {
+            let number = u16::try_from(index).map_err(|_| {
+                Error::data(
+                    format!("scanner `{}` is number {index}", scanner.name),
+                    "a cloud can tell 65536 scanners apart: split the project",
+                )
+            })?;
+            Ok((number, scanner, open_profiles(scanner)?))
+        })
         .collect::<Result<Vec<_>>>()?;
     let bytes = jobs
         .iter()
-        .flat_map(|job| &job.3)
+        .flat_map(|job| &job.2)
         .map(|reader| reader.bytes_total())
         .sum();
     let stage = progress.stage("georeferencing", bytes);
-    let found = in_parallel(jobs, |(index, scanner, pose, readers)| {
-        let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
-        let mut writer = match write {
-            Some(path) => Some(CloudWriter::create(&path(scanner), project.origin_m)?),
-            None => None,
+    let found = in_parallel(jobs, |(number, scanner, readers)| {
+        let (pose, mut writer) = match placed {
+            Some((mountings, files)) => {
+                let writer = CloudWriter::create(&files[usize::from(number)], project.origin_m)?;
+                (mountings[usize::from(number)], Some(writer))
+            }
+            None => (scanner.body_from_scanner, None),
         };
-        let mut kept = Evenly::new();
+        let mut place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
+        let mut kept = EvenSample::new(MOST_KEPT);
         let mut chunk = Vec::new();
         for mut reader in readers {
             let mut bytes = 0;
@@ -92,10 +72,10 @@ pub fn stream(
                     let Some(world) = place.place(point) else {
                         continue;
                     };
-                    kept.show(point);
+                    kept.show(*point);
                     if let Some(writer) = &mut writer {
                         let position = world + project.origin_m;
-                        writer.write(&position, time_s, point.intensity, index as u8)?;
+                        writer.write(&position, time_s, point.intensity, number)?;
                     }
                 }
                 stage.advance(reader.bytes_read() - bytes)?;
@@ -106,8 +86,7 @@ pub fn stream(
             writer.finish()?;
         }
         place.check(&scanner.name)?;
-        let points = kept.kept.into_iter().map(|(_, point)| point).collect();
-        Ok((points, place))
+        Ok((kept.into_kept(), place))
     });
     drop(stage);
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
@@ -143,6 +122,28 @@ pub fn place(
 }
 
 /// The file name of a scanner's cloud.
-pub fn file_name(scanner: &str) -> String {
+pub fn name(scanner: &str) -> String {
     format!("cloud-{scanner}.laz")
+}
+
+/// The file names of the clouds, in the order of the scanners.
+pub fn names(project: &Project) -> Vec<String> {
+    let scanners = project.scanners.iter();
+    scanners.map(|scanner| name(&scanner.name)).collect()
+}
+
+/// Writes the cloud of each scanner, placed with these mountings, and keeps an even share.
+///
+/// # Errors
+/// As for [`stream`].
+pub fn write(
+    project: &Project,
+    trajectory: &Trajectory,
+    mountings: &[BodyFromScanner],
+    job: &mut Job<'_>,
+) -> Result<KeptPoints> {
+    let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
+    job.timed("georeference", |progress| {
+        stream(project, trajectory, Some((mountings, &files)), progress)
+    })
 }

@@ -4,35 +4,20 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::{Extras, Findings, Truth, analyse, clouds, page, result, stages, summary};
-use crate::error::{Error, Result};
+use super::analyse::analyse;
+use super::findings::{Extras, Findings, Truth};
+use super::job::Job;
+use super::outcome::{Options, Outcome};
+use super::{clouds, drives, page, result, stages, summary};
+use crate::comparison::Agreements;
+use crate::error::Result;
 use crate::format;
-use crate::output::Staging;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
 use crate::simulation::{self, Scenario};
+use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Trajectory;
-
-/// Where results go and what chance starts from.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// The folder of the results; created where it is missing.
-    pub out: PathBuf,
-    /// Seed of every random draw; `None` for that of the scenario.
-    pub seed: Option<u64>,
-}
-
-/// What a command found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
-    /// The result as one document, as in `result.json`.
-    pub result: Value,
-    /// The same for people: a few lines with units.
-    pub summary: String,
-    /// What was written beside the report, most important first.
-    pub files: Vec<PathBuf>,
-}
 
 /// Scales at which the demo runs the paper's own method beside ours: the finer ones take minutes.
 const DEMO_PAPER_VOXELS_M: [f64; 2] = [0.05, 0.04];
@@ -58,7 +43,7 @@ pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
         paper_voxels_m: DEMO_PAPER_VOXELS_M.to_vec(),
     };
     let findings = analyse(&project, &options.out, &extras, progress)?;
-    Ok(answer(&project, &findings, &options.out))
+    Ok(answer(&findings, &options.out))
 }
 
 /// The truth of the first drive: its poses as written into `folder`, and the scenario's mountings.
@@ -131,34 +116,29 @@ pub fn trajectory(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
+    let names = ["trajectory.csv", "trajectory.html"];
+    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let poses = stages::poses(project, progress)?;
-    super::write_trajectory(
-        &staging.path("trajectory.csv"),
-        &poses.trajectory,
-        &project.origin_m,
-    )?;
+    let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
+    let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
+    let path = job.path("trajectory.csv");
+    stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
     let command = format!("boresight trajectory {}", project.path.display());
-    let page = report::render(&page::trajectory_content(project, &poses, &command));
-    let path = staging.path("trajectory.html");
-    std::fs::write(&path, page).map_err(|error| Error::io(&path, error))?;
-    staging.commit()?;
-    let nodes = poses.trajectory.nodes();
-    let (first_s, last_s) = poses.trajectory.span_s();
-    let solution = poses.solution.as_ref();
+    let content = page::trajectory(project, std::slice::from_ref(&drive), command);
+    job.write("trajectory.html", &report::render(&content))?;
+    job.commit()?;
+    let solution = drive.solution.as_ref();
     Ok(Outcome {
         result: json!({
-            "trajectory": solution.map(|solution| result::trajectory(solution, nodes)),
-            "rejected_rows": poses.rejected_rows,
-            "poses": nodes.len(),
+            "trajectory": solution.map(|solution| result::trajectory(solution, &drive.poses)),
+            "rejected_rows": drive.rejected_rows,
+            "poses": drive.poses.len(),
             "span_s": [first_s, last_s],
-            "stages": { "estimate": { "seconds": poses.seconds } },
-            "peak_memory_bytes": super::peak_memory_bytes(),
+            "stages": { "estimate": { "seconds": seconds } },
+            "peak_memory_bytes": peak_memory_bytes(),
         }),
-        summary: summary::trajectory(solution, nodes),
-        files: ["trajectory.csv", "trajectory.html"]
-            .map(|name| options.out.join(name))
-            .into(),
+        summary: summary::trajectory(solution, &drive.poses),
+        files: files_in(&options.out, names),
     })
 }
 
@@ -167,25 +147,21 @@ pub fn trajectory(
 /// # Errors
 /// Whatever a stage refuses.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
+    let names = ["calibration.toml"];
+    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let reference = stages::reference(project, progress)?;
     let poses = stages::poses(project, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
     stages::check_reference(project, &samples, &reference)?;
     let settings = &project.calibration;
     let found = stages::calibration(project, settings, &poses, &samples, &reference, progress)?;
-    let document = json!({
-        "scanners": result::scanners(&found),
-        "calibration": result::calibration(&found),
-    });
-    let calibrated = stages::with_mountings(project, &found.poses()).scanners_to_toml()?;
-    let path = staging.path("calibration.toml");
-    std::fs::write(&path, calibrated).map_err(|error| Error::io(&path, error))?;
-    staging.commit()?;
+    let calibrated = stages::with_mountings(project, &found.poses());
+    job.write("calibration.toml", &calibrated.scanners_to_toml()?)?;
+    job.commit()?;
     Ok(Outcome {
-        result: document,
+        result: result::calibrated(&found),
         summary: summary::mountings(&found),
-        files: vec![options.out.join("calibration.toml")],
+        files: files_in(&options.out, names),
     })
 }
 
@@ -198,27 +174,13 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let staging = Staging::new(&options.out)?;
+    let names = clouds::names(project);
+    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let poses = stages::poses(project, progress)?;
-    let mountings: Vec<_> = project
-        .scanners
-        .iter()
-        .map(|s| s.body_from_scanner)
-        .collect();
-    let path = |scanner: &crate::project::Scanner| staging.path(&clouds::file_name(&scanner.name));
-    clouds::stream(
-        project,
-        &poses.trajectory,
-        &mountings,
-        Some(&path),
-        progress,
-    )?;
-    staging.commit()?;
-    let files: Vec<PathBuf> = project
-        .scanners
-        .iter()
-        .map(|scanner| options.out.join(clouds::file_name(&scanner.name)))
-        .collect();
+    let mountings = stages::initial_poses(project);
+    clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
+    job.commit()?;
+    let files = files_in(&options.out, names);
     Ok(Outcome {
         result: json!({ "clouds": files }),
         summary: format!(
@@ -240,28 +202,27 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
         ..Extras::default()
     };
     let findings = analyse(project, &options.out, &extras, progress)?;
-    Ok(answer(project, &findings, &options.out))
+    Ok(answer(&findings, &options.out))
 }
 
 /// What a whole run answers.
-fn answer(project: &Project, findings: &Findings, out: &Path) -> Outcome {
-    let report = out.join("report.html");
-    let names = ["result.json", "calibration.toml", "trajectory.csv"];
-    let mut files: Vec<PathBuf> = names.iter().map(|name| out.join(name)).collect();
-    files.extend(
-        project
-            .scanners
-            .iter()
-            .map(|s| out.join(clouds::file_name(&s.name))),
-    );
+fn answer(findings: &Findings, out: &Path) -> Outcome {
+    let names = ["result.json", "calibration.toml", "trajectory.csv"].map(str::to_owned);
+    let scanners = findings.calibration.mountings.iter();
+    let clouds = scanners.map(|mounting| clouds::name(&mounting.name));
     Outcome {
-        result: result::document(project, findings),
+        result: result::document(findings),
         summary: format!(
             "report: {}\n\n{}\n\n{}\n",
-            report.display(),
+            out.join("report.html").display(),
             summary::mountings(&findings.calibration),
-            summary::distances(project, &findings.drives)
+            summary::distances(&findings.drives)
         ),
-        files,
+        files: files_in(out, names.into_iter().chain(clouds)),
     }
+}
+
+/// Files of these names in the folder `out`.
+fn files_in(out: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>) -> Vec<PathBuf> {
+    names.into_iter().map(|name| out.join(name)).collect()
 }

@@ -1,63 +1,48 @@
-//! `result.json` and `calibration.toml`.
+//! `result.json`.
 
 use serde_json::{Map, Value, json};
 
-use super::evaluate::{Against, Drive};
-use super::{Findings, StageSeconds};
-use crate::calibration::{Calibration, MountingForms};
-use crate::project::Project;
-use crate::report::content::MountingKind;
+use super::findings::Findings;
+use crate::calibration::{Calibration, MountingForms, Variant};
+use crate::comparison::{Against, Agreements, MountingKind};
+use crate::progress::StageSeconds;
+use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
 use crate::sensor::PoseRecord;
+use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Solution;
 
 /// The whole `result.json`.
-pub fn document(project: &Project, findings: &Findings) -> Value {
-    let mut document = json!({
-        "boresight": env!("CARGO_PKG_VERSION"),
-        "scanners": scanners(&findings.calibration),
-        "calibration": calibration(&findings.calibration),
-        "evaluation": findings.drives.first().map_or(Value::Null, |drive| evaluation(project, drive)),
-        "drives": drives(project, &findings.drives),
-        "stages": stages(&findings.stages),
-        "warnings": findings.warnings,
-        "peak_memory_bytes": super::peak_memory_bytes(),
-    });
-    if let Some(track) = findings.tracks.first()
-        && let Some(solution) = &track.solution
-    {
-        document["trajectory"] = trajectory(solution, &track.poses);
-        document["rejected_rows"] = json!(findings.rejected_rows);
+pub fn document(findings: &Findings) -> Value {
+    let mut document = calibrated(&findings.calibration);
+    document["boresight"] = json!(env!("CARGO_PKG_VERSION"));
+    document["drives"] = drives(&findings.drives);
+    document["stages"] = stages(&findings.stages);
+    document["warnings"] = json!(findings.warnings);
+    document["peak_memory_bytes"] = json!(peak_memory_bytes());
+    if let Some(drive) = findings.drives.first() {
+        document["evaluation"] = evaluation(&drive.agreements);
+        if let Some(solution) = &drive.solution {
+            document["trajectory"] = trajectory(solution, &drive.poses);
+            document["rejected_rows"] = json!(drive.rejected_rows);
+        }
     }
-    if let Some(without) = &findings.without_reference {
-        document["without_reference"] = json!({
-            "scanners": scanners(without),
-            "calibration": calibration(without),
+    for (variant, found) in &findings.beside {
+        let key = match variant {
+            Variant::WithoutReference => "without_reference",
+            Variant::ExactPoses => "exact_poses",
+            Variant::Paper => "paper_method",
+        };
+        document[key] = calibrated(found);
+    }
+    let mut mountings = findings.mountings.iter();
+    if let Some((_, truth)) = mountings.find(|(kind, _)| *kind == MountingKind::Truth) {
+        let scanners = findings.calibration.mountings.iter().zip(truth);
+        let truth = scanners.map(|(mounting, pose)| {
+            let value = json!({ "body_from_scanner": MountingForms::from(pose) });
+            (mounting.name.clone(), value)
         });
-    }
-    if let Some(exact) = &findings.exact_poses {
-        document["exact_poses"] = json!({
-            "scanners": scanners(exact),
-            "calibration": calibration(exact),
-        });
-    }
-    if let Some(paper) = &findings.paper {
-        document["paper_method"] = json!({
-            "scanners": scanners(paper),
-            "calibration": calibration(paper),
-        });
-    }
-    if let Some(truth) = &findings.truth_mountings {
-        let poses = project.scanners.iter().zip(truth);
-        document["truth"] = poses
-            .map(|(scanner, pose)| {
-                (
-                    scanner.name.clone(),
-                    json!({"body_from_scanner": MountingForms::from(pose)}),
-                )
-            })
-            .collect::<Map<_, _>>()
-            .into();
+        document["truth"] = truth.collect::<Map<_, _>>().into();
     }
     document
 }
@@ -81,69 +66,45 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
     value
 }
 
-/// The scanners' mountings with sigmas.
-pub fn scanners(calibration: &Calibration) -> Value {
-    json!(calibration.scanners())
-}
-
-/// How the adjustment went and what it could determine.
-pub fn calibration(calibration: &Calibration) -> Value {
-    let mut value = json!(calibration);
-    // They stand beside it.
-    value
-        .as_object_mut()
-        .map(|entries| entries.remove("scanners"));
-    value
+/// A calibration: the mountings, and beside them how it went.
+pub fn calibrated(found: &Calibration) -> Value {
+    let mut calibration = json!(found);
+    if let Some(entries) = calibration.as_object_mut() {
+        entries.remove("scanners");
+    }
+    json!({ "scanners": found.scanners(), "calibration": calibration })
 }
 
 /// `evaluation`: final comparisons at the top, those of the initial and the true mounting below.
-fn evaluation(project: &Project, drive: &Drive) -> Value {
-    let mut value = comparisons(project, drive, MountingKind::Final);
+fn evaluation(agreements: &Agreements) -> Value {
+    let mut value = comparisons(agreements, MountingKind::Final);
     for (key, kind) in [
         ("initial", MountingKind::Initial),
         ("truth", MountingKind::Truth),
     ] {
-        let nested = comparisons(project, drive, kind);
-        if nested
-            .as_object()
-            .is_some_and(|entries| !entries.is_empty())
-        {
-            value[key] = nested;
+        let nested = comparisons(agreements, kind);
+        if !nested.is_empty() {
+            value.insert(key.into(), nested.into());
         }
     }
-    value
+    value.into()
 }
 
-fn comparisons(project: &Project, drive: &Drive, kind: MountingKind) -> Value {
-    let mut entries = Map::new();
-    for found in drive
-        .agreements
-        .iter()
-        .filter(|found| found.mounting == kind)
-    {
-        let name = |index: usize| project.scanners[index].name.clone();
+fn comparisons(agreements: &Agreements, kind: MountingKind) -> Map<String, Value> {
+    let entries = agreements.under(kind).map(|found| {
         let statistics = json!(found.statistics);
-        match found.against {
-            Against::Reference => {
-                entries.insert(name(found.scanner), json!({"reference": statistics}));
-            }
-            Against::Scanner(other) => {
-                entries.insert(
-                    format!("{}-{}", name(other), name(found.scanner)),
-                    statistics,
-                );
-            }
+        match &found.against {
+            Against::Reference => (found.scanner.clone(), json!({ "reference": statistics })),
+            Against::Scanner(other) => (format!("{other}-{}", found.scanner), statistics),
         }
-    }
-    entries.into()
+    });
+    entries.collect()
 }
 
-fn drives(project: &Project, drives: &[Drive]) -> Value {
-    drives
-        .iter()
-        .map(|drive| (drive.name.clone(), evaluation(project, drive)))
-        .collect::<Map<_, _>>()
-        .into()
+fn drives(drives: &[Drive]) -> Value {
+    let named = drives.iter();
+    let named = named.map(|drive| (drive.name.clone(), evaluation(&drive.agreements)));
+    named.collect::<Map<_, _>>().into()
 }
 
 fn stages(stages: &[StageSeconds]) -> Value {

@@ -1,9 +1,13 @@
 //! Each stage as a function of the project and what came before.
 
+use std::path::Path;
+use std::time::Instant;
+
 use super::logs::DriveLogs;
-use crate::calibration::CalibrationSettings;
-use crate::calibration::{Calibration, Input, Mounting, ScannerSample, calibrate, sample_profiles};
-use crate::error::{Error, Result};
+use crate::calibration::{
+    Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
+};
+use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Refused;
@@ -11,7 +15,6 @@ use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
-use std::time::Instant;
 
 /// What to know about sigmas from poses that have none.
 const POSES_WITHOUT_SIGMA: &str = "the poses come without standard deviations: the sigmas of \
@@ -165,13 +168,21 @@ pub fn warn_of_missing(
 }
 
 /// What to say of the points of `scanner`, of `read` in all, that were refused; `None` without any.
-pub fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
+fn refusal(scanner: &str, read: u64, refused: &Refused) -> Option<String> {
     (refused.points > 0).then(|| {
         format!(
             "{:.1} % of the points of scanner `{scanner}` were left out: {refused}",
             100.0 * refused.points as f64 / read as f64,
         )
     })
+}
+
+/// What to say of the points of each scanner that were refused.
+pub fn refusals(project: &Project, samples: &[ScannerSample]) -> Vec<String> {
+    let named = project.scanners.iter().zip(samples);
+    named
+        .filter_map(|(scanner, s)| refusal(&scanner.name, s.read, &s.refused))
+        .collect()
 }
 
 /// Checks that the reference, where there is one, lies where the scanners looked.
@@ -209,7 +220,8 @@ pub fn check_reference(
         || "the reference".to_owned(),
         |file| file.path.display().to_string(),
     );
-    Err(Error::data(
+    Err(Error::of(
+        Problem::NoOverlap,
         format!(
             "{file}: the reference ({}) and the scanners' points ({}) do not overlap: they miss \
              each other by {gap_m:.1} m",
@@ -259,7 +271,8 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
     let mut points = format::read_cloud(&reference.path)?.points;
     drop(stage);
     if points.is_empty() {
-        return Err(Error::data(
+        return Err(Error::of(
+            Problem::TooFew,
             format!("{}: the reference has no points", reference.path.display()),
             "check that the file is the right one and not empty",
         ));
@@ -272,16 +285,19 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
 
 /// The initial mountings of the project.
 pub fn mountings(project: &Project) -> Vec<Mounting> {
-    project
-        .scanners
-        .iter()
-        .map(|scanner| Mounting {
-            name: scanner.name.clone(),
-            body_from_scanner: scanner.body_from_scanner,
-            convention: scanner.convention,
-            fixed: scanner.fixed,
-        })
-        .collect()
+    let mounting = |scanner: &Scanner| Mounting {
+        name: scanner.name.clone(),
+        body_from_scanner: scanner.body_from_scanner,
+        convention: scanner.convention,
+        fixed: scanner.fixed,
+    };
+    project.scanners.iter().map(mounting).collect()
+}
+
+/// Where the project has its scanners on the body before they are calibrated.
+pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
+    let scanners = project.scanners.iter();
+    scanners.map(|scanner| scanner.body_from_scanner).collect()
 }
 
 /// Calibrates the project's scanners.
@@ -325,4 +341,16 @@ pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
         scanner.body_from_scanner = *pose;
     }
     project
+}
+
+/// Writes poses with the project's origin added back.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_trajectory(path: &Path, poses: &[PoseRecord], origin_m: &Vec3) -> Result<()> {
+    let mut poses = poses.to_vec();
+    poses
+        .iter_mut()
+        .for_each(|pose| pose.world_from_body.translation_m += origin_m);
+    format::write_trajectory(path, &poses)
 }

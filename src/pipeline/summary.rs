@@ -2,15 +2,13 @@
 
 use std::fmt::Write;
 
-use super::evaluate::{Against, Drive};
-use super::page;
-use crate::calibration::Calibration;
-use crate::calibration::PARAMETER_NAMES;
+use crate::calibration::{Calibration, PARAMETER_NAMES};
+use crate::comparison::MountingKind;
 use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::project::Project;
-use crate::report::content::MountingKind;
+use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
+use crate::report::verdicts;
 use crate::sensor::PoseRecord;
 use crate::trajectory::{SensorDiagnostics, Solution};
 
@@ -25,7 +23,7 @@ pub fn mountings(calibration: &Calibration) -> String {
     for (line, unit) in lines.iter_mut().zip(["", "m", "m", "m", "°", "°", "°"]) {
         let _ = write!(line, "   {unit}"); // a String takes everything
     }
-    lines.extend(page::statements(calibration, ""));
+    lines.extend(verdicts::statements(calibration, ""));
     if !calibration.converged {
         lines.push("The calibration did not converge at every scale.".into());
     }
@@ -63,7 +61,7 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
 }
 
 /// A table of the distances: a row a comparison, a column a mounting.
-pub fn distances(project: &Project, drives: &[Drive]) -> String {
+pub fn distances(drives: &[Drive]) -> String {
     let kinds = [
         (MountingKind::Initial, "initial"),
         (MountingKind::Final, "calibrated"),
@@ -72,16 +70,10 @@ pub fn distances(project: &Project, drives: &[Drive]) -> String {
     let mut rows = vec![String::from("distances (M3C2, RMSE)")];
     let mut columns: Vec<Vec<String>> = kinds.map(|(_, name)| vec![name.to_owned()]).into();
     for drive in drives {
-        let mut pairs: Vec<(usize, Against)> = Vec::new();
-        for found in &drive.agreements {
-            if !pairs.contains(&(found.scanner, found.against)) {
-                pairs.push((found.scanner, found.against));
-                rows.push(format!("  {}: {}", drive.name, found.pair(project)));
-            }
-        }
-        for (scanner, against) in pairs {
+        for pair in drive.agreements.pairs() {
+            rows.push(format!("  {}: {}", drive.name, pair[0].pair()));
             for ((kind, _), column) in kinds.iter().zip(&mut columns) {
-                let found = drive.find(scanner, against, *kind);
+                let found = pair.iter().find(|found| found.mounting == *kind);
                 let rmse_m = found.map(|found| found.statistics.rmse_m);
                 column.push(rmse_m.map_or("-".into(), |rmse| format!("{:.2} mm", rmse * 1e3)));
             }

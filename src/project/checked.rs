@@ -1,12 +1,9 @@
 //! The project with every value checked: SI units, radians, absolute paths.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::source::Source;
-use super::{files, print, resolve};
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
-use crate::error::Result;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
@@ -124,42 +121,4 @@ pub struct Evaluation {
     pub name: String,
     /// Its project file, absolute.
     pub project: PathBuf,
-}
-
-impl Project {
-    /// Reads and checks a project file. Referenced files are not opened;
-    /// [`Project::check_files`] looks for them.
-    ///
-    /// # Errors
-    /// Names the file, the line, what stands there and what should: unknown keys with the nearest
-    /// known one, missing keys, values out of range, sections that exclude each other.
-    pub fn read(path: &Path) -> Result<Self> {
-        let source = Source::read(path)?;
-        resolve::resolve(&source, &source.written()?)
-    }
-
-    /// Checks that every referenced file is there, and that the evaluation projects can be read,
-    /// have their files, and hold only scanners of this project on the same body axes.
-    ///
-    /// # Errors
-    /// Names the first file that is missing, the key that asks for it, and its line.
-    pub fn check_files(&self) -> Result<()> {
-        files::check(self)
-    }
-
-    /// The project as a project file with every value as used: it reads back to the same project.
-    ///
-    /// # Errors
-    /// A path that is not valid UTF-8 cannot be written as TOML.
-    pub fn to_toml(&self) -> Result<String> {
-        print::project(self)
-    }
-
-    /// The `[[scanner]]` tables alone, to be pasted into a project.
-    ///
-    /// # Errors
-    /// A path that is not valid UTF-8 cannot be written as TOML.
-    pub fn scanners_to_toml(&self) -> Result<String> {
-        print::scanners(self)
-    }
 }

@@ -1,8 +1,9 @@
 //! Are the files there that a project refers to?
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::checked::{Evaluation, Motion, Project};
+use super::resolve;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
 use crate::trajectory::PositionKind;
@@ -17,12 +18,13 @@ pub(super) fn check(project: &Project) -> Result<()> {
         .try_for_each(|(index, evaluation)| check_evaluation(project, index, evaluation))
 }
 
-fn own_files(project: &Project) -> Result<()> {
-    let exists =
-        |table: &str, path: &Path| present(project, &[Step::Key(table), Step::Key("file")], path);
+/// Every file that the project reads itself, with the key that names it.
+fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
+    let mut files: Vec<(Vec<Step<'static>>, &Path)> = Vec::new();
+    let file = |table| vec![Step::Key(table), Step::Key("file")];
     match &project.motion {
         Motion::Logs(logs) => {
-            exists("imu", &logs.imu.path)?;
+            files.push((file("imu"), &logs.imu.path));
             let count = |kind| {
                 let of_kind = logs
                     .settings
@@ -42,36 +44,56 @@ fn own_files(project: &Project) -> Result<()> {
                 let mut steps = vec![Step::Key(table)];
                 steps.extend(index);
                 steps.push(Step::Key("file"));
-                present(project, &steps, &log.path)?;
+                files.push((steps, &log.path));
             }
             if let Some(heading) = &logs.heading {
-                exists("heading", &heading.path)?;
+                files.push((file("heading"), &heading.path));
             }
         }
-        Motion::Poses(poses) => exists("trajectory", &poses.path)?,
+        Motion::Poses(poses) => files.push((file("trajectory"), &poses.path)),
     }
     for (index, scanner) in project.scanners.iter().enumerate() {
         for (number, path) in scanner.profiles.iter().enumerate() {
-            let steps = [
+            let steps = vec![
                 Step::Key("scanner"),
                 Step::Index(index),
                 Step::Key("profiles"),
                 Step::Index(number),
             ];
-            present(project, &steps, path)?;
+            files.push((steps, path));
         }
     }
     if let Some(reference) = &project.reference {
-        exists("reference", &reference.path)?;
+        files.push((file("reference"), &reference.path));
     }
-    Ok(())
+    files
+}
+
+fn own_files(project: &Project) -> Result<()> {
+    named(project)
+        .iter()
+        .try_for_each(|(steps, path)| present(project, steps, path))
+}
+
+/// See [`Project::inputs`].
+pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
+    let mut inputs = vec![project.path.clone()];
+    inputs.extend(named(project).into_iter().map(|(_, path)| path.to_owned()));
+    for evaluation in &project.evaluations {
+        inputs.push(evaluation.project.clone());
+        // What cannot be read is told where it is needed.
+        if let Ok(drive) = resolve::read(&evaluation.project) {
+            inputs.extend(named(&drive).into_iter().map(|(_, path)| path.to_owned()));
+        }
+    }
+    inputs
 }
 
 fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) -> Result<()> {
     let key = Step::Key("evaluation");
     let steps = [key, Step::Index(index), Step::Key("project")];
     present(project, &steps, &evaluation.project)?;
-    let drive = Project::read(&evaluation.project)?;
+    let drive = resolve::read(&evaluation.project)?;
     own_files(&drive)?;
     let stranger = drive
         .scanners

@@ -1,16 +1,14 @@
 //! From the checked project back to a file that reads the same.
 
 use super::checked::{Logs, Motion, PosesFile, PositionLog, Project, Scanner};
-use super::resolve::{
-    accel_bias_walk, accel_density, arcsec_to_radians, gyro_bias_walk, gyro_density,
-};
+use super::resolve::arcsec_to_radians;
 use super::shapes::{Files, Numbers};
 use super::written::{self, ObservationKind, Written};
 use crate::calibration::PARAMETER_NAMES;
 use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::sensor::Observations;
-use crate::trajectory::{PositionKind, PositionSettings, TrajectorySettings};
+use crate::trajectory::{ImuNoise, PositionKind, PositionSettings, TrajectorySettings};
 
 /// See [`Project::to_toml`].
 pub(super) fn project(project: &Project) -> Result<String> {
@@ -162,13 +160,13 @@ fn write_logs(logs: &Logs, written: &mut Written) {
     written.frame.gravity_m_s2 = Some(settings.gravity_m_s2);
     written.frame.grid_convergence_deg = Some(degrees(settings.heading.grid_convergence_rad));
     // The instability where it gives the very walk that is used, else the walk itself.
-    let gyro = datasheet(noise.gyro_bias_walk, gyro_bias_walk);
-    let accel = datasheet(noise.accel_bias_walk, accel_bias_walk);
+    let gyro = datasheet(noise.gyro_bias_walk, ImuNoise::gyro_bias_walk);
+    let accel = datasheet(noise.accel_bias_walk, ImuNoise::accel_bias_walk);
     written.imu = Some(written::Imu {
         file: logs.imu.path.clone(),
         time_offset_s: Some(logs.imu.time_offset_s),
-        gyro_noise_deg_sqrt_h: Some(preimage(noise.gyro_density, gyro_density)),
-        accel_noise_ug_sqrt_hz: Some(preimage(noise.accel_density, accel_density)),
+        gyro_noise_deg_sqrt_h: Some(preimage(noise.gyro_density, ImuNoise::gyro_density)),
+        accel_noise_ug_sqrt_hz: Some(preimage(noise.accel_density, ImuNoise::accel_density)),
         gyro_bias_instability_deg_h: gyro,
         accel_bias_instability_ug: accel,
         gyro_bias_walk_rad_s_sqrt_s: gyro.is_none().then_some(noise.gyro_bias_walk),

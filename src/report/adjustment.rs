@@ -1,41 +1,35 @@
 //! Tables of the trajectory's adjustment: sensors, constants, worst and rejected measurements.
 
-use super::content::{DriveTrack, TrajectoryFigure};
 use super::diagnostics::{
     constant_words, is_notable, quantity, rejection_counts, sensor_name, sensors_shown,
     sigma_words, verdicts, worst,
 };
 use super::html::{self, escape};
 use super::number::{self, DASH};
+use super::track::{Track, adjusted};
 use crate::trajectory::Solution;
 
 /// Worst measurements in the table.
-pub const WORST: usize = 20;
+const WORST: usize = 20;
 /// Most rejected measurements in the table: the page stays small.
 const LISTED: usize = 1000;
 
 /// What the adjustment of the first drive says, in words; nothing where it was read from a file.
-pub fn words(figure: &TrajectoryFigure) -> String {
-    let adjusted = figure
-        .drives
-        .iter()
-        .find_map(|d| Some((d, d.solution.as_ref()?)));
-    adjusted.map_or(String::new(), |(drive, solution)| {
-        html::verdicts(&verdicts(solution, drive.sigmas.as_ref()))
+pub fn words(tracks: &[Track]) -> String {
+    let first = adjusted(tracks).next();
+    first.map_or(String::new(), |(track, solution)| {
+        html::verdicts(&verdicts(solution, track.sigmas.as_ref()))
     })
 }
 
 /// All tables of the first drive, and the sensors of the others folded below.
-pub fn tables(figure: &TrajectoryFigure) -> String {
-    let mut adjusted = figure
-        .drives
-        .iter()
-        .filter_map(|d| Some((d, d.solution.as_ref()?)));
+pub fn tables(tracks: &[Track]) -> String {
+    let mut adjusted = adjusted(tracks);
     let Some((_, first)) = adjusted.next() else {
         return String::new();
     };
     let others: String = adjusted
-        .map(|(drive, solution)| of_another_drive(drive, solution))
+        .map(|(track, solution)| of_another_drive(track, solution))
         .collect();
     format!("<h3>Residuals by sensor</h3>\n{}", sensors(first))
         + "<p class=\"note\">Redundancy: how many of the observations are checked by the others. Ignored: outside the IMU's span or out of time order. Variance component: the square of the factor by which the residuals are larger than their sigma says. χ²: the sum of squared residuals in standard deviations, and between which bounds it lies in 95 of 100 drives if the sigmas are right. Long drives show factors that hardly matter: what counts is how far the factor is from 1.</p>\n"
@@ -45,11 +39,11 @@ pub fn tables(figure: &TrajectoryFigure) -> String {
         + &html::details("Residuals by sensor on the other drives", &others)
 }
 
-fn of_another_drive(drive: &DriveTrack, solution: &Solution) -> String {
+fn of_another_drive(track: &Track, solution: &Solution) -> String {
     format!(
         "<h4>{}</h4>\n{}{}",
-        escape(&drive.name),
-        html::verdicts(&verdicts(solution, drive.sigmas.as_ref())),
+        escape(track.name),
+        html::verdicts(&verdicts(solution, track.sigmas.as_ref())),
         sensors(solution)
     )
 }

@@ -2,46 +2,104 @@
 
 use super::axis::{Axis, thin};
 use super::chart::Plot;
-use super::content::{CostMeasure, MethodRun, ScaleRun};
+use super::content::Calibrations;
 use super::figures::{FULL, VERTICES, series};
 use super::html::{self, escape};
 use super::number::{self, DASH};
+use crate::calibration::{Calibration, Method, Scale, Variant};
+use crate::comparison::MountingKind;
+use crate::geometry::{BodyFromScanner, so3};
 
-impl CostMeasure {
-    fn label(self) -> &'static str {
-        match self {
-            Self::Thickness => "mean thickness (mm)",
-            Self::Omnivariance => "RMS omnivariance (mm²)",
+/// An adjustment over all its scales.
+struct Run<'a> {
+    label: &'static str,
+    found: &'a Calibration,
+    /// The true body_from_scanner of each scanner where they are known.
+    truth: Option<&'a [BodyFromScanner]>,
+}
+
+impl Run<'_> {
+    /// Axis label, unit and definition of [`Run::cost`].
+    fn measure(&self) -> [&'static str; 3] {
+        match self.found.method {
+            Method::Reweighted => [
+                "mean thickness (mm)",
+                "mm",
+                "geometric mean of the thicknesses √(λ₃ + s²) of all neighbourhoods",
+            ],
+            Method::Paper => [
+                "RMS omnivariance (mm²)",
+                "mm²",
+                "root mean square of the omnivariances (λ₁ λ₂ λ₃)<sup>⅓</sup> of all neighbourhoods",
+            ],
         }
     }
 
-    fn unit(self) -> &'static str {
-        match self {
-            Self::Thickness => "mm",
-            Self::Omnivariance => "mm²",
+    /// What the method minimises before the first iteration of a scale and after each, as a mean
+    /// over the neighbourhoods so that their number drops out.
+    fn cost(&self, scale: &Scale) -> Vec<f64> {
+        let means = scale.costs.iter();
+        let means = means.map(|cost| cost / scale.neighbourhoods as f64);
+        match self.found.method {
+            // exp(½ mean ln(λ₃ + s²)): the geometric mean of √(λ₃ + s²).
+            Method::Reweighted => means.map(|mean| 1e3 * (0.5 * mean).exp()).collect(),
+            Method::Paper => means.map(|mean| 1e6 * mean.sqrt()).collect(),
         }
     }
 
-    fn words(self) -> &'static str {
-        match self {
-            Self::Thickness => "geometric mean of the thicknesses √(λ₃ + s²) of all neighbourhoods",
-            Self::Omnivariance => {
-                "root mean square of the omnivariances (λ₁ λ₂ λ₃)<sup>⅓</sup> of all neighbourhoods"
+    /// Cells of the largest errors after a scale, of the observable components of the translations
+    /// and of the rotations; nothing where no truth is known.
+    fn errors(&self, scale: Option<&Scale>) -> String {
+        let Some(truth) = self.truth else {
+            return String::new();
+        };
+        let (mut length_m, mut angle_rad) = (0.0f64, 0.0f64);
+        let mountings = scale.iter().flat_map(|scale| &scale.mountings);
+        for (scanner, (mounting, truth)) in mountings.zip(truth).enumerate() {
+            let found = &mounting.body_from_scanner;
+            let shift = found.translation_m - truth.translation_m;
+            let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+            for axis in (0..3).filter(|&axis| self.found.is_observable(scanner, axis)) {
+                length_m = length_m.max(shift[axis].abs());
             }
+            angle_rad = angle_rad.max(turn.amax());
         }
-    }
-
-    /// From metres to millimetres, or their squares.
-    fn shown(self, cost: f64) -> f64 {
-        match self {
-            Self::Thickness => 1e3 * cost,
-            Self::Omnivariance => 1e6 * cost,
-        }
+        format!(
+            "<td>{}</td><td>{}</td>",
+            number::millimetres(length_m),
+            number::sigma(angle_rad.to_degrees())
+        )
     }
 }
 
+fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
+    let truth = calibrations.mountings(MountingKind::Truth);
+    let of = |label, found| Run {
+        label,
+        found,
+        truth,
+    };
+    let result = match calibrations.result.method {
+        Method::Reweighted => "reweighted least squares",
+        Method::Paper => "as in the paper",
+    };
+    let beside = [
+        (Variant::Paper, "as in the paper"),
+        (Variant::WithoutReference, "without reference"),
+        (Variant::ExactPoses, "with exact poses"),
+    ];
+    let beside = beside.into_iter().filter_map(|(variant, label)| {
+        let found = calibrations.variant(variant)?;
+        Some(of(label, found))
+    });
+    std::iter::once(of(result, calibrations.result))
+        .chain(beside)
+        .collect()
+}
+
 /// The whole section: comparison, the chart of every method, and scale by scale.
-pub fn section(runs: &[MethodRun]) -> String {
+pub fn section(calibrations: &Calibrations) -> String {
+    let runs = &runs(calibrations);
     let mut charts = runs.iter().map(chart);
     let first = charts.next().unwrap_or_default();
     comparison(runs)
@@ -53,41 +111,25 @@ pub fn section(runs: &[MethodRun]) -> String {
         + &html::details("Every method, scale by scale", &scales(runs))
 }
 
-fn has_errors(runs: &[MethodRun]) -> bool {
-    let mut scales = runs.iter().flat_map(|run| &run.scales);
-    scales.any(|s| s.max_translation_error_m.is_some() || s.max_rotation_error_rad.is_some())
-}
-
-const ERROR_HEADS: &str = "<th scope=\"col\">largest error<br/><small>mm</small></th><th scope=\"col\">largest error<br/><small>°</small></th>";
-
-fn errors(scale: Option<&ScaleRun>) -> String {
-    let length = scale
-        .and_then(|s| s.max_translation_error_m)
-        .map(number::millimetres);
-    let angle = scale
-        .and_then(|s| s.max_rotation_error_rad)
-        .map(|a| number::sigma(a.to_degrees()));
-    let dash = || DASH.to_owned();
-    format!(
-        "<td>{}</td><td>{}</td>",
-        length.unwrap_or_else(dash),
-        angle.unwrap_or_else(dash)
-    )
+fn error_heads(runs: &[Run]) -> &'static str {
+    match runs.iter().any(|run| run.truth.is_some()) {
+        true => {
+            "<th scope=\"col\">largest error<br/><small>mm</small></th><th scope=\"col\">largest error<br/><small>°</small></th>"
+        }
+        false => "",
+    }
 }
 
 /// One line a method.
-fn comparison(runs: &[MethodRun]) -> String {
-    if runs.is_empty() {
-        return String::new();
-    }
-    let known = has_errors(runs);
+fn comparison(runs: &[Run]) -> String {
     let head = format!(
         "<tr><th scope=\"col\">method</th><th scope=\"col\">voxels</th><th scope=\"col\">iterations</th><th scope=\"col\">time<br/><small>s</small></th>{}<th scope=\"col\" class=\"text\">ended</th></tr>\n",
-        if known { ERROR_HEADS } else { "" }
+        error_heads(runs)
     );
     let mut body = String::new();
     for run in runs {
-        let voxels = match run.scales.as_slice() {
+        let scales = run.found.scales.as_slice();
+        let voxels = match scales {
             [] => DASH.to_owned(),
             [only] => number::voxel(only.voxel_m),
             [first, .., last] => format!(
@@ -96,55 +138,49 @@ fn comparison(runs: &[MethodRun]) -> String {
                 number::voxel(last.voxel_m)
             ),
         };
-        let class = if run.converged { "text" } else { "text out" };
-        let ended = if run.converged && run.ending.is_empty() {
-            "converged"
-        } else {
-            &run.ending
+        let class = match run.found.converged {
+            true => "text",
+            false => "text out",
         };
+        let ended = scales.last().map(|scale| scale.ending.to_string());
         body.push_str(&format!(
             "<tr><th scope=\"row\">{}</th><td>{voxels}</td><td>{}</td><td>{}</td>{}<td class=\"{class}\">{}</td></tr>\n",
-            escape(&run.method),
-            number::count(run.scales.iter().map(|s| s.iterations).sum()),
-            number::fixed(run.scales.iter().map(|s| s.seconds).sum(), 1),
-            if known {
-                errors(run.scales.last())
-            } else {
-                String::new()
-            },
-            escape(ended)
+            run.label,
+            number::count(scales.iter().map(|s| s.iterations).sum()),
+            number::fixed(scales.iter().map(|s| s.seconds).sum(), 1),
+            run.errors(scales.last()),
+            escape(&ended.unwrap_or_default())
         ));
     }
     html::table("numbers methods", &head, &body)
 }
 
 /// The cost of one method over its iterations, every scale in its own column.
-fn chart(run: &MethodRun) -> String {
-    let costs = || run.scales.iter().flat_map(|s| &s.cost).copied();
+fn chart(run: &Run) -> String {
+    let [label, _, definition] = run.measure();
+    let scales = &run.found.scales;
+    let costs = || scales.iter().flat_map(|scale| run.cost(scale));
     if !costs().any(|c| c.is_finite() && c > 0.0) {
         return String::new();
     }
     let x = Axis {
         label: "voxel size · iterations".into(),
         min: 0.0,
-        max: run.scales.len() as f64,
+        max: scales.len() as f64,
         log: false,
     };
-    let y = Axis::logarithmic(run.measure.label(), costs().map(|c| run.measure.shown(c)));
+    let y = Axis::logarithmic(label, costs());
     let mut plot = Plot::bare(FULL, 260.0, x, y);
-    for (i, scale) in run.scales.iter().enumerate() {
+    for (i, scale) in scales.iter().enumerate() {
+        let cost = run.cost(scale);
         let left = i as f64;
         if i > 0 {
             plot.upright("grid", left);
         }
-        let steps = scale.cost.len().max(2) as f64 - 1.0;
+        let steps = cost.len().max(2) as f64 - 1.0;
         let place = |j: usize| left + 0.12 + 0.76 * j as f64 / steps;
-        let curve: Vec<[f64; 2]> = scale
-            .cost
-            .iter()
-            .enumerate()
-            .map(|(j, c)| [place(j), run.measure.shown(*c)])
-            .collect();
+        let curve = cost.iter().enumerate().map(|(j, cost)| [place(j), *cost]);
+        let curve: Vec<[f64; 2]> = curve.collect();
         plot.line(&series(0), &thin(&curve, VERTICES));
         if curve.len() <= 16 {
             plot.dots(&format!("dot {}", series(0)), 3.0, &curve);
@@ -157,40 +193,39 @@ fn chart(run: &MethodRun) -> String {
     html::figure(
         &plot.finish("Cost over iterations"),
         &format!(
-            "{}: {}, before the first iteration of each scale and after every one. Each scale has its own points, so only the fall within a column counts.",
-            escape(&run.method),
-            run.measure.words()
+            "{}: {definition}, before the first iteration of each scale and after every one. Each scale has its own points, so only the fall within a column counts.",
+            run.label
         ),
     )
 }
 
 /// Every scale of every method.
-fn scales(runs: &[MethodRun]) -> String {
-    if runs.iter().all(|run| run.scales.is_empty()) {
+fn scales(runs: &[Run]) -> String {
+    if runs.iter().all(|run| run.found.scales.is_empty()) {
         return String::new();
     }
-    let known = has_errors(runs);
     let head = format!(
         "<tr><th scope=\"col\">method</th><th scope=\"col\">voxel</th><th scope=\"col\">points</th><th scope=\"col\">neighbour-<br/>hoods</th><th scope=\"col\">iterations</th><th scope=\"col\">cost<br/>at the end</th><th scope=\"col\">time<br/><small>s</small></th>{}</tr>\n",
-        if known { ERROR_HEADS } else { "" }
+        error_heads(runs)
     );
     let mut body = String::new();
     for run in runs {
-        for (i, scale) in run.scales.iter().enumerate() {
+        let [_, unit, _] = run.measure();
+        for (i, scale) in run.found.scales.iter().enumerate() {
             let is_first = i == 0;
-            let last = scale.cost.last().copied().unwrap_or(f64::NAN);
-            let cost = number::significant(run.measure.shown(last), 3);
+            let last = run.cost(scale).last().copied().unwrap_or(f64::NAN);
+            let cost = number::significant(last, 3);
             body.push_str(&format!(
                 "<tr class=\"{}\"><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}</tr>\n",
                 if is_first { "first" } else { "" },
-                if is_first { escape(&run.method) } else { String::new() },
+                if is_first { run.label } else { "" },
                 number::voxel(scale.voxel_m),
-                number::count(scale.points),
+                number::count(scale.points + scale.reference_points),
                 number::count(scale.neighbourhoods),
                 number::count(scale.iterations),
-                number::with_unit(cost, run.measure.unit()),
+                number::with_unit(cost, unit),
                 number::fixed(scale.seconds, 2),
-                if known { errors(Some(scale)) } else { String::new() }
+                run.errors(Some(scale))
             ));
         }
     }

@@ -2,11 +2,15 @@
 
 use super::axis::{Axis, thin};
 use super::chart::Plot;
-use super::content::{DriveTrack, ResidualBlock, ResidualFigure, TrajectoryFigure};
 use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, degrees, quantity};
 use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
+use super::track::Track;
+use super::verdicts::constancy;
+use crate::calibration::Block;
+use crate::calibration::Calibration;
+use crate::geometry::Vec3;
 use crate::geometry::heading::heading_rad;
 use crate::statistics::median;
 
@@ -60,19 +64,17 @@ pub fn time_label(shift: f64) -> String {
 }
 
 /// Figure 5: the drives from above.
-pub fn top_view(figure: &TrajectoryFigure) -> String {
-    let position = |d: &DriveTrack| -> Vec<[f64; 2]> {
+pub fn top_view(tracks: &[Track], background_m: &[Vec3]) -> String {
+    let position = |d: &Track| -> Vec<[f64; 2]> {
         let poses = d.poses.iter();
         poses
             .map(|p| p.world_from_body.translation_m)
             .map(|t| [t.x, t.y])
             .collect()
     };
-    let tracks: Vec<Vec<[f64; 2]>> = figure.drives.iter().map(position).collect();
-    let outlines = figure.outlines.iter().flat_map(|o| &o.corners_m);
-    let all = tracks.iter().flatten().chain(outlines);
-    let ground = figure.background_m.iter().map(|p| [p[0], p[1]]);
-    let all = all.copied().chain(ground);
+    let lines: Vec<Vec<[f64; 2]>> = tracks.iter().map(position).collect();
+    let ground = background_m.iter().map(|p| [p.x, p.y]);
+    let all = lines.iter().flatten().copied().chain(ground);
     let Some(bounds) = Bounds::around(all) else {
         return String::new();
     };
@@ -90,42 +92,24 @@ pub fn top_view(figure: &TrajectoryFigure) -> String {
             [bounds.min[1] - y0, bounds.max[1] - y0],
         ),
     );
-    let heights = height_range(&figure.background_m);
+    let heights = height_range(background_m);
     if let Some(heights) = heights {
-        let image = raster::heights(&figure.background_m, heights, bounds, 600);
+        let image = raster::heights(background_m, heights, bounds, 600);
         plot.image(
             &image.uri,
             local(&image.extent.min),
             local(&image.extent.max),
         );
     }
-    for outline in &figure.outlines {
-        let corners: Vec<[f64; 2]> = outline.corners_m.iter().map(local).collect();
-        plot.outline("outline", &corners);
-    }
-    for (i, track) in tracks.iter().enumerate() {
-        let line: Vec<[f64; 2]> = simplify(track, bounds).iter().map(local).collect();
+    for (i, (track, line)) in tracks.iter().zip(&lines).enumerate() {
+        let line: Vec<[f64; 2]> = simplify(line, bounds).iter().map(local).collect();
         plot.line(&series(i), &line);
-        arrows(&mut plot, &figure.drives[i], &series(i), [x0, y0], bounds);
+        arrows(&mut plot, track, &series(i), [x0, y0], bounds);
     }
-    for outline in &figure.outlines {
-        let n = outline.corners_m.len() as f64;
-        let sum = outline.corners_m.iter().map(local);
-        let [x, y] = sum.fold([0.0, 0.0], |a, p| [a[0] + p[0] / n, a[1] + p[1] / n]);
-        if x.is_finite() && y.is_finite() && n > 0.0 {
-            let (x, y) = (plot.px(x), plot.py(y) + 4.0);
-            plot.text("mark", x, y, &outline.label);
-        }
-    }
-    let mut entries: Vec<(String, String)> = figure
-        .drives
-        .iter()
-        .enumerate()
-        .map(|(i, d)| (series(i), d.name.clone()))
+    let names = tracks.iter().enumerate();
+    let entries: Vec<(String, String)> = names
+        .map(|(i, track)| (series(i), track.name.to_owned()))
         .collect();
-    if !figure.outlines.is_empty() {
-        entries.push(("outline".into(), "planes".into()));
-    }
     let mut legend = html::legend(&entries);
     if let Some([low, high]) = heights {
         legend.push_str(&height_scale(low, high));
@@ -138,8 +122,8 @@ pub fn top_view(figure: &TrajectoryFigure) -> String {
 }
 
 /// The heights between which nearly all of the ground lies; `None` without any.
-fn height_range(ground_m: &[[f64; 3]]) -> Option<[f64; 2]> {
-    let mut up: Vec<f64> = ground_m.iter().map(|p| p[2]).collect();
+fn height_range(ground_m: &[Vec3]) -> Option<[f64; 2]> {
+    let mut up: Vec<f64> = ground_m.iter().map(|p| p.z).collect();
     up.retain(|up| up.is_finite());
     up.sort_by(f64::total_cmp);
     let tail = up.len() / 100;
@@ -172,7 +156,7 @@ fn simplify(track: &[[f64; 2]], bounds: Bounds) -> Vec<[f64; 2]> {
 }
 
 /// Arrows along a drive, evenly by the way driven.
-fn arrows(plot: &mut Plot, drive: &DriveTrack, class: &str, origin: [f64; 2], bounds: Bounds) {
+fn arrows(plot: &mut Plot, drive: &Track, class: &str, origin: [f64; 2], bounds: Bounds) {
     let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
     let spacing = size / 22.0;
     let mut travelled = f64::INFINITY;
@@ -196,10 +180,10 @@ fn arrows(plot: &mut Plot, drive: &DriveTrack, class: &str, origin: [f64; 2], bo
 }
 
 /// Standard deviations of the poses over time, two charts a drive.
-pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
+pub fn pose_sigmas(tracks: &[Track]) -> String {
     let mut shown = String::new();
     let mut folded = String::new();
-    for drive in &figure.drives {
+    for drive in tracks {
         let Some(start) = drive.poses.first().map(|p| time_shift(p.time_s)) else {
             continue;
         };
@@ -259,7 +243,7 @@ pub fn pose_sigmas(figure: &TrajectoryFigure) -> String {
             &format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n"),
             &format!(
                 "Standard deviations of the poses of {}, as the trajectory stage claims them{}.{}",
-                escape(&drive.name),
+                escape(drive.name),
                 drive.sigmas.as_ref().map_or_else(String::new, sigma_summary),
                 if outages.is_empty() {
                     String::new()
@@ -296,10 +280,14 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
     )
 }
 
-/// Mean residuals along the drive with the band that poses and noise explain.
-pub fn residuals(figure: &ResidualFigure) -> String {
-    let mut out = html::verdicts(std::slice::from_ref(&figure.verdict));
-    let blocks = || figure.series.iter().flat_map(|s| &s.blocks);
+/// Mean residuals along the drive with the band that poses and noise explain; nothing where there
+/// are none.
+pub fn residuals(calibration: &Calibration) -> String {
+    let Some(found) = &calibration.constancy else {
+        return String::new();
+    };
+    let mut out = html::verdicts(constancy(calibration).as_slice());
+    let blocks = || found.blocks.iter().flatten();
     if blocks().next().is_none() {
         return out;
     }
@@ -318,10 +306,9 @@ pub fn residuals(figure: &ResidualFigure) -> String {
         ("s1".to_owned(), "outside".to_owned()),
     ];
     let mut charts = String::new();
-    for line in &figure.series {
+    for (mounting, list) in calibration.mountings.iter().zip(&found.blocks) {
         let mut plot = Plot::new(FULL, 210.0, x.clone(), y.clone());
-        let band: Vec<[f64; 3]> = line
-            .blocks
+        let band: Vec<[f64; 3]> = list
             .iter()
             .map(|b| {
                 let bound = 2e3 * b.expected_sigma_m;
@@ -330,26 +317,25 @@ pub fn residuals(figure: &ResidualFigure) -> String {
             .collect();
         plot.band("band", &band);
         plot.line("zero", &[[x.min, 0.0], [x.max, 0.0]]);
-        let (outside, inside): (Vec<_>, Vec<_>) = line
-            .blocks
+        let (outside, inside): (Vec<_>, Vec<_>) = list
             .iter()
             .partition(|b| b.mean_m.abs() > 2.0 * b.expected_sigma_m);
-        let points = |list: &[&ResidualBlock]| -> Vec<[f64; 2]> {
+        let points = |list: &[&Block]| -> Vec<[f64; 2]> {
             let shown = list.iter().map(|b| [b.time_s - start, 1e3 * b.mean_m]);
             shown.collect()
         };
-        let curve = with_gaps(&points(&line.blocks.iter().collect::<Vec<_>>()));
+        let curve = with_gaps(&points(&list.iter().collect::<Vec<_>>()));
         plot.line("s0 fine", &thin(&curve, VERTICES));
-        if line.blocks.len() <= VERTICES {
+        if list.len() <= VERTICES {
             plot.dots("dot s0", 2.6, &points(&inside));
             plot.dots("dot s1", 3.0, &points(&outside));
         }
         charts.push_str(&format!(
             "<h4>{}: {} of {} blocks outside</h4>\n{}",
-            escape(&line.label),
+            escape(&mounting.name),
             outside.len(),
-            line.blocks.len(),
-            plot.finish(&line.label)
+            list.len(),
+            plot.finish(&mounting.name)
         ));
     }
     out.push_str(&html::figure(

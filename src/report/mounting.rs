@@ -1,21 +1,58 @@
 //! Table I: the mounting of each scanner at several stages of knowledge.
 
-use super::content::{MountingEstimate, MountingTable, ParameterOrigin};
+use super::content::Calibrations;
 use super::html::{self, escape};
 use super::number;
-use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian};
+use crate::calibration::{Calibration, Variant};
+use crate::comparison::MountingKind;
+use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
 /// Errors beyond this many sigmas are marked.
 const BOUND: f64 = NORMAL_97_5_ROUNDED;
 
+/// A column of the table: a mounting of one scanner and where it comes from.
+struct Estimate<'a> {
+    label: &'static str,
+    body_from_scanner: BodyFromScanner,
+    /// The calibration that found it, and the scanner's place there; `None` for initial values.
+    found: Option<(&'a Calibration, usize)>,
+    /// Its column is emphasised.
+    is_result: bool,
+}
+
+/// Where the value of a parameter comes from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    /// Written by the user and not estimated in this column.
+    Given,
+    /// Estimated from the data.
+    Estimated,
+    /// Held at its value because the user asked so.
+    Fixed,
+    /// Not observable from the data: held at its initial value.
+    NotObservable,
+}
+
+impl Estimate<'_> {
+    /// Of tx, ty, tz, rx, ry, rz; the last three mark α, β, γ.
+    fn origin(&self, parameter: usize) -> Origin {
+        match self.found {
+            None => Origin::Given,
+            Some((found, scanner)) if found.mountings[scanner].fixed[parameter] => Origin::Fixed,
+            Some((found, scanner)) if found.is_observable(scanner, parameter) => Origin::Estimated,
+            Some(_) => Origin::NotObservable,
+        }
+    }
+}
+
 /// One value with what is known of its error.
 struct Cell {
     value: f64,
     sigma: Option<f64>,
     error: Option<f64>,
-    origin: ParameterOrigin,
+    origin: Origin,
 }
 
 /// A block of three parameters.
@@ -60,22 +97,19 @@ impl Block {
     }
 
     /// Metres or degrees.
-    fn sigmas(self, estimate: &MountingEstimate) -> [Option<f64>; 3] {
+    fn sigmas(self, estimate: &Estimate) -> [Option<f64>; 3] {
+        let Some((found, scanner)) = estimate.found else {
+            return [None; 3];
+        };
         match self {
-            Self::Translation => estimate.translation_sigma_m,
+            Self::Translation => {
+                let own = found.mountings[scanner].convention;
+                let [x, y, z, ..] = found.sigmas(scanner, own);
+                [x, y, z]
+            }
             Self::Euler(convention) => {
-                let Some(covariance) = &estimate.rotation_covariance_rad2 else {
-                    return [None; 3];
-                };
-                let rotation = &estimate.body_from_scanner.rotation;
-                let jacobian = euler_jacobian(convention, rotation);
-                let euler = jacobian * covariance * jacobian.transpose();
-                std::array::from_fn(|i| {
-                    // Rounding may leave a variance of zero slightly negative.
-                    let variance = euler[(i, i)];
-                    let known = variance.is_finite().then(|| variance.max(0.0));
-                    known.map(|v| v.sqrt().to_degrees())
-                })
+                let [.., alpha, beta, gamma] = found.sigmas(scanner, convention);
+                [alpha, beta, gamma].map(|sigma| sigma.map(f64::to_degrees))
             }
         }
     }
@@ -87,7 +121,7 @@ impl Block {
         }
     }
 
-    fn cells(self, estimate: &MountingEstimate, truth: Option<&BodyFromScanner>) -> [Cell; 3] {
+    fn cells(self, estimate: &Estimate, truth: Option<&BodyFromScanner>) -> [Cell; 3] {
         let values = self.values(&estimate.body_from_scanner);
         let sigmas = self.sigmas(estimate);
         let truth = truth.map(|pose| self.values(pose));
@@ -101,15 +135,8 @@ impl Block {
                     Self::Euler(_) => error - 360.0 * (error / 360.0).round(),
                 }
             }),
-            origin: estimate.origin[self.first() + i],
+            origin: estimate.origin(self.first() + i),
         })
-    }
-
-    fn show(self, value: f64) -> String {
-        match self {
-            Self::Translation => number::fixed(value, 4),
-            Self::Euler(_) => number::fixed(value, 4),
-        }
     }
 
     fn show_sigma(self, sigma: f64) -> String {
@@ -129,10 +156,13 @@ impl Block {
     }
 
     fn markup(self, cell: &Cell) -> String {
-        let mut out = format!("<span class=\"value\">{}</span>", self.show(cell.value));
+        let mut out = format!(
+            "<span class=\"value\">{}</span>",
+            number::fixed(cell.value, 4)
+        );
         match cell.origin {
-            ParameterOrigin::Given => {}
-            ParameterOrigin::Estimated => {
+            Origin::Given => {}
+            Origin::Estimated => {
                 if let Some(sigma) = cell.sigma {
                     out.push_str(&format!(
                         "<span class=\"sigma\">± {}</span>",
@@ -140,13 +170,13 @@ impl Block {
                     ));
                 }
             }
-            ParameterOrigin::Fixed => out.push_str("<span class=\"held\">fixed by user</span>"),
-            ParameterOrigin::NotObservable => {
+            Origin::Fixed => out.push_str("<span class=\"held\">fixed by user</span>"),
+            Origin::NotObservable => {
                 out.push_str("<span class=\"held open\">not observable</span>");
             }
         }
         if let Some(error) = cell.error.filter(|e| e.is_finite()) {
-            let estimated = cell.origin == ParameterOrigin::Estimated;
+            let estimated = cell.origin == Origin::Estimated;
             let is_outside = estimated && cell.sigma.is_some_and(|s| error.abs() > BOUND * s);
             let class = if is_outside { "error out" } else { "error" };
             out.push_str(&format!(
@@ -160,72 +190,105 @@ impl Block {
 }
 
 /// All scanners.
-pub fn tables(list: &[MountingTable]) -> String {
-    let usable: Vec<&MountingTable> = list.iter().filter(|t| !t.estimates.is_empty()).collect();
-    if usable.is_empty() {
+pub fn tables(calibrations: &Calibrations) -> String {
+    let truth = calibrations.mountings(MountingKind::Truth);
+    let scanners = calibrations.result.mountings.iter();
+    let tables: Vec<(&str, Vec<Estimate>, Option<&BodyFromScanner>)> = scanners
+        .enumerate()
+        .map(|(scanner, mounting)| {
+            let truth = truth.map(|truth| &truth[scanner]);
+            (&*mounting.name, estimates(calibrations, scanner), truth)
+        })
+        .collect();
+    if tables.is_empty() {
         return String::new();
     }
-    let mut out: String = usable.iter().map(|t| table(t)).collect();
+    let mut out: String = tables
+        .iter()
+        .map(|(name, estimates, truth)| table(name, estimates, *truth))
+        .collect();
     out.push_str("<p class=\"note\">± is one standard deviation.");
-    if usable.iter().any(|t| t.truth.is_some()) {
+    if truth.is_some() {
         out.push_str(" Below it the error: value minus truth. ‡ marks errors beyond 1.96 σ, of which one in twenty is to be expected.");
     }
-    let mut estimates = usable.iter().flat_map(|t| &t.estimates);
-    if estimates.any(|e| e.origin.contains(&ParameterOrigin::NotObservable)) {
+    let mut estimates = tables.iter().flat_map(|(_, estimates, _)| estimates);
+    if estimates.any(|e| (0..6).any(|parameter| e.origin(parameter) == Origin::NotObservable)) {
         out.push_str(" What is not observable keeps what the initial values say of it.");
     }
     out.push_str(" Table I of the paper.</p>\n");
     out
 }
 
-fn table(table: &MountingTable) -> String {
+/// The columns of one scanner. The paper's method gives no standard deviations and is shown among
+/// the methods.
+fn estimates<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Estimate<'a>> {
+    let of = |label, found: &'a Calibration, is_result| Estimate {
+        label,
+        body_from_scanner: found.mountings[scanner].body_from_scanner,
+        found: Some((found, scanner)),
+        is_result,
+    };
+    let without = calibrations.variant(Variant::WithoutReference);
+    let exact = calibrations.variant(Variant::ExactPoses);
+    let initial = calibrations.mountings(MountingKind::Initial);
+    let initial = initial.map(|initial| Estimate {
+        label: "initial",
+        body_from_scanner: initial[scanner],
+        found: None,
+        is_result: false,
+    });
+    let label = without.map_or("found", |_| "with reference");
+    let mut list = Vec::from_iter(initial);
+    list.extend(without.map(|found| of("without reference", found, false)));
+    list.push(of(label, calibrations.result, true));
+    list.extend(exact.map(|found| of("with exact poses", found, false)));
+    list
+}
+
+fn table(scanner: &str, estimates: &[Estimate], truth: Option<&BodyFromScanner>) -> String {
     let result = |is_result: bool| if is_result { " class=\"result\"" } else { "" };
     let mut head = String::from("<tr><td></td>");
-    for estimate in &table.estimates {
+    for estimate in estimates {
         head.push_str(&format!(
             "<th scope=\"col\"{}>{}</th>",
             result(estimate.is_result),
-            escape(&estimate.label)
+            estimate.label
         ));
     }
-    if table.truth.is_some() {
+    if truth.is_some() {
         head.push_str("<th scope=\"col\">truth</th>");
     }
     head.push_str("</tr>\n");
 
-    let columns = 1 + table.estimates.len() + usize::from(table.truth.is_some());
+    let columns = 1 + estimates.len() + usize::from(truth.is_some());
     let mut body = String::new();
     for block in Block::ALL {
         body.push_str(&format!(
             "<tr class=\"block\"><th colspan=\"{columns}\" scope=\"colgroup\">{}</th></tr>\n",
             block.heading()
         ));
-        let cells: Vec<[Cell; 3]> = table
-            .estimates
-            .iter()
-            .map(|estimate| block.cells(estimate, table.truth.as_ref()))
-            .collect();
+        let cells: Vec<[Cell; 3]> = estimates.iter().map(|e| block.cells(e, truth)).collect();
         for (i, name) in block.names().iter().enumerate() {
             body.push_str(&format!("<tr><th scope=\"row\">{name}</th>"));
-            for (estimate, cells) in table.estimates.iter().zip(&cells) {
+            for (estimate, cells) in estimates.iter().zip(&cells) {
                 body.push_str(&format!(
                     "<td{}>{}</td>",
                     result(estimate.is_result),
                     block.markup(&cells[i])
                 ));
             }
-            if let Some(truth) = &table.truth {
-                let value = block.show(block.values(truth)[i]);
+            if let Some(truth) = truth {
+                let value = number::fixed(block.values(truth)[i], 4);
                 body.push_str(&format!("<td><span class=\"value\">{value}</span></td>"));
             }
             body.push_str("</tr>\n");
         }
     }
-    if let Some(truth) = &table.truth {
+    if let Some(truth) = truth {
         body.push_str(&format!(
             "<tr class=\"block\"><th colspan=\"{columns}\" scope=\"colgroup\">Distance from the truth</th></tr>\n<tr><th scope=\"row\">in all</th>"
         ));
-        for estimate in &table.estimates {
+        for estimate in estimates {
             let mounting = &estimate.body_from_scanner;
             let length = (mounting.translation_m - truth.translation_m).norm();
             let angle = mounting.rotation.angle_to(&truth.rotation).to_degrees();
@@ -240,7 +303,7 @@ fn table(table: &MountingTable) -> String {
     }
     format!(
         "<h3>Scanner {}</h3>\n{}",
-        escape(&table.scanner),
+        escape(scanner),
         html::table("numbers mounting", &head, &body)
     )
 }
@@ -248,55 +311,38 @@ fn table(table: &MountingTable) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vec3;
     use crate::geometry::euler::rotation_from_euler_deg;
-    use crate::geometry::{BodyFromScanner, Mat3, Vec3};
-
-    fn estimate(rotation_deg: [f64; 3], covariance: Option<Mat3>) -> MountingEstimate {
-        MountingEstimate {
-            label: "with reference".into(),
-            body_from_scanner: BodyFromScanner::new(
-                rotation_from_euler_deg(EulerConvention::Bonn, rotation_deg),
-                Vec3::new(1.254, -0.545, 0.587),
-            ),
-            translation_sigma_m: [Some(1e-3); 3],
-            rotation_covariance_rad2: covariance,
-            origin: [ParameterOrigin::Estimated; 6],
-            is_result: true,
-        }
-    }
-
-    #[test]
-    fn sigmas_of_euler_angles_follow_from_the_rotation_vector() {
-        // bonn: R = Qᵀ with Q = Rz(γ) Ry(β) Rx(α), so R Exp(φ) = (Exp(−φ) Q)ᵀ, and turning Q
-        // about its fixed z axis is a change of γ alone.
-        let sigma_rad = 2e-3f64;
-        let mut covariance = Mat3::zeros();
-        covariance[(2, 2)] = sigma_rad.powi(2);
-        let e = estimate([-143.769, -0.369, 89.833], Some(covariance));
-        let sigmas = Block::Euler(EulerConvention::Bonn).sigmas(&e);
-        let [alpha, beta, gamma] = sigmas.map(Option::unwrap);
-        assert!((gamma - sigma_rad.to_degrees()).abs() < 1e-6, "{gamma}");
-        assert!(alpha < 1e-6 && beta < 1e-6, "{alpha} {beta}");
-    }
 
     #[test]
     fn errors_of_angles_wrap() {
-        let e = estimate([179.95, 0.0, 90.0], None);
-        let truth = estimate([-179.95, 0.0, 90.0], None).body_from_scanner;
-        let cells = Block::Euler(EulerConvention::Bonn).cells(&e, Some(&truth));
+        let mounting = |alpha_deg: f64| {
+            let angles = [alpha_deg, 0.0, 90.0];
+            let rotation = rotation_from_euler_deg(EulerConvention::Bonn, angles);
+            BodyFromScanner::new(rotation, Vec3::new(1.254, -0.545, 0.587))
+        };
+        let initial = Estimate {
+            label: "initial",
+            body_from_scanner: mounting(179.95),
+            found: None,
+            is_result: false,
+        };
+        let truth = mounting(-179.95);
+        let cells = Block::Euler(EulerConvention::Bonn).cells(&initial, Some(&truth));
         assert!((cells[0].error.unwrap() + 0.1).abs() < 1e-9);
     }
 
     #[test]
     fn what_is_not_observable_shows_no_sigma() {
-        let mut e = estimate([-143.769, -0.369, 89.833], None);
-        e.origin[2] = ParameterOrigin::NotObservable;
-        let cells = Block::Translation.cells(&e, None);
-        let held = Block::Translation.markup(&cells[2]);
-        assert!(
-            held.contains("not observable") && !held.contains('±'),
-            "{held}"
-        );
-        assert!(Block::Translation.markup(&cells[1]).contains("± 1.0"));
+        let cell = |origin| Cell {
+            value: 1.254,
+            sigma: Some(1e-3),
+            error: None,
+            origin,
+        };
+        let held = Block::Translation.markup(&cell(Origin::NotObservable));
+        assert!(held.contains("not observable") && !held.contains('±'));
+        let estimated = Block::Translation.markup(&cell(Origin::Estimated));
+        assert!(estimated.contains("± 1.0"), "{estimated}");
     }
 }

@@ -1,8 +1,10 @@
 //! The page: sections in reading order, and its frame.
 
-use super::content::{Content, TrajectoryFigure};
+use super::content::Content;
 use super::html::{self, escape};
-use super::{adjustment, convergence, figures, maps, mounting, residual_plots, tables};
+use super::track::Track;
+use super::{adjustment, convergence, figures, maps, mounting, residual_plots, tables, verdicts};
+use crate::geometry::Vec3;
 
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
@@ -32,78 +34,75 @@ pub fn render(content: &Content) -> String {
          <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n<h1>{title}</h1>\n{}</header>\n\
          <main>\n{}{nav}{body}</main>\n</body>\n</html>\n",
         tables::provenance(content),
-        html::verdicts(&content.summary),
+        html::verdicts(&verdicts::summary(content)),
     )
 }
 
 /// Identifier, heading and markup of each section, empty where there are no data.
 fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
-    let trajectory = content.trajectory.as_ref();
-    let residuals = content.residuals.as_ref();
-    let correlation = content.correlation.as_ref();
+    let tracks: Vec<Track> = content.drives.iter().map(Track::of).collect();
+    let calibrations = content.calibrations.as_ref();
+    let result = calibrations.map(|calibrations| calibrations.result);
     vec![
-        ("mounting", "Mounting", mounting::tables(&content.mountings)),
+        (
+            "mounting",
+            "Mounting",
+            calibrations.map(mounting::tables).unwrap_or_default(),
+        ),
         (
             "distances",
             "Agreement of the point clouds",
-            tables::distances(&content.distances),
+            tables::distances(content.drives),
         ),
         (
             "maps",
             "Where they agree and where not",
-            maps::maps(&content.maps),
+            maps::maps(content.drives),
         ),
         (
             "observability",
             "What the data could determine",
-            html::verdicts(&content.observability),
+            calibrations.map_or_else(String::new, |calibrations| {
+                html::verdicts(&verdicts::observability(calibrations))
+            }),
         ),
         (
             "residuals",
             "Is the mounting constant?",
-            residuals.map(figures::residuals).unwrap_or_default(),
+            result.map(figures::residuals).unwrap_or_default(),
         ),
         (
             "trajectory",
             "Trajectory",
-            trajectory.map(trajectory_section).unwrap_or_default(),
+            trajectory(&tracks, content.background_m),
         ),
         (
             "convergence",
             "Convergence and methods",
-            convergence::section(&content.methods),
+            calibrations.map(convergence::section).unwrap_or_default(),
         ),
         (
             "correlation",
             "Correlations of the parameters",
-            correlation.map(correlations).unwrap_or_default(),
+            result.map(tables::correlation).unwrap_or_default(),
         ),
         ("inputs", "Input", tables::facts(&content.inputs)),
         (
             "resources",
             "Time and memory",
-            tables::resources(&content.stages, content.peak_memory_bytes),
+            tables::resources(content.stages, content.peak_memory_bytes),
         ),
-        ("warnings", "Warnings", tables::warnings(&content.warnings)),
+        ("warnings", "Warnings", tables::warnings(content.warnings)),
     ]
 }
 
 /// The drives from above, then how the adjustment went and how well the poses are known.
-fn trajectory_section(figure: &TrajectoryFigure) -> String {
-    adjustment::words(figure)
-        + &figures::top_view(figure)
-        + &figures::pose_sigmas(figure)
-        + &adjustment::tables(figure)
-        + &residual_plots::over_time(figure)
-        + &residual_plots::histograms(figure)
-        + &residual_plots::biases(figure)
-}
-
-fn correlations(matrix: &super::content::CorrelationMatrix) -> String {
-    let table = tables::correlation(matrix);
-    if table.is_empty() {
-        return table;
-    }
-    table
-        + "<p class=\"note\">Red: the two grow together; blue: one grows as the other falls. Beyond about 0.9 the data can hardly tell them apart. A dash: not estimated.</p>\n"
+fn trajectory(tracks: &[Track], background_m: &[Vec3]) -> String {
+    adjustment::words(tracks)
+        + &figures::top_view(tracks, background_m)
+        + &figures::pose_sigmas(tracks)
+        + &adjustment::tables(tracks)
+        + &residual_plots::over_time(tracks)
+        + &residual_plots::histograms(tracks)
+        + &residual_plots::biases(tracks)
 }

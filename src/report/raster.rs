@@ -1,6 +1,7 @@
 //! Maps of many points as small PNG images in data URIs.
 
 use super::axis;
+use crate::geometry::Vec3;
 use base64::Engine as _;
 
 /// Colours of a diverging scale, from −1 to 1.
@@ -163,21 +164,21 @@ pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: us
     })
 }
 
-/// Points (east, north, up) shaded by their height from `low` to `high`, the highest of a pixel
+/// Points shaded by their height from `low` to `high`, the highest of a pixel
 /// counting.
-pub fn heights(points: &[[f64; 3]], [low, high]: [f64; 2], bounds: Bounds, most: usize) -> Raster {
+pub fn heights(points: &[Vec3], [low, high]: [f64; 2], bounds: Bounds, most: usize) -> Raster {
     let grid = Grid::new(bounds, most);
-    let usable = points.iter().filter(|p| p[2].is_finite());
-    let reach = grid.reach(usable.clone().map(|p| [p[0], p[1]]));
+    let usable = points.iter().filter(|p| p.z.is_finite());
+    let reach = grid.reach(usable.clone().map(|p| [p.x, p.y]));
     let mut highest = vec![f64::NEG_INFINITY; grid.width * grid.height];
     for p in usable {
-        let Some((column, row)) = grid.pixel([p[0], p[1]]) else {
+        let Some((column, row)) = grid.pixel([p.x, p.y]) else {
             continue;
         };
         for r in row.saturating_sub(reach)..=(row + reach).min(grid.height - 1) {
             for c in column.saturating_sub(reach)..=(column + reach).min(grid.width - 1) {
                 let cell = &mut highest[r * grid.width + c];
-                *cell = cell.max(p[2]);
+                *cell = cell.max(p.z);
             }
         }
     }
@@ -287,8 +288,12 @@ mod tests {
 
     #[test]
     fn a_pixel_shows_its_highest_point() {
-        let points = [[0.0, 0.0, 0.0], [10.0, 5.0, 0.3], [10.0, 5.0, 1.0]];
-        let bounds = Bounds::around(points.iter().map(|p| [p[0], p[1]])).unwrap();
+        let points = [
+            Vec3::zeros(),
+            Vec3::new(10.0, 5.0, 0.3),
+            Vec3::new(10.0, 5.0, 1.0),
+        ];
+        let bounds = Bounds::around(points.iter().map(|p| [p.x, p.y])).unwrap();
         let (_, _, pixels) = decode(&heights(&points, [0.0, 1.0], bounds, 100).uri);
         let painted = |level: usize| pixels.iter().any(|p| usize::from(*p) == level);
         assert!(painted(0) && painted(LEVELS - 1));

@@ -2,11 +2,11 @@
 
 use super::axis::{self, Axis, thin};
 use super::chart::Plot;
-use super::content::{DriveTrack, TrajectoryFigure};
 use super::diagnostics::{component_name, sensor_name};
 use super::figures::{FULL, HALF, VERTICES, series, time_label, time_shift};
 use super::html::{self, escape};
 use super::number;
+use super::track::{Track, adjusted};
 use crate::geometry::Vec3;
 use crate::sensor::ImuBias;
 use crate::statistics::median;
@@ -20,8 +20,8 @@ const REACH: f64 = 5.0;
 const BIN: f64 = 0.25;
 
 /// Residuals over time of every sensor of the first drive that was adjusted.
-pub fn over_time(figure: &TrajectoryFigure) -> String {
-    let Some((drive, solution)) = adjusted(figure) else {
+pub fn over_time(tracks: &[Track]) -> String {
+    let Some((drive, solution)) = adjusted(tracks).next() else {
         return String::new();
     };
     let mut out = String::new();
@@ -32,13 +32,6 @@ pub fn over_time(figure: &TrajectoryFigure) -> String {
         return out;
     }
     format!("<h3>Residuals over time</h3>\n{out}")
-}
-
-fn adjusted(figure: &TrajectoryFigure) -> Option<(&DriveTrack, &Solution)> {
-    figure
-        .drives
-        .iter()
-        .find_map(|d| Some((d, d.solution.as_ref()?)))
 }
 
 /// Sensors with residuals of single records.
@@ -58,7 +51,7 @@ fn drawn_unit(unit: &str) -> (f64, &str) {
 }
 
 fn of_sensor(
-    drive: &DriveTrack,
+    drive: &Track,
     solution: &Solution,
     sensor: &SensorDiagnostics,
     residuals: &[Residual],
@@ -156,8 +149,8 @@ fn gaps(residuals: &[Residual], (from_s, to_s): (f64, f64)) -> Vec<(f64, f64)> {
 }
 
 /// Residuals in their own standard deviations against the standard normal, one chart a sensor.
-pub fn histograms(figure: &TrajectoryFigure) -> String {
-    let Some((_, solution)) = adjusted(figure) else {
+pub fn histograms(tracks: &[Track]) -> String {
+    let Some((_, solution)) = adjusted(tracks).next() else {
         return String::new();
     };
     let mut charts = String::new();
@@ -225,9 +218,9 @@ fn histogram(name: &str, tests: &[f64]) -> String {
 }
 
 /// Biases of gyro and accelerometer along the first drive that has them.
-pub fn biases(figure: &TrajectoryFigure) -> String {
-    let has_bias = |d: &&DriveTrack| d.poses.iter().any(|p| p.bias.is_some());
-    let Some(drive) = figure.drives.iter().find(has_bias) else {
+pub fn biases(tracks: &[Track]) -> String {
+    let has_bias = |d: &&Track| d.poses.iter().any(|p| p.bias.is_some());
+    let Some(drive) = tracks.iter().find(has_bias) else {
         return String::new();
     };
     let gyro = |b: &ImuBias| b.gyro_rad_s.map(|w| w.to_degrees() * 3600.0);
@@ -241,13 +234,13 @@ pub fn biases(figure: &TrajectoryFigure) -> String {
             &body,
             &format!(
                 "Biases along {}, about and along the body's axes, without their means over the drive, which the legend gives.",
-                escape(&drive.name)
+                escape(drive.name)
             ),
         )
     )
 }
 
-fn bias(drive: &DriveTrack, name: &str, unit: &str, pick: impl Fn(&ImuBias) -> Vec3) -> String {
+fn bias(drive: &Track, name: &str, unit: &str, pick: impl Fn(&ImuBias) -> Vec3) -> String {
     let known: Vec<(f64, Vec3)> = drive
         .poses
         .iter()

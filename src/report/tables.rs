@@ -1,18 +1,12 @@
 //! The tables of the page.
 
-use super::content::{Content, CorrelationMatrix, DistanceRow, Fact, MountingKind, StageTime};
+use super::content::{Content, Drive, Fact};
 use super::html::{self, escape};
 use super::number::{self, DASH};
 use super::raster;
-
-/// Name of a mounting in tables and figures.
-pub fn mounting_name(kind: MountingKind) -> &'static str {
-    match kind {
-        MountingKind::Initial => "initial",
-        MountingKind::Final => "calibrated",
-        MountingKind::Truth => "true mounting",
-    }
-}
+use crate::calibration::Calibration;
+use crate::comparison::{Agreement, MountingKind};
+use crate::progress::StageSeconds;
 
 /// Labels and their values.
 pub fn facts(list: &[Fact]) -> String {
@@ -31,33 +25,43 @@ pub fn facts(list: &[Fact]) -> String {
     out
 }
 
-/// The pairs of clouds in the order of their first rows.
-fn pairs(rows: &[DistanceRow]) -> Vec<&str> {
-    let mut pairs: Vec<&str> = Vec::new();
-    for row in rows {
-        if !pairs.contains(&row.pair.as_str()) {
-            pairs.push(&row.pair);
+/// A pair of clouds, and its comparisons by the name of the drive.
+type Pair<'a> = (String, Vec<(&'a str, &'a [Agreement])>);
+
+/// The pairs of clouds in the order in which they first occur.
+fn pairs(drives: &[Drive]) -> Vec<Pair<'_>> {
+    let mut pairs: Vec<Pair> = Vec::new();
+    for drive in drives {
+        for found in drive.agreements.pairs() {
+            let name = found[0].pair();
+            let of_drive = (drive.name.as_str(), found);
+            match pairs.iter_mut().find(|(pair, _)| *pair == name) {
+                Some((_, drives)) => drives.push(of_drive),
+                None => pairs.push((name, vec![of_drive])),
+            }
         }
     }
     pairs
 }
 
 /// Table II: the RMSE of every pair and drive, and all statistics folded below.
-pub fn distances(rows: &[DistanceRow]) -> String {
-    if rows.is_empty() {
+pub fn distances(drives: &[Drive]) -> String {
+    let pairs = pairs(drives);
+    if pairs.is_empty() {
         return String::new();
     }
-    rmse(rows)
+    rmse(&pairs)
         + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. The true mounting, where it is listed, is applied on the same estimated poses: what it leaves is the share of poses and noise. Table II of the paper.</p>\n"
         + &html::details(
             "Mean, standard deviation, median, number of core points",
-            &statistics(rows),
+            &statistics(&pairs),
         )
 }
 
 /// RMSE before and after.
-fn rmse(rows: &[DistanceRow]) -> String {
-    let known = rows.iter().any(|row| row.mounting == MountingKind::Truth);
+fn rmse(pairs: &[Pair]) -> String {
+    let mut all = pairs.iter().flat_map(|(_, drives)| drives);
+    let known = all.any(|(_, found)| found.iter().any(|f| f.mounting == MountingKind::Truth));
     let mut heads = vec!["clouds", "drive", "initial", "calibrated"];
     if known {
         heads.push("true mounting");
@@ -70,15 +74,11 @@ fn rmse(rows: &[DistanceRow]) -> String {
     }
     head.push_str("<th scope=\"col\">times better</th></tr>\n");
     let mut body = String::new();
-    for pair in pairs(rows) {
-        let of_pair: Vec<&DistanceRow> = rows.iter().filter(|r| r.pair == pair).collect();
-        let mut drives: Vec<&str> = of_pair.iter().map(|r| r.drive.as_str()).collect();
-        drives.dedup();
-        for (i, drive) in drives.iter().enumerate() {
+    for (pair, drives) in pairs {
+        for (i, (drive, all)) in drives.iter().enumerate() {
             let find = |kind: MountingKind| {
-                let mut all = of_pair.iter();
-                all.find(|r| r.drive == *drive && r.mounting == kind)
-                    .map_or(f64::NAN, |r| r.statistics.rmse_m)
+                let found = all.iter().find(|found| found.mounting == kind);
+                found.map_or(f64::NAN, |found| found.statistics.rmse_m)
             };
             let (first, last) = (find(MountingKind::Initial), find(MountingKind::Final));
             let is_first = i == 0;
@@ -104,38 +104,32 @@ fn rmse(rows: &[DistanceRow]) -> String {
 }
 
 /// One table a pair of clouds.
-fn statistics(rows: &[DistanceRow]) -> String {
+fn statistics(pairs: &[Pair]) -> String {
     let mut out = String::new();
-    for pair in pairs(rows) {
-        let of_pair: Vec<&DistanceRow> = rows.iter().filter(|r| r.pair == pair).collect();
+    for (pair, drives) in pairs {
         let mut body = String::new();
-        let mut previous: Option<&str> = None;
-        for row in of_pair {
-            let s = &row.statistics;
-            let is_first = previous != Some(row.drive.as_str());
-            let drive = if is_first {
-                escape(&row.drive)
-            } else {
-                String::new()
-            };
-            previous = Some(&row.drive);
-            let mut classes = Vec::new();
-            if is_first {
-                classes.push("first");
+        for (drive, all) in drives {
+            for (i, found) in all.iter().enumerate() {
+                let s = &found.statistics;
+                let mut classes = Vec::new();
+                if i == 0 {
+                    classes.push("first");
+                }
+                if found.mounting == MountingKind::Final {
+                    classes.push("result");
+                }
+                body.push_str(&format!(
+                    "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                    classes.join(" "),
+                    if i == 0 { escape(drive) } else { String::new() },
+                    found.mounting.name(),
+                    number::signed(number::millimetres(s.mean_m)),
+                    number::millimetres(s.std_m),
+                    number::millimetres(s.rmse_m),
+                    number::signed(number::millimetres(s.median_m)),
+                    number::count(s.n)
+                ));
             }
-            if row.mounting == MountingKind::Final {
-                classes.push("result");
-            }
-            body.push_str(&format!(
-                "<tr class=\"{}\"><th scope=\"row\">{drive}</th><td class=\"text\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                classes.join(" "),
-                mounting_name(row.mounting),
-                number::signed(number::millimetres(s.mean_m)),
-                number::millimetres(s.std_m),
-                number::millimetres(s.rmse_m),
-                number::signed(number::millimetres(s.median_m)),
-                number::count(s.n)
-            ));
         }
         let head = "<tr><th scope=\"col\">drive</th><th scope=\"col\" class=\"text\">mounting</th><th scope=\"col\">mean<br/><small>mm</small></th><th scope=\"col\">std<br/><small>mm</small></th><th scope=\"col\">RMSE<br/><small>mm</small></th><th scope=\"col\">median<br/><small>mm</small></th><th scope=\"col\">core points<br/><small>n</small></th></tr>\n";
         out.push_str(&format!("<h3>{}</h3>\n", escape(pair)));
@@ -144,50 +138,53 @@ fn statistics(rows: &[DistanceRow]) -> String {
     out
 }
 
-/// Correlations as a table coloured by sign and size.
-pub fn correlation(matrix: &CorrelationMatrix) -> String {
-    let n = matrix.labels.len();
-    if n == 0 {
+/// Correlations of the mountings' parameters as a table coloured by sign and size; nothing without
+/// a covariance.
+pub fn correlation(calibration: &Calibration) -> String {
+    let Some(covariance) = &calibration.covariance else {
         return String::new();
-    }
-    // A label breaks before its last word: "left" over "tx".
-    let label = |text: &str| match text.rsplit_once(' ') {
-        Some((before, last)) => format!("{}<br/>{}", escape(before), escape(last)),
-        None => escape(text),
     };
+    // Rotations are about the body's axes, whatever the Euler convention.
+    let names = ["tx", "ty", "tz", "ωx", "ωy", "ωz"];
+    let scanners = calibration.mountings.iter().map(|m| escape(&m.name));
+    let labels: Vec<(String, &str)> = scanners
+        .flat_map(|scanner| names.map(|name| (scanner.clone(), name)))
+        .collect();
     let mut head = String::from("<tr><td></td>");
-    for text in &matrix.labels {
-        head.push_str(&format!("<th scope=\"col\">{}</th>", label(text)));
+    for (scanner, name) in &labels {
+        head.push_str(&format!("<th scope=\"col\">{scanner}<br/>{name}</th>"));
     }
     head.push_str("</tr>\n");
     let mut body = String::new();
-    for (i, text) in matrix.labels.iter().enumerate() {
-        body.push_str(&format!("<tr><th scope=\"row\">{}</th>", escape(text)));
-        for j in 0..n {
-            let value = matrix.values.get(i).and_then(|row| row.get(j)).copied();
-            match value.filter(|v| v.is_finite()) {
-                None => body.push_str(&format!("<td class=\"none\">{DASH}</td>")),
-                Some(_) if i == j => body.push_str("<td class=\"self\">1</td>"),
-                Some(v) => {
-                    let [r, g, b] = raster::diverging(0.75f64.copysign(v));
-                    let alpha = v.abs().min(1.0) * 0.75;
-                    body.push_str(&format!(
-                        "<td style=\"background:rgba({r},{g},{b},{alpha:.2})\">{}</td>",
-                        number::fixed(v, 2)
-                    ));
-                }
+    for (i, (scanner, name)) in labels.iter().enumerate() {
+        body.push_str(&format!("<tr><th scope=\"row\">{scanner} {name}</th>"));
+        for j in 0..labels.len() {
+            let variances = covariance[(i, i)] * covariance[(j, j)];
+            let value = covariance[(i, j)] / variances.sqrt();
+            if !value.is_finite() {
+                body.push_str(&format!("<td class=\"none\">{DASH}</td>"));
+            } else if i == j {
+                body.push_str("<td class=\"self\">1</td>");
+            } else {
+                let [r, g, b] = raster::diverging(0.75f64.copysign(value));
+                let alpha = value.abs().min(1.0) * 0.75;
+                body.push_str(&format!(
+                    "<td style=\"background:rgba({r},{g},{b},{alpha:.2})\">{}</td>",
+                    number::fixed(value, 2)
+                ));
             }
         }
         body.push_str("</tr>\n");
     }
     html::table("heat", &head, &body)
+        + "<p class=\"note\">Red: the two grow together; blue: one grows as the other falls. Beyond about 0.9 the data can hardly tell them apart. A dash: not estimated.</p>\n"
 }
 
 /// Run time by stage with bars, and peak memory.
-pub fn resources(stages: &[StageTime], peak_memory_bytes: Option<u64>) -> String {
+pub fn resources(stages: &[StageSeconds], peak_memory_bytes: Option<u64>) -> String {
     let mut out = String::new();
     if !stages.is_empty() {
-        let usable = |s: &StageTime| {
+        let usable = |s: &StageSeconds| {
             if s.seconds.is_finite() {
                 s.seconds
             } else {
@@ -230,7 +227,7 @@ pub fn warnings(list: &[String]) -> String {
     format!("<ul class=\"warnings\">\n{}</ul>\n", items.concat())
 }
 
-/// What the run was: command, project, seed, program, date.
+/// What the run was: command, project, seed, program.
 pub fn provenance(content: &Content) -> String {
     let mut list = Vec::new();
     let mut add = |label: &str, value: &str| {
@@ -244,10 +241,6 @@ pub fn provenance(content: &Content) -> String {
         "seed",
         &content.seed.map_or(String::new(), |s| s.to_string()),
     );
-    add("by", &content.version);
-    add("on", &content.date);
-    if list.is_empty() {
-        return String::new();
-    }
+    add("by", concat!("boresight ", env!("CARGO_PKG_VERSION")));
     format!("<p class=\"provenance\">{}</p>\n", list.join("\n"))
 }

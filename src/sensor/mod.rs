@@ -4,9 +4,12 @@ mod total_station;
 
 pub mod allan;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
+
+/// Standard gravity, the g of datasheets, m/s².
+pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
 
 /// One IMU sample: the mean over the interval from its time to the next sample's.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,7 +109,7 @@ pub struct ScanPoint {
 }
 
 /// One pose of a trajectory, measured elsewhere or estimated here.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct PoseRecord {
     /// Seconds.
     pub time_s: f64,
@@ -120,8 +123,21 @@ pub struct PoseRecord {
     pub sigma: Option<PoseSigma>,
 }
 
+impl PoseRecord {
+    /// A pose of which no more is known.
+    pub fn new(time_s: f64, world_from_body: WorldFromBody) -> Self {
+        Self {
+            time_s,
+            world_from_body,
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        }
+    }
+}
+
 /// Biases of the IMU in body axes: measured = true + bias.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct ImuBias {
     /// rad/s.
     pub gyro_rad_s: Vec3,
@@ -130,7 +146,7 @@ pub struct ImuBias {
 }
 
 /// Standard deviations of a pose, along and about the world axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct PoseSigma {
     /// Position: east, north, up, metres.
     pub position_m: Vec3,
@@ -160,6 +176,24 @@ pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
     Some((stream.first()?.time_s(), stream.last()?.time_s()))
 }
 
+/// The unit of times that are `factor` times as large as they would be in seconds; `None` where no
+/// unit comes near.
+pub(crate) fn unit_of_times(factor: f64) -> Option<&'static str> {
+    match (factor.log10() / 3.0).round() {
+        1.0 => Some("milliseconds"),
+        2.0 => Some("microseconds"),
+        3.0 => Some("nanoseconds"),
+        _ => None,
+    }
+}
+
+/// As [`unit_of_times`], where `factor` is a power of 1000 up to this factor.
+pub(crate) fn unit_of_times_within(factor: f64, up_to: f64) -> Option<&'static str> {
+    let off = (factor.log10() / 3.0).fract();
+    let off_decades = 3.0 * off.min(1.0 - off);
+    unit_of_times(factor).filter(|_| off_decades <= up_to.log10())
+}
+
 /// Checks that the streams `a` and `b` share some time.
 ///
 /// # Errors
@@ -170,14 +204,29 @@ pub fn check_overlap(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Result<()>
     if gap < 0.0 {
         return Ok(());
     }
-    Err(Error::data(
+    Err(Error::of(
+        Problem::NoOverlap,
         format!(
             "{name_a} ({a0:.3} s to {a1:.3} s) and {name_b} ({b0:.3} s to {b1:.3} s) do not \
              overlap: they miss each other by {gap:.3} s{}",
-            clock_hint(gap)
+            unit_hint(a, b).unwrap_or_else(|| clock_hint(gap).to_owned())
         ),
         "check that both logs are of the same drive and on one clock; `time_offset_s` shifts a \
          stream (common time = sensor time + offset)",
+    ))
+}
+
+/// Asks for the unit of one stream where its times are those of the other times a power of 1000.
+fn unit_hint(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Option<String> {
+    const ALIKE: f64 = 1.25;
+    let middle = |(_, (first, last)): (&str, (f64, f64))| 0.5 * (first + last);
+    let unit = |large, small| unit_of_times_within(middle(large) / middle(small), ALIKE);
+    let (name, unit) = match unit(a, b) {
+        Some(unit) => (a.0, unit),
+        None => (b.0, unit(b, a)?),
+    };
+    Some(format!(
+        " (are the times of {name} {unit}? they must be seconds)"
     ))
 }
 
@@ -205,5 +254,28 @@ mod tests {
             "{error}"
         );
         assert!(check_overlap(("imu", (0.0, 10.0)), ("prism", (9.0, 20.0))).is_ok());
+    }
+
+    #[test]
+    fn units_are_told_from_the_size_of_times() {
+        let near = |factor| unit_of_times_within(factor, 3.0);
+        assert_eq!([near(700.0), near(2000.0)], [Some("milliseconds"); 2]);
+        assert_eq!([near(4e5), near(2e6)], [Some("microseconds"); 2]);
+        assert_eq!(near(1e9), Some("nanoseconds"));
+        for none in [0.0, -1e3, 1.0, 100.0, 1e4, 1e5, 1e12, f64::NAN] {
+            assert_eq!(near(none), None, "{none}");
+        }
+        let day = (36_000.0, 36_600.0);
+        let in_ms = (36_000_500.0, 36_599_000.0);
+        for (a, b) in [
+            (("imu", day), ("prism", in_ms)),
+            (("prism", in_ms), ("imu", day)),
+        ] {
+            let error = check_overlap(a, b).unwrap_err().to_string();
+            assert!(
+                error.contains("are the times of prism milliseconds?"),
+                "{error}"
+            );
+        }
     }
 }

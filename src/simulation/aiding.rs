@@ -60,11 +60,7 @@ pub(super) fn ticks(
 mod tests {
     use super::super::scene::Scene;
     use super::*;
-
-    fn rms(values: impl Iterator<Item = f64>) -> f64 {
-        let squares: Vec<f64> = values.map(|v| v * v).collect();
-        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
-    }
+    use crate::statistics::rms;
 
     #[test]
     fn errors_are_as_large_as_they_should_be_and_latency_is_late() {

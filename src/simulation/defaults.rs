@@ -66,6 +66,7 @@ impl Default for Scenario {
                     initial_rotation_deg: [145.0, 0.0, 90.0],
                 },
             ],
+            file: None,
             drives: vec![
                 drive(&[
                     (90.0, &[0, 1]),

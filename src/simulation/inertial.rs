@@ -4,7 +4,7 @@ use super::drive::Drive;
 use super::random::{Purpose, normal3, stream};
 use super::scenario::Scenario;
 use crate::geometry::Vec3;
-use crate::sensor::{ImuBias, ImuSample, PoseRecord};
+use crate::sensor::{ImuBias, ImuSample, PoseRecord, STANDARD_GRAVITY_M_S2};
 
 /// Nodes and weights of four-point Gauss-Legendre quadrature on (0, 1).
 const GAUSS: [(f64, f64); 4] = [
@@ -13,9 +13,6 @@ const GAUSS: [(f64, f64); 4] = [
     (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
-
-/// Standard gravity, which scales the datasheet's g, m/s².
-const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// The readings of a drive and the truth at their times.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,10 +30,10 @@ pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> I
     let dt = 1.0 / settings.rate_hz;
     let on = if settings.noise { 1.0 } else { 0.0 };
     let gyro_density = on * settings.gyro_noise_deg_sqrt_h.to_radians() / 60.0;
-    let accel_density = on * settings.accel_noise_ug_sqrt_hz * 1e-6 * STANDARD_GRAVITY;
+    let accel_density = on * settings.accel_noise_ug_sqrt_hz * 1e-6 * STANDARD_GRAVITY_M_S2;
     let walk = on * (dt / settings.bias_time_s).sqrt();
     let gyro_walk = walk * settings.gyro_bias_instability_deg_h.to_radians() / 3600.0;
-    let accel_walk = walk * settings.accel_bias_instability_ug * 1e-6 * STANDARD_GRAVITY;
+    let accel_walk = walk * settings.accel_bias_instability_ug * 1e-6 * STANDARD_GRAVITY_M_S2;
 
     let mut rng = stream(scenario.seed, Purpose::Imu, drive_index as u64, 0);
     let mut bias = ImuBias {

@@ -1,6 +1,6 @@
 //! What is simulated: every number of the twin, with defaults.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +46,9 @@ pub struct Scenario {
     pub scanners: Vec<ScannerSettings>,
     /// The drives.
     pub drives: Vec<DriveSettings>,
+    /// Where it was read from; `None` for a preset.
+    #[serde(skip)]
+    pub file: Option<PathBuf>,
 }
 
 /// Size of the field.
@@ -291,7 +294,7 @@ impl Scenario {
             ),
             _ => Error::io(path, e),
         })?;
-        let scenario: Self = toml::from_str(&text).map_err(|e| {
+        let mut scenario: Self = toml::from_str(&text).map_err(|e| {
             let at = e.span().map_or(Location::Whole, |span| {
                 let before = text.get(..span.start).unwrap_or_default();
                 Location::Line(before.matches('\n').count() as u64 + 1)
@@ -299,11 +302,14 @@ impl Scenario {
             Error::format(path, at, e.message().to_owned(), "the keys of a scenario")
         })?;
         scenario.check().map_err(|error| match error {
-            Error::Data { problem, remedy } => {
-                Error::data(format!("{}: {problem}", path.display()), remedy)
-            }
+            Error::Data {
+                kind,
+                problem,
+                remedy,
+            } => Error::of(kind, format!("{}: {problem}", path.display()), remedy),
             other => other,
         })?;
+        scenario.file = Some(path.to_owned());
         Ok(scenario)
     }
 

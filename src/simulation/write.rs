@@ -68,7 +68,8 @@ pub fn simulate(
     progress: &dyn Progress,
 ) -> Result<SimulatedFiles> {
     scenario.check()?;
-    let staging = Staging::new(out)?;
+    let inputs: Vec<PathBuf> = scenario.file.iter().cloned().collect();
+    let staging = Staging::new(out, &inputs, &["scenario.toml", "tls.laz"])?;
     let scene = Scene::new(scenario);
     let mut drives = Vec::with_capacity(scenario.drives.len());
     for index in 0..scenario.drives.len() {

@@ -1,9 +1,11 @@
 //! What a sample says, and the quantiles that it is held against.
 
+mod even;
 mod normal;
 mod sample;
 mod student;
 
+pub use even::EvenSample;
 pub use normal::{
     CHI_SQUARE_1_MEDIAN, NORMAL_97_5, NORMAL_97_5_ROUNDED, SIGMAS_PER_MAD, chi_square,
     chi_square_bounds_95,

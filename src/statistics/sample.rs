@@ -6,8 +6,10 @@ pub fn mean(values: &[f64]) -> f64 {
 }
 
 /// √(Σ v² / n); NaN without values.
-pub fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
+    let add = |(sum, count), v| (sum + v * v, count + 1.0);
+    let (sum, count): (f64, f64) = values.into_iter().fold((0.0, 0.0), add);
+    (sum / count).sqrt()
 }
 
 /// The median, of an even number of values the greater of the two in the middle; `None` without
@@ -73,6 +75,6 @@ mod tests {
         );
         assert_eq!([-1.0, 2.0].map(|p| quantile(&sorted, p)), [1.0, 16.0]);
         assert!(quantile(&[], 0.5).is_nan());
-        assert_eq!((mean(&sorted), rms(&[1.0, 7.0])), (6.2, 5.0));
+        assert_eq!((mean(&sorted), rms([1.0, 7.0])), (6.2, 5.0));
     }
 }

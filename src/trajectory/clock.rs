@@ -4,14 +4,13 @@
 //! pause, the motion tells: a constant by which all later records of the stream are late is
 //! estimated for each trace alone, and the most significant is kept, until none is.
 
-use super::chain::ChainFactor;
-use super::constants::Constants;
-use super::graph::{Graph, State};
-use super::robust::{cautious_weights, set_weights, squares};
+use super::graph::Graph;
+use super::robust::weigh_cautiously;
+use super::states::State;
 use super::streams::{ClockCorrection, MotionLogs, Stream, Streams};
+use crate::adjustment::{ChainFactor, ChainProblem};
 use crate::sensor::Timed;
 use crate::statistics::{SIGMAS_PER_MAD, median};
-use crate::trajectory::TrajectorySettings;
 
 /// An interval is unlike the others below and above these shares of the median.
 const USUAL_INTERVALS: std::ops::Range<f64> = 0.4..1.6;
@@ -40,24 +39,21 @@ pub(super) fn find(
     streams: &Streams,
     graph: &Graph,
     state: &State,
-    settings: &TrajectorySettings,
     corrections: &[ClockCorrection],
 ) -> Option<ClockCorrection> {
     let traces = traces(logs, corrections);
     if traces.is_empty() {
         return None;
     }
-    let mut graph = graph.clone();
-    let weights = cautious_weights(&squares(&graph, state), graph.positions.len());
-    set_weights(&mut graph, &weights);
+    let (mut graph, mut state) = (graph.clone(), state.clone());
+    weigh_cautiously(&mut graph, &state);
     // A column for each trace, and from one factorisation what each would be alone.
-    let own = Constants::new(settings, corrections);
-    let first = own.count();
-    let with_jump = |known: Constants, trace: &Trace| known.with_jump(trace, streams);
-    graph.set_constants(traces.iter().fold(own, with_jump));
-    let mut state = state.clone();
-    state.constants.resize(graph.known.count(), 0.0);
-    let mut factor = ChainFactor::new(graph.timeline.layout.clone(), graph.known.count());
+    let first = state.constants.count();
+    for trace in &traces {
+        state.constants.add_jump(trace.late_from(streams));
+    }
+    graph.set_clocks(&state.constants);
+    let mut factor = ChainFactor::new(graph.layout().clone(), state.constants.count());
     graph.factorise(&state, 0.0, &mut factor).ok()?;
     let mut best: Option<(f64, ClockCorrection)> = None;
     for (trace, (late_s, sigma_s)) in traces.iter().zip(factor.each_alone(first)) {
@@ -150,12 +146,39 @@ fn intervals<T: Timed>(records: &[T], record: usize) -> (f64, Usual) {
 
 /// An unusual interval: before `record` the stream's clock may have jumped.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Trace {
-    pub stream: Stream,
-    pub record: usize,
-    pub time_s: f64,
+struct Trace {
+    stream: Stream,
+    record: usize,
+    time_s: f64,
     /// Length of the interval less the usual one, seconds.
     unusual_s: f64,
+}
+
+impl Trace {
+    /// The streams whose records are late after a jump here, each from a record on. For the IMU
+    /// that is all others.
+    fn late_from(&self, streams: &Streams) -> Vec<(Stream, usize)> {
+        if self.stream != Stream::Imu {
+            return vec![(self.stream, self.record)];
+        }
+        let mut from = Vec::new();
+        for (sensor, fixes) in streams.positions.iter().enumerate() {
+            let after = fixes.partition_point(|f| f.value.time_s < self.time_s);
+            from.extend(
+                fixes[after..]
+                    .first()
+                    .map(|f| (Stream::Position(sensor), f.record)),
+            );
+        }
+        let headings = &streams.heading;
+        let after = headings.partition_point(|h| h.value.time_s < self.time_s);
+        from.extend(
+            headings[after..]
+                .first()
+                .map(|h| (Stream::Heading, h.record)),
+        );
+        from
+    }
 }
 
 /// The correction that makes the IMU's interval usual, where the estimate agrees with it: coarsely

@@ -1,20 +1,17 @@
 //! From the solution of the graph to what users get: poses, diagnostics, and words.
 
-use super::chain::{NODE, STEP};
-use super::covariance::PosteriorCovariance;
-use super::diagnostics::{Findings, StepKnowledge, conclude, examine};
-use super::estimate::{Adjusted, Estimate};
-use super::factors::VELOCITY;
+use super::batch::Adjusted;
+use super::diagnostics::{Findings, diagnostics, examine};
+use super::graph::Source;
 use super::interpolate::Trajectory;
-use super::recovery::recover;
-use super::solution::{
-    ClockJump, EstimatedConstant, Rejection, RejectionReason, Solution, StopReason,
-};
+use super::recovery::Recovery;
+use super::settings::{Constant, TrajectorySettings};
+use super::solution::{ClockJump, EstimatedConstant, Rejection, RejectionReason, Solution};
 use super::streams::{Names, Stream};
+use crate::adjustment::{StepCovariance, StopReason, residual_information};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::sensor::PoseRecord;
-use crate::trajectory::{Constant, TrajectorySettings};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -25,32 +22,67 @@ const TASK: usize = 32;
 /// An estimated constant is determined where the drive shrinks its prior standard deviation to less
 /// than this share.
 const DETERMINED_SHARE: f64 = 0.5;
-/// A latency is determined where more than this share of the squared motion is not noise. Errors of
-/// velocities live long: a minute holds few independent ones, whose squares scatter widely.
-const LEAST_MOTION_SHARE: f64 = 0.95;
 /// Residuals this many times too large are worth a warning.
 const NOTABLE_FACTOR: f64 = 1.5;
 
-/// A step, the joint covariance of its unknowns, and theirs with the constants.
-type StepPart = (usize, [[f64; STEP]; STEP], Vec<f64>);
+/// A step and the joint covariance of its unknowns.
+type StepPart = (usize, StepCovariance);
+
+/// The poses of the adjusted drive, and what its solution is worth, told to `progress`. The
+/// latencies of the streams `idle` were asked for, and the motion does not determine them.
+pub fn conclude(
+    adjusted: &Adjusted,
+    settings: &TrajectorySettings,
+    idle: &[Stream],
+    progress: &dyn Progress,
+) -> Result<(Trajectory, Solution)> {
+    let Adjusted {
+        streams,
+        rests,
+        graph,
+        state,
+        ended,
+        ..
+    } = adjusted;
+    let (records, findings) = adjusted.poses_and_residuals();
+    let (sensors, residuals, rejections) =
+        diagnostics(graph, state, settings, findings, &streams.dropped);
+    let solution = Solution {
+        iterations: ended.iterations,
+        converged: ended.stop == StopReason::Converged,
+        stop: ended.stop,
+        cost_initial: ended.cost_initial,
+        cost_final: ended.cost,
+        nodes: graph.timeline.node_s.len(),
+        constants: adjusted.constants(settings, idle),
+        sensors,
+        rejections,
+        clock_jumps: adjusted.clock_jumps(settings),
+        imu_gaps_s: streams.imu.gaps_s.clone(),
+        rests_s: rests.iter().map(|r| (r.from_s, r.to_s)).collect(),
+        residuals,
+    };
+    adjusted.report(&solution, progress);
+    Ok((Trajectory::new(records)?, solution))
+}
 
 impl Adjusted {
     /// The poses with standard deviations and the residuals with redundancies.
-    fn harvest(&self) -> (Vec<PoseRecord>, Findings) {
-        let constants = self.factor.constants_covariance();
+    fn poses_and_residuals(&self) -> (Vec<PoseRecord>, Findings) {
+        let border = self.factor.border_covariance();
         // From the last steps to the first, as the recursion runs.
         let mut parts: Vec<(Vec<PoseRecord>, Findings)> = Vec::new();
         let mut chunk: Vec<StepPart> = Vec::with_capacity(CHUNK);
         let mut work = |chunk: &mut Vec<StepPart>| {
             let done: Vec<_> = chunk
                 .par_chunks(TASK)
-                .map(|steps| self.harvest_steps(steps, &constants))
+                .map(|steps| self.of_steps(steps, &border))
                 .collect();
             parts.extend(done);
             chunk.clear();
         };
-        self.factor.marginals(|step, covariance| {
-            chunk.push((step, covariance.joint(), covariance.cross.to_vec()));
+        self.factor.marginals(|step, marginal| {
+            chunk.push((step, marginal.joint()));
             if chunk.len() == CHUNK {
                 work(&mut chunk);
             }
@@ -66,67 +98,28 @@ impl Adjusted {
     }
 
     /// Poses and residuals of steps that come from the last to the first, in order of time.
-    fn harvest_steps(
-        &self,
-        steps: &[StepPart],
-        constants: &DMatrix<f64>,
-    ) -> (Vec<PoseRecord>, Findings) {
+    fn of_steps(&self, steps: &[StepPart], border: &DMatrix<f64>) -> (Vec<PoseRecord>, Findings) {
+        let recovery = Recovery {
+            graph: &self.graph,
+            state: &self.state,
+            imu: &self.streams.imu,
+        };
         let mut records = Vec::new();
         let mut findings = Findings::new(self.graph.sensors.len());
-        for (step, unknowns, cross) in steps.iter().rev() {
-            recover(&self.graph, &self.state, *step, |pose| {
-                records.push(pose.with_sigma(unknowns));
+        for (step, covariance) in steps.iter().rev() {
+            recovery.step(*step, |pose| {
+                records.push(pose.with_sigma(&covariance.unknowns))
             });
-            let knowledge = StepKnowledge {
-                step: *step,
-                unknowns,
-                cross,
-                constants,
-            };
-            examine(&self.graph, &self.state, &knowledge, &mut findings);
+            let covariances = (covariance, border);
+            examine(&self.graph, &self.state, *step, covariances, &mut findings);
         }
         (records, findings)
-    }
-
-    /// The estimate, told to `progress`. The latencies of the streams `idle` were asked for, and no
-    /// motion tells them.
-    pub fn conclude(
-        self,
-        settings: &TrajectorySettings,
-        idle: &[Stream],
-        progress: &dyn Progress,
-    ) -> Result<Estimate> {
-        let (records, findings) = self.harvest();
-        let dropped = &self.streams.dropped;
-        let (sensors, residuals, rejections) =
-            conclude(&self.graph, &self.state, settings, findings, dropped);
-        let solution = Solution {
-            iterations: self.ended.iterations,
-            converged: self.ended.stop == StopReason::Converged,
-            stop: self.ended.stop,
-            cost_initial: self.ended.cost_initial,
-            cost_final: self.ended.cost,
-            nodes: self.graph.timeline.node_s.len(),
-            constants: self.constants(settings, idle),
-            sensors,
-            rejections,
-            clock_jumps: self.clock_jumps(settings),
-            imu_gaps_s: self.streams.gaps_s.clone(),
-            rests_s: self.rests.iter().map(|r| (r.from_s, r.to_s)).collect(),
-            residuals,
-        };
-        self.report(&solution, progress);
-        Ok(Estimate {
-            trajectory: Trajectory::new(records)?,
-            solution,
-            covariance: PosteriorCovariance::new(self.factor, self.graph, self.state),
-        })
     }
 
     /// The clocks that were set while they logged. What was found last of those estimated is still
     /// in their constants.
     fn clock_jumps(&self, settings: &TrajectorySettings) -> Vec<ClockJump> {
-        let mut late_s = self.graph.known.clocks().map(|c| self.state.constants[c]);
+        let mut late_s = self.state.constants.clocks().map(|clock| clock.value);
         self.corrections
             .iter()
             .map(|correction| {
@@ -147,57 +140,21 @@ impl Adjusted {
             .collect()
     }
 
-    /// The streams whose latency is a constant, and that no motion tells the latency of.
-    pub fn idle_latencies(&self) -> Vec<Stream> {
-        let estimated = self.corrections.iter().filter(|c| c.record == 0 && !c.held);
-        estimated
-            .map(|c| c.stream)
-            .filter(|stream| self.motion_share(*stream) < LEAST_MOTION_SHARE)
-            .collect()
-    }
-
-    /// How much of the squared motion that tells when a record of the stream was taken is motion,
-    /// and not the noise of its estimate: of a body at rest, none.
-    fn motion_share(&self, stream: Stream) -> f64 {
-        let (mut motion, mut noise) = (0.0, 0.0);
-        if stream == Stream::Heading {
-            for (step, pair) in self.graph.samples.windows(2).enumerate() {
-                let bias = self
-                    .graph
-                    .bias(&self.state, self.graph.timeline.place(pair[0].time_s).0);
-                let density = self.graph.noise_of(step).gyro_density;
-                motion += (pair[0].gyro_rad_s - bias.gyro_rad_s).norm_squared();
-                noise += 3.0 * density.powi(2) / (pair[1].time_s - pair[0].time_s);
-            }
-        } else {
-            self.factor.marginals(|step, covariance| {
-                motion += self.state.nodes[step].velocity_m_s.norm_squared();
-                noise += (VELOCITY..NODE).map(|i| covariance.node[i][i]).sum::<f64>();
-            });
-        }
-        1.0 - noise / motion
-    }
-
     fn constants(&self, settings: &TrajectorySettings, idle: &[Stream]) -> Vec<EstimatedConstant> {
-        let covariance = self.factor.constants_covariance();
-        let unknowns = &self.graph.known.unknowns;
-        let mut found: Vec<EstimatedConstant> = unknowns
-            .iter()
-            .enumerate()
-            .map(|(i, unknown)| {
+        let covariance = self.factor.border_covariance();
+        let corrections = self.state.constants.corrections();
+        let columns = self.state.constants.described.iter().enumerate();
+        let mut found: Vec<EstimatedConstant> = columns
+            .map(|(i, column)| {
                 let sigma = covariance[(i, i)].sqrt();
-                let determined = sigma < DETERMINED_SHARE * unknown.prior_sigma;
-                let start = if unknown.unit == "s" {
-                    0.0
-                } else {
-                    unknown.base
-                };
+                let determined = sigma < DETERMINED_SHARE * column.prior_sigma;
+                let start = if column.unit == "s" { 0.0 } else { column.base };
                 EstimatedConstant {
-                    name: unknown.name.clone(),
-                    unit: unknown.unit,
+                    name: column.name.clone(),
+                    unit: column.unit,
                     start,
                     value: if determined {
-                        unknown.base + self.state.constants[i]
+                        column.base + corrections[i]
                     } else {
                         start
                     },
@@ -214,7 +171,8 @@ impl Adjusted {
         }));
         if settings.estimate.contains(&Constant::ImuNoiseScale) {
             // The information of ln s² is ½ tr R², so that s scatters by √(½ / tr R²) of itself.
-            let information = self.graph.imu_information(&self.state);
+            let of_imu = |source: &Source<'_>| matches!(source, Source::Imu(_));
+            let information = residual_information(&self.graph, &self.state, of_imu);
             let relative = information.map_or(f64::INFINITY, |square| (0.5 / square).sqrt());
             let determined = relative < DETERMINED_SHARE;
             found.push(EstimatedConstant {
@@ -243,7 +201,7 @@ impl Adjusted {
         if self.start.heading_from_motion {
             progress.warn("no headings: the yaw starts from the direction of travel");
         }
-        for (from, to) in &self.streams.gaps_s {
+        for (from, to) in &self.streams.imu.gaps_s {
             progress.warn(&format!(
                 "the IMU log is silent from {from:.3} s to {to:.3} s: bridged, with the sigma of \
                  unknown motion"

@@ -1,13 +1,42 @@
-//! Constants estimated beside the trajectory: columns of the dense border of the normal equations.
+//! Constants beside the trajectory: held, or unknowns of the border.
 
-use super::clock::Trace;
-use super::factors::PositionColumns;
-use super::streams::{ClockCorrection, Names, Stream, Streams};
-use crate::trajectory::{Constant, TrajectorySettings};
+use super::settings::{Constant, TrajectorySettings};
+use super::streams::{ClockCorrection, Names, Stream};
+use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
+use crate::geometry::Vec3;
+use nalgebra::SVector;
 
-/// One scalar unknown.
+/// What a user may be off by, the priors of the constants.
+const PRIOR_TIME_S: f64 = 1.0;
+const PRIOR_LEVER_ARM_M: f64 = 1.0;
+const PRIOR_INCIDENCE_M: f64 = 0.02;
+const PRIOR_OFFSET_RAD: f64 = 1.0;
+const PRIOR_GRAVITY_M_S2: f64 = 0.1;
+
+/// Amplitudes of the error of a 360° prism: along the line of sight, across it and up, cos and sin
+/// of each, metres.
+pub type IncidenceAmplitudes = SVector<f64, 6>;
+
+/// The constants of one prism or antenna.
+#[derive(Debug, Clone)]
+pub struct PositionConstants {
+    /// Body frame.
+    pub lever_arm_m: Parameter<Vec3>,
+    /// Zero where prisms are taken to be perfect.
+    pub incidence_m: Parameter<IncidenceAmplitudes>,
+}
+
+/// By how much records are late beyond what is corrected already.
+#[derive(Debug, Clone)]
+struct Clock {
+    late_s: Parameter<f64>,
+    /// The streams, each from a record on.
+    from: Vec<(Stream, usize)>,
+}
+
+/// One column of the border.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Unknown {
+pub struct Column {
     /// As in the project, with the component: `prism.lever_arm.x`.
     pub name: String,
     pub unit: &'static str,
@@ -18,74 +47,40 @@ pub(super) struct Unknown {
     pub prior_sigma: f64,
 }
 
-/// The constants and which column of the border each has.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Constants {
-    pub unknowns: Vec<Unknown>,
-    pub base_gravity_m_s2: f64,
-    pub gravity: Option<usize>,
-    pub heading_offset: Option<usize>,
-    pub positions: Vec<PositionColumns>,
-    /// Records of a stream from a number on are late by a column.
-    late: Vec<(Stream, usize, usize)>,
+/// All constants.
+#[derive(Debug, Clone)]
+pub struct Constants {
+    pub gravity_m_s2: Parameter<f64>,
+    /// Correction of the mounting offset.
+    pub heading_offset_rad: Parameter<f64>,
+    /// One for each position sensor.
+    pub positions: Vec<PositionConstants>,
+    clocks: Vec<Clock>,
+    columns: Columns,
+    /// What each column of those estimated is.
+    pub described: Vec<Column>,
 }
 
-/// What a user may be off by, the priors of the constants.
-const PRIOR_TIME_S: f64 = 1.0;
-const PRIOR_LEVER_ARM_M: f64 = 1.0;
-const PRIOR_INCIDENCE_M: f64 = 0.02;
-const PRIOR_OFFSET_RAD: f64 = 1.0;
-const PRIOR_GRAVITY_M_S2: f64 = 0.1;
-
 impl Constants {
-    /// The constants that the settings ask for, and one for each correction of a clock.
+    /// The constants, with those estimated that the settings ask for, and one for each correction
+    /// of a clock that is not held.
     pub fn new(settings: &TrajectorySettings, corrections: &[ClockCorrection]) -> Self {
+        let positions = settings.positions.iter().map(|sensor| PositionConstants {
+            lever_arm_m: Parameter::held(sensor.lever_arm_m),
+            incidence_m: Parameter::held(IncidenceAmplitudes::zeros()),
+        });
         let mut all = Self {
-            base_gravity_m_s2: settings.gravity_m_s2,
-            positions: vec![PositionColumns::default(); settings.positions.len()],
-            ..Self::default()
+            gravity_m_s2: Parameter::held(settings.gravity_m_s2),
+            heading_offset_rad: Parameter::held(0.0),
+            positions: positions.collect(),
+            clocks: Vec::new(),
+            columns: Columns::default(),
+            described: Vec::new(),
         };
-        let names = Names(settings);
         for constant in &settings.estimate {
-            match *constant {
-                Constant::LeverArm(sensor) => {
-                    let arm = &settings.positions[sensor];
-                    let first = all.unknowns.len();
-                    for (axis, base) in ["x", "y", "z"].iter().zip(arm.lever_arm_m.iter()) {
-                        let name = format!("{}.lever_arm.{axis}", arm.name);
-                        all.add(name, "m", *base, PRIOR_LEVER_ARM_M);
-                    }
-                    all.positions[sensor].lever_arm = Some(first);
-                }
-                Constant::IncidenceBias(sensor) => {
-                    let first = all.unknowns.len();
-                    for direction in ["along", "across", "up"] {
-                        for wave in ["cos", "sin"] {
-                            let name = format!(
-                                "{}.incidence_bias.{direction}_{wave}",
-                                settings.positions[sensor].name
-                            );
-                            all.add(name, "m", 0.0, PRIOR_INCIDENCE_M);
-                        }
-                    }
-                    all.positions[sensor].incidence = Some(first);
-                }
-                Constant::HeadingOffset => {
-                    let base = settings.heading.mounting_offset_rad;
-                    let name = "heading.mounting_offset".into();
-                    all.heading_offset = Some(all.add(name, "rad", base, PRIOR_OFFSET_RAD));
-                }
-                Constant::Gravity => {
-                    let base = settings.gravity_m_s2;
-                    let name = "frame.gravity".into();
-                    all.gravity = Some(all.add(name, "m/s²", base, PRIOR_GRAVITY_M_S2));
-                }
-                // Times stand among the corrections of clocks; the noise's scale is a variance,
-                // found from the residuals.
-                Constant::TimeOffset(_) | Constant::HeadingTimeOffset | Constant::ImuNoiseScale => {
-                }
-            }
+            all.estimate(*constant, settings);
         }
+        let names = Names(settings);
         for clock in corrections.iter().filter(|c| !c.held) {
             let sensor = names.sensor(clock.stream);
             let name = if clock.record == 0 {
@@ -93,70 +88,164 @@ impl Constants {
             } else {
                 format!("{sensor}.clock_jump at {:.3} s", clock.time_s)
             };
-            let column = all.add(name, "s", clock.shift_s, PRIOR_TIME_S);
-            all.late.push((clock.stream, clock.record, column));
+            all.add_clock(name, clock.shift_s, vec![(clock.stream, clock.record)]);
         }
         all
     }
 
-    /// With one more, the last: how late the records from a trace on are. For the IMU that is how
-    /// late all others are from then on.
-    pub fn with_jump(mut self, trace: &Trace, streams: &Streams) -> Self {
-        let column = self.add("clock_jump".into(), "s", 0.0, PRIOR_TIME_S);
-        if trace.stream != Stream::Imu {
-            self.late.push((trace.stream, trace.record, column));
-            return self;
-        }
-        for (sensor, fixes) in streams.positions.iter().enumerate() {
-            let after = fixes.partition_point(|f| f.value.time_s < trace.time_s);
-            if let Some(fix) = fixes.get(after) {
-                self.late
-                    .push((Stream::Position(sensor), fix.record, column));
+    fn estimate(&mut self, constant: Constant, settings: &TrajectorySettings) {
+        match constant {
+            Constant::LeverArm(sensor) => {
+                let arm = &settings.positions[sensor];
+                let parameter = &mut self.positions[sensor].lever_arm_m;
+                parameter.estimate(&mut self.columns);
+                for (axis, base) in ["x", "y", "z"].iter().zip(arm.lever_arm_m.iter()) {
+                    let name = format!("{}.lever_arm.{axis}", arm.name);
+                    self.describe(name, "m", *base, PRIOR_LEVER_ARM_M);
+                }
             }
+            Constant::IncidenceBias(sensor) => {
+                let parameter = &mut self.positions[sensor].incidence_m;
+                parameter.estimate(&mut self.columns);
+                let sensor = &settings.positions[sensor].name;
+                for direction in ["along", "across", "up"] {
+                    for wave in ["cos", "sin"] {
+                        let name = format!("{sensor}.incidence_bias.{direction}_{wave}");
+                        self.describe(name, "m", 0.0, PRIOR_INCIDENCE_M);
+                    }
+                }
+            }
+            Constant::HeadingOffset => {
+                let base = settings.heading.mounting_offset_rad;
+                self.heading_offset_rad.estimate(&mut self.columns);
+                self.describe(
+                    "heading.mounting_offset".into(),
+                    "rad",
+                    base,
+                    PRIOR_OFFSET_RAD,
+                );
+            }
+            Constant::Gravity => {
+                let base = settings.gravity_m_s2;
+                self.gravity_m_s2.estimate(&mut self.columns);
+                self.describe("frame.gravity".into(), "m/s²", base, PRIOR_GRAVITY_M_S2);
+            }
+            // Times stand among the corrections of clocks; the noise's scale is a variance, found
+            // from the residuals.
+            Constant::TimeOffset(_) | Constant::HeadingTimeOffset | Constant::ImuNoiseScale => {}
         }
-        let after = streams
-            .heading
-            .partition_point(|h| h.value.time_s < trace.time_s);
-        if let Some(fix) = streams.heading.get(after) {
-            self.late.push((Stream::Heading, fix.record, column));
-        }
-        self
     }
 
-    fn add(&mut self, name: String, unit: &'static str, base: f64, prior_sigma: f64) -> usize {
-        self.unknowns.push(Unknown {
+    /// One more, the last: how late records are, each stream's from a record on.
+    pub fn add_jump(&mut self, from: Vec<(Stream, usize)>) {
+        self.add_clock("clock_jump".into(), 0.0, from);
+    }
+
+    fn add_clock(&mut self, name: String, base: f64, from: Vec<(Stream, usize)>) {
+        let mut late_s = Parameter::held(0.0);
+        late_s.estimate(&mut self.columns);
+        self.clocks.push(Clock { late_s, from });
+        self.describe(name, "s", base, PRIOR_TIME_S);
+    }
+
+    fn describe(&mut self, name: String, unit: &'static str, base: f64, prior_sigma: f64) {
+        self.described.push(Column {
             name,
             unit,
             base,
             prior_sigma,
         });
-        self.unknowns.len() - 1
     }
 
+    /// Columns of the border.
     pub fn count(&self) -> usize {
-        self.unknowns.len()
+        self.columns.count()
     }
 
-    pub fn gravity_m_s2(&self, values: &[f64]) -> f64 {
-        self.base_gravity_m_s2 + self.gravity.map_or(0.0, |c| values[c])
+    /// Starts at the values that a layout before found. What its clocks found has become a
+    /// correction.
+    pub fn resume(&mut self, before: &Self) {
+        self.gravity_m_s2.value = before.gravity_m_s2.value;
+        self.heading_offset_rad.value = before.heading_offset_rad.value;
+        for (own, before) in self.positions.iter_mut().zip(&before.positions) {
+            own.lever_arm_m.value = before.lever_arm_m.value;
+            own.incidence_m.value = before.incidence_m.value;
+        }
     }
 
-    /// The columns whose sum says how late a record is.
-    pub fn late(&self, stream: Stream, record: usize) -> Vec<usize> {
-        self.late
-            .iter()
-            .filter(|(of, from, _)| *of == stream && *from <= record)
-            .map(|(_, _, column)| *column)
+    /// The clocks whose sum says how late a record is.
+    pub fn clocks_of(&self, stream: Stream, record: usize) -> Vec<usize> {
+        let applies = |clock: &Clock| {
+            let mut from = clock.from.iter();
+            from.any(|(of, first)| *of == stream && *first <= record)
+        };
+        (0..self.clocks.len())
+            .filter(|&clock| applies(&self.clocks[clock]))
             .collect()
     }
 
-    /// Whether a column is a time.
-    pub fn is_time(&self, column: usize) -> bool {
-        self.late.iter().any(|(_, _, of)| *of == column)
+    /// How late a record is that these clocks apply to.
+    pub fn late_s(&self, clocks: &[usize]) -> f64 {
+        clocks.iter().map(|&c| self.clocks[c].late_s.value).sum()
     }
 
-    /// The columns of the clock corrections, in their order.
-    pub fn clocks(&self) -> impl Iterator<Item = usize> + '_ {
-        self.late.iter().map(|(_, _, column)| *column)
+    /// How late each clock is, in the order of the corrections that are not held.
+    pub fn clocks(&self) -> impl Iterator<Item = &Parameter<f64>> + Clone {
+        self.clocks.iter().map(|clock| &clock.late_s)
+    }
+
+    /// How late one clock is.
+    pub fn clock(&self, clock: usize) -> &Parameter<f64> {
+        &self.clocks[clock].late_s
+    }
+
+    fn all(&self) -> impl Iterator<Item = &dyn Retract> {
+        let own: [&dyn Retract; 2] = [&self.gravity_m_s2, &self.heading_offset_rad];
+        let positions = self.positions.iter().flat_map(|sensor| {
+            let own: [&dyn Retract; 2] = [&sensor.lever_arm_m, &sensor.incidence_m];
+            own
+        });
+        let clocks = self.clocks.iter().map(|c| &c.late_s as &dyn Retract);
+        own.into_iter().chain(positions).chain(clocks)
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut dyn Retract> {
+        let own: [&mut dyn Retract; 2] = [&mut self.gravity_m_s2, &mut self.heading_offset_rad];
+        let positions = self.positions.iter_mut().flat_map(|sensor| {
+            let own: [&mut dyn Retract; 2] = [&mut sensor.lever_arm_m, &mut sensor.incidence_m];
+            own
+        });
+        let clocks = self.clocks.iter_mut();
+        let clocks = clocks.map(|c| &mut c.late_s as &mut dyn Retract);
+        own.into_iter().chain(positions).chain(clocks)
+    }
+
+    /// After a step of all columns.
+    pub fn retracted(&self, step: &[f64]) -> Self {
+        let mut moved = self.clone();
+        moved
+            .all_mut()
+            .for_each(|parameter| parameter.retract(step));
+        moved
+    }
+
+    /// How far each column is from where it started.
+    pub fn corrections(&self) -> Vec<f64> {
+        let mut step = vec![0.0; self.count()];
+        self.all()
+            .for_each(|parameter| parameter.correction(&mut step));
+        step
+    }
+
+    /// About the project's values.
+    pub fn prior(&self) -> BorderPrior {
+        BorderPrior {
+            weight: self
+                .described
+                .iter()
+                .map(|c| c.prior_sigma.powi(-2))
+                .collect(),
+            miss: self.corrections(),
+        }
     }
 }

@@ -1,8 +1,10 @@
 //! The posterior covariance of the whole trajectory, kept as its Cholesky factor.
 
-use super::chain::{BIAS, ChainFactor, ChainGradient, NODE, STEP};
-use super::graph::{Graph, State};
-use super::recovery::{POSE, recover};
+use super::graph::Graph;
+use super::imu_series::ImuSeries;
+use super::recovery::{POSE, Recovery};
+use super::states::{BIAS, State};
+use crate::adjustment::{ChainFactor, ChainGradient, NODE, STEP};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -73,14 +75,16 @@ pub struct PosteriorCovariance {
     factor: ChainFactor,
     graph: Graph,
     state: State,
+    imu: ImuSeries,
 }
 
 impl PosteriorCovariance {
-    pub(super) fn new(factor: ChainFactor, graph: Graph, state: State) -> Self {
+    pub(super) fn new(factor: ChainFactor, graph: Graph, state: State, imu: ImuSeries) -> Self {
         Self {
             factor,
             graph,
             state,
+            imu,
         }
     }
 
@@ -113,7 +117,7 @@ impl PosteriorCovariance {
             .into_par_iter()
             .map(|step| self.by_step(gradient, step))
             .collect();
-        let mut by_unknowns = ChainGradient::new(m, layout, self.factor.constants());
+        let mut by_unknowns = ChainGradient::new(m, layout, self.factor.border());
         for (step, rows) in steps
             .iter()
             .enumerate()
@@ -128,8 +132,8 @@ impl PosteriorCovariance {
             };
             add(by_unknowns.node_mut(step), 0, NODE);
             add(by_unknowns.node_mut(step + 1), NODE, NODE);
-            let bias = layout.bias_of_step[step] as usize;
-            add(by_unknowns.bias_mut(bias), 2 * NODE, BIAS);
+            let bias = layout.segment_of_step[step] as usize;
+            add(by_unknowns.segment_mut(bias), 2 * NODE, BIAS);
         }
         by_unknowns
     }
@@ -141,7 +145,12 @@ impl PosteriorCovariance {
             return Vec::new();
         }
         let mut rows = vec![[0.0; STEP]; gradient.rows];
-        recover(&self.graph, &self.state, step, |pose| {
+        let recovery = Recovery {
+            graph: &self.graph,
+            state: &self.state,
+            imu: &self.imu,
+        };
+        recovery.step(step, |pose| {
             if let Some(block) = gradient.block(pose.pose) {
                 for (row, values) in rows.iter_mut().zip(block.chunks_exact(POSE)) {
                     pose.pull_back(values, row);

@@ -1,33 +1,84 @@
 //! Gaps of the IMU: filled with samples that nobody recorded, and with the noise of unknown motion.
 
+use super::settings::ImuNoise;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::ImuSample;
+use crate::sensor::{ImuSample, unit_of_times};
 use crate::statistics::median;
-use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
-pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
-/// No IMU is as fast; and gaps would be filled with samples without number, seconds.
-pub(super) const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+pub const LONGEST_IMU_GAP_S: f64 = 120.0;
+/// No IMU is as fast, seconds.
+const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+/// Nor does a slower one tell how a body moves, seconds.
+const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
+/// Interval of a common IMU, seconds: tells the unit of times that cannot be seconds.
+const COMMON_IMU_INTERVAL_S: f64 = 5e-3;
+/// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
+/// of a log whose stamps come in bursts would be filled with samples without number.
+const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);
 /// An IMU interval longer than this many times the median has lost samples.
-pub(super) const GAP_INTERVALS: f64 = 2.5;
+pub const GAP_INTERVALS: f64 = 2.5;
 /// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
-pub(super) const MOTION_CORRELATION_S: f64 = 0.5;
+pub const MOTION_CORRELATION_S: f64 = 0.5;
 
-pub(super) fn median_interval_s(imu: &[ImuSample]) -> f64 {
+pub fn median_interval_s(imu: &[ImuSample]) -> f64 {
     median(imu.windows(2).map(|w| w[1].time_s - w[0].time_s)).unwrap_or(f64::NAN)
+}
+
+/// Checks the time from sample to sample.
+///
+/// # Errors
+/// Names the unit that the times seem to be in, where they cannot be seconds.
+pub fn check_interval(interval_s: f64) -> Result<()> {
+    if interval_s < SHORTEST_IMU_INTERVAL_S {
+        return Err(Error::data(
+            format!("the IMU log's samples lie {interval_s:.1e} s apart"),
+            "check the unit of its times: seconds",
+        ));
+    }
+    if interval_s > LONGEST_IMU_INTERVAL_S {
+        let unit = unit_of_times(interval_s / COMMON_IMU_INTERVAL_S);
+        let question = unit.map_or_else(String::new, |unit| format!(": are these {unit}?"));
+        return Err(Error::data(
+            format!("time steps of {interval_s} s between IMU samples{question}"),
+            format!(
+                "give the times of the IMU log in seconds, and at least {} samples a second",
+                1.0 / LONGEST_IMU_INTERVAL_S
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// Checks that `bridging` samples are not too many for a log of `recorded`.
+///
+/// # Errors
+/// The stamps leave more gaps than a log has.
+pub fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
+    let (share, least) = MOST_BRIDGING;
+    if bridging <= share.saturating_mul(recorded).saturating_add(least) {
+        return Ok(());
+    }
+    Err(Error::data(
+        format!(
+            "the gaps of the IMU log would take {bridging} samples or more to bridge, and it holds \
+             {recorded}: its stamps come in bursts, or most of it is missing"
+        ),
+        "check the times of the IMU log",
+    ))
 }
 
 /// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
 #[expect(clippy::type_complexity, reason = "read once, by the caller above")]
-pub(super) fn bridge(
+pub fn bridge(
     imu: &[ImuSample],
     interval_s: f64,
 ) -> Result<(Vec<ImuSample>, Vec<bool>, Vec<(f64, f64)>)> {
     let mut samples = Vec::with_capacity(imu.len());
     let mut bridged = Vec::with_capacity(imu.len());
     let mut gaps = Vec::new();
+    let mut bridging = 0;
     for pair in imu.windows(2) {
         samples.push(pair[0]);
         bridged.push(false);
@@ -47,6 +98,8 @@ pub(super) fn bridge(
             ));
         }
         gaps.push((from + interval_s, to));
+        bridging += bridging_samples(to - from, interval_s);
+        check_bridging(bridging, imu.len())?;
         samples.extend(bridged_samples(&pair[0], &pair[1], interval_s));
         bridged.resize(samples.len(), true);
     }
@@ -55,15 +108,20 @@ pub(super) fn bridge(
     Ok((samples, bridged, gaps))
 }
 
+/// How many samples bridge a gap from sample to sample of `gap_s`.
+pub fn bridging_samples(gap_s: f64, interval_s: f64) -> usize {
+    ((gap_s / interval_s).round() as usize).saturating_sub(1)
+}
+
 /// Samples at the interval of the log on the line between two of them.
-pub(super) fn bridged_samples(
+pub fn bridged_samples(
     from: &ImuSample,
     to: &ImuSample,
     interval_s: f64,
 ) -> impl Iterator<Item = ImuSample> {
     let (from, to) = (*from, *to);
     let gap_s = to.time_s - from.time_s;
-    let pieces = (gap_s / interval_s).round() as usize;
+    let pieces = bridging_samples(gap_s, interval_s) + 1;
     (1..pieces).map(move |piece| {
         let u = piece as f64 / pieces as f64;
         ImuSample {
@@ -76,7 +134,7 @@ pub(super) fn bridged_samples(
 
 /// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
 /// the density of white noise with the same effect over its correlation time.
-pub(super) fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
+pub fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
     let count = imu.len() as f64;
     let density = |part: fn(&ImuSample) -> Vec3| {
         let mean = imu.iter().map(part).sum::<Vec3>() / count;

@@ -5,17 +5,17 @@
 //! once forward to find the gyro bias, once backward so that the start is no longer a guess, once
 //! forward for good.
 
-use super::factors::NodeState;
 use super::rest::{REST_BLOCK_S, Rest};
+use super::settings::TrajectorySettings;
+use super::states::NodeState;
 use super::streams::Streams;
 use super::timeline::Timeline;
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::heading::{heading_rad, wrap};
 use crate::geometry::so3::exp;
-use crate::geometry::{Rotation, Vec3};
+use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::ImuBias;
 use crate::statistics::median;
-use crate::trajectory::TrajectorySettings;
 
 /// Fixes either side of a local parabola's middle.
 const PARABOLA_REACH: usize = 2;
@@ -71,7 +71,8 @@ struct Hint {
 /// Start values of every node.
 ///
 /// # Errors
-/// Neither headings nor enough motion to tell where the body points.
+/// Neither headings nor enough motion to tell where the body points; positions or headings of which
+/// none fits the others.
 pub(super) fn initial(
     streams: &Streams,
     timeline: &Timeline,
@@ -79,6 +80,12 @@ pub(super) fn initial(
     settings: &TrajectorySettings,
 ) -> Result<Initial> {
     let (prism, arm) = fixes(streams, settings);
+    if prism.is_empty() {
+        return Err(Error::data(
+            "no two positions lie near each other, as those of a drive do",
+            "check the unit of the position log: metres",
+        ));
+    }
     let motion: Vec<Motion> = (0..prism.len()).map(|i| parabola(&prism, i)).collect();
     let length = |rest: &Rest| rest.to_s - rest.from_s;
     let rest = rests
@@ -111,13 +118,13 @@ pub(super) fn initial(
         .iter()
         .map(|&time_s| {
             let at = interpolated(&motion, &mut cursor, time_s);
-            let sample = timeline.pose_at_or_before(time_s);
+            let sample = streams.imu.at(time_s);
             let rate = streams.imu[sample].gyro_rad_s - gyro_bias;
             let rest_s = time_s - streams.imu[sample].time_s;
             let rotation = rotations[sample] * exp(&(rate * rest_s));
+            let position_m = at.position_m - rotation * arm;
             NodeState {
-                rotation,
-                position_m: at.position_m - rotation * arm,
+                world_from_body: WorldFromBody::new(rotation, position_m),
                 velocity_m_s: at.velocity_m_s - rotation * rate.cross(&arm),
             }
         })
@@ -129,7 +136,7 @@ pub(super) fn initial(
     Ok(Initial {
         nodes,
         bias,
-        biases: vec![bias; timeline.layout.biases()],
+        biases: vec![bias; timeline.layout.segments()],
         rest,
         heading_from_motion,
     })
@@ -272,7 +279,19 @@ fn hints(
     gyro_bias: &Vec3,
 ) -> Result<(Vec<Hint>, bool)> {
     if !streams.heading.is_empty() {
-        return Ok((measured_hints(streams, settings, gyro_bias), false));
+        let hints = measured_hints(streams, settings, gyro_bias);
+        if hints.is_empty() {
+            return Err(Error::data(
+                format!(
+                    "none of the {} headings within the IMU's span agrees with the gyro and the \
+                     headings around it",
+                    streams.heading.len()
+                ),
+                "check the unit of the headings (degrees, clockwise from north), the axes of the \
+                 IMU and the clocks, or leave the heading log out",
+            ));
+        }
+        return Ok((hints, false));
     }
     let start = motion[0].position_m;
     let moved = motion
@@ -289,7 +308,8 @@ fn hints(
         })
         .collect();
     if moved < needed || hints.is_empty() {
-        return Err(Error::data(
+        return Err(Error::of(
+            Problem::NotDetermined,
             format!(
                 "there are no headings within the IMU's span, and the prism moves by {moved:.3} m \
                  only: nothing tells where the body points"

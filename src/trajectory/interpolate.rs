@@ -1,9 +1,9 @@
 //! Poses between nodes.
 
-use crate::error::{Error, Result};
+use super::settings::PoseLimits;
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::PoseRecord;
-use crate::trajectory::PoseLimits;
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///
@@ -24,7 +24,8 @@ impl Trajectory {
     /// Fewer than two nodes, or times that do not increase.
     pub fn new(nodes: Vec<PoseRecord>) -> Result<Self> {
         if nodes.len() < 2 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!("a trajectory of {} poses spans no time", nodes.len()),
                 "give at least two poses",
             ));
@@ -86,8 +87,8 @@ impl Trajectory {
         })
     }
 
-    /// The nodes in time order.
-    pub fn nodes(&self) -> &[PoseRecord] {
+    /// The poses in time order.
+    pub fn poses(&self) -> &[PoseRecord] {
         &self.nodes
     }
 

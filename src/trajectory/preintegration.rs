@@ -1,197 +1,19 @@
-//! IMU samples summed up between two nodes (Forster, Carlone, Dellaert, Scaramuzza 2017), with
-//! first-order correction for biases found later.
+//! IMU samples summed up between two nodes, with the covariance of the sums.
 
-use crate::geometry::so3::{exp, hat, right_jacobian};
-use crate::geometry::{Mat3, Rotation, Vec3};
+use super::imu_series::Piece;
+use super::motion_sums::{Mat9, MotionSums, Transition};
+use super::settings::ImuNoise;
+use crate::geometry::{Mat3, Vec3};
 use crate::sensor::ImuBias;
-use crate::trajectory::ImuNoise;
-
-pub(super) type Mat9 = nalgebra::SMatrix<f64, 9, 9>;
-pub(super) type Mat9x6 = nalgebra::SMatrix<f64, 9, 6>;
 
 /// White noise of the integration itself, m/√s on the position. It stands for motion faster than
 /// the sampling and keeps the covariance of a single sample well conditioned; over the 0.14 s
 /// between prism fixes it is 4 µm.
-pub(super) const INTEGRATION_DENSITY: f64 = 1e-5;
-
-/// What the IMU says about the motion from node i to node j, without gravity:
-/// R_j = R_i ΔR, v_j = v_i + g Δt + R_i Δv, p_j = p_i + v_i Δt + ½ g Δt² + R_i Δp.
-///
-/// Order of the 9: rotation (in the body frame at j), position, velocity; of the 6: gyro bias,
-/// accelerometer bias.
-#[derive(Debug, Clone)]
-pub(super) struct MotionSums {
-    pub duration_s: f64,
-    pub rotation: Rotation,
-    pub position_m: Vec3,
-    pub velocity_m_s: Vec3,
-    /// The bias taken off while summing.
-    pub bias: ImuBias,
-    /// Derivative of (rotation, position, velocity) by the bias.
-    pub by_bias: Mat9x6,
-}
-
-/// The derivative of new sums by the old ones,
-/// A = [[turn, 0, 0], [position, 1, dt], [velocity, 0, 1]] in blocks of 3.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Transition {
-    pub turn: Mat3,
-    pub position: Mat3,
-    pub velocity: Mat3,
-    pub dt_s: f64,
-}
-
-impl Transition {
-    /// `left` A.
-    pub fn after(&self, left: &Mat9) -> Mat9 {
-        let columns = |at: usize| left.fixed_columns::<3>(at);
-        let mut product = *left;
-        product.fixed_columns_mut::<3>(0).copy_from(
-            &(columns(0) * self.turn + columns(3) * self.position + columns(6) * self.velocity),
-        );
-        product
-            .fixed_columns_mut::<3>(6)
-            .copy_from(&(columns(3) * self.dt_s + columns(6)));
-        product
-    }
-}
-
-/// The derivatives of new sums (rotation, position, velocity) by the gyro and the accelerometer
-/// bias of the sample added; minus these, by its noise.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Own {
-    by_gyro: [Mat3; 3],
-    by_accel: [Mat3; 3],
-}
-
-/// The sums corrected to a bias.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Corrected {
-    pub rotation: Rotation,
-    pub position_m: Vec3,
-    pub velocity_m_s: Vec3,
-}
-
-impl Corrected {
-    /// No motion.
-    pub const NONE: Self = Self {
-        rotation: Rotation::new_unchecked(nalgebra::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
-        position_m: Vec3::new(0.0, 0.0, 0.0),
-        velocity_m_s: Vec3::new(0.0, 0.0, 0.0),
-    };
-}
-
-impl MotionSums {
-    /// No motion yet, about this bias.
-    pub fn new(bias: ImuBias) -> Self {
-        Self {
-            duration_s: 0.0,
-            rotation: Rotation::identity(),
-            position_m: Vec3::zeros(),
-            velocity_m_s: Vec3::zeros(),
-            bias,
-            by_bias: Mat9x6::zeros(),
-        }
-    }
-
-    /// Adds one sample: mean angular rate and specific force over `dt_s`.
-    ///
-    /// With θ = (ω − b_g) dt and a = f − b_a,
-    /// Δp += Δv dt + ½ ΔR Exp(θ/3) a dt², Δv += ΔR Exp(θ/2) a dt, ΔR ← ΔR Exp(θ).
-    /// The fractions of θ turn the mean force to where it acts while the body turns; what they
-    /// leave is of second order in θ (Forster et al. leave the first).
-    ///
-    /// Returns the derivatives of the new sums by the old, and by the sample's own bias.
-    pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64) -> (Transition, Own) {
-        let theta = (gyro_rad_s - self.bias.gyro_rad_s) * dt_s;
-        let force = accel_m_s2 - self.bias.accel_m_s2;
-        let matrix = |rotation: &Rotation| rotation.to_rotation_matrix().into_inner();
-        let step = exp(&theta);
-        let start = matrix(&self.rotation);
-        let half = matrix(&exp(&(theta / 2.0)));
-        let third = matrix(&exp(&(theta / 3.0)));
-        let half_square = 0.5 * dt_s * dt_s;
-        let force_hat = hat(&force);
-        let transition = Transition {
-            turn: matrix(&step).transpose(),
-            position: start * hat(&(third * force)) * -half_square,
-            velocity: start * hat(&(half * force)) * -dt_s,
-            dt_s,
-        };
-        let turned_third = right_jacobian(&(theta / 3.0)) * (dt_s / 3.0);
-        let turned_half = right_jacobian(&(theta / 2.0)) * (dt_s / 2.0);
-        let own = Own {
-            by_gyro: [
-                right_jacobian(&theta) * -dt_s,
-                start * third * force_hat * turned_third * half_square,
-                start * half * force_hat * turned_half * dt_s,
-            ],
-            by_accel: [
-                Mat3::zeros(),
-                start * third * -half_square,
-                start * half * -dt_s,
-            ],
-        };
-        // The rotation does not hang on the accelerometer.
-        let by_gyro = [0, 3, 6].map(|row| self.bias_block(row, 0));
-        let by_accel = [3, 6].map(|row| self.bias_block(row, 3));
-        let Transition {
-            turn,
-            position,
-            velocity,
-            ..
-        } = &transition;
-        let mut put = |row: usize, column: usize, block: Mat3| {
-            self.by_bias
-                .fixed_view_mut::<3, 3>(row, column)
-                .copy_from(&block);
-        };
-        put(0, 0, turn * by_gyro[0] + own.by_gyro[0]);
-        put(
-            3,
-            0,
-            position * by_gyro[0] + by_gyro[1] + by_gyro[2] * dt_s + own.by_gyro[1],
-        );
-        put(6, 0, velocity * by_gyro[0] + by_gyro[2] + own.by_gyro[2]);
-        put(3, 3, by_accel[0] + by_accel[1] * dt_s + own.by_accel[1]);
-        put(6, 3, by_accel[1] + own.by_accel[2]);
-
-        self.position_m += self.velocity_m_s * dt_s + start * (third * force) * half_square;
-        self.velocity_m_s += start * (half * force) * dt_s;
-        self.rotation *= step;
-        self.duration_s += dt_s;
-        (transition, own)
-    }
-
-    /// The 3 × 3 block of [`MotionSums::by_bias`] at these rows and columns.
-    pub fn bias_block(&self, row: usize, column: usize) -> Mat3 {
-        self.by_bias.fixed_view::<3, 3>(row, column).into_owned()
-    }
-
-    /// J δb, the rotation vector that corrects the rotation to a bias.
-    pub fn turn(&self, bias: &ImuBias) -> Vec3 {
-        self.bias_block(0, 0) * (bias.gyro_rad_s - self.bias.gyro_rad_s)
-    }
-
-    /// The sums to first order of what the bias misses.
-    pub fn corrected(&self, bias: &ImuBias) -> Corrected {
-        let gyro = bias.gyro_rad_s - self.bias.gyro_rad_s;
-        let accel = bias.accel_m_s2 - self.bias.accel_m_s2;
-        Corrected {
-            rotation: self.rotation * exp(&self.turn(bias)),
-            position_m: self.position_m
-                + self.bias_block(3, 0) * gyro
-                + self.bias_block(3, 3) * accel,
-            velocity_m_s: self.velocity_m_s
-                + self.bias_block(6, 0) * gyro
-                + self.bias_block(6, 3) * accel,
-        }
-    }
-}
+const INTEGRATION_DENSITY: f64 = 1e-5;
 
 /// Sums and their covariance.
 #[derive(Debug, Clone)]
-pub(super) struct Preintegrated {
+pub struct Preintegrated {
     pub sums: MotionSums,
     pub covariance: Mat9,
 }
@@ -202,6 +24,22 @@ impl Preintegrated {
             sums: MotionSums::new(bias),
             covariance: Mat9::zeros(),
         }
+    }
+
+    /// Of all these pieces, about this bias.
+    pub fn over<'a>(bias: ImuBias, pieces: impl Iterator<Item = Piece<'a>>) -> Self {
+        let mut sums = Self::new(bias);
+        pieces.for_each(|piece| {
+            sums.add_piece(&piece);
+        });
+        sums
+    }
+
+    /// Adds a piece.
+    pub fn add_piece(&mut self, piece: &Piece<'_>) -> Transition {
+        let (sample, noise) = (piece.sample, piece.noise);
+        let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
+        self.add(gyro, accel, piece.duration_s, noise)
     }
 
     /// Adds one sample to sums and covariance, see [`MotionSums::add`].
@@ -278,7 +116,8 @@ impl Preintegrated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::so3::log;
+    use crate::geometry::Rotation;
+    use crate::geometry::so3::{exp, log};
 
     const NOISE: ImuNoise = ImuNoise {
         gyro_density: 1e-3,

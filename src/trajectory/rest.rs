@@ -1,9 +1,9 @@
 //! When the body rests, seen by IMU, positions and headings together.
 
+use super::settings::TrajectorySettings;
 use super::streams::Streams;
 use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
-use crate::trajectory::TrajectorySettings;
 
 /// Blocks looked at, seconds.
 pub(super) const REST_BLOCK_S: f64 = 1.0;
@@ -75,8 +75,8 @@ fn between<T>(records: &[T], time_s: impl Fn(&T) -> f64, from_s: f64, to_s: f64)
 pub(super) fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
     let to_s = from_s + REST_BLOCK_S;
     let samples = between(&streams.imu, |s| s.time_s, from_s, to_s);
-    let bridged = streams.bridged[streams.imu.partition_point(|s| s.time_s < from_s)];
-    if samples.len() < 2 || bridged {
+    let first = streams.imu.partition_point(|s| s.time_s < from_s);
+    if samples.len() < 2 || streams.imu.is_bridged(first) {
         return false;
     }
     let count = samples.len() as f64;

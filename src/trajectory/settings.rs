@@ -1,19 +1,8 @@
 //! What the trajectory needs to know beside the logs, in SI units.
 
+pub use super::imu_noise::ImuNoise;
+pub use crate::adjustment::Loss;
 use crate::geometry::{BodyAxes, Vec3};
-
-/// Noise of the IMU as continuous-time densities.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImuNoise {
-    /// Gyro white noise (angle random walk), rad/s/√Hz.
-    pub gyro_density: f64,
-    /// Accelerometer white noise (velocity random walk), m/s²/√Hz.
-    pub accel_density: f64,
-    /// Gyro bias random walk, rad/s/√s.
-    pub gyro_bias_walk: f64,
-    /// Accelerometer bias random walk, m/s²/√s.
-    pub accel_bias_walk: f64,
-}
 
 /// What measures positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,22 +11,6 @@ pub enum PositionKind {
     Prism,
     /// A GNSS antenna.
     Gnss,
-}
-
-/// What a large residual counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Loss {
-    /// Its square.
-    None,
-    /// Beyond 1.345 σ its distance (Huber 1964).
-    Huber,
-    /// The logarithm of its square (Cauchy).
-    Cauchy,
-    /// Its square up to a limit and nothing beyond, reached by graduated non-convexity (Yang,
-    /// Antonante, Tzoumas, Carlone 2020): what lies beyond is rejected, and named.
-    #[default]
-    Truncated,
 }
 
 /// A prism or a GNSS antenna on the body.

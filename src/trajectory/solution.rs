@@ -1,29 +1,8 @@
 //! How an adjustment ended and what it left: what a surveyor checks before believing it.
 
+pub use crate::adjustment::StopReason;
 use crate::statistics::chi_square_bounds_95;
 use std::fmt;
-
-/// Why the adjustment stopped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StopReason {
-    /// The last step was below 5 % of a posterior standard deviation.
-    Converged,
-    /// The most iterations allowed were used.
-    IterationLimit,
-    /// No step, however small, lowers the cost.
-    NoBetterStep,
-}
-
-impl fmt::Display for StopReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Converged => "converged",
-            Self::IterationLimit => "stopped at the iteration limit",
-            Self::NoBetterStep => "stopped as no step lowers the cost",
-        })
-    }
-}
 
 /// Why a record takes no part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

@@ -1,12 +1,15 @@
 //! The logs as they come, made fit for the adjustment: values checked, records out of time order
 //! dropped and named, gaps of the IMU bridged.
 
-use super::gaps::{SHORTEST_IMU_INTERVAL_S, bridge, bridge_noise, median_interval_s};
+use super::gaps::{check_interval, median_interval_s};
+use super::imu_series::ImuSeries;
+use super::settings::TrajectorySettings;
 use super::solution::{Rejection, RejectionReason};
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, is_finite};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap};
-use crate::trajectory::{ImuNoise, TrajectorySettings};
+use crate::sensor::{
+    HeadingFix, ImuSample, PositionFix, Timed, check_overlap, unit_of_times_within,
+};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
 pub(super) const FEWEST_FIXES: usize = 5;
@@ -53,16 +56,7 @@ pub(super) struct Numbered<T> {
 /// The logs in time order.
 #[derive(Debug, Clone)]
 pub(super) struct Streams {
-    /// Samples, those that bridge gaps included.
-    pub imu: Vec<ImuSample>,
-    /// Which samples bridge a gap.
-    pub bridged: Vec<bool>,
-    /// Noise of the samples that bridge gaps: the motion that nobody recorded.
-    pub bridge_noise: ImuNoise,
-    /// Gaps of the IMU, seconds from and to.
-    pub gaps_s: Vec<(f64, f64)>,
-    /// Median interval of the IMU, seconds.
-    pub interval_s: f64,
+    pub imu: ImuSeries,
     /// Within the IMU's span.
     pub positions: Vec<Vec<Numbered<PositionFix>>>,
     /// Within the IMU's span.
@@ -97,20 +91,16 @@ impl Streams {
         let imu = ordered(logs.imu, Stream::Imu, &names, corrections, &mut dropped);
         let imu: Vec<ImuSample> = imu.into_iter().map(|s| s.value).collect();
         if imu.len() < 2 {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!("the IMU log holds {} samples", imu.len()),
                 "a trajectory needs at least two",
             ));
         }
         let interval_s = median_interval_s(&imu);
-        if interval_s < SHORTEST_IMU_INTERVAL_S {
-            return Err(Error::data(
-                format!("the IMU log's samples lie {interval_s:.1e} s apart"),
-                "check the unit of its times: seconds",
-            ));
-        }
-        let (imu, bridged, gaps_s) = bridge(&imu, interval_s)?;
-        let span = (imu[0].time_s, imu[imu.len() - 1].time_s + interval_s);
+        check_interval(interval_s)?;
+        let imu = ImuSeries::new(imu, interval_s, &settings.imu)?;
+        let span = imu.span_s();
         let mut positions = Vec::with_capacity(logs.positions.len());
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let stream = Stream::Position(sensor);
@@ -119,7 +109,8 @@ impl Streams {
         }
         let count: usize = positions.iter().map(Vec::len).sum();
         if count < FEWEST_FIXES {
-            return Err(Error::data(
+            return Err(Error::of(
+                Problem::TooFew,
                 format!(
                     "only {count} {} fixes lie within the IMU's span ({:.3} s to {:.3} s)",
                     settings.positions[0].name, span.0, span.1
@@ -136,21 +127,16 @@ impl Streams {
         );
         let heading = within(heading, span, Stream::Heading, &names, &mut dropped)?;
         Ok(Self {
-            bridge_noise: bridge_noise(&imu, &settings.imu),
             imu,
-            bridged,
-            gaps_s,
-            interval_s,
             positions,
             heading,
             dropped,
         })
     }
 
-    /// First and last time, seconds; the last sample lasts the median interval.
+    /// First and last time, seconds.
     pub fn span_s(&self) -> (f64, f64) {
-        let last = self.imu[self.imu.len() - 1].time_s;
-        (self.imu[0].time_s, last + self.interval_s)
+        self.imu.span_s()
     }
 }
 
@@ -337,6 +323,26 @@ fn longest_increasing(values: &[f64]) -> Vec<usize> {
     kept
 }
 
+/// Refuses times whose span is that of the IMU log times a power of 1000, in steps that no sensor of
+/// a drive takes.
+fn check_unit(name: &str, own: (f64, f64), count: usize, imu: (f64, f64)) -> Result<()> {
+    const LONGEST_USUAL_STEP_S: f64 = 20.0;
+    const ALIKE: f64 = 4.0;
+    let span_s = own.1 - own.0;
+    let step_s = span_s / (count.max(2) - 1) as f64;
+    let unit = unit_of_times_within(span_s / (imu.1 - imu.0), ALIKE);
+    match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
+        Some(unit) => Err(Error::data(
+            format!("time steps of {step_s:.3} s in the {name}: are these {unit}?"),
+            format!(
+                "give its times in seconds: the IMU log spans {:.3} s, and this one {span_s:.3}",
+                imu.1 - imu.0
+            ),
+        )),
+        None => Ok(()),
+    }
+}
+
 /// The records inside the IMU's span; the others are dropped and named.
 fn within<T: Shift>(
     records: Vec<Numbered<T>>,
@@ -349,6 +355,7 @@ fn within<T: Shift>(
     if let (Some(first), Some(last)) = (records.first(), records.last()) {
         let own = (time_s(first), time_s(last));
         check_overlap(("IMU log", span), (&names.log(stream), own))?;
+        check_unit(&names.log(stream), own, records.len(), span)?;
     }
     let (inside, outside): (Vec<_>, Vec<_>) = records
         .into_iter()

@@ -4,21 +4,13 @@
 //! case. An IMU sample holds from its time to the next sample's, so that a step from node to node
 //! is a run of whole samples with cut ones at its ends.
 
-use super::chain::ChainLayout;
+use super::imu_series::SAME_INSTANT_S;
+use super::settings::Nodes;
 use super::streams::Streams;
-use crate::trajectory::Nodes;
+use crate::adjustment::ChainLayout;
 
 /// Longest time that one bias is held, and longest step: where the prism is out, biases still walk.
 pub(super) const LONGEST_STEP_S: f64 = 1.0;
-/// Times closer than this are the same instant: the rounding of seconds since 1970 in f64.
-pub(super) const SAME_INSTANT_S: f64 = 1e-6;
-
-/// A stretch of time in which one IMU sample holds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Piece {
-    pub sample: usize,
-    pub duration_s: f64,
-}
 
 /// The chain of one drive.
 #[derive(Debug, Clone)]
@@ -45,7 +37,7 @@ impl Timeline {
         fixes_s.sort_by(f64::total_cmp);
         let node_s = match nodes {
             Nodes::Imu => pose_s.clone(),
-            Nodes::Prism => sparse_nodes(&pose_s, &fixes_s, streams.interval_s),
+            Nodes::Prism => sparse_nodes(&pose_s, &fixes_s, streams.imu.interval_s),
         };
         let (layout, bias_start_s) = biases(&node_s, &fixes_s);
         Self {
@@ -69,40 +61,6 @@ impl Timeline {
         let rest_s = time_s - self.node_s[step];
         let exact = rest_s.abs() <= SAME_INSTANT_S;
         (step, if exact { 0.0 } else { rest_s })
-    }
-
-    /// The IMU samples from `from_s` to `to_s`, cut at both ends.
-    pub fn pieces(&self, from_s: f64, to_s: f64) -> impl Iterator<Item = Piece> + '_ {
-        let first = self.pose_at_or_before(from_s);
-        let last_sample = self.pose_s.len() - 2;
-        let mut sample = first;
-        let mut at_s = from_s;
-        std::iter::from_fn(move || {
-            if to_s - at_s <= SAME_INSTANT_S {
-                return None;
-            }
-            let end_s = self.pose_s[sample + 1];
-            let end_s = if end_s >= to_s - SAME_INSTANT_S || sample == last_sample {
-                to_s
-            } else {
-                end_s
-            };
-            let piece = Piece {
-                sample,
-                duration_s: end_s - at_s,
-            };
-            at_s = end_s;
-            sample = (sample + 1).min(last_sample);
-            Some(piece)
-        })
-    }
-
-    /// The sample that holds at `time_s`; at the end the last one.
-    pub fn pose_at_or_before(&self, time_s: f64) -> usize {
-        let after = self
-            .pose_s
-            .partition_point(|&t| t <= time_s + SAME_INSTANT_S);
-        after.saturating_sub(1).min(self.pose_s.len() - 2)
     }
 
     /// The poses from the node of `step` to before the next; to the end for the last step.
@@ -148,7 +106,7 @@ fn sparse_nodes(pose_s: &[f64], fixes_s: &[f64], interval_s: f64) -> Vec<f64> {
         } else {
             fix_s
         };
-        // A fix close behind a node hangs on that node; so does one close before the end.
+        // A fix close behind a node belongs to that node; so does one close before the end.
         if time_s > nodes[nodes.len() - 1] + 0.5 * interval_s && time_s < end_s - 0.5 * interval_s {
             push(&mut nodes, time_s);
         }
@@ -165,16 +123,16 @@ fn biases(node_s: &[f64], fixes_s: &[f64]) -> (ChainLayout, Vec<f64>) {
         begins[node.min(node_s.len() - 1)] = true;
     }
     let steps = node_s.len() - 1;
-    let mut bias_of_step = Vec::with_capacity(steps);
+    let mut segment_of_step = Vec::with_capacity(steps);
     let mut start_s = vec![node_s[0]];
     for (&time_s, &begins) in node_s[..steps].iter().zip(&begins) {
         let held = time_s - start_s[start_s.len() - 1];
         if held > 0.0 && (begins || held >= LONGEST_STEP_S) {
             start_s.push(time_s);
         }
-        bias_of_step.push((start_s.len() - 1) as u32);
+        segment_of_step.push((start_s.len() - 1) as u32);
     }
-    (ChainLayout { bias_of_step }, start_s)
+    (ChainLayout { segment_of_step }, start_s)
 }
 
 /// For records sorted by step: those of step i are `starts[i]..starts[i + 1]`.
@@ -204,16 +162,16 @@ mod tests {
         // node 7, one at the end would change where no step is left.
         let (layout, start_s) = biases(&nodes, &[0.0, 0.4, 0.65, 3.0]);
         assert_eq!(tenths(&start_s), [0, 4, 7, 17, 27]);
-        assert_eq!(layout.biases(), start_s.len());
-        assert_eq!(layout.bias_of_step[3..5], [0, 1]);
-        assert_eq!(layout.bias_of_step[6..8], [1, 2]);
+        assert_eq!(layout.segments(), start_s.len());
+        assert_eq!(layout.segment_of_step[3..5], [0, 1]);
+        assert_eq!(layout.segment_of_step[6..8], [1, 2]);
     }
 
     #[test]
     fn sparse_nodes_stand_at_fixes_and_no_farther_apart_than_a_second() {
         let poses: Vec<f64> = (0..=40).map(|i| f64::from(i) * 0.1).collect();
         let nodes = sparse_nodes(&poses, &[0.0, 0.5, 0.52, 0.73, 3.1, 4.0], 0.1);
-        // 0.52 hangs on 0.5; 0.73 to 3.1 is cut in three.
+        // 0.52 belongs to 0.5; 0.73 to 3.1 is cut in three.
         assert_eq!(nodes.len(), 7, "{nodes:?}");
         assert_eq!(nodes[2], 0.73);
         assert!(nodes.windows(2).all(|w| w[1] - w[0] < 1.0 + 0.1));
@@ -221,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_are_the_samples_cut_at_both_ends() {
+    fn times_and_poses_belong_to_the_step_of_their_node() {
         let pose_s: Vec<f64> = (0..=5).map(|i| f64::from(i) * 0.1).collect();
         let (layout, bias_start_s) = biases(&pose_s, &[]);
         let line = Timeline {
@@ -230,15 +188,6 @@ mod tests {
             layout,
             bias_start_s,
         };
-        let found = |from, to| -> Vec<(usize, i32)> {
-            line.pieces(from, to)
-                .map(|p| (p.sample, (p.duration_s * 100.0).round() as i32))
-                .collect()
-        };
-        assert_eq!(found(0.0, 0.25), [(0, 10), (1, 10), (2, 5)]);
-        assert_eq!(found(0.25, 0.5), [(2, 5), (3, 10), (4, 10)]);
-        assert_eq!(found(0.25, 0.27), [(2, 2)]);
-        assert_eq!(found(0.25, 0.25), []);
         assert_eq!(line.place(0.25), (1, 0.0));
         assert_eq!(line.place(0.5).0, 1);
         assert_eq!(line.poses_of(0), 0..3);

@@ -15,21 +15,6 @@ pub fn naive_covariance(points: &[Vec3]) -> Mat3 {
         / n
 }
 
-/// The numbers of a text file: its first line is the header; separated by commas.
-pub fn read_table(path: &Path) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(path).unwrap();
-    let row = |line: &str| {
-        line.split(',')
-            .map(|field| field.trim().parse().unwrap())
-            .collect()
-    };
-    text.lines()
-        .skip(1)
-        .filter(|line| !line.trim().is_empty())
-        .map(row)
-        .collect()
-}
-
 /// The coordinates of a LAS file.
 pub fn read_las(path: &Path) -> Vec<Vec3> {
     let points = las::Reader::from_path(path).unwrap().read_all().unwrap();

@@ -1,21 +1,59 @@
 //! What several integration tests need.
 #![allow(dead_code, clippy::unwrap_used)] // each test uses its part; helpers fail as tests do
 
-use std::path::PathBuf;
+pub mod demo_drive;
+pub mod kernels;
+pub mod tables;
 
-/// The file or folder `name` of the data that lie beside the repository; prints `skipped` and
-/// returns `None` where they are not there.
-pub fn shared_data(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared/data")
-        .join(name);
-    if path.exists() {
-        Some(path)
-    } else {
-        println!("skipped: {} is not there", path.display());
-        None
-    }
+use std::path::{Path, PathBuf};
+
+/// A file or folder of the data in the repository, see `tests/data/README.md`.
+pub fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
 }
+
+/// A file or folder of the data outside the repository. Tests that call this are ignored where
+/// `BORESIGHT_DATA` is not set; where it is, what is missing is a failure.
+pub fn external_data(name: &str) -> PathBuf {
+    let folder = std::env::var_os("BORESIGHT_DATA").expect("BORESIGHT_DATA names no folder");
+    let path = Path::new(&folder).join(name);
+    assert!(
+        path.exists(),
+        "BORESIGHT_DATA is incomplete: {} is missing",
+        path.display()
+    );
+    path
+}
+
+/// The names of all that is in a folder, in order.
+pub fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+/// One board, two passes, ten coarse profiles a second.
+pub const TINY_SCENARIO: &str = r#"
+name = "tiny"
+boards = [{ center_m = [1.2, 1.2, 0.5], tilt_deg = 30.0, azimuth_deg = 70.0, size_m = [1.0, 1.0] }]
+drives = [{ passes = [{ board = 0, heading_deg = 90.0 }, { board = 0, heading_deg = 270.0 }] }]
+[field]
+size_m = [2.4, 2.4]
+margin_m = 4.0
+[profiles]
+rate_hz = 10.0
+width = 64
+[reference]
+board_spacing_m = 0.015
+soil_spacing_m = 0.03
+[motion]
+rest_s = 3.0
+"#;
 
 /// How a run of the binary ended.
 pub struct Run {
@@ -38,6 +76,34 @@ pub fn boresight(arguments: &[&str]) -> Run {
         out: String::from_utf8(output.stdout).unwrap(),
         err: String::from_utf8(output.stderr).unwrap(),
     }
+}
+
+/// Runs a command of the binary on `project.toml` in `folder`.
+pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
+    let project = folder.join("project.toml");
+    boresight(&[&[command, project.to_str().unwrap()], more].concat())
+}
+
+/// Rewrites `project.toml` in `folder`.
+pub fn rewrite_project(folder: &Path, how: impl FnOnce(&str) -> String) {
+    let path = folder.join("project.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, how(&text)).unwrap();
+}
+
+/// Puts `new` in place of `old`, which stands once in the project.
+pub fn change_project(folder: &Path, old: &str, new: &str) {
+    rewrite_project(folder, |text| {
+        assert_eq!(text.matches(old).count(), 1, "{old}");
+        text.replace(old, new)
+    });
+}
+
+/// Puts `tables` in place of all that stands before the project's scanners.
+pub fn replace_logs(folder: &Path, tables: &str) {
+    rewrite_project(folder, |text| {
+        format!("{tables}\n{}", &text[text.find("[[scanner]]").unwrap()..])
+    });
 }
 
 /// A folder with a small drive: 30 s northwards at 0.5 m/s on level ground, IMU at 50 Hz, prism at

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use boresight::format::*;
 
-use super::common::shared_data;
+use super::common::{data, names};
 use super::samples::*;
 
 /// Reads a file in every way; it must end, in data or in an error.
@@ -29,25 +29,24 @@ fn all_points_unchecked(path: &Path) -> boresight::Result<()> {
 #[test]
 fn damaged_files_are_errors_and_never_more() {
     let dir = tempfile::tempdir().unwrap();
-    let mut samples = vec![dir.path().join("a.bin"), dir.path().join("a.laz")];
-    samples.push(dir.path().join("a.las"));
+    let mut samples = ["a.bin", "a.laz", "a.las"]
+        .map(|name| dir.path().join(name))
+        .to_vec();
     write_recording(&samples[0], 4);
     write_cloud(&samples[1], 2000);
     write_cloud(&samples[2], 200);
-    if let Some(folder) = shared_data("readers") {
-        for name in [
-            "las/autzen.laz",
-            "las/extrabytes.laz",
-            "las/autzen.las",
-            "pcd/pdal_autzen-utm.pcd",
-            "e57/cry_tiny_spherical.e57",
-            "e57/pdal_A4_moved.e57",
-            "ptx_pts/test.pts",
-            "ptx_pts/1.2-with-color.ptx",
-            "trajectory/pdal_2-points.sbet",
-        ] {
-            samples.push(folder.join(name));
-        }
+    for name in [
+        "las/autzen.laz",
+        "las/extrabytes.laz",
+        "las/autzen.las",
+        "pcd/pdal_autzen-utm.pcd",
+        "e57/cry_tiny_spherical.e57",
+        "e57/pdal_A4_moved.e57",
+        "ptx_pts/test.pts",
+        "ptx_pts/1.2-with-color.ptx",
+        "trajectory/pdal_2-points.sbet",
+    ] {
+        samples.push(data("readers").join(name));
     }
     for sample in samples {
         let whole = std::fs::read(&sample).unwrap();
@@ -78,7 +77,9 @@ fn damaged_files_are_errors_and_never_more() {
         }
     }
     // The files are small; what they claim to hold must not have been believed.
-    if let Ok(status) = std::fs::read_to_string("/proc/self/status") {
+    #[cfg(target_os = "linux")]
+    {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
         let peak = status
             .lines()
             .find_map(|line| line.strip_prefix("VmHWM:"))
@@ -114,16 +115,14 @@ fn a_truncated_recording_says_where() {
     )));
 }
 
-/// Set for the child process that [`killed_at_any_moment_results_are_whole`] starts.
+/// Set for the child process that [`killed_at_any_moment_results_are_whole`] starts of itself.
 const CHILD: &str = "BORESIGHT_TEST_OUTPUT_FOLDER";
 
-#[test]
-fn child_that_writes_results_until_it_is_killed() {
-    let Ok(dir) = std::env::var(CHILD) else {
-        return;
-    };
-    for i in 0u64.. {
-        let staging = boresight::output::Staging::new(Path::new(&dir)).unwrap();
+fn write_results_until_killed(dir: &Path) -> ! {
+    let mut i = 0;
+    loop {
+        i += 1;
+        let staging = boresight::output::Staging::new(dir, &[], &["result.json"]).unwrap();
         let body = format!("{}\n", i % 10).repeat(200_000);
         std::fs::write(staging.path("cloud.txt"), &body).unwrap();
         std::fs::write(staging.path("result.json"), &body).unwrap();
@@ -133,14 +132,14 @@ fn child_that_writes_results_until_it_is_killed() {
 
 #[test]
 fn killed_at_any_moment_results_are_whole() {
+    if let Some(dir) = std::env::var_os(CHILD) {
+        write_results_until_killed(Path::new(&dir));
+    }
     let dir = tempfile::tempdir().unwrap();
     let mut seen = 0;
     for k in 0..25 {
         let mut child = std::process::Command::new(std::env::current_exe().unwrap())
-            .args([
-                "--exact",
-                "damage::child_that_writes_results_until_it_is_killed",
-            ])
+            .args(["--exact", "damage::killed_at_any_moment_results_are_whole"])
             .env(CHILD, dir.path())
             .stdout(std::process::Stdio::null())
             .spawn()
@@ -158,10 +157,7 @@ fn killed_at_any_moment_results_are_whole() {
         }
     }
     assert!(seen > 0, "no child came far enough to write anything");
-    drop(boresight::output::Staging::new(dir.path()).unwrap());
-    let left: Vec<_> = std::fs::read_dir(dir.path())
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .collect();
+    drop(boresight::output::Staging::new(dir.path(), &[], &["result.json"]).unwrap());
+    let left = names(dir.path());
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
 }

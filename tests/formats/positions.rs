@@ -6,7 +6,7 @@ use boresight::format::*;
 use boresight::geometry::{Mat3, Vec3};
 use boresight::sensor::*;
 
-use super::common::shared_data;
+use super::common::external_data;
 use super::samples::*;
 
 fn log(folder: &Path, text: &str) -> PathBuf {
@@ -253,10 +253,9 @@ fn what_cannot_be_meant_is_said() {
 }
 
 #[test]
+#[cfg_attr(not(has_data), ignore = "BORESIGHT_DATA is not set")]
 fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
-    let Some(path) = shared_data("total_station/tps_20210119155250.csv") else {
-        return;
-    };
+    let path = external_data("total_station/tps_20210119155250.csv");
     let instrument = TotalStation {
         station_m: Vec3::zeros(),
         vertical: VerticalAngle::Elevation,

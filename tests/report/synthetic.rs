@@ -1,9 +1,17 @@
-//! Contents such as a run on simulated drives would fill.
+//! Results such as a run on simulated drives would leave.
 
+use boresight::calibration::Block;
+use boresight::calibration::{Calibration, Constancy, Ending, Method, Mounting, Scale, Variant};
+use boresight::calibration::{FreeDirection, Observability};
+use boresight::comparison::{
+    Against, Agreement, Agreements, CoreDistance, M3c2, MountingKind, Statistics,
+};
 use boresight::geometry::euler::rotation_from_euler_deg;
-use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Mat3, Vec3, WorldFromBody};
+use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3, WorldFromBody, so3};
+use boresight::progress::StageSeconds;
 use boresight::report::content::*;
 use boresight::sensor::{PoseRecord, PoseSigma};
+use nalgebra::{DMatrix, DVector};
 
 /// A value in [−1, 1] that looks random and depends on `i` alone.
 fn noise(i: usize) -> f64 {
@@ -19,6 +27,42 @@ pub fn normal(i: usize) -> f64 {
     (0..6).map(|j| noise(7 * i + 131 * j)).sum::<f64>() / 2f64.sqrt()
 }
 
+/// What a [`Content`] is made from.
+pub struct Full {
+    pub title: String,
+    pub command: String,
+    pub inputs: Vec<Fact>,
+    pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
+    pub result: Calibration,
+    pub beside: Vec<(Variant, Calibration)>,
+    pub drives: Vec<Drive>,
+    pub background_m: Vec<Vec3>,
+    pub stages: Vec<StageSeconds>,
+    pub warnings: Vec<String>,
+}
+
+impl Full {
+    pub fn content(&self) -> Content<'_> {
+        Content {
+            title: self.title.clone(),
+            command: self.command.clone(),
+            project: self.command.clone(),
+            seed: Some(1),
+            inputs: self.inputs.clone(),
+            calibrations: Some(Calibrations {
+                mountings: &self.mountings,
+                result: &self.result,
+                beside: &self.beside,
+            }),
+            drives: &self.drives,
+            background_m: &self.background_m,
+            stages: &self.stages,
+            peak_memory_bytes: Some(1_234_567_890),
+            warnings: &self.warnings,
+        }
+    }
+}
+
 fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> BodyFromScanner {
     BodyFromScanner::new(
         rotation_from_euler_deg(EulerConvention::Bonn, bonn_deg),
@@ -26,51 +70,132 @@ fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> BodyFromScanner {
     )
 }
 
-fn estimate(
-    label: &str,
-    body_from_scanner: BodyFromScanner,
-    sigma: Option<(f64, f64)>,
-) -> MountingEstimate {
-    let origin = match sigma {
-        Some(_) => ParameterOrigin::Estimated,
-        None => ParameterOrigin::Given,
+/// Mountings this far from the truth.
+fn near(truth: &[BodyFromScanner], mm: f64, deg: f64) -> Vec<Mounting> {
+    let turn = so3::exp(&Vec3::new(deg, -0.6 * deg, 0.3 * deg).map(f64::to_radians));
+    let shift = Vec3::new(mm, -0.4 * mm, 0.2 * mm) * 1e-3;
+    let scanners = ["left", "right"].iter().zip(truth);
+    scanners
+        .map(|(name, truth)| Mounting {
+            name: (*name).into(),
+            body_from_scanner: BodyFromScanner::new(
+                truth.rotation * turn,
+                truth.translation_m + shift,
+            ),
+            convention: EulerConvention::Bonn,
+            fixed: [false; 6],
+        })
+        .collect()
+}
+
+/// A calibration this far from the truth with these standard deviations, and iterations on the first
+/// scale and the others.
+fn calibration(
+    method: Method,
+    mountings: Vec<Mounting>,
+    (sigma_m, sigma_deg): (f64, f64),
+    (first, later): (usize, usize),
+) -> Calibration {
+    let scales = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005];
+    let scale = |(i, voxel_m): (usize, &f64)| {
+        let iterations = if i == 0 { first } else { later };
+        let floor_m = 1e-3 + 0.05 * voxel_m;
+        let start = if i == 0 { 8.0 } else { 1.1 };
+        let neighbourhoods = (700.0 / (voxel_m * voxel_m)) as usize / 10;
+        let costs: Vec<f64> = (0..=iterations)
+            .map(|j| {
+                let mean = floor_m * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp());
+                neighbourhoods as f64
+                    * match method {
+                        Method::Reweighted => 2.0 * mean.ln(),
+                        Method::Paper => mean.powi(4),
+                    }
+            })
+            .collect();
+        Scale {
+            voxel_m: *voxel_m,
+            iterations,
+            points: (800.0 / (voxel_m * voxel_m)) as usize / 10,
+            reference_points: (100.0 / (voxel_m * voxel_m)) as usize / 10,
+            neighbourhoods,
+            cost: costs[iterations],
+            costs,
+            ending: match method {
+                Method::Reweighted => Ending::Converged,
+                Method::Paper => Ending::IterationsExhausted,
+            },
+            seconds: 0.4 / voxel_m.sqrt(),
+            mountings: mountings.clone(),
+        }
     };
-    MountingEstimate {
-        label: label.into(),
-        body_from_scanner,
-        translation_sigma_m: [sigma.map(|s| s.0); 3],
-        rotation_covariance_rad2: sigma.map(|s| Mat3::identity() * s.1.to_radians().powi(2)),
-        origin: [origin; 6],
-        is_result: false,
+    let sigma = |i: usize| match i % 6 {
+        0..3 => sigma_m,
+        _ => sigma_deg.to_radians(),
+    };
+    let correlation = |i: usize, j: usize| match (i.min(j), i.max(j)) {
+        (a, b) if a == b => 1.0,
+        (0, 4) => -0.93,
+        (a, b) => 0.05 * noise(17 * a + b),
+    };
+    let covariance = DMatrix::from_fn(12, 12, |i, j| correlation(i, j) * sigma(i) * sigma(j));
+    Calibration {
+        method,
+        converged: method == Method::Reweighted,
+        scales: scales.iter().enumerate().map(scale).collect(),
+        covariance: (method == Method::Reweighted).then_some(covariance),
+        observability: Observability {
+            shares: vec![0.02; 12],
+            free: Vec::new(),
+        },
+        constancy: None,
+        mountings,
     }
 }
 
-fn table(scanner: &str, truth: BodyFromScanner, initial: BodyFromScanner) -> MountingTable {
-    let near = |mm: f64, deg: f64| {
-        let turn = boresight::geometry::so3::exp(
-            &Vec3::new(deg, -0.6 * deg, 0.3 * deg).map(f64::to_radians),
-        );
-        BodyFromScanner::new(
-            truth.rotation * turn,
-            truth.translation_m + Vec3::new(mm, -0.4 * mm, 0.2 * mm) * 1e-3,
-        )
+/// Leaves the common height open.
+fn without_height(mut found: Calibration, initial: &[BodyFromScanner]) -> Calibration {
+    let height = 2;
+    for (scanner, (mounting, initial)) in found.mountings.iter_mut().zip(initial).enumerate() {
+        let row = 6 * scanner + height;
+        if let Some(covariance) = &mut found.covariance {
+            covariance.row_mut(row).fill(0.0);
+            covariance.column_mut(row).fill(0.0);
+        }
+        mounting.body_from_scanner.translation_m.z = initial.translation_m.z;
+    }
+    found.observability.free = vec![FreeDirection {
+        direction: DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height))),
+        share: 1e-6,
+        words: "the common height of all scanners".into(),
+        parameters: vec![(0, height), (1, height)],
+    }];
+    found
+}
+
+fn constancy() -> Constancy {
+    let line = |seed: usize, wave: f64| -> Vec<Block> {
+        (0..120)
+            .map(|i| Block {
+                time_s: 1_000.0 + 2.5 * i as f64,
+                mean_m: if i == 40 {
+                    f64::NAN
+                } else {
+                    0.5e-3 * normal(seed + i) + wave * (0.12 * i as f64).sin()
+                },
+                expected_sigma_m: 0.6e-3 + 0.1e-3 * (0.3 * i as f64).cos(),
+            })
+            .collect()
     };
-    let mut without = estimate("without reference", near(2.6, 0.07), Some((2.1e-3, 0.06)));
-    without.body_from_scanner.translation_m.z = initial.translation_m.z;
-    without.origin[2] = ParameterOrigin::NotObservable;
-    without.translation_sigma_m[2] = None;
-    let mut with = estimate("with reference", near(1.2, 0.03), Some((0.9e-3, 0.012)));
-    with.is_result = true;
-    let mut exact = estimate("exact poses", near(0.06, 0.002), Some((0.05e-3, 0.0015)));
-    exact.origin[5] = ParameterOrigin::Fixed;
-    MountingTable {
-        scanner: scanner.into(),
-        estimates: vec![estimate("initial", initial, None), without, with, exact],
-        truth: Some(truth),
+    Constancy {
+        blocks: vec![line(500, 0.0), line(900, 2e-3)],
+        ratio: 2.5,
+        rms_m: 1.5e-3,
+        constant: false,
+        strongest: Some(("roll", 0.71)),
     }
 }
 
-fn drive(name: &str, offset: f64) -> DriveTrack {
+fn drive(name: &str, offset: f64, n: usize) -> Drive {
     let poses = (0..12_000).map(|i| {
         let s = i as f64 / 12_000.0;
         let leg = (s * 6.0).floor();
@@ -97,261 +222,139 @@ fn drive(name: &str, offset: f64) -> DriveTrack {
             }),
         }
     });
-    DriveTrack {
+    Drive {
         name: name.into(),
         poses: poses.collect(),
-        sigmas: None,
-        solution: None,
+        agreements: agreements(n),
+        ..Drive::default()
     }
 }
 
-fn map(pair: &str, drive: &str, n: usize) -> DistanceMap {
-    let panel = |kind, mean: f64, wave: f64, sigma: f64| MapPanel {
-        mounting: kind,
-        points: (0..n)
-            .map(|i| {
-                let position_m = [3.75 + 3.75 * noise(2 * i), 3.0 + 3.0 * noise(2 * i + 1)];
-                let pattern = mean + wave * (position_m[0] * 1.3).sin();
-                MapPoint {
-                    position_m,
-                    distance_m: if i % 97 == 0 {
-                        f64::NAN
-                    } else {
-                        pattern + sigma * normal(i)
-                    },
-                }
-            })
-            .collect(),
-    };
-    DistanceMap {
-        pair: pair.into(),
-        drive: drive.into(),
-        panels: vec![
-            panel(MountingKind::Initial, 0.041, 0.012, 0.004),
-            panel(MountingKind::Final, 0.0001, 0.0005, 0.0012),
-        ],
-        colour_limit_m: None,
-    }
-}
-
-fn distances() -> Vec<DistanceRow> {
-    let mut rows = Vec::new();
-    for pair in [
-        "left to reference",
-        "right to reference",
-        "left against right",
-    ] {
-        for drive in ["drive-1", "drive-2", "drive-3"] {
-            for (mounting, mean_m, std_m) in [
-                (MountingKind::Initial, 0.0412, 0.0138),
-                (MountingKind::Final, -0.00012, 0.00131),
-                (MountingKind::Truth, 0.00004, 0.00129),
-            ] {
-                rows.push(DistanceRow {
-                    pair: pair.into(),
-                    drive: drive.into(),
-                    mounting,
-                    statistics: DistanceStatistics {
-                        mean_m,
-                        std_m,
-                        rmse_m: f64::hypot(mean_m, std_m),
-                        median_m: 0.9 * mean_m,
-                        n: 74_312,
-                    },
-                });
+/// `n` core points for each pair and mounting.
+fn agreements(n: usize) -> Agreements {
+    let other = || Against::Scanner("left".into());
+    let pairs = [
+        ("left", Against::Reference),
+        ("right", Against::Reference),
+        ("right", other()),
+    ];
+    let kinds = [
+        (MountingKind::Initial, 0.041, 0.012, 0.004),
+        (MountingKind::Final, 0.0001, 0.0005, 0.00125),
+        (MountingKind::Truth, 0.00004, 0.0004, 0.00122),
+    ];
+    let found = pairs.iter().flat_map(|(scanner, against)| {
+        kinds.map(|(mounting, mean, wave, sigma)| {
+            let distances = distances(n, mean, wave, sigma);
+            Agreement {
+                scanner: (*scanner).into(),
+                against: against.clone(),
+                mounting,
+                statistics: Statistics::of(&distances).expect("finite distances"),
+                distances,
             }
+        })
+    });
+    Agreements {
+        found: found.collect(),
+        missing: Vec::new(),
+    }
+}
+
+fn distances(n: usize, mean: f64, wave: f64, sigma: f64) -> M3c2 {
+    let core = (0..n).map(|i| {
+        let (east, north) = (3.75 + 3.75 * noise(2 * i), 3.0 + 3.0 * noise(2 * i + 1));
+        let pattern = mean + wave * (east * 1.3).sin();
+        CoreDistance {
+            point: Vec3::new(east, north, 0.0),
+            normal: Vec3::z(),
+            normal_radius_m: 0.04,
+            distance_m: if i % 97 == 0 {
+                f64::NAN
+            } else {
+                pattern + sigma * normal(i)
+            },
+            level_of_detection_m: 2e-3,
+            reference_spread_m: 1e-3,
+            compared_spread_m: 1e-3,
+            reference_count: 20,
+            compared_count: 20,
         }
-    }
-    rows
-}
-
-fn method(name: &str, first: usize, later: usize) -> MethodRun {
-    let scales = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005];
-    let run = |(i, voxel_m): (usize, &f64)| {
-        let iterations = if i == 0 { first } else { later };
-        let floor = 1e-3 + 0.05 * voxel_m;
-        let start = if i == 0 { 8.0 } else { 1.1 };
-        ScaleRun {
-            voxel_m: *voxel_m,
-            points: (900.0 / (voxel_m * voxel_m)) as usize / 10,
-            neighbourhoods: (700.0 / (voxel_m * voxel_m)) as usize / 10,
-            iterations,
-            cost: (0..=iterations)
-                .map(|j| floor * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp()))
-                .collect(),
-            seconds: 0.4 / voxel_m.sqrt(),
-            max_translation_error_m: Some(1.9e-3 - 1e-4 * i as f64),
-            max_rotation_error_rad: Some(5e-4),
-        }
-    };
-    MethodRun {
-        method: name.into(),
-        converged: name != "paper",
-        ending: if name == "paper" {
-            "stopped at 50 iterations at 50 mm".into()
-        } else {
-            "every scale ended below 0.01 mm and 0.001°".into()
-        },
-        measure: CostMeasure::default(),
-        scales: scales.iter().enumerate().map(run).collect(),
+    });
+    M3c2 {
+        core: core.collect(),
     }
 }
 
-fn correlation() -> CorrelationMatrix {
-    let names = ["tx", "ty", "tz", "rx", "ry", "rz"];
-    let labels: Vec<String> = ["left", "right"]
-        .iter()
-        .flat_map(|s| names.map(|n| format!("{s} {n}")))
-        .collect();
-    let n = labels.len();
-    let value = |i: usize, j: usize| match (i, j) {
-        _ if i == j => 1.0,
-        (2, _) | (_, 2) => f64::NAN,
-        _ => {
-            let (a, b) = (i.min(j), i.max(j));
-            let size: f64 = if (a, b) == (0, 4) { -0.93 } else { 0.0 };
-            (size + 0.5 * noise(17 * a + b)).clamp(-1.0, 1.0)
-        }
+/// Everything a run on simulated drives can fill, with `n` core points for each pair and mounting of
+/// the first drive.
+pub fn full(n: usize) -> Full {
+    let truth = vec![
+        mounting([1.254, -0.545, 0.587], [-143.769, -0.369, 89.833]),
+        mounting([1.259, 0.656, 0.585], [144.396, -0.346, 91.705]),
+    ];
+    let initial = vec![
+        mounting([1.2, -0.5, 0.5], [-145.0, 0.0, 90.0]),
+        mounting([1.2, 0.65, 0.5], [145.0, 0.0, 90.0]),
+    ];
+    let ours = |mm, deg, sigmas| {
+        let mountings = near(&truth, mm, deg);
+        calibration(Method::Reweighted, mountings, sigmas, (7, 2))
     };
-    CorrelationMatrix {
-        labels,
-        values: (0..n)
-            .map(|i| (0..n).map(|j| value(i, j)).collect())
-            .collect(),
-    }
-}
-
-fn residuals() -> ResidualFigure {
-    let line = |label: &str, seed: usize, wave: f64| ResidualSeries {
-        label: label.into(),
-        blocks: (0..120)
-            .map(|i| ResidualBlock {
-                time_s: 1_000.0 + 2.5 * i as f64,
-                mean_m: if i == 40 {
-                    f64::NAN
-                } else {
-                    0.5e-3 * normal(seed + i) + wave * (0.12 * i as f64).sin()
-                },
-                expected_sigma_m: 0.6e-3 + 0.1e-3 * (0.3 * i as f64).cos(),
-            })
-            .collect(),
-    };
-    ResidualFigure {
-        verdict: Verdict::attention(
-            "The mounting of the right scanner seems not to be constant: its residuals swing by 3 mm along the drive, poses and noise explain 1.2 mm.",
-        ),
-        series: vec![line("left", 500, 0.0), line("right", 900, 2e-3)],
-    }
-}
-
-/// Everything a run on simulated drives can fill, with `n` core points in each of six panels.
-pub fn full(n: usize) -> Content {
-    let left = mounting([1.254, -0.545, 0.587], [-143.769, -0.369, 89.833]);
-    let right = mounting([1.259, 0.656, 0.585], [144.396, -0.346, 91.705]);
-    let square = |x: f64, y: f64, label: &str| Outline {
-        label: label.into(),
-        corners_m: vec![
-            [x, y],
-            [x + 1.0, y + 0.2],
-            [x + 0.8, y + 1.2],
-            [x - 0.2, y + 1.0],
-        ],
-    };
-    Content {
+    let mut result = ours(1.2, 0.03, (0.9e-3, 0.012));
+    result.constancy = Some(constancy());
+    let mut exact = ours(0.06, 0.002, (0.05e-3, 0.0015));
+    exact.mountings[0].fixed[5] = true;
+    let without = without_height(ours(2.6, 0.07, (2.1e-3, 0.06)), &initial);
+    let paper = calibration(Method::Paper, near(&truth, 4.0, 0.2), (1.0, 1.0), (50, 31));
+    let stages = [
+        ("reference", 1.2),
+        ("trajectory", 0.9),
+        ("georeference", 4.3),
+        ("calibrate", 31.0),
+        ("compare", 12.5),
+    ];
+    Full {
         title: "Calibration of drive-1".into(),
-        version: "boresight 0.1.0".into(),
-        date: "2026-01-01".into(),
         command: "boresight run demo/drive-1/project.toml --out out".into(),
-        project: "demo/drive-1/project.toml".into(),
-        seed: Some(1),
-        summary: vec![
-            Verdict::good(
-                "Left scanner: points agree with the reference scan to 1.3 mm (before: 43 mm).",
-            ),
-            Verdict::good(
-                "Right scanner: points agree with the reference scan to 1.4 mm (before: 39 mm).",
-            ),
-            Verdict::attention(
-                "Residuals of the right scanner follow a pattern along the drive: the mounting seems not to be constant.",
-            ),
-            Verdict::neutral(
-                "Two other drives, judged with the same mounting, agree to 1.5 mm and 1.6 mm.",
-            ),
-        ],
         inputs: vec![
             Fact {
                 label: "IMU".into(),
                 value: "imu.csv, 30 000 samples at 100 Hz, 300 s".into(),
             },
             Fact {
-                label: "Prism".into(),
-                value: "prism.csv, 2 100 positions at 7 Hz, σ 5 mm".into(),
-            },
-            Fact {
-                label: "Scanner left".into(),
+                label: "scanner left".into(),
                 value: "left.bin, 60 000 profiles at 200 Hz".into(),
             },
         ],
         mountings: vec![
-            table(
-                "left",
-                left,
-                mounting([1.2, -0.5, 0.5], [-145.0, 0.0, 90.0]),
-            ),
-            table(
-                "right",
-                right,
-                mounting([1.2, 0.65, 0.5], [145.0, 0.0, 90.0]),
-            ),
+            (MountingKind::Initial, initial),
+            (MountingKind::Final, result.poses()),
+            (MountingKind::Truth, truth),
         ],
-        distances: distances(),
-        trajectory: Some(TrajectoryFigure {
-            drives: vec![
-                drive("drive-1", 0.0),
-                drive("drive-2", 0.2),
-                drive("drive-3", 0.45),
-            ],
-            background_m: (0..20_000)
-                .map(|i| {
-                    let [x, y] = [4.0 + 4.2 * noise(3 * i), 3.0 + 3.4 * noise(3 * i + 1)];
-                    [x, y, 0.3 * (x * 0.9).sin().max(0.0)]
-                })
-                .collect(),
-            outlines: vec![
-                square(1.2, 1.2, "0°"),
-                square(3.2, 3.6, "15°"),
-                square(5.6, 1.4, "30°"),
-                square(1.4, 4.0, "45°"),
-                square(6.0, 4.2, "55°"),
-            ],
-        }),
-        maps: vec![
-            map("left to reference", "drive-1", n),
-            map("right to reference", "drive-1", n),
-            map("left against right", "drive-1", n),
+        result,
+        beside: vec![
+            (Variant::WithoutReference, without),
+            (Variant::ExactPoses, exact),
+            (Variant::Paper, paper),
         ],
-        methods: vec![method("reweighted", 7, 2), method("paper", 50, 31)],
-        correlation: Some(correlation()),
-        observability: vec![
-            Verdict::good("All twelve parameters can be found with the reference."),
-            Verdict::attention(
-                "Without a reference the common height of all scanners cannot be found: held at its initial value.",
-            ),
+        drives: vec![
+            drive("drive-1", 0.0, n),
+            drive("drive-2", 0.2, 50),
+            drive("drive-3", 0.45, 50),
         ],
-        residuals: Some(residuals()),
-        stages: [
-            ("read", 1.2),
-            ("trajectory", 0.9),
-            ("georeference", 4.3),
-            ("calibrate", 31.0),
-            ("compare", 12.5),
-        ]
-        .map(|(name, seconds)| StageTime {
-            name: name.into(),
-            seconds,
-        })
-        .into(),
-        peak_memory_bytes: Some(1_234_567_890),
+        background_m: (0..20_000)
+            .map(|i| {
+                let [x, y] = [4.0 + 4.2 * noise(3 * i), 3.0 + 3.4 * noise(3 * i + 1)];
+                Vec3::new(x, y, 0.3 * (x * 0.9).sin().max(0.0))
+            })
+            .collect(),
+        stages: stages
+            .map(|(name, seconds)| StageSeconds {
+                name: name.into(),
+                seconds,
+            })
+            .into(),
         warnings: vec!["left.bin: 12 profiles lie outside the trajectory and are left out".into()],
     }
 }

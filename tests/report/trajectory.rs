@@ -6,8 +6,8 @@ use crate::checker::{check_self_contained, check_well_formed};
 use crate::{keep, synthetic};
 use boresight::geometry::{Rotation, Vec3, WorldFromBody};
 use boresight::pipeline::result;
-use boresight::report::content::*;
-use boresight::report::diagnostics::{PoseSigmas, worst};
+use boresight::report::content::{Content, Drive};
+use boresight::report::diagnostics::worst;
 use boresight::report::render;
 use boresight::sensor::{ImuBias, PoseRecord, PoseSigma};
 use boresight::trajectory::Solution;
@@ -45,17 +45,15 @@ fn poses(count: usize, rate_hz: f64) -> Vec<PoseRecord> {
 }
 
 fn page(solution: Solution, poses: Vec<PoseRecord>) -> String {
+    let drive = Drive {
+        name: "drive-1".into(),
+        poses,
+        solution: Some(solution),
+        ..Drive::default()
+    };
     render(&Content {
         title: "Trajectory of drive-1".into(),
-        trajectory: Some(TrajectoryFigure {
-            drives: vec![DriveTrack {
-                name: "drive-1".into(),
-                sigmas: PoseSigmas::of(&poses),
-                solution: Some(solution),
-                poses,
-            }],
-            ..TrajectoryFigure::default()
-        }),
+        drives: &[drive],
         ..Content::default()
     })
 }
@@ -274,13 +272,11 @@ fn names_from_outside_stay_text_and_numbers_may_be_missing() {
 
 #[test]
 fn other_drives_are_folded_below_the_first() {
-    let mut content = synthetic::full(50);
-    let figure = content.trajectory.as_mut().expect("a trajectory");
-    for drive in &mut figure.drives {
-        drive.sigmas = PoseSigmas::of(&drive.poses);
+    let mut full = synthetic::full(50);
+    for drive in &mut full.drives {
         drive.solution = Some(solution(700, 7.0, 500));
     }
-    let page = render(&content);
+    let page = render(&full.content());
     check_well_formed(&page);
     check_self_contained(&page);
     let (shown, folded) = page

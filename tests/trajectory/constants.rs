@@ -1,9 +1,9 @@
 //! Constants estimated beside the poses: found where the drive determines them, named as
 //! undetermined where it does not.
 
+use super::consistency::twin;
 use super::rover::{rover_drive, simulated};
-use super::twin::twin;
-use super::{Logs, rms};
+use super::{Logs, difference, rms};
 use boresight::geometry::heading::wrap;
 use boresight::geometry::{Rotation, Vec3};
 use boresight::simulation::{Drive, Scenario, Scene};
@@ -99,16 +99,7 @@ fn undetermined(logs: &mut Logs, what: Constant, name: &str, project: f64) {
     println!("{c:?}");
     assert_eq!(c.sigma, None);
     assert_eq!(c.value, project);
-    let apart = plain
-        .trajectory
-        .nodes()
-        .iter()
-        .zip(found.trajectory.nodes())
-        .map(|(a, b)| {
-            let shift = a.world_from_body.translation_m - b.world_from_body.translation_m;
-            shift.norm()
-        })
-        .fold(0.0, f64::max);
+    let (apart, _) = difference(&plain.trajectory, &found.trajectory);
     println!("poses apart by {apart:.1e} m");
     assert!(apart < 1e-6, "{apart}");
 }
@@ -146,7 +137,7 @@ fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
     let (mut logs, truth) = twin(&scenario, &drive, 0);
     logs.settings.positions[0].station_m = Some(scenario.prism.station_m.into());
     let rmse_m = |found: &Estimate| {
-        let nodes = found.trajectory.nodes().iter().zip(&truth);
+        let nodes = found.trajectory.poses().iter().zip(&truth);
         rms(nodes.map(|(n, (p, _))| (n.world_from_body.translation_m - p).norm()))
     };
     let without_m = rmse_m(&logs.estimate());

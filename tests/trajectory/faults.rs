@@ -156,7 +156,7 @@ fn garbage_is_estimated_or_refused_but_never_panics_or_hangs() {
         match f.logs(&clean).try_estimate() {
             Ok(found) => {
                 estimated += 1;
-                let nodes = found.trajectory.nodes();
+                let nodes = found.trajectory.poses();
                 assert!(nodes.iter().all(|n| n.time_s.is_finite()));
             }
             Err(error) => {

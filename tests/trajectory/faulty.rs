@@ -1,8 +1,9 @@
 //! Drives with faults put in, and what the estimate makes of them.
 
-use super::{Logs, rms};
+use super::consistency::error;
+use super::{Logs, Truth, rms};
+use boresight::geometry::Vec3;
 use boresight::geometry::heading::wrap;
-use boresight::geometry::{Rotation, Vec3};
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix, Timed};
 use boresight::trajectory::{Estimate, RejectionReason};
 use rand::{RngExt, SeedableRng};
@@ -217,15 +218,13 @@ pub struct Outcome {
     pub stamps: [usize; 2],
 }
 
-pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> (Vec3, Rotation)) -> Outcome {
+pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outcome {
     let mut errors = Vec::new();
     let mut worst = [0.0f64; 2];
     let (mut worst_tilt, mut worst_yaw) = (0.0f64, 0.0f64);
-    for node in found.trajectory.nodes() {
-        let (p, r) = truth(node.time_s);
+    for node in found.trajectory.poses() {
         let sigma = node.sigma.expect("sigma");
-        let miss = node.world_from_body.translation_m - p;
-        let turn = (node.world_from_body.rotation * r.inverse()).scaled_axis();
+        let (miss, turn) = error(&node.world_from_body, &truth(node.time_s));
         let touched = f.is_touched(node.time_s);
         if !touched {
             errors.push(miss.norm());
@@ -251,7 +250,7 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> (Vec3, Rotatio
                     injected += 1;
                     let local = found
                         .trajectory
-                        .nodes()
+                        .poses()
                         .iter()
                         .min_by(|a, b| {
                             (a.time_s - time_s)

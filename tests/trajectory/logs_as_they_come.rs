@@ -78,7 +78,7 @@ fn fixes_outside_the_imu_are_ignored_and_counted() {
     let prism = found.solution.sensor("prism").expect("a prism");
     assert_eq!(prism.ignored, before);
     assert_eq!(prism.count, logs.prism.len() - before);
-    assert_eq!(found.trajectory.nodes().len(), logs.imu.len() + 1);
+    assert_eq!(found.trajectory.poses().len(), logs.imu.len() + 1);
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn axes_down_and_right_give_the_same_trajectory() {
     frd.settings.positions[0].lever_arm_m = swap(frd.settings.positions[0].lever_arm_m);
     let flu_from_frd = Rotation::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI);
     let (a, b) = (flu.estimate(), frd.estimate());
-    for (a, b) in a.trajectory.nodes().iter().zip(b.trajectory.nodes()) {
+    for (a, b) in a.trajectory.poses().iter().zip(b.trajectory.poses()) {
         let (a, b) = (a.world_from_body, b.world_from_body);
         // Both stop within a few percent of a standard deviation (1 mm, 1e-3 rad) of the minimum.
         assert!((a.translation_m - b.translation_m).norm() < 2e-5);
@@ -108,7 +108,7 @@ fn an_outage_of_the_prism_is_bridged_and_its_sigma_grows() {
     logs.prism.retain(|f| !(20.0..30.0).contains(&f.time_s));
     let found = logs.estimate();
     assert!(found.solution.converged);
-    let nodes = found.trajectory.nodes();
+    let nodes = found.trajectory.poses();
     let sigma = |time_s: f64| {
         nodes[(time_s / 0.02) as usize]
             .sigma
@@ -132,7 +132,7 @@ fn without_headings_the_motion_finds_the_yaw_as_well_as_it_says() {
     logs.heading.clear();
     let found = logs.estimate();
     let mut worst = 0.0f64;
-    for (node, (_, r)) in found.trajectory.nodes().iter().zip(&truth).step_by(100) {
+    for (node, (_, r)) in found.trajectory.poses().iter().zip(&truth).step_by(100) {
         let miss = (node.world_from_body.rotation * r.inverse())
             .scaled_axis()
             .z

@@ -1,8 +1,9 @@
 //! The online smoother: against the batch, against truth, and on logs as they come.
 
-use super::pose_case::pose_case;
+use super::consistency::PoseErrors;
+use super::pose_case::{self, IMU_HZ, pose_case};
 use super::rover::rover_drive;
-use super::{Logs, common, numbers, quaternion, rms, vec3};
+use super::{Logs, difference, difference_of_sigmas, rms};
 use boresight::progress::Silent;
 use boresight::trajectory::{
     Estimate, Online, OnlineOptions, RejectionReason, Thresholds, Trajectory, Update,
@@ -62,24 +63,6 @@ fn replay(logs: &Logs, options: OnlineOptions) -> (Online, Vec<Update>) {
     (online, all)
 }
 
-/// Largest differences of position (m) and attitude (rad) of poses at the same times.
-fn difference(a: &Trajectory, b: &Trajectory) -> (f64, f64) {
-    let mut largest = (0.0f64, 0.0f64);
-    for (a, b) in a.nodes().iter().zip(b.nodes()) {
-        assert!(
-            (a.time_s - b.time_s).abs() < 1e-6,
-            "{} {}",
-            a.time_s,
-            b.time_s
-        );
-        let (pa, pb) = (a.world_from_body, b.world_from_body);
-        let apart_m = (pa.translation_m - pb.translation_m).norm();
-        largest.0 = largest.0.max(apart_m);
-        largest.1 = largest.1.max(pa.rotation.angle_to(&pb.rotation));
-    }
-    largest
-}
-
 fn finished_is_batch(logs: &Logs) {
     let (online, updates) = replay(logs, OnlineOptions::default());
     let rejected: usize = updates.iter().map(|u| u.rejected.len()).sum();
@@ -90,7 +73,7 @@ fn finished_is_batch(logs: &Logs) {
         ..
     } = online.finish(&Silent).expect("the whole trajectory");
     assert!(solution.converged);
-    assert_eq!(trajectory.nodes().len(), batch.trajectory.nodes().len());
+    assert_eq!(trajectory.poses().len(), batch.trajectory.poses().len());
     let (position_m, rotation_rad) = difference(&trajectory, &batch.trajectory);
     println!(
         "finished against batch: {position_m:.1e} m, {rotation_rad:.1e} rad, {} iterations (batch \
@@ -113,9 +96,7 @@ fn a_finished_rover_drive_is_that_of_the_batch() {
 
 #[test]
 fn a_finished_drive_of_five_minutes_is_that_of_the_batch() {
-    if let Some(folder) = common::shared_data("pose_case") {
-        finished_is_batch(&pose_case(&folder));
-    }
+    finished_is_batch(&pose_case());
 }
 
 /// Every node linearised anew at every update, through the whole drive: the incremental
@@ -126,7 +107,7 @@ fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
     logs.settings.zero_velocity = false;
     // Both sum up the IMU about what they know of its biases at the time, the batch at its start:
     // without biases that is the same.
-    let bias = logs.estimate().trajectory.nodes()[1500]
+    let bias = logs.estimate().trajectory.poses()[1500]
         .bias
         .expect("a bias");
     for sample in &mut logs.imu {
@@ -142,7 +123,7 @@ fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
     let (mut online, updates) = replay(&logs, options);
     assert!(online.rejections().is_empty(), "{:?}", online.rejections());
     // The last pose stands at the last fix, the others at samples.
-    let mut poses = online.full().expect("a trajectory").nodes().to_vec();
+    let mut poses = online.full().expect("a trajectory").poses().to_vec();
     poses.pop();
     let found = Trajectory::new(poses).expect("a trajectory");
     // The batch of what the smoother has seen: to the last node.
@@ -154,29 +135,16 @@ fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
     println!("chain against batch: {position_m:.1e} m, {rotation_rad:.1e} rad");
     assert!(position_m < 1e-6, "{position_m}");
     assert!(rotation_rad < 1e-6, "{rotation_rad}");
-    let sigma_ratio = found
-        .nodes()
-        .iter()
-        .zip(batch.trajectory.nodes())
-        .map(|(a, b)| {
-            let (a, b) = (a.sigma.expect("sigma"), b.sigma.expect("sigma"));
-            let position = a.position_m.component_div(&b.position_m).add_scalar(-1.0);
-            let rotation = a.rotation_rad.component_div(&b.rotation_rad);
-            position.amax().max(rotation.add_scalar(-1.0).amax())
-        })
-        .fold(0.0, f64::max);
+    let sigma_ratio = difference_of_sigmas(&found, &batch.trajectory);
     println!("sigmas differ by {sigma_ratio:.1e} of themselves");
     assert!(sigma_ratio < 1e-3, "{sigma_ratio}");
 }
 
-/// The newest pose at every update against truth; the figures are those of gtsam's iSAM2 on the
-/// same logs.
+/// The newest pose at every update against truth; gtsam's iSAM2 on the same logs comes to 4.25 mm,
+/// 0.105° of tilt and 0.082° of yaw.
 #[test]
-fn newest_poses_are_as_good_as_those_of_isam2() {
-    let Some(folder) = common::shared_data("pose_case") else {
-        return;
-    };
-    let logs = pose_case(&folder);
+fn newest_poses_are_better_than_those_of_isam2() {
+    let logs = pose_case();
     let mut times: Vec<f64> = Vec::new();
     let mut updates: Vec<Update> = Vec::new();
     replay_late(&logs, OnlineOptions::default(), [0.0; 3], |new, took_s| {
@@ -185,27 +153,15 @@ fn newest_poses_are_as_good_as_those_of_isam2() {
         }
         updates.extend_from_slice(new);
     });
-    let truth = numbers(&folder.join("truth.csv"));
-    let (mut position, mut tilt, mut yaw, mut inside) = (vec![], vec![], vec![], [0usize; 6]);
+    let truth = pose_case::truth();
+    let mut errors = PoseErrors::default();
     for update in &updates {
-        let at = truth.partition_point(|t| t[0] < update.pose.time_s - 1e-6);
-        let t = &truth[at];
-        assert!((t[0] - update.pose.time_s).abs() < 1e-6);
-        let pose = update.pose.world_from_body;
-        let dp = pose.translation_m - vec3(t, 1);
-        let dr = (pose.rotation * quaternion(t, 4).inverse()).scaled_axis();
-        let sigma = update.pose.sigma.expect("standard deviations");
-        for axis in 0..3 {
-            inside[axis] += usize::from(dp[axis].abs() < 1.96 * sigma.position_m[axis]);
-            inside[3 + axis] += usize::from(dr[axis].abs() < 1.96 * sigma.rotation_rad[axis]);
-        }
-        position.push(dp.norm());
-        tilt.push(dr.xy().norm());
-        yaw.push(dr.z);
+        let at = (update.pose.time_s * IMU_HZ).round();
+        assert!((at / IMU_HZ - update.pose.time_s).abs() < 1e-6);
+        errors.add(&update.pose, &truth[at as usize]);
     }
-    let position_mm = rms(position.iter().copied()) * 1e3;
-    let tilt_deg = rms(tilt.iter().copied()).to_degrees();
-    let yaw_deg = rms(yaw.iter().copied()).to_degrees();
+    let (position_mm, tilt_deg, yaw_deg) =
+        (errors.position_mm(), errors.tilt_deg(), errors.yaw_deg());
     let relinearised: usize = updates.iter().map(|u| u.relinearised).sum();
     let eliminated: usize = updates.iter().map(|u| u.eliminated).sum();
     let rejected: usize = updates.iter().map(|u| u.rejected.len()).sum();
@@ -215,10 +171,7 @@ fn newest_poses_are_as_good_as_those_of_isam2() {
         updates.len(),
         updates[0].pose.time_s,
     );
-    println!(
-        "inside {:.3?}",
-        inside.map(|n| n as f64 / updates.len() as f64)
-    );
+    println!("inside {:.3?}", errors.inside());
     times.remove(0);
     times.sort_by(f64::total_cmp);
     let at = |q: f64| times[((times.len() - 1) as f64 * q).ceil() as usize];
@@ -228,9 +181,9 @@ fn newest_poses_are_as_good_as_those_of_isam2() {
         at(0.999),
         at(1.0)
     );
-    assert!(position_mm <= 4.3, "{position_mm}");
-    assert!(yaw_deg <= 0.081, "{yaw_deg}");
-    assert!(tilt_deg <= 0.11, "{tilt_deg}");
+    assert!(position_mm <= 4.0, "{position_mm}");
+    assert!(tilt_deg <= 0.08, "{tilt_deg}");
+    assert!(yaw_deg <= 0.08, "{yaw_deg}");
     // It starts within seconds, and misses no fix after.
     assert!(updates[0].pose.time_s < 5.0);
     assert!(updates.len() as f64 > 0.99 * (300.0 - 5.0) / 0.14);
@@ -410,15 +363,12 @@ fn what_makes_no_sense_is_an_error() {
     assert!(online.finish(&Silent).is_err());
 }
 
-/// An hour: the cost of the last minute against that of the first. Not asserted, as other programs
-/// share the machine; `just online` prints it.
+/// An hour: the cost of the last minute against that of the first. Other programs may share the
+/// machine, so that only what grows with the drive fails; `just online` prints it.
 #[test]
-#[ignore = "prints times"]
+#[ignore = "measures times"]
 fn cost_is_flat_over_an_hour() {
-    let Some(folder) = common::shared_data("pose_case") else {
-        return;
-    };
-    let logs = an_hour(&pose_case(&folder));
+    let logs = an_hour(&pose_case());
     let mut minutes: Vec<Vec<f64>> = vec![Vec::new(); 61];
     let mut all = Vec::new();
     replay_late(&logs, OnlineOptions::default(), [0.0; 3], |new, took_s| {
@@ -438,6 +388,7 @@ fn cost_is_flat_over_an_hour() {
         super::quantile(&mut all.clone(), 1.0),
         last / first
     );
+    assert!(last < 3.0 * first);
 }
 
 /// The drive over and over, forth and back in time: velocities and rates change sign, forces stay.

@@ -2,38 +2,31 @@
 //! that a fault does not touch stays as good, and what was put in is named.
 
 use super::faulty::{Faulty, Outcome, judge};
-use super::pose_case::pose_case;
-use super::{Logs, common, numbers, quaternion, vec3};
-use boresight::geometry::{Rotation, Vec3};
+use super::pose_case::{self, IMU_HZ, pose_case};
+use super::{Logs, Truth};
 use boresight::trajectory::Estimate;
 
-const IMU_HZ: f64 = 100.0;
 const JUMP_AT_S: f64 = 200.0;
 const JUMP_S: f64 = 0.5;
 
 /// The drive, its truth, and how good the poses are without a fault.
 struct Case {
     clean: Logs,
-    truth: Vec<(Vec3, Rotation)>,
+    truth: Vec<Truth>,
     best: Estimate,
 }
 
 impl Case {
-    fn read() -> Option<Self> {
-        let folder = common::shared_data("pose_case")?;
-        let clean = pose_case(&folder);
-        let truth = numbers(&folder.join("truth.csv"));
-        Some(Self {
+    fn read() -> Self {
+        let clean = pose_case();
+        Self {
             best: clean.estimate(),
-            truth: truth
-                .iter()
-                .map(|t| (vec3(t, 1), quaternion(t, 4)))
-                .collect(),
+            truth: pose_case::truth(),
             clean,
-        })
+        }
     }
 
-    fn truth(&self, time_s: f64) -> (Vec3, Rotation) {
+    fn truth(&self, time_s: f64) -> Truth {
         self.truth[((time_s * IMU_HZ).round() as usize).min(self.truth.len() - 1)]
     }
 
@@ -76,9 +69,7 @@ fn clock_set_ahead(f: &mut Faulty) {
 
 #[test]
 fn each_fault_of_the_five_minutes_is_survived_and_named() {
-    let Some(case) = Case::read() else {
-        return;
-    };
+    let case = Case::read();
     // 2100 fixes and 1500 headings, one in ten spoilt: far from none.
     let (_, o) = case.holds("prism outliers", |f| f.prism_outliers_up_to(1.0));
     assert!(o.injected > 100, "{o:?}");
@@ -107,9 +98,7 @@ fn each_fault_of_the_five_minutes_is_survived_and_named() {
 
 #[test]
 fn a_prism_clock_set_ahead_is_found_with_place_and_size() {
-    let Some(case) = Case::read() else {
-        return;
-    };
+    let case = Case::read();
     assert!(case.best.solution.clock_jumps.is_empty());
     let (found, _) = case.holds("prism clock", clock_set_ahead);
     let jumps = &found.solution.clock_jumps;
@@ -126,9 +115,7 @@ fn a_prism_clock_set_ahead_is_found_with_place_and_size() {
 
 #[test]
 fn fixes_come_back_when_the_clock_is_right() {
-    let Some(case) = Case::read() else {
-        return;
-    };
+    let case = Case::read();
     let (_, o) = case.holds("prism clock", clock_set_ahead);
     few_good_records_are_rejected(&o);
 }

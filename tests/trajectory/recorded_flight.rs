@@ -1,6 +1,8 @@
 //! EuRoC V2_03: real inertial data, positions and yaw decimated from a motion capture system.
 
-use super::{Logs, common, quantile, quaternion, rms, vec3};
+use super::common::external_data;
+use super::consistency::error;
+use super::{Logs, quantile, quaternion, rms, vec3};
 use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
@@ -10,7 +12,6 @@ use boresight::trajectory::{
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::path::Path;
 use std::time::Instant;
 
 /// Into forward, left, up: the file's axes are up, right, forward.
@@ -29,11 +30,12 @@ struct Flight {
     truth: Vec<(f64, Vec3, Rotation)>,
 }
 
-fn euroc(folder: &Path) -> Flight {
+fn euroc() -> Flight {
     let origin_ns: i128 = 1_413_394_881_000_000_000;
     // Nanoseconds since 1970 do not fit f64: read the time as an integer.
     let rows = |name: &str| -> Vec<(f64, Vec<f64>)> {
-        let text = std::fs::read_to_string(folder.join(name)).expect("readable file");
+        let path = external_data(&format!("euroc_v2_03/{name}"));
+        let text = std::fs::read_to_string(path).expect("text");
         text.lines()
             .filter(|line| !line.starts_with('#'))
             .map(|line| {
@@ -138,7 +140,7 @@ fn euroc(folder: &Path) -> Flight {
 fn latency_by_turning(flight: &Flight) -> f64 {
     const SPAN: usize = 5;
     let found = flight.logs.estimate();
-    let nodes = found.trajectory.nodes();
+    let nodes = found.trajectory.poses();
     let biases = nodes.iter().filter_map(|n| n.bias).map(|b| b.gyro_rad_s);
     let bias = biases.sum::<Vec3>() / nodes.len() as f64;
     // The angle turned up to each sample's start; a sample holds until the next.
@@ -177,11 +179,9 @@ fn latency_by_turning(flight: &Flight) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(has_data), ignore = "BORESIGHT_DATA is not set")]
 fn recorded_flight_is_followed_between_the_fixes() {
-    let Some(folder) = common::shared_data("euroc_v2_03") else {
-        return;
-    };
-    let flight = euroc(&folder);
+    let flight = euroc();
     let begun = Instant::now();
     let found = flight.logs.estimate();
     println!(
@@ -189,14 +189,14 @@ fn recorded_flight_is_followed_between_the_fixes() {
         found.solution,
         begun.elapsed().as_secs_f64()
     );
-    let mut error = vec![];
+    let mut errors = vec![];
     for (t, p, r) in &flight.truth {
         if let Some(pose) = found.trajectory.pose_at(*t) {
-            let turn = (pose.rotation * r.inverse()).scaled_axis();
-            error.push((*t, pose.translation_m - p, turn));
+            let (shift, turn) = error(&pose, &(*p, *r));
+            errors.push((*t, shift, turn));
         }
     }
-    let position_mm = rms(error.iter().map(|e| e.1.norm())) * 1e3;
+    let position_mm = rms(errors.iter().map(|e| e.1.norm())) * 1e3;
     let nearest = |t: f64| {
         let fixes = &flight.logs.prism;
         let i = fixes
@@ -206,24 +206,27 @@ fn recorded_flight_is_followed_between_the_fixes() {
             .abs()
             .min((t - fixes[i - 1].time_s).abs())
     };
-    let at_mm = rms(error
+    let at_mm = rms(errors
         .iter()
         .filter(|e| nearest(e.0) < 0.005)
         .map(|e| e.1.norm()))
         * 1e3;
-    let between_mm = rms(error
+    let between_mm = rms(errors
         .iter()
         .filter(|e| nearest(e.0) > 0.06)
         .map(|e| e.1.norm()))
         * 1e3;
-    let mut p: Vec<f64> = error.iter().map(|e| e.1.norm() * 1e3).collect();
-    let mut tilt: Vec<f64> = error.iter().map(|e| e.2.xy().norm().to_degrees()).collect();
-    let mut yaw: Vec<f64> = error.iter().map(|e| e.2.z.abs().to_degrees()).collect();
-    let turn = error.iter().map(|e| e.2).sum::<Vec3>() / error.len() as f64;
+    let mut p: Vec<f64> = errors.iter().map(|e| e.1.norm() * 1e3).collect();
+    let mut tilt: Vec<f64> = errors
+        .iter()
+        .map(|e| e.2.xy().norm().to_degrees())
+        .collect();
+    let mut yaw: Vec<f64> = errors.iter().map(|e| e.2.z.abs().to_degrees()).collect();
+    let turn = errors.iter().map(|e| e.2).sum::<Vec3>() / errors.len() as f64;
     println!(
         "n {} position rmse {position_mm:.2} mm (at fixes {at_mm:.2}, between {between_mm:.2}), \
          median {:.2}, 95 % {:.2}, max {:.2}; mean rotation about e, n, u {:.2?}°",
-        error.len(),
+        errors.len(),
         quantile(&mut p, 0.5),
         quantile(&mut p, 0.95),
         quantile(&mut p, 1.0),
@@ -232,7 +235,7 @@ fn recorded_flight_is_followed_between_the_fixes() {
     let (tilt, yaw) = (quantile(&mut tilt, 0.5), quantile(&mut yaw, 0.5));
     println!("tilt median {tilt:.3}°, yaw median {yaw:.3}°");
     assert!(found.solution.converged);
-    assert!(position_mm <= 10.0 && at_mm <= 10.0 && between_mm <= 10.0);
+    assert!(position_mm <= 5.0 && at_mm <= 5.0 && between_mm <= 5.0);
     assert!(tilt <= 1.0);
     assert!(yaw <= 1.0);
 }
@@ -249,15 +252,13 @@ fn errors_outside(flight: &Flight, logs: &Logs, away: (f64, f64)) -> (f64, Estim
 }
 
 #[test]
+#[cfg_attr(not(has_data), ignore = "BORESIGHT_DATA is not set")]
 fn recorded_flight_survives_displaced_fixes_and_an_outage() {
-    let Some(folder) = common::shared_data("euroc_v2_03") else {
-        return;
-    };
-    let flight = euroc(&folder);
+    let flight = euroc();
     let middle = flight.truth[flight.truth.len() / 2].0;
     let away = (middle - 10.0, middle + 10.0);
     for seed in 0..3 {
-        let mut logs = euroc(&folder).logs;
+        let mut logs = euroc().logs;
         logs.prism.retain(|f| !(away.0..away.1).contains(&f.time_s));
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut displaced = vec![];
@@ -275,20 +276,18 @@ fn recorded_flight_survives_displaced_fixes_and_an_outage() {
         };
         println!("seed {seed}: {rmse_mm:.2} mm outside the outage");
         assert!(found.solution.converged);
-        assert!(rmse_mm <= 12.0, "{rmse_mm}");
+        assert!(rmse_mm <= 5.2, "{rmse_mm}");
         assert!(displaced.iter().all(rejected), "seed {seed}");
     }
 }
 
 #[test]
+#[cfg_attr(not(has_data), ignore = "BORESIGHT_DATA is not set")]
 fn recorded_flight_finds_lever_arm_and_latency_from_any_side() {
-    let Some(folder) = common::shared_data("euroc_v2_03") else {
-        return;
-    };
-    let flight = euroc(&folder);
+    let flight = euroc();
     let arm = flight.logs.settings.positions[0].lever_arm_m;
     let found = [0.0, 1.0, -1.0].map(|sign| {
-        let mut logs = euroc(&folder).logs;
+        let mut logs = euroc().logs;
         logs.settings.positions[0].lever_arm_m += Vec3::new(0.6, -0.64, 0.48) * (0.05 * sign);
         logs.prism.iter_mut().for_each(|f| f.time_s += 0.05 * sign);
         logs.settings.estimate = vec![Constant::TimeOffset(0), Constant::LeverArm(0)];

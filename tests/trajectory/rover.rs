@@ -1,6 +1,7 @@
 //! Many simulated drives: do the claimed standard deviations cover the errors?
 
-use super::Logs;
+use super::consistency::PoseErrors;
+use super::{Logs, Truth};
 use boresight::geometry::heading::{heading_rad, wrap};
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
@@ -34,16 +35,12 @@ pub fn slow_rover(time_s: f64) -> (Vec3, Rotation) {
 }
 
 /// A simulated minute: logs, and the truth at the nodes.
-pub fn rover_drive(seed: u64) -> (Logs, Vec<(Vec3, Rotation)>) {
+pub fn rover_drive(seed: u64) -> (Logs, Vec<Truth>) {
     simulated(seed, rover, 3000)
 }
 
 /// `count` IMU samples at 50 Hz along a motion with the other logs, and the truth at the nodes.
-pub fn simulated(
-    seed: u64,
-    rover: fn(f64) -> (Vec3, Rotation),
-    count: u32,
-) -> (Logs, Vec<(Vec3, Rotation)>) {
+pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (Logs, Vec<Truth>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
     let mut noise3 = |sigma: f64| Vec3::new(normal(), normal(), normal()) * sigma;
@@ -134,34 +131,17 @@ pub fn simulated(
 fn claimed_standard_deviations_cover_the_errors_of_many_drives() {
     // 40 drives of a minute hold at least a few hundred independent errors of each kind: the
     // share inside 95 % is known to about 2 %, and 4 % is the bound of the requirement.
-    let (mut inside, mut count) = ([0usize; 6], 0);
-    let mut squares = [0.0; 6];
+    let mut errors = PoseErrors::default();
     for seed in 0..40 {
         let (logs, truth) = rover_drive(seed);
         let found = logs.estimate();
         assert!(found.solution.converged, "seed {seed}: {}", found.solution);
-        for (node, (p, r)) in found.trajectory.nodes().iter().zip(&truth).step_by(25) {
-            let sigma = node.sigma.expect("standard deviations");
-            let dp = node.world_from_body.translation_m - p;
-            let dr = (node.world_from_body.rotation * r.inverse()).scaled_axis();
-            for axis in 0..3 {
-                let normalised = [
-                    dp[axis] / sigma.position_m[axis],
-                    dr[axis] / sigma.rotation_rad[axis],
-                ];
-                for (kind, x) in normalised.iter().enumerate() {
-                    inside[3 * kind + axis] += usize::from(x.abs() < 1.96);
-                    squares[3 * kind + axis] += x * x;
-                }
-            }
-            count += 1;
+        for (node, truth) in found.trajectory.poses().iter().zip(&truth).step_by(25) {
+            errors.add(node, truth);
         }
     }
-    let share = inside.map(|n| n as f64 / f64::from(count));
-    println!(
-        "inside {share:.3?}, rms {:.3?}",
-        squares.map(|s| (s / f64::from(count)).sqrt())
-    );
+    let share = errors.inside();
+    println!("inside {share:.3?}, rms {:.3?}", errors.normalised());
     for x in share {
         assert!((x - 0.95).abs() <= 0.04, "{share:?}");
     }

@@ -1,14 +1,16 @@
 //! A project in words: every value with its unit, and what will be done.
 
+mod lines;
 mod motion;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::calibration::{CalibrationSettings, Method, PARAMETER_NAMES};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{BodyAxes, EulerConvention, Vec3};
+use crate::geometry::{BodyAxes, EulerConvention};
 use crate::project::{Motion, Project, Scanner};
+use lines::{Lines, millimetres, short, vector};
 
 /// Everything about `project` as text.
 pub(super) fn project(project: &Project) -> String {
@@ -97,43 +99,6 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
     }
     steps.push("write the report".to_owned());
     steps
-}
-
-/// Lines of names and values under headings.
-struct Lines {
-    text: String,
-    /// Files in it are named relative to it.
-    folder: PathBuf,
-}
-
-impl Lines {
-    fn section(&mut self, name: &str) {
-        self.text.push_str(&format!("\n{name}\n"));
-    }
-
-    fn value(&mut self, name: &str, value: impl std::fmt::Display) {
-        self.text.push_str(&format!("  {name:<24}{value}\n"));
-    }
-
-    fn file(&mut self, name: &str, path: &Path) {
-        let path = path
-            .strip_prefix(&self.folder)
-            .unwrap_or(path)
-            .display()
-            .to_string();
-        self.value(name, path);
-    }
-
-    fn log(&mut self, path: &Path, time_offset_s: f64) {
-        self.file("file", path);
-        self.offset(time_offset_s);
-    }
-
-    fn offset(&mut self, seconds: f64) {
-        if seconds != 0.0 {
-            self.value("time offset", format!("{} s (added)", short(seconds)));
-        }
-    }
 }
 
 fn scanner_of(lines: &mut Lines, scanner: &Scanner) {
@@ -232,23 +197,4 @@ fn comparison_of(lines: &mut Lines, settings: &ComparisonSettings) {
             format!("{} or more", settings.min_points),
         );
     }
-}
-
-fn millimetres(metres: f64) -> String {
-    format!("{} mm", short(metres * 1e3))
-}
-
-fn degrees(angle_rad: f64) -> String {
-    format!("{}°", short(angle_rad.to_degrees()))
-}
-
-fn vector(v: &Vec3) -> String {
-    [v.x, v.y, v.z].map(short).join(", ")
-}
-
-/// To a millionth, without the zeros that add nothing.
-fn short(value: f64) -> String {
-    let text = format!("{value:.6}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0" } else { text }.to_owned()
 }

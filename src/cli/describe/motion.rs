@@ -1,6 +1,6 @@
 //! Logs, poses and the bounds on their sigmas, in words.
 
-use super::{Lines, degrees, millimetres, short, vector};
+use super::lines::{Lines, degrees, millimetres, short, vector};
 use crate::project::{Logs, PosesFile, PositionLog};
 use crate::sensor::{Observations, TotalStation, VerticalAngle};
 use crate::trajectory::{Loss, Nodes, PoseLimits, PositionKind, PositionSettings};

@@ -5,7 +5,7 @@ use std::hash::Hasher;
 
 use rayon::prelude::*;
 
-use super::VoxelHasher;
+use super::keys::VoxelHasher;
 use crate::geometry::Vec3;
 
 /// What a voxel is called.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::thin;
+use super::thinning::thin;
 use crate::geometry::Vec3;
 
 /// Points that are taken in before they are thinned for the first time: less than 2 GB with all

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use rayon::prelude::*;
 
+use super::keys::squared_distance_to_centre;
 use super::numbering::{Numbering, Packed, Whole};
-use super::squared_distance_to_centre;
 use crate::geometry::Vec3;
 
 /// Points dealt at a time: they and their entries stay in a core's cache, and what a bucket gets

@@ -1,6 +1,6 @@
 //! Times and ranges of a stream, gathered as it is read.
 
-use super::{Bounds, Gap, Inspection};
+use super::inspection::{Bounds, Gap, Inspection};
 use crate::statistics::median;
 
 /// Gaps remembered.
@@ -22,7 +22,7 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    pub(super) fn see(&mut self, time_s: f64) {
+    fn see(&mut self, time_s: f64) {
         let span = self.span.get_or_insert([time_s; 2]);
         *span = [span[0].min(time_s), span[1].max(time_s)];
         let Some(last) = self.last.replace(time_s) else {
@@ -51,7 +51,7 @@ impl Clock {
         }
     }
 
-    pub(super) fn report(mut self, into: &mut Inspection) {
+    fn report(mut self, into: &mut Inspection) {
         into.span_s = self.span;
         if self.backwards > 0 {
             into.notes.push(format!(
@@ -70,22 +70,37 @@ impl Clock {
     }
 }
 
-/// Gathers the ranges of named columns.
-pub(super) struct Ranges(Vec<Bounds>);
+/// Gathers the records of a stream: how many there are, their times, and the ranges of named
+/// columns.
+pub(super) struct Gather {
+    pub(super) count: u64,
+    pub(super) clock: Clock,
+    bounds: Vec<Bounds>,
+}
 
-impl Ranges {
+impl Gather {
+    /// Of records that hold `names` beside their time.
     pub(super) fn of(names: &[&str]) -> Self {
         let bounds = |name: &&str| Bounds {
             column: (*name).to_owned(),
             min: f64::INFINITY,
             max: f64::NEG_INFINITY,
         };
-        Self(names.iter().map(bounds).collect())
+        Self {
+            count: 0,
+            clock: Clock::default(),
+            bounds: names.iter().map(bounds).collect(),
+        }
     }
 
-    pub(super) fn see(&mut self, values: impl IntoIterator<Item = f64>) {
-        for (bounds, value) in self.0.iter_mut().zip(values) {
-            // Both are false for NaN, which stands for an empty cell.
+    /// Takes in a record; NaN stands for what it does not hold.
+    pub(super) fn see(&mut self, time_s: f64, values: impl IntoIterator<Item = f64>) {
+        self.count += 1;
+        if !time_s.is_nan() {
+            self.clock.see(time_s);
+        }
+        for (bounds, value) in self.bounds.iter_mut().zip(values) {
+            // Both are false for NaN.
             if value < bounds.min {
                 bounds.min = value;
             }
@@ -95,8 +110,10 @@ impl Ranges {
         }
     }
 
-    pub(super) fn report(self, into: &mut Inspection) {
-        into.bounds = self.0;
-        into.bounds.retain(|b| b.min <= b.max);
+    pub(super) fn report(mut self, into: &mut Inspection) {
+        self.bounds.retain(|b| b.min <= b.max);
+        into.bounds = self.bounds;
+        into.count = self.count;
+        self.clock.report(into);
     }
 }

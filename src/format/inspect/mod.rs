@@ -1,64 +1,26 @@
 //! What a file holds, in numbers with units, without keeping it in memory.
 
 mod gather;
+mod inspection;
 
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::detect::TABLES;
+use super::cloud::read_cloud;
+use super::detect::{Format, TABLES, detect};
 use super::las::{LasFile, PoseColumns, extra_names};
-use super::table::Table;
-use super::{CHUNK_POINTS, Format, detect, open_profiles, read_cloud, read_trajectory, sbet};
+use super::mounting::read_mounting;
+use super::profile::open_profiles;
+use super::sbet;
+use super::table::{Columns, Table};
+use super::trajectory::read_trajectory;
 use crate::error::{Error, Result};
+use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
-use gather::{Clock, Ranges};
+use gather::Gather;
+pub use inspection::{Bounds, Gap, Inspection};
 
-/// An interval of time that is much longer than the others.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Gap {
-    /// Last time before it, seconds.
-    pub start_s: f64,
-    /// Its length, seconds.
-    pub duration_s: f64,
-}
-
-/// The least and the greatest value of a column; its unit is the end of its name.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Bounds {
-    /// Name with unit.
-    pub column: String,
-    /// Least value.
-    pub min: f64,
-    /// Greatest value.
-    pub max: f64,
-}
-
-/// What a file holds.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Inspection {
-    /// The file.
-    pub path: PathBuf,
-    /// Its format.
-    pub format: Format,
-    /// Its size.
-    pub bytes: u64,
-    /// Rows, samples, poses or points.
-    pub count: u64,
-    /// Distinct times, where rows are in time order.
-    pub epochs: Option<u64>,
-    /// First and last time, seconds.
-    pub span_s: Option<[f64; 2]>,
-    /// One over the median interval between distinct times, hertz.
-    pub rate_hz: Option<f64>,
-    /// The longest gaps of more than five median intervals, longest first; ten at most.
-    pub gaps: Vec<Gap>,
-    /// Range of each column.
-    pub bounds: Vec<Bounds>,
-    /// Names of the columns or fields in the file.
-    pub columns: Vec<String>,
-    /// What else the user should know.
-    pub notes: Vec<String>,
-}
+/// Columns of points.
+const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 
 /// Reads a file through and says what it holds.
 ///
@@ -66,7 +28,7 @@ pub struct Inspection {
 /// Whatever its reader finds wrong, and project files, which are no data.
 pub fn inspect(path: &Path) -> Result<Inspection> {
     let format = detect(path)?;
-    let (_, bytes) = super::open(path)?;
+    let (_, bytes) = open(path)?;
     let mut report = Inspection {
         path: path.to_owned(),
         format,
@@ -101,11 +63,7 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
     Ok(report)
 }
 
-fn inspect_table(
-    path: &Path,
-    columns: &super::table::Columns,
-    report: &mut Inspection,
-) -> Result<()> {
+fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Result<()> {
     let wanted: Vec<&str> = columns
         .needed
         .iter()
@@ -117,21 +75,16 @@ fn inspect_table(
     let range = find(["slope_distance_m", "slope_dist_m"]);
     let mut without_range = 0;
     let mut table = Table::open(path, columns)?;
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&wanted));
+    let mut seen = Gather::of(&wanted);
     let mut row = vec![0.0; wanted.len()];
     while table.next_row(&mut row)? {
-        report.count += 1;
-        if let Some(time_s) = time.map(|i| row[i]).filter(|t| !t.is_nan()) {
-            clock.see(time_s);
-        }
-        if range.is_some_and(|i| row[i] <= 0.0) {
-            without_range += 1;
-        } else {
-            ranges.see(row.iter().copied());
-        }
+        let has_range = !range.is_some_and(|i| row[i] <= 0.0);
+        without_range += usize::from(!has_range);
+        let values = if has_range { &row[..] } else { &[] };
+        seen.see(time.map_or(f64::NAN, |i| row[i]), values.iter().copied());
     }
-    if report.count == 0 {
-        return Err(super::nothing_in(path, "row"));
+    if seen.count == 0 {
+        return Err(nothing_in(path, "row"));
     }
     if without_range > 0 {
         report.notes.push(format!(
@@ -153,12 +106,11 @@ fn inspect_table(
         _ => {}
     }
     report.columns = table.names().to_vec();
-    ranges.report(report);
+    let repeated = seen.clock.repeated;
+    seen.report(report);
     if let Some(time) = time {
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
     }
-    let repeated = clock.repeated;
-    clock.report(report);
     // Of profiles and clouds many points share a time, of logs no two records should.
     let is_log = matches!(
         report.format,
@@ -176,69 +128,50 @@ fn inspect_table(
 fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut reader = open_profiles(path)?;
     let mut chunk = Vec::new();
-    let (mut clock, mut ranges) = (
-        Clock::default(),
-        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
-    );
+    let mut seen = Gather::of(&POINT);
     while reader.next_chunk(&mut chunk)? {
-        report.count += chunk.len() as u64;
         for point in &chunk {
-            clock.see(point.time_s);
             let p = &point.position_m;
-            ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
+            seen.see(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         }
     }
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&["x_m", "y_m", "z_m"]));
+    let mut seen = Gather::of(&POINT[..3]);
     for pose in read_trajectory(path)? {
-        report.count += 1;
-        clock.see(pose.time_s);
-        ranges.see(pose.world_from_body.translation_m.iter().copied());
+        let position = pose.world_from_body.translation_m;
+        seen.see(pose.time_s, position.iter().copied());
     }
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
-    let (mut clock, mut ranges) = (Clock::default(), Ranges::of(&sbet::COLUMNS[1..]));
+    let mut seen = Gather::of(&sbet::COLUMNS[1..]);
     sbet::for_each(path, |row| {
-        report.count += 1;
-        clock.see(row[0]);
-        ranges.see(row[1..].iter().copied());
+        seen.see(row[0], row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
     report.notes.push(
         "geographic positions and a wander azimuth: export projected coordinates to use it"
             .to_owned(),
     );
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut file = LasFile::open(path)?;
-    let has_time = file.has_time();
-    let (mut clock, mut ranges) = (
-        Clock::default(),
-        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
-    );
+    let mut seen = Gather::of(&POINT);
     while file.read(CHUNK_POINTS, |_, point| {
         let p = &point.position;
-        ranges.see([p.x, p.y, p.z, f64::from(point.intensity)]);
-        if has_time {
-            clock.see(point.time_s);
-        }
+        seen.see(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         Ok(())
     })? > 0
     {}
-    report.count = file.taken();
     report.columns = extra_names(&file);
     if PoseColumns::of(&file).is_some() {
         report.notes.push(
@@ -247,30 +180,24 @@ fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
                 .to_owned(),
         );
     }
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
     let cloud = read_cloud(path)?;
-    let (mut clock, mut ranges) = (
-        Clock::default(),
-        Ranges::of(&["x_m", "y_m", "z_m", "intensity"]),
-    );
-    report.count = cloud.points.len() as u64;
+    let mut seen = Gather::of(&POINT);
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
-        ranges.see([p.x, p.y, p.z, intensity]);
+        let time_s = cloud.time_s.get(i).copied().unwrap_or(f64::NAN);
+        seen.see(time_s, [p.x, p.y, p.z, intensity]);
     }
-    cloud.time_s.iter().for_each(|time_s| clock.see(*time_s));
-    ranges.report(report);
-    clock.report(report);
+    seen.report(report);
     Ok(())
 }
 
 fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mounting = super::read_mounting(path)?;
+    let mounting = read_mounting(path)?;
     let t = mounting.translation_m;
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
     report.count = 1;
@@ -280,63 +207,4 @@ fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
         t.x, t.y, t.z, angles[0], angles[1], angles[2]
     ));
     Ok(())
-}
-
-impl fmt::Display for Inspection {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}", self.path.display())?;
-        writeln!(f, "  format   {}", self.format)?;
-        writeln!(f, "  size     {} bytes", self.bytes)?;
-        writeln!(f, "  rows     {}", self.count)?;
-        if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {
-            writeln!(f, "  epochs   {epochs}")?;
-        }
-        if let Some([first, last]) = self.span_s {
-            let length = last - first;
-            writeln!(
-                f,
-                "  time     {first:.6} s to {last:.6} s, {length:.3} s long"
-            )?;
-        }
-        if let Some(rate_hz) = self.rate_hz {
-            writeln!(f, "  rate     {rate_hz:.3} Hz (median)")?;
-        }
-        for gap in &self.gaps {
-            let Gap {
-                start_s,
-                duration_s,
-            } = gap;
-            writeln!(f, "  gap      {duration_s:.3} s after {start_s:.3} s")?;
-        }
-        for Bounds { column, min, max } in &self.bounds {
-            let (name, unit) = split_unit(column);
-            writeln!(f, "  {name:<22} {min:.6} to {max:.6} {unit}")?;
-        }
-        if !self.columns.is_empty() {
-            writeln!(f, "  columns  {}", self.columns.join(", "))?;
-        }
-        for note in &self.notes {
-            writeln!(f, "  note     {note}")?;
-        }
-        Ok(())
-    }
-}
-
-/// Name and unit of a column.
-fn split_unit(column: &str) -> (&str, &str) {
-    const UNITS: [(&str, &str); 7] = [
-        ("_rad_s", "rad/s"),
-        ("_m_s2", "m/s²"),
-        ("_m_s", "m/s"),
-        ("_rad", "rad"),
-        ("_deg", "°"),
-        ("_m", "m"),
-        ("_s", "s"),
-    ];
-    for (ending, unit) in UNITS {
-        if let Some(name) = column.strip_suffix(ending) {
-            return (name, unit);
-        }
-    }
-    (column, "")
 }

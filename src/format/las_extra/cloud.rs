@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use super::Row;
-use super::dimension::ExtraDimension;
+use super::dimension::{ExtraDimension, Row};
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::format::CloudWriter;
+use crate::format::cloud_writer::CloudWriter;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 

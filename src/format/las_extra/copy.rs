@@ -3,12 +3,12 @@
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::Row;
-use super::dimension::{self, ExtraDimension, Kept};
+use super::dimension::{self, ExtraDimension, Kept, Row};
 use crate::error::{Error, Location, Result};
+use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::format::las::LasFile;
 use crate::format::las_out::{LasOut, is_compressed};
-use crate::format::{CHUNK_POINTS, nothing_in};
+use crate::output::keep_inputs;
 use crate::progress::Progress;
 
 /// Copies those points of the LAS or LAZ file `input` that `row` accepts to `output` (compressed
@@ -23,7 +23,7 @@ use crate::progress::Progress;
 /// for each point read; the stage is the caller's.
 ///
 /// # Errors
-/// An input that is damaged, holds no point or waveforms; names that LAS cannot hold; an output
+/// An input that is the output, is damaged, holds no point or waveforms; names that LAS cannot hold; an output
 /// that cannot be written; what `row` refuses.
 pub fn copy_las(
     input: &Path,
@@ -33,6 +33,7 @@ pub fn copy_las(
     progress: &dyn Progress,
 ) -> Result<u64> {
     dimension::check(output, dimensions)?;
+    keep_inputs(Path::new(""), &[input.to_owned()], &[output])?;
     let mut file = LasFile::open(input)?;
     let format = *file.header().point_format();
     let expected = file.header().number_of_points();
@@ -136,7 +137,7 @@ fn evlrs(file: &LasFile) -> Result<Vec<las::Vlr>> {
     if file.header().evlrs().is_empty() {
         return Ok(Vec::new());
     }
-    let (mut input, size) = crate::format::open(path)?;
+    let (mut input, size) = open(path)?;
     let damaged = |at: u64| {
         Error::format(
             path,

@@ -7,6 +7,11 @@ use std::path::Path;
 use crate::error::{Error, Location, Result};
 use crate::format::las::{LasFile, extra_columns};
 
+/// Asked once for every point of the input, in its order, with the index of the point: fills one
+/// value for each dimension and says whether the point is to be written at all. What it does not
+/// fill is NaN.
+pub type Row<'a> = dyn FnMut(u64, &mut [f64]) -> Result<bool> + 'a;
+
 /// Bytes of the description of one dimension.
 const ENTRY: usize = 192;
 /// Bytes of a name and of a description text.

@@ -8,10 +8,10 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::{Record, merged};
+use super::record::{Record, merged};
 use crate::error::{Error, Location, Result};
 use crate::format;
-use crate::output::Staging;
+use crate::pipeline::job::Job;
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
 
@@ -23,11 +23,11 @@ pub(super) fn follow(
     project: &Project,
     logs: &Logs,
     idle: Duration,
-    (staging, progress): (&Staging, &dyn Progress),
+    (job, progress): (&Job<'_>, &dyn Progress),
     mut give: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
     // Beside the results, and never among them.
-    let scratch = staging.path("new-rows.csv");
+    let scratch = job.path("new-rows.csv");
     let outcome = (|| {
         let mut imu = Tail::new(&logs.imu.path);
         let mut heading = logs.heading.as_ref().map(|log| (log, Tail::new(&log.path)));

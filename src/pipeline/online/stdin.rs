@@ -3,7 +3,7 @@
 use std::io::BufRead;
 use std::path::Path;
 
-use super::Record;
+use super::record::Record;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 use crate::project::{Logs, Project};

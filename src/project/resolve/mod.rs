@@ -7,17 +7,19 @@ mod scanners;
 mod settings;
 mod table;
 
-pub(super) use motion::{accel_bias_walk, accel_density, gyro_bias_walk, gyro_density};
 pub(super) use positions::arcsec_to_radians;
+
+use std::path::Path;
 
 use super::checked::{Project, Reference};
 use super::source::Source;
-use super::written::Written;
 use crate::error::Result;
 use table::Table;
 
-/// Checks `written` and brings it into SI units.
-pub(super) fn resolve(source: &Source, written: &Written) -> Result<Project> {
+/// Reads a project file, checks it and brings it into SI units.
+pub(super) fn read(path: &Path) -> Result<Project> {
+    let source = &Source::read(path)?;
+    let written = &source.written()?;
     let frame = Table::new(source, "frame");
     Ok(Project {
         path: source.path.clone(),

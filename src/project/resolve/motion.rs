@@ -8,12 +8,7 @@ use crate::error::Result;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
-use crate::trajectory::{HeadingSettings, ImuNoise, PoseLimits, TrajectorySettings};
-
-/// Standard gravity, the g of datasheets, m/s².
-const STANDARD_GRAVITY: f64 = 9.806_65;
-/// Time in which a bias walks by its instability, seconds.
-const BIAS_CORRELATION_S: f64 = 100.0;
+use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise, PoseLimits, TrajectorySettings};
 
 /// Poses or logs, not both.
 pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
@@ -195,16 +190,17 @@ fn imu_noise(source: &Source, imu: &written::Imu) -> Result<ImuNoise> {
         ((key, Some(value)), _) => table.positive(key, value),
         _ => density(instability, default, unit),
     };
+    let default = ImuDatasheet::default();
     Ok(ImuNoise {
         gyro_density: density(
             ("gyro_noise_deg_sqrt_h", imu.gyro_noise_deg_sqrt_h),
-            0.15,
-            gyro_density,
+            default.gyro_noise_deg_sqrt_h,
+            ImuNoise::gyro_density,
         )?,
         accel_density: density(
             ("accel_noise_ug_sqrt_hz", imu.accel_noise_ug_sqrt_hz),
-            57.0,
-            accel_density,
+            default.accel_noise_ug_sqrt_hz,
+            ImuNoise::accel_density,
         )?,
         gyro_bias_walk: walk(
             (
@@ -215,8 +211,8 @@ fn imu_noise(source: &Source, imu: &written::Imu) -> Result<ImuNoise> {
                 "gyro_bias_instability_deg_h",
                 imu.gyro_bias_instability_deg_h,
             ),
-            7.0,
-            gyro_bias_walk,
+            default.gyro_bias_instability_deg_h,
+            ImuNoise::gyro_bias_walk,
         )?,
         accel_bias_walk: walk(
             (
@@ -224,28 +220,8 @@ fn imu_noise(source: &Source, imu: &written::Imu) -> Result<ImuNoise> {
                 imu.accel_bias_walk_m_s2_sqrt_s,
             ),
             ("accel_bias_instability_ug", imu.accel_bias_instability_ug),
-            14.0,
-            accel_bias_walk,
+            default.accel_bias_instability_ug,
+            ImuNoise::accel_bias_walk,
         )?,
     })
-}
-
-/// rad/s/√Hz of an angle random walk in °/√h.
-pub(in crate::project) fn gyro_density(deg_sqrt_h: f64) -> f64 {
-    (deg_sqrt_h / 60.0).to_radians()
-}
-
-/// m/s²/√Hz of a velocity random walk in µg/√Hz.
-pub(in crate::project) fn accel_density(ug_sqrt_hz: f64) -> f64 {
-    ug_sqrt_hz * 1e-6 * STANDARD_GRAVITY
-}
-
-/// rad/s/√s of a bias instability in °/h.
-pub(in crate::project) fn gyro_bias_walk(deg_h: f64) -> f64 {
-    (deg_h / 3600.0).to_radians() / BIAS_CORRELATION_S.sqrt()
-}
-
-/// m/s²/√s of a bias instability in µg.
-pub(in crate::project) fn accel_bias_walk(ug: f64) -> f64 {
-    ug * 1e-6 * STANDARD_GRAVITY / BIAS_CORRELATION_S.sqrt()
 }

@@ -171,7 +171,7 @@ fn write(folder: &Path, text: &str) -> PathBuf {
     path
 }
 
-fn read(text: &str) -> crate::Result<Project> {
+fn read(text: &str) -> Result<Project> {
     let folder = folder();
     Project::read(&write(folder.path(), text))
 }

@@ -13,7 +13,7 @@ mod rest;
 mod tests;
 
 use super::ImuSample;
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 
 /// Deviation of flicker noise in units of its instability, √(2 ln 2 / π).
@@ -166,7 +166,8 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseFound> {
     }
     let used = rest::longest_stretch(imu);
     if used.len() < FEWEST_SAMPLES {
-        return Err(Error::data(
+        return Err(Error::of(
+            Problem::TooFew,
             format!("the log has {} samples without a gap", used.len()),
             format!(
                 "noise figures need at least {FEWEST_SAMPLES}, and a bias instability an hour or \

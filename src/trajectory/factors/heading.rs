@@ -1,19 +1,19 @@
 //! The antenna baseline: heading and pitch.
 
-use super::position::Late;
-use super::{ATTITUDE, Ahead, Constants, GYRO, NodeState, Row, Rows, STEP, add_rows};
+use super::propagation::{Propagated, Propagation};
+use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::heading::{heading_rad, wrap};
-use crate::geometry::so3::hat;
 use crate::geometry::{Rotation, Vec3};
 use crate::sensor::ImuBias;
-use crate::trajectory::chain::{Border, StepSystem};
+use crate::trajectory::constants::Constants;
+use crate::trajectory::states::{ATTITUDE, GYRO, NodeState};
 
 /// What the antennas say at a time: r = heading(R(t)) − z − o wrapped into (−π, π], and
 /// r = elevation(R(t) b) − z for the pitch, radians. o is an estimated correction of the mounting
 /// offset, b the direction of the baseline in the body.
 #[derive(Debug, Clone)]
-pub(in crate::trajectory) struct HeadingFactor {
-    pub ahead: Ahead,
+pub struct HeadingFactor {
+    pub propagation: Propagation,
     /// Number of the record in its log, from 0.
     pub record: usize,
     pub time_s: f64,
@@ -22,12 +22,13 @@ pub(in crate::trajectory) struct HeadingFactor {
     pub sigma_rad: f64,
     /// Weight that the loss leaves, 0 to 1.
     pub weight: f64,
-    pub late: Late,
+    /// The clocks that say how late the record is.
+    pub clocks: Vec<usize>,
 }
 
 /// What a [`HeadingFactor`] compares.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::trajectory) enum Quantity {
+pub enum Quantity {
     /// Grid heading of the body's x axis, clockwise from north.
     Heading,
     /// Elevation of this direction of the body above the horizon.
@@ -46,16 +47,16 @@ impl Quantity {
         }
     }
 
-    fn of(&self, rotation: &Rotation) -> f64 {
+    fn of(&self, world_from_body: &Rotation) -> f64 {
         match self {
-            Self::Heading => heading_rad(rotation),
-            Self::Pitch(baseline) => (rotation * baseline).z.clamp(-1.0, 1.0).asin(),
+            Self::Heading => heading_rad(world_from_body),
+            Self::Pitch(baseline) => (world_from_body * baseline).z.clamp(-1.0, 1.0).asin(),
         }
     }
 
     /// Derivative by the world coordinates of the direction.
-    fn gradient(&self, rotation: &Rotation) -> Vec3 {
-        let x = rotation * self.direction();
+    fn gradient(&self, world_from_body: &Rotation) -> Vec3 {
+        let x = world_from_body * self.direction();
         let horizontal = (x.x * x.x + x.y * x.y).max(LEAST_HORIZONTAL_SQUARED);
         match self {
             Self::Heading => Vec3::new(x.y, -x.x, 0.0) / horizontal,
@@ -65,96 +66,59 @@ impl Quantity {
 }
 
 impl HeadingFactor {
-    fn late_s(&self, constants: &[f64]) -> f64 {
-        self.late.iter().map(|&c| constants[c]).sum()
+    fn propagated(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> Propagated {
+        let late_s = constants.late_s(&self.clocks);
+        let gravity = constants.gravity_m_s2.value;
+        self.propagation.propagate(gravity, node, bias, late_s)
     }
 
-    pub fn residual(
-        &self,
-        known: &Constants,
-        node: &NodeState,
-        bias: &ImuBias,
-        constants: &[f64],
-    ) -> f64 {
-        let gravity = known.gravity_m_s2(constants);
-        let at = self
-            .ahead
-            .reach(gravity, node, bias, self.late_s(constants));
-        let offset = match (self.quantity, known.heading_offset) {
-            (Quantity::Heading, Some(c)) => constants[c],
-            _ => 0.0,
+    fn residual_at(&self, constants: &Constants, at: &Propagated) -> f64 {
+        let offset = match self.quantity {
+            Quantity::Heading => constants.heading_offset_rad.value,
+            Quantity::Pitch(_) => 0.0,
         };
-        wrap(self.quantity.of(&at.rotation) - self.value_rad - offset)
+        wrap(self.quantity.of(&at.world_from_body.rotation) - self.value_rad - offset)
     }
 
-    pub(in crate::trajectory) fn jacobian(
-        &self,
-        known: &Constants,
-        node: &NodeState,
-        bias: &ImuBias,
-        constants: &[f64],
-    ) -> (Rows<1>, Vec<Row<1>>) {
-        let gravity = known.gravity_m_s2(constants);
-        let at = self
-            .ahead
-            .reach(gravity, node, bias, self.late_s(constants));
+    /// r.
+    pub fn residual(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> f64 {
+        self.residual_at(constants, &self.propagated(constants, node, bias))
+    }
+
+    /// The residual in standard deviations.
+    pub fn whitened(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> [f64; 1] {
+        [self.residual(constants, node, bias) / self.sigma_rad]
+    }
+
+    /// Whitened rows.
+    pub fn rows(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> FactorRows<1> {
+        let at = self.propagated(constants, node, bias);
+        let weight = 1.0 / self.sigma_rad;
         let direction = self.quantity.direction();
-        let gradient = self.quantity.gradient(&at.rotation);
-        let (by_attitude, by_gyro) = self.ahead.turned_jacobian(&at, node, bias, &direction);
-        let (attitude, gyro) = (
-            by_attitude.transpose() * gradient,
-            by_gyro.transpose() * gradient,
-        );
-        let mut rows = [[0.0; STEP]; 1];
+        let gradient = self.quantity.gradient(&at.world_from_body.rotation);
+        let (by_attitude, by_gyro) = self
+            .propagation
+            .turned_jacobian(&at, node, bias, &direction);
+        let attitude = by_attitude.transpose() * gradient;
+        let gyro = by_gyro.transpose() * gradient;
+        let mut by_step = [[0.0; STEP]; 1];
         for i in 0..3 {
-            rows[0][ATTITUDE + i] = attitude[i];
-            rows[0][GYRO + i] = gyro[i];
+            by_step[0][ATTITUDE + i] = attitude[i] * weight;
+            by_step[0][GYRO + i] = gyro[i] * weight;
         }
-        let mut by_constants = Vec::new();
-        if !self.late.is_empty() {
-            let moving = at.rotation * (hat(&at.rate_rad_s) * direction);
-            let by_time = gradient.dot(&moving);
-            by_constants.extend(self.late.iter().map(|&c| (c, [by_time])));
+        let residual = self.residual_at(constants, &at) / self.sigma_rad;
+        let mut rows = FactorRows::new([residual], by_step);
+        let by_time = gradient.dot(&at.turning(&direction)) * weight;
+        for &clock in &self.clocks {
+            if let Some(block) = constants.clock(clock).block() {
+                rows.touch(block, [[by_time]]);
+            }
         }
-        if let (Quantity::Heading, Some(c)) = (self.quantity, known.heading_offset) {
-            by_constants.push((c, [-1.0]));
+        if let (Quantity::Heading, Some(block)) =
+            (self.quantity, constants.heading_offset_rad.block())
+        {
+            rows.touch(block, [[-weight]]);
         }
-        (rows, by_constants)
-    }
-
-    /// Normalised and weighted derivatives and residual.
-    pub fn rows(
-        &self,
-        known: &Constants,
-        node: &NodeState,
-        bias: &ImuBias,
-        constants: &[f64],
-    ) -> (Rows<1>, Vec<Row<1>>, [f64; 1]) {
-        let weight = self.weight.sqrt() / self.sigma_rad;
-        let (raw, raw_constants) = self.jacobian(known, node, bias, constants);
-        let residual = self.residual(known, node, bias, constants);
-        let by_constants = raw_constants
-            .iter()
-            .map(|(column, by)| (*column, [by[0] * weight]))
-            .collect();
-        (
-            raw.map(|row| row.map(|x| x * weight)),
-            by_constants,
-            [residual * weight],
-        )
-    }
-
-    /// Adds the factor to its step.
-    pub fn add_to(
-        &self,
-        system: &mut StepSystem,
-        border: &mut Border,
-        known: &Constants,
-        (node, bias, constants): (&NodeState, &ImuBias, &[f64]),
-    ) {
-        if self.weight > 0.0 {
-            let (rows, by_constants, residual) = self.rows(known, node, bias, constants);
-            add_rows(system, border, &rows, &by_constants, &residual);
-        }
+        rows
     }
 }

@@ -1,20 +1,20 @@
 //! The IMU between neighbouring nodes.
 
-use super::{
-    ACCEL, ATTITUDE, Constants, GYRO, NodeState, POSITION, Row, Rows, VELOCITY, add_rows, matrix,
-    put,
-};
+use super::jacobian::{Jacobian, matrix, put};
+use crate::adjustment::{FactorRows, NODE, STEP};
 use crate::geometry::Vec3;
 use crate::geometry::so3::{exp, hat, log, right_jacobian, right_jacobian_inverse};
 use crate::sensor::ImuBias;
-use crate::trajectory::chain::{Border, NODE, STEP, StepSystem};
-use crate::trajectory::preintegration::{MotionSums, Preintegrated};
+use crate::trajectory::constants::Constants;
+use crate::trajectory::motion_sums::MotionSums;
+use crate::trajectory::preintegration::Preintegrated;
+use crate::trajectory::states::{ACCEL, ATTITUDE, GYRO, NodeState, POSITION, VELOCITY};
 
 /// Preintegrated IMU between node i and node i + 1:
 /// r_φ = Log(ΔRᵀ R_iᵀ R_j), r_p = R_iᵀ (p_j − p_i − v_i Δt − ½ g Δt²) − Δp,
 /// r_v = R_iᵀ (v_j − v_i − g Δt) − Δv, with the sums corrected to the bias.
 #[derive(Debug, Clone)]
-pub(in crate::trajectory) struct ImuFactor {
+pub struct ImuFactor {
     pub sums: MotionSums,
     /// Lower triangular W with Wᵀ W = covariance⁻¹.
     pub whitener: [[f64; 9]; 9],
@@ -36,18 +36,16 @@ impl ImuFactor {
         })
     }
 
-    pub fn duration_s(&self) -> f64 {
-        self.sums.duration_s
-    }
-
     /// The motion of node i to node j in the body frame at i, without gravity: what Δp and Δv
     /// measure.
     fn motion(&self, gravity_m_s2: f64, from: &NodeState, to: &NodeState) -> (Vec3, Vec3) {
         let dt = self.sums.duration_s;
         let g = Vec3::new(0.0, 0.0, -gravity_m_s2);
-        let back = from.rotation.inverse();
+        let (at, then) = (&from.world_from_body, &to.world_from_body);
+        let back = at.rotation.inverse();
+        let moved = then.translation_m - at.translation_m;
         (
-            back * (to.position_m - from.position_m - from.velocity_m_s * dt - g * (0.5 * dt * dt)),
+            back * (moved - from.velocity_m_s * dt - g * (0.5 * dt * dt)),
             back * (to.velocity_m_s - from.velocity_m_s - g * dt),
         )
     }
@@ -55,22 +53,22 @@ impl ImuFactor {
     /// (r_φ, r_p, r_v), rad, m, m/s.
     pub fn residual(
         &self,
-        gravity_m_s2: f64,
-        from: &NodeState,
-        to: &NodeState,
+        constants: &Constants,
+        (from, to): (&NodeState, &NodeState),
         bias: &ImuBias,
     ) -> [Vec3; 3] {
         let sums = self.sums.corrected(bias);
-        let (dp, dv) = self.motion(gravity_m_s2, from, to);
+        let (dp, dv) = self.motion(constants.gravity_m_s2.value, from, to);
+        let turned = from.world_from_body.rotation.inverse() * to.world_from_body.rotation;
         [
-            log(&(sums.rotation.inverse() * (from.rotation.inverse() * to.rotation))),
+            log(&(sums.rotation.inverse() * turned)),
             dp - sums.position_m,
             dv - sums.velocity_m_s,
         ]
     }
 
     /// W r.
-    pub fn whiten(&self, residual: &[Vec3; 3]) -> [f64; 9] {
+    fn whiten(&self, residual: &[Vec3; 3]) -> [f64; 9] {
         let mut out = [0.0; 9];
         for (a, x) in out.iter_mut().enumerate() {
             *x = (0..=a)
@@ -80,19 +78,31 @@ impl ImuFactor {
         out
     }
 
+    /// The residual in standard deviations that are `scale` times what the IMU's noise says.
+    pub fn whitened(
+        &self,
+        constants: &Constants,
+        nodes: (&NodeState, &NodeState),
+        bias: &ImuBias,
+        scale: f64,
+    ) -> [f64; 9] {
+        let residual = self.residual(constants, nodes, bias);
+        self.whiten(&residual).map(|x| x / scale)
+    }
+
     /// dr by the step's unknowns, before whitening.
     pub(super) fn jacobian(
         &self,
-        gravity_m_s2: f64,
-        from: &NodeState,
-        to: &NodeState,
+        constants: &Constants,
+        (from, to): (&NodeState, &NodeState),
         bias: &ImuBias,
         residual: &[Vec3; 3],
-    ) -> Rows<9> {
+    ) -> Jacobian<9> {
         let dt = self.sums.duration_s;
-        let (dp, dv) = self.motion(gravity_m_s2, from, to);
-        let back = matrix(&from.rotation.inverse());
-        let turned = matrix(&(to.rotation.inverse() * from.rotation));
+        let (dp, dv) = self.motion(constants.gravity_m_s2.value, from, to);
+        let world_from_body = from.world_from_body.rotation;
+        let back = matrix(&world_from_body.inverse());
+        let turned = matrix(&(to.world_from_body.rotation.inverse() * world_from_body));
         let inverse = right_jacobian_inverse(&residual[0]);
         let turn = self.sums.turn(bias);
         let gyro = -inverse
@@ -117,19 +127,19 @@ impl ImuFactor {
         rows
     }
 
-    /// Whitened derivatives and residual, at `1 / scale` of the weight.
+    /// Whitened rows, in standard deviations that are `scale` times what the IMU's noise says.
     pub fn rows(
         &self,
-        known: &Constants,
-        (from, to): (&NodeState, &NodeState),
-        (bias, constants): (&ImuBias, &[f64]),
+        constants: &Constants,
+        nodes: (&NodeState, &NodeState),
+        bias: &ImuBias,
         scale: f64,
-    ) -> (Rows<9>, Vec<Row<9>>, [f64; 9]) {
-        let gravity_m_s2 = known.gravity_m_s2(constants);
-        let residual = self.residual(gravity_m_s2, from, to, bias);
-        let raw = self.jacobian(gravity_m_s2, from, to, bias, &residual);
-        let mut rows = [[0.0; STEP]; 9];
-        for (a, row) in rows.iter_mut().enumerate() {
+    ) -> FactorRows<9> {
+        let residual = self.residual(constants, nodes, bias);
+        let raw = self.jacobian(constants, nodes, bias, &residual);
+        let whitened = self.whiten(&residual).map(|x| x / scale);
+        let mut rows = FactorRows::new(whitened, [[0.0; STEP]; 9]);
+        for (a, row) in rows.by_step.iter_mut().enumerate() {
             for (w, source) in self.whitener[a][..=a].iter().zip(&raw) {
                 let w = w / scale;
                 for (x, j) in row.iter_mut().zip(source) {
@@ -137,35 +147,17 @@ impl ImuFactor {
                 }
             }
         }
-        let by_constants = known.gravity.map(|column| {
-            let by = self.whiten(&self.gravity_jacobian(from));
-            (column, by.map(|x| x / scale))
-        });
-        (
-            rows,
-            by_constants.into_iter().collect(),
-            self.whiten(&residual).map(|x| x / scale),
-        )
+        if let Some(gravity) = constants.gravity_m_s2.block() {
+            let by = self.whiten(&self.gravity_jacobian(nodes.0));
+            rows.touch(gravity, [by.map(|x| x / scale)]);
+        }
+        rows
     }
 
     /// ∂r by the magnitude of gravity, before whitening.
     pub(super) fn gravity_jacobian(&self, from: &NodeState) -> [Vec3; 3] {
         let dt = self.sums.duration_s;
-        let up = from.rotation.inverse() * Vec3::z();
+        let up = from.world_from_body.rotation.inverse() * Vec3::z();
         [Vec3::zeros(), up * (0.5 * dt * dt), up * dt]
-    }
-
-    /// Adds the factor to its step.
-    pub fn add_to(
-        &self,
-        system: &mut StepSystem,
-        border: &mut Border,
-        known: &Constants,
-        nodes: (&NodeState, &NodeState),
-        values: (&ImuBias, &[f64]),
-        scale: f64,
-    ) {
-        let (rows, by_constants, residual) = self.rows(known, nodes, values, scale);
-        add_rows(system, border, &rows, &by_constants, &residual);
     }
 }

@@ -1,10 +1,12 @@
 //! Prisms and GNSS antennas.
 
-use super::{Ahead, Constants, NodeState, Row, Rows, STEP, add_rows};
-use crate::geometry::so3::hat;
-use crate::geometry::{Mat3, Vec3};
+use super::jacobian::Jacobian;
+use super::propagation::{Propagated, Propagation};
+use crate::adjustment::{FactorRows, STEP};
+use crate::geometry::{Mat3, Rotation, Vec3};
 use crate::sensor::ImuBias;
-use crate::trajectory::chain::{Border, StepSystem};
+use crate::trajectory::constants::Constants;
+use crate::trajectory::states::NodeState;
 
 /// Periods of the incidence-dependent error of a 360° prism in a turn: one for each of its facets.
 const FACETS: f64 = 6.0;
@@ -15,57 +17,38 @@ const FACETS: f64 = 6.0;
 /// the body's horizontal plane: for each of the directions along and across the line of sight and
 /// up, a cos 6α + b sin 6α.
 #[derive(Debug, Clone)]
-pub(in crate::trajectory) struct PositionFactor {
-    pub ahead: Ahead,
+pub struct PositionFactor {
+    pub propagation: Propagation,
     /// Which of the position sensors.
     pub sensor: usize,
     /// Number of the record in its log, from 0.
     pub record: usize,
     pub time_s: f64,
+    /// World.
     pub position_m: Vec3,
     /// W with Wᵀ W the inverse of the covariance.
     pub whitener: Mat3,
     /// Weight that the loss leaves, 0 to 1.
     pub weight: f64,
-    pub late: Late,
-}
-
-/// The columns of the constants that say how late a record is.
-pub(in crate::trajectory) type Late = Vec<usize>;
-
-/// The constants a position sensor may have, as their first columns.
-#[derive(Debug, Clone, Copy, Default)]
-pub(in crate::trajectory) struct PositionColumns {
-    pub lever_arm: Option<usize>,
-    pub incidence: Option<usize>,
+    /// The clocks that say how late the record is.
+    pub clocks: Vec<usize>,
 }
 
 /// What is fixed about a position sensor.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::trajectory) struct PositionSensor {
-    pub lever_arm_m: Vec3,
+pub struct PositionSensor {
+    /// World.
     pub station_m: Option<Vec3>,
     /// Upwards in the body frame.
     pub up: Vec3,
-    pub columns: PositionColumns,
 }
 
 impl PositionSensor {
-    /// The lever arm with its estimated correction.
-    pub fn lever_arm(&self, constants: &[f64]) -> Vec3 {
-        match self.columns.lever_arm {
-            Some(c) => {
-                self.lever_arm_m + Vec3::new(constants[c], constants[c + 1], constants[c + 2])
-            }
-            None => self.lever_arm_m,
-        }
-    }
-
     /// The six directions that the amplitudes of the incidence-dependent error multiply.
-    fn incidence_basis(&self, prism_m: &Vec3, rotation: &crate::geometry::Rotation) -> [Vec3; 6] {
+    fn incidence_basis(&self, prism_m: &Vec3, world_from_body: &Rotation) -> [Vec3; 6] {
         let station = self.station_m.unwrap_or_default();
         let sight = (prism_m - station).normalize();
-        let seen = rotation.inverse() * sight;
+        let seen = world_from_body.inverse() * sight;
         let level = self.up.cross(&Vec3::x());
         let angle = FACETS * seen.dot(&level).atan2(seen.x);
         let across = Vec3::z().cross(&sight);
@@ -82,115 +65,96 @@ impl PositionSensor {
 }
 
 impl PositionFactor {
-    fn late_s(&self, constants: &[f64]) -> f64 {
-        self.late.iter().map(|&c| constants[c]).sum()
+    fn propagated(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> Propagated {
+        let late_s = constants.late_s(&self.clocks);
+        let gravity = constants.gravity_m_s2.value;
+        self.propagation.propagate(gravity, node, bias, late_s)
     }
 
-    pub fn residual(
-        &self,
-        sensor: &PositionSensor,
-        gravity_m_s2: f64,
-        node: &NodeState,
-        bias: &ImuBias,
-        constants: &[f64],
-    ) -> Vec3 {
-        let at = self
-            .ahead
-            .reach(gravity_m_s2, node, bias, self.late_s(constants));
-        let prism = at.position_m + at.rotation * sensor.lever_arm(constants);
+    fn residual_at(&self, sensor: &PositionSensor, constants: &Constants, at: &Propagated) -> Vec3 {
+        let own = &constants.positions[self.sensor];
+        let prism = at.world_from_body.map(&own.lever_arm_m.value);
         let mut residual = prism - self.position_m;
-        if let Some(c) = sensor.columns.incidence {
-            let basis = sensor.incidence_basis(&prism, &at.rotation);
-            residual += basis
-                .iter()
-                .zip(&constants[c..])
-                .map(|(direction, amplitude)| direction * *amplitude)
-                .sum::<Vec3>();
+        if own.incidence_m.block().is_some() {
+            let basis = sensor.incidence_basis(&prism, &at.world_from_body.rotation);
+            let terms = basis.iter().zip(own.incidence_m.value.iter());
+            residual += terms.map(|(direction, a)| direction * *a).sum::<Vec3>();
         }
         residual
     }
 
-    /// W r, without the weight of the loss.
-    pub fn normalised(&self, residual: &Vec3) -> Vec3 {
-        self.whitener * residual
-    }
-
-    /// Derivatives by the step's unknowns and by the constants, before whitening. Left out is how
-    /// the direction of the incidence-dependent error turns with the attitude: its amplitude of
-    /// millimetres stands beside the lever arm's decimetres.
-    pub(in crate::trajectory) fn jacobian(
+    /// r.
+    pub fn residual(
         &self,
         sensor: &PositionSensor,
-        known: &Constants,
+        constants: &Constants,
         node: &NodeState,
         bias: &ImuBias,
-        constants: &[f64],
-    ) -> (Rows<3>, Vec<Row<3>>) {
-        let gravity = known.gravity_m_s2(constants);
-        let at = self
-            .ahead
-            .reach(gravity, node, bias, self.late_s(constants));
-        let arm = sensor.lever_arm(constants);
-        let rows = self.ahead.position_jacobian(&at, node, bias, &arm);
-        let mut by_constants = Vec::new();
-        let mut put = |column: usize, by: Vec3| by_constants.push((column, [by.x, by.y, by.z]));
-        if !self.late.is_empty() {
-            let by_time = at.velocity_m_s + at.rotation * (hat(&at.rate_rad_s) * arm);
-            self.late.iter().for_each(|&c| put(c, by_time));
-        }
-        if let Some(c) = sensor.columns.lever_arm {
-            (0..3).for_each(|axis| put(c + axis, at.rotation * Vec3::ith(axis, 1.0)));
-        }
-        if let Some(c) = sensor.columns.incidence {
-            let prism = at.position_m + at.rotation * arm;
-            let basis = sensor.incidence_basis(&prism, &at.rotation);
-            (0..6).for_each(|i| put(c + i, basis[i]));
-        }
-        if let Some(c) = known.gravity {
-            put(c, Ahead::gravity_jacobian(&at));
-        }
-        (rows, by_constants)
+    ) -> Vec3 {
+        self.residual_at(sensor, constants, &self.propagated(constants, node, bias))
     }
 
-    /// Whitened and weighted derivatives and residual.
+    /// The residual in standard deviations.
+    pub fn whitened(
+        &self,
+        sensor: &PositionSensor,
+        constants: &Constants,
+        node: &NodeState,
+        bias: &ImuBias,
+    ) -> [f64; 3] {
+        (self.whitener * self.residual(sensor, constants, node, bias)).into()
+    }
+
+    /// Whitened rows. Left out is how the direction of the incidence-dependent error turns with the
+    /// attitude: its amplitude of millimetres stands beside the lever arm's decimetres.
     pub fn rows(
         &self,
         sensor: &PositionSensor,
-        known: &Constants,
+        constants: &Constants,
         node: &NodeState,
         bias: &ImuBias,
-        constants: &[f64],
-    ) -> (Rows<3>, Vec<Row<3>>, [f64; 3]) {
-        let (raw, raw_constants) = self.jacobian(sensor, known, node, bias, constants);
-        let residual = self.residual(sensor, known.gravity_m_s2(constants), node, bias, constants);
-        let w = self.whitener * self.weight.sqrt();
-        let mut rows = [[0.0; STEP]; 3];
-        for (a, row) in rows.iter_mut().enumerate() {
-            for (b, source) in raw.iter().enumerate() {
-                for (x, j) in row.iter_mut().zip(source) {
-                    *x += w[(a, b)] * j;
+    ) -> FactorRows<3> {
+        let at = self.propagated(constants, node, bias);
+        let own = &constants.positions[self.sensor];
+        let arm = own.lever_arm_m.value;
+        let raw = self.propagation.position_jacobian(&at, node, bias, &arm);
+        let w = self.whitener;
+        let residual = w * self.residual_at(sensor, constants, &at);
+        let mut rows = FactorRows::new(residual.into(), whitened(&w, &raw));
+        let column = |by: Vec3| -> [f64; 3] { (w * by).into() };
+        if !self.clocks.is_empty() {
+            let by_time = at.velocity_m_s + at.turning(&arm);
+            for &clock in &self.clocks {
+                if let Some(block) = constants.clock(clock).block() {
+                    rows.touch(block, [column(by_time)]);
                 }
             }
         }
-        let by_constants = raw_constants
-            .iter()
-            .map(|(column, by)| (*column, (w * Vec3::from(*by)).into()))
-            .collect();
-        (rows, by_constants, (w * residual).into())
+        let rotation = &at.world_from_body.rotation;
+        if let Some(block) = own.lever_arm_m.block() {
+            let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
+            rows.touch(block, axes.map(|axis| column(rotation * axis)));
+        }
+        if let Some(block) = own.incidence_m.block() {
+            let basis = sensor.incidence_basis(&at.world_from_body.map(&arm), rotation);
+            rows.touch(block, basis.map(column));
+        }
+        if let Some(block) = constants.gravity_m_s2.block() {
+            rows.touch(block, [column(at.gravity_jacobian())]);
+        }
+        rows
     }
+}
 
-    /// Adds the factor to its step.
-    pub fn add_to(
-        &self,
-        system: &mut StepSystem,
-        border: &mut Border,
-        sensor: &PositionSensor,
-        known: &Constants,
-        (node, bias, constants): (&NodeState, &ImuBias, &[f64]),
-    ) {
-        if self.weight > 0.0 {
-            let (rows, by_constants, residual) = self.rows(sensor, known, node, bias, constants);
-            add_rows(system, border, &rows, &by_constants, &residual);
+/// W J.
+fn whitened(w: &Mat3, raw: &Jacobian<3>) -> Jacobian<3> {
+    let mut rows = [[0.0; STEP]; 3];
+    for (a, row) in rows.iter_mut().enumerate() {
+        for (b, source) in raw.iter().enumerate() {
+            for (x, j) in row.iter_mut().zip(source) {
+                *x += w[(a, b)] * j;
+            }
         }
     }
+    rows
 }

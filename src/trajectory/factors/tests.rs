@@ -1,15 +1,27 @@
-use super::*;
+//! Derivatives against finite differences.
+
+use super::jacobian::Jacobian;
+use super::{HeadingFactor, ImuFactor, PositionFactor, PositionSensor, Propagation, Quantity};
+use crate::adjustment::{BorderSystem, FactorRows, NODE, STEP, StepSystem, Unknown, assemble};
 use crate::geometry::so3::exp;
+use crate::geometry::{BodyAxes, Mat3, Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, ImuSample};
-use crate::trajectory::ImuNoise;
+use crate::trajectory::constants::Constants;
 use crate::trajectory::preintegration::Preintegrated;
+use crate::trajectory::settings::{
+    Constant, HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings,
+};
+use crate::trajectory::states::NodeState;
+use crate::trajectory::streams::{ClockCorrection, Stream};
 
 const GRAVITY: f64 = 9.81;
 
 fn state(shift: f64) -> NodeState {
     NodeState {
-        rotation: exp(&Vec3::new(0.3 + shift, -0.2, 1.4 - shift)),
-        position_m: Vec3::new(1.0, 2.0 + shift, -0.5),
+        world_from_body: WorldFromBody::new(
+            exp(&Vec3::new(0.3 + shift, -0.2, 1.4 - shift)),
+            Vec3::new(1.0, 2.0 + shift, -0.5),
+        ),
         velocity_m_s: Vec3::new(0.5, -0.4, 0.1 + shift),
     }
 }
@@ -29,13 +41,17 @@ fn sample() -> ImuSample {
     }
 }
 
-fn preintegrated() -> Preintegrated {
-    let noise = ImuNoise {
+fn preintegrated_noise() -> ImuNoise {
+    ImuNoise {
         gyro_density: 1e-3,
         accel_density: 1e-2,
         gyro_bias_walk: 0.0,
         accel_bias_walk: 0.0,
-    };
+    }
+}
+
+fn preintegrated() -> Preintegrated {
+    let noise = preintegrated_noise();
     let mut sums = Preintegrated::new(ImuBias::default());
     for _ in 0..3 {
         sums.add(sample().gyro_rad_s, sample().accel_m_s2, 0.05, &noise);
@@ -54,25 +70,18 @@ fn moved(
     to: &NodeState,
     bias: &ImuBias,
 ) -> (NodeState, NodeState, ImuBias) {
-    let (mut from, mut to, mut bias) = (*from, *to, *bias);
-    let mut d = Vec3::zeros();
-    d[column % 3] = h;
-    match column / 3 {
-        0 => from.rotation *= exp(&d),
-        1 => from.position_m += d,
-        2 => from.velocity_m_s += d,
-        3 => to.rotation *= exp(&d),
-        4 => to.position_m += d,
-        5 => to.velocity_m_s += d,
-        6 => bias.gyro_rad_s += d,
-        _ => bias.accel_m_s2 += d,
-    }
-    (from, to, bias)
+    let mut step = [0.0; STEP];
+    step[column] = h;
+    (
+        from.retracted(&step[..NODE]),
+        to.retracted(&step[NODE..2 * NODE]),
+        bias.retracted(&step[2 * NODE..]),
+    )
 }
 
 /// Compares with central differences of step 1e-5, whose error is about 1e-10 here.
 fn check<const R: usize>(
-    analytic: &Rows<R>,
+    analytic: &Jacobian<R>,
     residual: impl Fn(&NodeState, &NodeState, &ImuBias) -> [f64; R],
 ) {
     let (from, to, bias) = (state(0.0), state(0.1), bias());
@@ -97,54 +106,61 @@ fn imu_jacobian_meets_finite_differences() {
     let factor = imu();
     let (from, to, bias) = (state(0.0), state(0.1), bias());
     let flat = |r: [Vec3; 3]| std::array::from_fn(|i| r[i / 3][i % 3]);
-    let residual = factor.residual(GRAVITY, &from, &to, &bias);
-    let analytic = factor.jacobian(GRAVITY, &from, &to, &bias, &residual);
+    let constants = constants();
+    let residual = factor.residual(&constants, (&from, &to), &bias);
+    let analytic = factor.jacobian(&constants, (&from, &to), &bias, &residual);
     check::<9>(&analytic, |from, to, bias| {
-        flat(factor.residual(GRAVITY, from, to, bias))
+        flat(factor.residual(&constants, (from, to), bias))
     });
 }
 
-/// Two constants that say how late records are, a lever arm, an incidence bias, a heading offset
-/// and gravity, with values that are not zero.
-fn known() -> (Constants, Vec<f64>, PositionSensor) {
-    let columns = PositionColumns {
-        lever_arm: Some(1),
-        incidence: Some(4),
+/// A lever arm, an incidence bias, a heading offset, gravity and a latency of all records are
+/// estimated, at values that are not zero.
+fn constants() -> Constants {
+    let arm = PositionSettings::prism(0.005, Vec3::new(0.3, -0.2, 1.5));
+    let noise = preintegrated_noise();
+    let mut settings =
+        TrajectorySettings::new(BodyAxes::Flu, noise, arm, HeadingSettings::aligned(0.01));
+    settings.gravity_m_s2 = GRAVITY;
+    settings.estimate = vec![
+        Constant::LeverArm(0),
+        Constant::IncidenceBias(0),
+        Constant::HeadingOffset,
+        Constant::Gravity,
+    ];
+    let late = |stream| ClockCorrection {
+        stream,
+        record: 0,
+        time_s: 0.0,
+        shift_s: 0.0,
+        held: false,
     };
-    let mut known = Constants::default();
-    known.base_gravity_m_s2 = GRAVITY;
-    known.gravity = Some(11);
-    known.heading_offset = Some(10);
-    known.positions = vec![columns];
-    let mut values = vec![0.0; 12];
-    values[0] = 0.013;
-    values[1..4].copy_from_slice(&[0.01, -0.02, 0.03]);
-    values[10] = 0.02;
-    values[11] = -0.05;
-    let sensor = PositionSensor {
-        lever_arm_m: Vec3::new(0.3, -0.2, 1.5),
-        station_m: Some(Vec3::new(-10.0, 4.0, 1.0)),
-        up: Vec3::z(),
-        columns,
-    };
-    (known, values, sensor)
+    let corrections = [Stream::Position(0), Stream::Heading].map(late);
+    let constants = Constants::new(&settings, &corrections);
+    assert_eq!(constants.count(), 13);
+    // Without an incidence bias, whose turning with the attitude is left out.
+    let step = [
+        0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.05, 0.013, 0.011,
+    ];
+    constants.retracted(&step)
 }
 
 /// Compares the derivatives by the constants with central differences.
 fn check_constants<const R: usize>(
-    analytic: &[Row<R>],
-    values: &[f64],
-    residual: impl Fn(&[f64]) -> [f64; R],
+    rows: &FactorRows<R>,
+    constants: &Constants,
+    residual: impl Fn(&Constants) -> [f64; R],
 ) {
     let h = 1e-5;
-    for column in 0..values.len() {
+    for column in 0..constants.count() {
         let value = |h: f64| {
-            let mut values = values.to_vec();
-            values[column] += h;
-            residual(&values)
+            let mut step = vec![0.0; constants.count()];
+            step[column] = h;
+            residual(&constants.retracted(&step))
         };
         let (plus, minus) = (value(h), value(-h));
-        let own = analytic.iter().find(|(c, _)| *c == column);
+        let rows = rows.weighted(1.0);
+        let own = rows.by_column().find(|(c, _)| *c == column);
         for row in 0..R {
             let numeric = (plus[row] - minus[row]) / (2.0 * h);
             let error = (numeric - own.map_or(0.0, |(_, by)| by[row])).abs();
@@ -153,127 +169,175 @@ fn check_constants<const R: usize>(
     }
 }
 
-fn aheads() -> [Ahead; 2] {
-    let sums = preintegrated().sums;
-    [
-        Ahead {
-            sums: Some(Box::new(sums)),
-            sample: sample(),
-        },
-        Ahead {
-            sums: None,
-            sample: sample(),
-        },
-    ]
+/// The columns that rows touch.
+fn touched<const R: usize>(rows: &FactorRows<R>) -> Vec<usize> {
+    rows.weighted(1.0).columns.to_vec()
+}
+
+/// To a record after its node, and at it.
+fn propagations() -> [Propagation; 2] {
+    [Some(Box::new(preintegrated().sums)), None].map(|sums| Propagation {
+        sums,
+        sample: sample(),
+    })
 }
 
 #[test]
 fn position_jacobians_meet_finite_differences() {
-    for ahead in aheads() {
-        let (known, values, sensor) = known();
+    let constants = constants();
+    let sensor = PositionSensor {
+        station_m: Some(Vec3::new(-10.0, 4.0, 1.0)),
+        up: Vec3::z(),
+    };
+    for propagation in propagations() {
         let fix = PositionFactor {
-            ahead,
+            propagation,
             sensor: 0,
             record: 0,
             time_s: 0.0,
             position_m: Vec3::new(0.9, 2.1, 0.4),
             whitener: Mat3::identity(),
             weight: 1.0,
-            late: vec![0],
+            clocks: vec![0],
         };
-        let (rows, border) = fix.jacobian(&sensor, &known, &state(0.0), &bias(), &values);
-        check::<3>(&rows, |from, _, bias| {
-            let g = known.gravity_m_s2(&values);
-            fix.residual(&sensor, g, from, bias, &values).into()
+        let rows = fix.rows(&sensor, &constants, &state(0.0), &bias());
+        assert_eq!(touched(&rows), [11, 0, 1, 2, 3, 4, 5, 6, 7, 8, 10]);
+        check::<3>(&rows.by_step, |from, _, bias| {
+            fix.whitened(&sensor, &constants, from, bias)
         });
-        check_constants(&border, &values, |values| {
-            let g = known.gravity_m_s2(values);
-            fix.residual(&sensor, g, &state(0.0), &bias(), values)
-                .into()
+        check_constants(&rows, &constants, |constants| {
+            fix.whitened(&sensor, constants, &state(0.0), &bias())
         });
     }
 }
 
 #[test]
 fn heading_and_pitch_jacobians_meet_finite_differences() {
+    let constants = constants();
     let baseline = Vec3::new(0.8, 0.6, 0.0);
-    for ahead in aheads() {
-        for quantity in [Quantity::Heading, Quantity::Pitch(baseline)] {
-            let (known, values, _) = known();
+    for propagation in propagations() {
+        for (quantity, columns) in [
+            (Quantity::Heading, vec![12, 9]),
+            (Quantity::Pitch(baseline), vec![12]),
+        ] {
             let fix = HeadingFactor {
-                ahead: ahead.clone(),
+                propagation: propagation.clone(),
                 record: 0,
                 time_s: 0.0,
                 quantity,
                 value_rad: 0.4,
-                sigma_rad: 0.01,
+                sigma_rad: 1.0,
                 weight: 1.0,
-                late: vec![0],
+                clocks: vec![1],
             };
-            let (rows, border) = fix.jacobian(&known, &state(0.0), &bias(), &values);
-            check::<1>(&rows, |from, _, bias| {
-                [fix.residual(&known, from, bias, &values)]
+            let rows = fix.rows(&constants, &state(0.0), &bias());
+            assert_eq!(touched(&rows), columns);
+            check::<1>(&rows.by_step, |from, _, bias| {
+                fix.whitened(&constants, from, bias)
             });
-            check_constants(&border, &values, |values| {
-                [fix.residual(&known, &state(0.0), &bias(), values)]
+            check_constants(&rows, &constants, |constants| {
+                fix.whitened(constants, &state(0.0), &bias())
             });
         }
+    }
+}
+
+/// Whitened rows of a factor whose whitener is not the identity: W J and W r.
+#[test]
+fn rows_are_whitened() {
+    let constants = constants();
+    let sensor = PositionSensor {
+        station_m: None,
+        up: Vec3::z(),
+    };
+    let [propagation, _] = propagations();
+    let mut fix = PositionFactor {
+        propagation,
+        sensor: 0,
+        record: 0,
+        time_s: 0.0,
+        position_m: Vec3::new(0.9, 2.1, 0.4),
+        whitener: Mat3::identity(),
+        weight: 1.0,
+        clocks: vec![],
+    };
+    let raw = fix.rows(&sensor, &constants, &state(0.0), &bias());
+    fix.whitener = Mat3::new(2.0, 0.0, 0.0, 1.0, 3.0, 0.0, -1.0, 0.5, 4.0);
+    let rows = fix.rows(&sensor, &constants, &state(0.0), &bias());
+    let whiten = |raw: [f64; 3]| fix.whitener * Vec3::from(raw);
+    let close = |raw: [f64; 3], found: [f64; 3]| {
+        assert!((whiten(raw) - Vec3::from(found)).norm() < 1e-12);
+    };
+    close(raw.residual, rows.residual);
+    for column in 0..STEP {
+        close(
+            raw.by_step.map(|row| row[column]),
+            rows.by_step.map(|row| row[column]),
+        );
+    }
+    let (raw, rows) = (raw.weighted(1.0), rows.weighted(1.0));
+    for ((a, raw), (b, found)) in raw.by_column().zip(rows.by_column()) {
+        assert_eq!(a, b);
+        close([raw[0], raw[1], raw[2]], [found[0], found[1], found[2]]);
     }
 }
 
 #[test]
 fn gravity_moves_the_imu_residual_as_said() {
-    let (factor, known, values) = (imu(), known().0, known().1);
+    let (factor, constants) = (imu(), constants());
     let (from, to, bias) = (state(0.0), state(0.1), bias());
     let flat = |r: [Vec3; 3]| std::array::from_fn::<f64, 9, _>(|i| r[i / 3][i % 3]);
-    let border = [(11, flat(factor.gravity_jacobian(&from)))];
-    check_constants(&border, &values, |values| {
-        flat(factor.residual(known.gravity_m_s2(values), &from, &to, &bias))
+    let mut rows = FactorRows::new([0.0; 9], [[0.0; STEP]; 9]);
+    let block = constants.gravity_m_s2.block().expect("estimated");
+    rows.touch(block, [flat(factor.gravity_jacobian(&from))]);
+    check_constants(&rows, &constants, |constants| {
+        flat(factor.residual(constants, (&from, &to), &bias))
     });
 }
 
 #[test]
 fn normal_equations_are_those_of_the_whitened_rows() {
-    let factor = imu();
+    let (factor, constants) = (imu(), constants());
     let (from, to, bias) = (state(0.0), state(0.1), bias());
-    let mut system = StepSystem::ZERO;
-    let mut border = Border::new(0);
-    let mut known = Constants::default();
-    known.base_gravity_m_s2 = GRAVITY;
     let nodes = (&from, &to);
-    factor.add_to(&mut system, &mut border, &known, nodes, (&bias, &[]), 1.0);
-    let residual = factor.residual(GRAVITY, &from, &to, &bias);
-    let rows = factor.jacobian(GRAVITY, &from, &to, &bias, &residual);
+    let mut system = StepSystem::ZERO;
+    let mut border = BorderSystem::new(constants.count());
+    let whitened = factor.rows(&constants, nodes, &bias, 1.0);
+    assemble(&whitened.weighted(1.0), &mut system, &mut border);
+    let residual = factor.residual(&constants, nodes, &bias);
+    let rows = factor.jacobian(&constants, nodes, &bias, &residual);
     let information = preintegrated().covariance.try_inverse().expect("regular");
     let j = nalgebra::SMatrix::<f64, 9, STEP>::from_fn(|a, b| rows[a][b]);
     let r = nalgebra::SVector::<f64, 9>::from_fn(|a, _| residual[a / 3][a % 3]);
+    let by_gravity = factor.gravity_jacobian(&from);
+    let k = nalgebra::SVector::<f64, 9>::from_fn(|a, _| by_gravity[a / 3][a % 3]);
     let h = j.transpose() * information * j;
     let g = -(j.transpose() * information * r);
+    let e = j.transpose() * information * k;
     for a in 0..STEP {
         assert!((g[a] - system.g[a]).abs() < 1e-7 * g.norm());
+        assert!((e[a] - border.h[10][a]).abs() < 1e-7 * e.norm());
         for b in a..STEP {
             assert!((h[(a, b)] - system.h[a][b]).abs() < 1e-7 * h.norm());
         }
     }
+    let own = (k.transpose() * information * k)[0];
+    assert!((border.c[10 * 13 + 10] - own).abs() < 1e-7 * own);
 }
 
 #[test]
 fn a_body_at_rest_feels_gravity_upwards() {
-    let noise = ImuNoise {
-        gyro_density: 1e-3,
-        accel_density: 1e-2,
-        gyro_bias_walk: 0.0,
-        accel_bias_walk: 0.0,
-    };
     let mut sums = Preintegrated::new(ImuBias::default());
-    sums.add(Vec3::zeros(), Vec3::new(0.0, 0.0, GRAVITY), 0.01, &noise);
+    let force = Vec3::new(0.0, 0.0, GRAVITY);
+    sums.add(Vec3::zeros(), force, 0.01, &preintegrated_noise());
     let factor = ImuFactor::new(&sums).expect("positive covariance");
     let rest = NodeState {
-        rotation: Rotation::identity(),
-        position_m: Vec3::new(1.0, 2.0, 3.0),
+        world_from_body: WorldFromBody::new(Rotation::identity(), Vec3::new(1.0, 2.0, 3.0)),
         velocity_m_s: Vec3::zeros(),
     };
-    for part in factor.residual(GRAVITY, &rest, &rest, &ImuBias::default()) {
+    let mut constants = constants();
+    constants.gravity_m_s2.value = GRAVITY;
+    for part in factor.residual(&constants, (&rest, &rest), &ImuBias::default()) {
         assert!(part.norm() < 1e-12, "{part}");
     }
 }

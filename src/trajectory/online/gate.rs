@@ -1,10 +1,7 @@
 //! The innovation test: does a record fit what all before it predict?
 
-use crate::statistics::{chi_square, median};
-use crate::trajectory::Loss;
-use crate::trajectory::chain::{NODE, TAIL};
-use crate::trajectory::factors::Rows;
-use crate::trajectory::robust::LIMIT_NORMAL;
+use crate::adjustment::{FactorRows, Loss, NODE, TAIL, rejection_limit, square_scale};
+use crate::statistics::median;
 use nalgebra::{SMatrix, SVector};
 use std::collections::VecDeque;
 
@@ -16,15 +13,11 @@ const MOST_REFUSED: usize = 10;
 const LONGEST_REFUSED_S: f64 = 2.0;
 const FEWEST_REFUSED: usize = 3;
 
-/// rᵀ (I + J Σ Jᵀ)⁻¹ r of whitened rows and residual, with the covariance Σ of node and bias.
-pub(super) fn innovation<const R: usize>(
-    rows: &Rows<R>,
-    residual: &[f64; R],
-    sigma: &[[f64; TAIL]; TAIL],
-) -> f64 {
+/// rᵀ (I + J Σ Jᵀ)⁻¹ r of whitened rows, with the covariance Σ of node and bias.
+pub fn innovation<const R: usize>(rows: &FactorRows<R>, sigma: &[[f64; TAIL]; TAIL]) -> f64 {
     let place = |a: usize| if a < NODE { a } else { a + NODE };
     let mut s = SMatrix::<f64, R, R>::identity();
-    for (i, row) in rows.iter().enumerate() {
+    for (i, row) in rows.by_step.iter().enumerate() {
         let mut spread = [0.0; TAIL];
         for (a, line) in sigma.iter().enumerate() {
             let factor = row[place(a)];
@@ -32,11 +25,11 @@ pub(super) fn innovation<const R: usize>(
                 *x += factor * y;
             }
         }
-        for (j, other) in rows.iter().enumerate() {
+        for (j, other) in rows.by_step.iter().enumerate() {
             s[(i, j)] += (0..TAIL).map(|a| spread[a] * other[place(a)]).sum::<f64>();
         }
     }
-    let r = SVector::<f64, R>::from(*residual);
+    let r = SVector::<f64, R>::from(rows.residual);
     // S is at least the identity: what is not invertible is not finite, and not accepted.
     s.try_inverse().map_or(f64::INFINITY, |inverse| {
         (r.transpose() * inverse * r)[(0, 0)]
@@ -45,7 +38,7 @@ pub(super) fn innovation<const R: usize>(
 
 /// What is done with a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Verdict {
+pub enum Verdict {
     Accept,
     Refuse,
     /// The records have contradicted the estimate for too long: it is lost, and follows them.
@@ -54,7 +47,7 @@ pub(super) enum Verdict {
 
 /// The test of one sensor.
 #[derive(Debug, Clone)]
-pub(super) struct Gate {
+pub struct Gate {
     loss: Loss,
     components: f64,
     recent: VecDeque<f64>,
@@ -105,9 +98,9 @@ impl Gate {
         let scale = if self.recent.len() < RECENT {
             1.0
         } else {
-            (usual / chi_square(self.components, 0.0)).max(1.0)
+            square_scale(self.components, usual)
         };
-        scale * chi_square(self.components, LIMIT_NORMAL)
+        scale * rejection_limit(self.components)
     }
 }
 
@@ -142,12 +135,15 @@ mod tests {
         rows[0][4] = 1.0;
         let mut sigma = [[0.0; TAIL]; TAIL];
         sigma[4][4] = 3.0;
-        assert!((innovation(&rows, &[2.0], &sigma) - 1.0).abs() < 1e-12);
+        let square = |residual: f64, by_step, sigma: &[[f64; TAIL]; TAIL]| {
+            innovation(&FactorRows::new([residual], by_step), sigma)
+        };
+        assert!((square(2.0, rows, &sigma) - 1.0).abs() < 1e-12);
         // And one that sees a gyro bias, correlated with it.
         rows[0][18] = 2.0;
         sigma[9][9] = 1.0;
         sigma[4][9] = 0.5;
         sigma[9][4] = 0.5;
-        assert!((innovation(&rows, &[3.0], &sigma) - 0.9).abs() < 1e-12);
+        assert!((square(3.0, rows, &sigma) - 0.9).abs() < 1e-12);
     }
 }

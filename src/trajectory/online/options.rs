@@ -1,8 +1,9 @@
 //! What the online smoother may spend and what it must see.
 
+use crate::adjustment::NODE;
 use crate::geometry::Vec3;
 use crate::sensor::ImuBias;
-use crate::trajectory::chain::{BIAS, NODE};
+use crate::trajectory::states::BIAS;
 
 /// Sizes of steps, one for each kind of unknown, per component.
 #[derive(Debug, Clone, Copy, PartialEq)]

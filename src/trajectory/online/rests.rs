@@ -1,7 +1,7 @@
 //! Rests, seen block by block while the drive goes on.
 
-use crate::trajectory::TrajectorySettings;
 use crate::trajectory::rest::{REST_BLOCK_S, REST_BLOCKS, Rest, checked, still};
+use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::Streams;
 
 /// Most blocks that a rest is checked over: a drift shows in them, and a longer rest costs no more.
@@ -9,7 +9,7 @@ const MOST_BLOCKS: usize = 8;
 
 /// How far the drive has been looked at.
 #[derive(Debug, Clone)]
-pub(super) struct RestWatch {
+pub struct RestWatch {
     next_s: f64,
     run: usize,
 }

@@ -1,26 +1,30 @@
 //! The smoother at work: records in time order become factors.
 
 use super::gate::{Gate, Verdict, innovation};
+use super::records::Record;
 use super::rests::RestWatch;
+use super::scatter::Scatter;
 use super::smoother::{Smoother, Work};
-use super::{Jump, Record, Update};
+use super::update::{Jump, Update};
+use crate::adjustment::{TAIL, tail_covariance};
 use crate::error::Result;
-use crate::geometry::{Mat3, WorldFromBody};
-use crate::sensor::{HeadingFix, ImuBias, PoseRecord, PoseSigma, PositionFix};
-use crate::trajectory::TrajectorySettings;
-use crate::trajectory::chain::TAIL;
-use crate::trajectory::factors::NodeState;
-use crate::trajectory::marginals::tail_covariance;
+use crate::geometry::Mat3;
+use crate::sensor::{HeadingFix, ImuBias, ImuSample, PoseRecord, PoseSigma, PositionFix};
+use crate::trajectory::gaps::{GAP_INTERVALS, bridged_samples, bridging_samples, check_bridging};
+use crate::trajectory::graph::FactorContext;
+use crate::trajectory::imu_series::SAME_INSTANT_S;
+use crate::trajectory::settings::{ImuNoise, TrajectorySettings};
 use crate::trajectory::solution::{Rejection, RejectionReason};
+use crate::trajectory::states::NodeState;
 use crate::trajectory::streams::{Names, Numbered, Stream, Streams};
-use crate::trajectory::timeline::{LONGEST_STEP_S, SAME_INSTANT_S};
+use crate::trajectory::timeline::LONGEST_STEP_S;
 
 /// Where a node is linearised whose start value is known.
-pub(super) type Guess<'a> = dyn Fn(f64) -> (NodeState, ImuBias) + 'a;
+pub type Guess<'a> = dyn Fn(f64) -> (NodeState, ImuBias) + 'a;
 
 /// Everything after the start.
 #[derive(Debug, Clone)]
-pub(super) struct Running {
+pub struct Running {
     pub smoother: Smoother,
     /// What has been taken in, in time order.
     pub streams: Streams,
@@ -46,6 +50,34 @@ impl Running {
             heading: Gate::new(settings.heading.loss, 1.0),
             fixed: false,
         }
+    }
+
+    /// Takes a sample, later than all before, and those that bridge a gap before it.
+    ///
+    /// # Errors
+    /// More gaps than a log has.
+    pub fn sample(&mut self, sample: ImuSample, scatter: &Scatter, noise: &ImuNoise) -> Result<()> {
+        let last = self.streams.imu[self.streams.imu.len() - 1];
+        let interval_s = self.streams.imu.interval_s;
+        let gap_s = sample.time_s - last.time_s;
+        if gap_s > GAP_INTERVALS * interval_s {
+            let recorded = scatter.count();
+            let bridging = self.streams.imu.len().saturating_sub(recorded);
+            check_bridging(bridging + bridging_samples(gap_s, interval_s), recorded)?;
+            let imu = &mut self.streams.imu;
+            imu.gaps_s.push((last.time_s + interval_s, sample.time_s));
+            imu.set_bridge_noise(scatter.bridge_noise(noise));
+            for between in bridged_samples(&last, &sample, interval_s) {
+                self.push(between, true);
+            }
+        }
+        self.push(sample, false);
+        Ok(())
+    }
+
+    fn push(&mut self, sample: ImuSample, bridged: bool) {
+        self.streams.imu.push(sample, bridged);
+        self.smoother.graph.timeline.pose_s.push(sample.time_s);
     }
 
     /// Nodes, no farther apart than allowed, until one is within the longest step of `time_s`.
@@ -79,7 +111,8 @@ impl Running {
             self.fixed = false;
         }
         let guess = guess.map(|guess| guess(time_s));
-        self.smoother.append(time_s, begins, guess.as_ref())
+        self.smoother
+            .append(&self.streams.imu, time_s, begins, guess.as_ref())
     }
 
     /// A node at a fix, unless one is as near as half a sample.
@@ -91,7 +124,7 @@ impl Running {
             Some(&at_s) if (at_s - time_s).abs() < SAME_INSTANT_S => at_s,
             _ => time_s,
         };
-        if time_s > self.smoother.newest_s() + 0.5 * self.streams.interval_s {
+        if time_s > self.smoother.newest_s() + 0.5 * self.streams.imu.interval_s {
             self.node(time_s, guess)?;
         }
         Ok(())
@@ -105,40 +138,38 @@ impl Running {
         settings: &TrajectorySettings,
         weight: Option<f64>,
     ) -> Result<()> {
+        let stream = Stream::Position(sensor);
+        let at = (fix.record, fix.value.time_s);
         let (step, _) = self.smoother.graph.place(fix.value.time_s);
         if step < self.smoother.reach() {
-            self.late(
-                Stream::Position(sensor),
-                fix.record,
-                fix.value.time_s,
-                settings,
-            );
+            self.refuse(stream, at, RejectionReason::Late, settings);
             return Ok(());
         }
         self.streams.positions[sensor].push(*fix);
         self.fixed |= step >= self.smoother.steps();
-        let bias = self.smoother.bias(step);
+        let (node, bias) = (self.smoother.node(step), self.smoother.bias(step));
+        let constants = &self.smoother.state.constants;
+        let context = FactorContext {
+            imu: &self.streams.imu,
+            settings,
+            constants,
+            about: &bias,
+        };
         let graph = &mut self.smoother.graph;
-        let (_, at) = graph.push_position(sensor, fix, settings, &bias);
+        let (_, place) = graph.push_position(&context, sensor, fix);
         let weight = match weight {
             Some(weight) => weight,
             None => {
-                let node = self.smoother.node(step);
-                let graph = &self.smoother.graph;
-                let (known, place) = (&graph.known, &graph.sensors[sensor]);
-                let factor = &graph.positions[at];
-                let (rows, _, residual) = factor.rows(place, known, &node, &bias, &[]);
-                let missed_m = factor
-                    .residual(place, known.gravity_m_s2(&[]), &node, &bias, &[])
-                    .norm();
-                let square = innovation(&rows, &residual, &self.covariance());
+                let (factor, sensors) = (&graph.positions[place], &graph.sensors);
+                let rows = factor.rows(&sensors[sensor], constants, &node, &bias);
+                let missed_m = factor.residual(&sensors[sensor], constants, &node, &bias);
+                let missed = [0.0, missed_m.norm(), 0.0];
+                let square = innovation(&rows, &self.covariance());
                 let verdict = self.positions[sensor].judge(square, fix.value.time_s);
-                let stream = Stream::Position(sensor);
-                let named = (stream, fix.record, fix.value.time_s);
-                self.consequence(verdict, named, square, [0.0, missed_m, 0.0], settings)
+                self.consequence(verdict, (stream, at), square, missed, settings)
             }
         };
-        self.smoother.graph.positions[at].weight = weight;
+        self.smoother.graph.positions[place].weight = weight;
         self.smoother.touch(step);
         Ok(())
     }
@@ -150,30 +181,35 @@ impl Running {
         settings: &TrajectorySettings,
         weight: Option<f64>,
     ) -> Result<()> {
+        let at = (fix.record, fix.value.time_s);
         let (step, _) = self.smoother.graph.place(fix.value.time_s);
         if step < self.smoother.reach() {
-            self.late(Stream::Heading, fix.record, fix.value.time_s, settings);
+            self.refuse(Stream::Heading, at, RejectionReason::Late, settings);
             return Ok(());
         }
         self.streams.heading.push(*fix);
         let bias = self.smoother.bias(step);
-        let (_, range) = self.smoother.graph.push_heading(fix, settings, &bias);
-        for at in range {
+        let context = FactorContext {
+            imu: &self.streams.imu,
+            settings,
+            constants: &self.smoother.state.constants,
+            about: &bias,
+        };
+        let (_, places) = self.smoother.graph.push_heading(&context, fix);
+        for place in places {
             let weight = match weight {
                 Some(weight) => weight,
                 None => {
                     let node = self.smoother.node(step);
-                    let graph = &self.smoother.graph;
-                    let factor = &graph.headings[at];
-                    let (rows, _, residual) = factor.rows(&graph.known, &node, &bias, &[]);
-                    let missed_rad = residual[0].abs() * factor.sigma_rad;
-                    let square = innovation(&rows, &residual, &self.covariance());
+                    let factor = &self.smoother.graph.headings[place];
+                    let rows = factor.rows(&self.smoother.state.constants, &node, &bias);
+                    let missed = [rows.residual[0].abs() * factor.sigma_rad, 0.0, 0.0];
+                    let square = innovation(&rows, &self.covariance());
                     let verdict = self.heading.judge(square, fix.value.time_s);
-                    let named = (Stream::Heading, fix.record, fix.value.time_s);
-                    self.consequence(verdict, named, square, [missed_rad, 0.0, 0.0], settings)
+                    self.consequence(verdict, (Stream::Heading, at), square, missed, settings)
                 }
             };
-            self.smoother.graph.headings[at].weight = weight;
+            self.smoother.graph.headings[place].weight = weight;
         }
         self.smoother.touch(step);
         Ok(())
@@ -184,7 +220,7 @@ impl Running {
     fn consequence(
         &mut self,
         verdict: Verdict,
-        (stream, record, time_s): (Stream, usize, f64),
+        (stream, (record, time_s)): (Stream, (usize, f64)),
         square: f64,
         missed: [f64; 3],
         settings: &TrajectorySettings,
@@ -203,19 +239,26 @@ impl Running {
                 0.0
             }
             Verdict::Follow => {
-                self.smoother.loosen_newest_step(missed);
+                self.smoother.loosen_newest_step(&self.streams.imu, missed);
                 self.jumps.push(Jump { sensor, time_s });
                 1.0
             }
         }
     }
 
-    fn late(&mut self, stream: Stream, record: usize, time_s: f64, settings: &TrajectorySettings) {
+    /// Names a record (from 0) that takes no part.
+    pub fn refuse(
+        &mut self,
+        stream: Stream,
+        (record, time_s): (usize, f64),
+        reason: RejectionReason,
+        settings: &TrajectorySettings,
+    ) {
         self.rejections.push(Rejection {
             sensor: Names(settings).sensor(stream),
             record: record + 1,
             time_s,
-            reason: RejectionReason::Late,
+            reason,
             normalised: None,
         });
     }
@@ -255,30 +298,40 @@ impl Running {
         }
         let node_s = self.smoother.newest_s();
         if settings.zero_velocity {
-            while let Some(rest) = self.rests.seen(&self.streams, settings, node_s) {
-                if let Some(step) = self.smoother.graph.rest(&rest) {
-                    // Steps out of reach keep what they have.
-                    self.smoother.touch(step.max(self.smoother.reach()));
-                }
+            self.hold_rests(settings, node_s);
+        }
+        let work = self.update()?;
+        Ok(self.newest(work, rejected, jumped))
+    }
+
+    /// Holds the velocity at the nodes where the body has rested, up to `until_s`.
+    pub fn hold_rests(&mut self, settings: &TrajectorySettings, until_s: f64) {
+        while let Some(rest) = self.rests.seen(&self.streams, settings, until_s) {
+            if let Some(step) = self.smoother.graph.rest(&rest) {
+                // Steps out of reach keep what they have.
+                self.smoother.touch(step.max(self.smoother.reach()));
             }
         }
-        let work = self.smoother.update()?;
-        Ok(self.told(work, rejected, jumped))
+    }
+
+    /// Brings the estimate up to date.
+    pub fn update(&mut self) -> Result<Work> {
+        self.smoother.update(&self.streams.imu)
     }
 
     /// The newest pose, and what has been refused since.
-    pub fn told(&self, work: Work, rejected: usize, jumped: usize) -> Update {
+    pub fn newest(&self, work: Work, rejected: usize, jumped: usize) -> Update {
         let step = self.smoother.steps();
         let node = self.smoother.node(step);
         let sigma = self.covariance();
         let block = |at: usize| Mat3::from_fn(|a, b| sigma[at + a][at + b]);
-        let world = node.rotation.to_rotation_matrix();
+        let world = node.world_from_body.rotation.to_rotation_matrix();
         let rotation = world.matrix() * block(0) * world.matrix().transpose();
         let root = |m: &Mat3| m.diagonal().map(|x| x.max(0.0).sqrt());
         Update {
             pose: PoseRecord {
                 time_s: self.smoother.newest_s(),
-                world_from_body: WorldFromBody::new(node.rotation, node.position_m),
+                world_from_body: node.world_from_body,
                 velocity_m_s: Some(node.velocity_m_s),
                 bias: Some(self.smoother.bias(step)),
                 sigma: Some(PoseSigma {

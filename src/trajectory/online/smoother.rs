@@ -5,18 +5,21 @@
 //! linearised, elimination starts again there, from the normal equations carried to it.
 
 use super::options::{OnlineOptions, Thresholds};
-use crate::error::{Error, Result};
+use crate::adjustment::{
+    CHANGE, Carry, ChainFactor, ChainLayout, ChainProblem, NODE, STEP, TAIL, Unknown, solve_rows,
+};
+use crate::error::{Error, Problem, Result};
 use crate::sensor::ImuBias;
-use crate::trajectory::chain::{BIAS, CHANGE, Carry, ChainFactor, NODE, STEP, TAIL, solve_rows};
-use crate::trajectory::factors::NodeState;
-use crate::trajectory::graph::{Graph, State, moved_bias, moved_node};
+use crate::trajectory::graph::Graph;
+use crate::trajectory::imu_series::ImuSeries;
+use crate::trajectory::states::{BIAS, NodeState, State};
 use std::collections::VecDeque;
 
 const UNDAMPED: [f64; TAIL] = [0.0; TAIL];
 
 /// What one update has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Work {
+pub struct Work {
     /// Fronts eliminated.
     pub eliminated: usize,
     /// Nodes with a new linearisation point.
@@ -25,7 +28,7 @@ pub(super) struct Work {
 
 /// The graph, where it is linearised, its factor, and the step from there to the estimate.
 #[derive(Debug, Clone)]
-pub(super) struct Smoother {
+pub struct Smoother {
     pub graph: Graph,
     /// Linearisation points.
     pub state: State,
@@ -49,19 +52,14 @@ pub(super) struct Smoother {
 }
 
 impl Smoother {
-    /// Of the single node of `graph`.
-    pub fn new(graph: Graph, node: NodeState, bias: ImuBias, options: OnlineOptions) -> Self {
-        let state = State {
-            nodes: vec![node],
-            biases: vec![bias],
-            constants: Vec::new(),
-        };
+    /// Of the single node of `graph`, linearised at `state`.
+    pub fn new(graph: Graph, state: State, options: OnlineOptions) -> Self {
         Self {
             carries: VecDeque::from([Carry::new(&graph.prior(&state))]),
             first_carry: 0,
             graph,
             state,
-            factor: ChainFactor::growing(),
+            factor: ChainFactor::new(ChainLayout::default(), 0),
             node_step: vec![[0.0; NODE]],
             bias_step: vec![[0.0; BIAS]],
             bias_begin: vec![0],
@@ -84,16 +82,13 @@ impl Smoother {
 
     /// The estimate of a node.
     pub fn node(&self, node: usize) -> NodeState {
-        moved_node(&self.state.nodes[node], &self.node_step[node])
+        self.state.nodes[node].retracted(&self.node_step[node])
     }
 
     /// The estimate of the bias in force in a step; of the newest one in a step to come.
     pub fn bias(&self, step: usize) -> ImuBias {
-        let bias = match self.graph.timeline.layout.bias_of_step.get(step) {
-            Some(&bias) => bias as usize,
-            None => self.state.biases.len() - 1,
-        };
-        moved_bias(&self.state.biases[bias], &self.bias_step[bias])
+        let bias = self.graph.layout().segment(step);
+        self.state.biases[bias].retracted(&self.bias_step[bias])
     }
 
     /// The first step at which elimination can start again.
@@ -110,13 +105,14 @@ impl Smoother {
     /// begins at the newest node where `begins`.
     pub fn append(
         &mut self,
+        imu: &ImuSeries,
         time_s: f64,
         begins: bool,
         guess: Option<&(NodeState, ImuBias)>,
     ) -> Result<()> {
         let step = self.steps();
         let bias = self.bias(step);
-        self.graph.push_step(time_s, begins, &bias)?;
+        self.graph.push_step(imu, time_s, begins, &bias)?;
         if begins && step > 0 {
             self.state.biases.push(guess.map_or(bias, |g| g.1));
             self.bias_step.push([0.0; BIAS]);
@@ -125,26 +121,26 @@ impl Smoother {
         let node = match guess {
             Some((node, _)) => *node,
             None => {
-                let gravity_m_s2 = self.graph.known.gravity_m_s2(&[]);
+                let gravity_m_s2 = self.state.constants.gravity_m_s2.value;
                 let sums = &self.graph.imu[step].sums;
-                sums.lead(&bias, gravity_m_s2, &self.node(step))
+                sums.predict(&self.node(step), &bias, gravity_m_s2)
             }
         };
         self.state.nodes.push(node);
         self.node_step.push([0.0; NODE]);
         self.factor
-            .push_step(self.graph.timeline.layout.bias_of_step[step]);
+            .push_step(self.graph.layout().segment_of_step[step]);
         self.touch(step);
         Ok(())
     }
 
     /// Brings fronts, root and the steps to the estimates up to date, and linearises anew what has
     /// moved too far.
-    pub fn update(&mut self) -> Result<Work> {
+    pub fn update(&mut self, imu: &ImuSeries) -> Result<Work> {
         let wildfire = self.options.wildfire;
         self.eliminate()?;
         let lowest = self.back_substitute(Some(&wildfire));
-        let relinearised = self.relinearise(lowest);
+        let relinearised = self.relinearise(imu, lowest);
         if relinearised > 0 {
             self.eliminate()?;
             self.back_substitute(Some(&wildfire));
@@ -156,10 +152,10 @@ impl Smoother {
     }
 
     /// Lets the newest step jump by these sizes of rotation, position and velocity.
-    pub fn loosen_newest_step(&mut self, sigma: [f64; 3]) {
+    pub fn loosen_newest_step(&mut self, imu: &ImuSeries, sigma: [f64; 3]) {
         if let Some(step) = self.steps().checked_sub(1) {
             let about = self.bias(step);
-            self.graph.loosen_newest_step(&about, sigma);
+            self.graph.loosen_newest_step(imu, &about, sigma);
             self.loose.push(step);
             self.touch(step);
         }
@@ -171,7 +167,8 @@ impl Smoother {
         let from = self.changed;
         self.carries.truncate(from - self.first_carry + 1);
         let free = |step: usize, graph: &Graph| {
-            Error::data(
+            Error::of(
+                Problem::NotDetermined,
                 format!(
                     "the trajectory at {:.3} s is not determined",
                     graph.timeline.node_s[step]
@@ -181,10 +178,10 @@ impl Smoother {
         };
         for step in from..steps {
             let mut carry = self.carries[step - self.first_carry].clone();
-            if self.graph.timeline.layout.changes_before(step) {
-                let old = self.graph.timeline.layout.bias_of_step[step] as usize - 1;
+            if self.graph.layout().changes_before(step) {
+                let old = self.graph.layout().segment_of_step[step] as usize - 1;
                 let walk = self.graph.walk(&self.state, old);
-                if !carry.change_bias(&walk, &UNDAMPED, self.factor.change_mut(old)) {
+                if !carry.change_segment(&walk, &UNDAMPED, self.factor.change_mut(old)) {
                     return Err(free(step, &self.graph));
                 }
             }
@@ -201,8 +198,7 @@ impl Smoother {
         self.changed = steps;
         self.unsolved = self.unsolved.min(from);
         let mut root = self.carries[steps - self.first_carry].clone();
-        let newest = &self.state.biases[self.state.biases.len() - 1];
-        root.add_newest(&self.graph.newest_system(&self.state, newest));
+        root.add_newest(&self.graph.newest_system(&self.state));
         if !root.eliminate_tail(&UNDAMPED, self.factor.tail_mut()) {
             return Err(free(steps, &self.graph));
         }
@@ -234,7 +230,7 @@ impl Smoother {
         };
         let mut calm = 0;
         for step in (first..steps).rev() {
-            let bias = self.graph.timeline.layout.bias_of_step[step] as usize;
+            let bias = self.graph.layout().segment_of_step[step] as usize;
             let mut x = [0.0; STEP];
             x[NODE..2 * NODE].copy_from_slice(&self.node_step[step + 1]);
             x[2 * NODE..].copy_from_slice(&self.bias_step[bias]);
@@ -244,7 +240,7 @@ impl Smoother {
             node.copy_from_slice(&x[..NODE]);
             let mut moved = wildfire.is_none_or(|w| w.node_passes(&node, &self.node_step[step]));
             self.node_step[step] = node;
-            if self.graph.timeline.layout.changes_before(step) {
+            if self.graph.layout().changes_before(step) {
                 let mut x = [0.0; CHANGE];
                 x[BIAS..TAIL].copy_from_slice(&node);
                 x[TAIL..].copy_from_slice(&self.bias_step[bias]);
@@ -268,7 +264,7 @@ impl Smoother {
 
     /// Moves the linearisation points of the nodes and biases from node `lowest` on that are off
     /// by more than the thresholds to the estimates; how many nodes.
-    fn relinearise(&mut self, lowest: usize) -> usize {
+    fn relinearise(&mut self, imu: &ImuSeries, lowest: usize) -> usize {
         let limit = self.options.relinearise;
         let none = ([0.0; NODE], [0.0; BIAS]);
         let first = self.first_carry;
@@ -283,20 +279,17 @@ impl Smoother {
                 count += 1;
             }
         }
-        let lowest_bias = match self.graph.timeline.layout.bias_of_step.get(lowest) {
-            Some(&bias) => bias as usize,
-            None => self.state.biases.len() - 1,
-        };
+        let lowest_bias = self.graph.layout().segment(lowest);
         for k in lowest_bias..self.state.biases.len() {
             let begin = self.bias_begin[k];
             if begin >= first && limit.bias_passes(&self.bias_step[k], &none.1) {
-                self.state.biases[k] = moved_bias(&self.state.biases[k], &self.bias_step[k]);
+                self.state.biases[k] = self.state.biases[k].retracted(&self.bias_step[k]);
                 self.bias_step[k] = none.1;
                 let end = self.bias_begin.get(k + 1).copied();
                 for step in begin..end.unwrap_or(self.graph.timeline.steps()) {
                     let (now, summed) = (&self.state.biases[k], self.graph.imu[step].sums.bias);
                     if limit.biases_pass(now, &summed) && !self.loose.contains(&step) {
-                        self.graph.sum_anew(step, now);
+                        self.graph.sum_anew(imu, step, now);
                     }
                 }
                 again = again.min(begin);
@@ -315,12 +308,11 @@ impl Smoother {
     /// All unknowns at their estimates.
     pub fn estimate(&mut self) -> State {
         self.back_substitute(None);
+        let biases = self.state.biases.iter().zip(&self.bias_step);
         State {
             nodes: (0..self.state.nodes.len()).map(|i| self.node(i)).collect(),
-            biases: (0..self.state.biases.len())
-                .map(|k| moved_bias(&self.state.biases[k], &self.bias_step[k]))
-                .collect(),
-            constants: Vec::new(),
+            biases: biases.map(|(bias, d)| bias.retracted(d)).collect(),
+            constants: self.state.constants.clone(),
         }
     }
 }

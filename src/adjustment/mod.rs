@@ -1,0 +1,42 @@
+//! Least-squares adjustment on a chain of unknowns: factors' rows in, solution and covariances out.
+//!
+//! Knows no sensor. What its unknowns mean, and which factors tie them, is the business of a
+//! [`ChainProblem`]; its rows serve other solvers as well.
+
+mod border;
+mod chain;
+mod damping;
+mod front;
+mod functional;
+mod information;
+mod layout;
+mod levenberg_marquardt;
+mod loss;
+mod marginals;
+mod prior;
+mod problem;
+mod rows;
+mod system;
+#[cfg(test)]
+mod tests;
+mod unknown;
+
+pub use levenberg_marquardt::StopReason;
+pub use loss::Loss;
+
+pub(crate) use chain::{ChainFactor, ChainStep, NotPositive};
+pub(crate) use damping::{Damping, DampingRule, Verdict};
+pub(crate) use front::{Carry, solve_rows};
+pub(crate) use functional::ChainGradient;
+pub(crate) use information::residual_information;
+pub(crate) use layout::{CHANGE, ChainLayout, NODE, SEGMENT, STEP, TAIL};
+pub(crate) use levenberg_marquardt::Ended;
+pub(crate) use loss::{
+    Graduation, LossGroup, cautious_weight, rejection_limit, square_scale, weigh,
+};
+pub(crate) use marginals::{StepCovariance, tail_covariance};
+pub(crate) use prior::{BorderPrior, Prior};
+pub(crate) use problem::ChainProblem;
+pub(crate) use rows::{FactorRows, Rows};
+pub(crate) use system::{BorderSystem, StepSystem, assemble};
+pub(crate) use unknown::{Columns, Parameter, Retract, Unknown};

@@ -1,0 +1,262 @@
+mod case;
+mod problem;
+
+use crate::adjustment::chain::{CHUNK, NotPositive};
+use crate::adjustment::front::{Carry, ChangeFront, StepFront, TailFront};
+use crate::adjustment::functional::ChainGradient;
+use crate::adjustment::layout::{NODE, SEGMENT, STEP};
+use crate::adjustment::prior::BorderPrior;
+use crate::adjustment::system::{BorderSystem, StepSystem};
+use case::Case;
+use nalgebra::DMatrix;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+fn cases() -> Vec<Case> {
+    [0, 1, 4]
+        .into_iter()
+        .flat_map(|n| {
+            [
+                Case::new(&[0], n, 0.0),
+                Case::new(&[0, 0, 1, 2, 2], n, 0.0),
+                Case::new(&[0, 1, 1, 1, 2], n, 0.5),
+            ]
+        })
+        .collect()
+}
+
+/// More steps than a chunk.
+fn long_case(n: usize) -> Case {
+    let segments: Vec<u32> = (0..CHUNK as u32 + 9).map(|i| i / 7).collect();
+    Case::new(&segments, n, 0.0)
+}
+
+/// Rounding in well-conditioned systems of up to 2,700 unknowns.
+const TOLERANCE: f64 = 1e-9;
+
+#[test]
+fn solution_agrees_with_dense_cholesky() {
+    for case in cases().into_iter().chain([long_case(0), long_case(3)]) {
+        let factor = case.factor().expect("positive definite");
+        let dense = case.h.clone().cholesky().expect("positive definite");
+        let dense = dense.solve(&case.g);
+        let found = case.solve();
+        let (nodes, segments) = (found.nodes.as_flattened(), found.segments.as_flattened());
+        let found = [nodes, segments, &found.border].concat();
+        assert_eq!(found.len(), dense.len());
+        for (i, x) in found.iter().enumerate() {
+            assert!((x - dense[i]).abs() < TOLERANCE * dense.amax(), "{i}");
+        }
+        let decrement = case.g.dot(&dense);
+        assert!((factor.decrement() - decrement).abs() < TOLERANCE * decrement);
+    }
+}
+
+#[test]
+fn marginals_agree_with_dense_inverse() {
+    for case in cases() {
+        let (factor, n) = (case.factor().expect("positive definite"), case.count());
+        let dense = case.inverse();
+        let tolerance = TOLERANCE * dense.amax();
+        let mut visited = Vec::new();
+        factor.marginals(|step, covariance| {
+            visited.push(step);
+            let joint = covariance.joint();
+            assert_eq!(joint.cross.len(), STEP * n);
+            for (a, row) in joint.unknowns.iter().enumerate() {
+                let place = case.place(step, a);
+                for (b, found) in row.iter().enumerate() {
+                    let expected = dense[(place, case.place(step, b))];
+                    assert!((found - expected).abs() < tolerance, "{step} {a} {b}");
+                }
+                for c in 0..n {
+                    let expected = dense[(place, case.border_at(c))];
+                    let found = joint.cross[a * n + c];
+                    assert!(
+                        (found - expected).abs() < tolerance,
+                        "{step} {a} border {c}"
+                    );
+                }
+            }
+        });
+        let expected: Vec<usize> = (0..case.layout.steps()).rev().collect();
+        assert_eq!(visited, expected);
+    }
+}
+
+#[test]
+fn covariance_of_the_border_agrees_with_dense_inverse() {
+    for case in cases() {
+        let dense = case.inverse();
+        let (n, at) = (case.count(), case.border_at(0));
+        let expected = dense.view((at, at), (n, n));
+        let factor = case.factor().expect("positive definite");
+        let difference = factor.border_covariance() - expected;
+        assert_eq!(difference.shape(), (n, n));
+        for x in &difference {
+            assert!(x.abs() < TOLERANCE * expected.amax());
+        }
+    }
+}
+
+/// m × width random values.
+fn random_block(random: &mut ChaCha8Rng, rows: usize, width: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, width, |_, _| random.random_range(-1.0..1.0))
+}
+
+/// Adds a block to a dense gradient and, row by row, to a sparse one.
+fn add_to_both(full: &mut DMatrix<f64>, at: usize, sparse: &mut [f64], block: &DMatrix<f64>) {
+    let (rows, width) = block.shape();
+    let mut target = full.view_mut((0, at), (rows, width));
+    target += block;
+    for (x, value) in sparse.iter_mut().zip(block.transpose().iter()) {
+        *x += value;
+    }
+}
+
+#[test]
+fn functionals_of_all_unknowns_agree_with_dense_inverse() {
+    let rows = 4;
+    for case in cases() {
+        let (factor, n) = (case.factor().expect("positive definite"), case.count());
+        let dense = case.inverse();
+        let (nodes, segments) = (case.layout.nodes(), case.layout.segments());
+        let mut random = ChaCha8Rng::seed_from_u64(9);
+        // Which nodes and segments matter; a segment before and after the first node, nothing at all.
+        let selections = [
+            (vec![nodes / 2, nodes - 1, nodes / 2], vec![]),
+            (vec![nodes - 1], vec![0, segments / 2]),
+            (vec![0], vec![segments - 1]),
+            (vec![], vec![segments - 1]),
+            (vec![], vec![]),
+        ];
+        for ((at_nodes, at_segments), with_border) in
+            selections.iter().flat_map(|s| [(s, false), (s, true)])
+        {
+            let mut gradient = ChainGradient::new(rows, &case.layout, n);
+            let mut full = DMatrix::zeros(rows, case.g.len());
+            for &node in at_nodes {
+                let block = random_block(&mut random, rows, NODE);
+                add_to_both(&mut full, node * NODE, gradient.node_mut(node), &block);
+            }
+            for &segment in at_segments {
+                let block = random_block(&mut random, rows, SEGMENT);
+                let at = case.segment_at(segment);
+                add_to_both(&mut full, at, gradient.segment_mut(segment), &block);
+            }
+            if with_border {
+                let block = random_block(&mut random, rows, n);
+                let at = case.border_at(0);
+                add_to_both(&mut full, at, gradient.border_mut(), &block);
+            }
+            let expected = &full * &dense * full.transpose();
+            let difference = factor.of_functional(&gradient) - &expected;
+            assert!(difference.amax() <= TOLERANCE * expected.amax());
+        }
+    }
+}
+
+/// The chain does not move by a bit where a border exists that nothing couples.
+#[test]
+fn a_border_that_touches_nothing_changes_nothing() {
+    let alone = Case::new(&[0, 0, 1], 0, 0.1);
+    let mut beside = Case::new(&[0, 0, 1], 0, 0.1);
+    beside.borders.fill(BorderSystem::new(2));
+    beside.border = BorderPrior {
+        weight: vec![4.0, 9.0],
+        miss: vec![1.0, 2.0],
+    };
+    beside.border_damping = vec![0.0; 2];
+    let (alone, beside) = (alone.solve(), beside.solve());
+    assert_eq!(
+        (alone.nodes, alone.segments),
+        (beside.nodes, beside.segments)
+    );
+    let expected = [-1.0, -2.0];
+    for (found, expected) in beside.border.iter().zip(expected) {
+        assert!((found - expected).abs() < TOLERANCE);
+    }
+}
+
+/// Step by step through [`Carry`], as an online smoother goes, gives the same fronts.
+#[test]
+fn fronts_one_by_one_are_those_of_the_batch() {
+    let case = Case::new(&[0, 0, 1, 2, 2], 0, 0.0);
+    let factor = case.factor().expect("positive definite");
+    let mut carry = Carry::new(&case.prior);
+    for i in 0..case.layout.steps() {
+        if case.layout.changes_before(i) {
+            let old = case.layout.segment_of_step[i] as usize - 1;
+            let mut front = ChangeFront::ZERO;
+            assert!(carry.change_segment(&case.walks[old], &case.damping, &mut front));
+            assert_eq!(&front, factor.change(old).0);
+        }
+        let mut front = StepFront::ZERO;
+        assert!(carry.eliminate_step(&mut case.steps[i].clone(), &case.damping, &mut front));
+        // What is below the diagonal is not read, and not compared.
+        for a in 0..NODE {
+            assert_eq!(front.rows[a][a..], factor.step(i).0.rows[a][a..]);
+        }
+        assert_eq!(front.y, factor.step(i).0.y);
+    }
+    let mut tail = TailFront::ZERO;
+    assert!(carry.eliminate_tail(&case.damping, &mut tail));
+    assert_eq!(tail.y, factor.tail().0.y);
+}
+
+#[test]
+fn each_column_alone_is_what_the_chain_finds_without_the_others() {
+    let case = Case::new(&[0, 0, 1, 2], 4, 0.1);
+    let factor = case.factor().expect("positive definite");
+    let first = 1;
+    for (i, (step, sigma)) in factor.each_alone(first).into_iter().enumerate() {
+        // The dense system without the columns that are not there.
+        let others = (first..4).filter(|c| *c != first + i);
+        let gone: Vec<usize> = others.map(|c| case.border_at(c)).collect();
+        let h = case
+            .h
+            .clone()
+            .remove_rows_at(&gone)
+            .remove_columns_at(&gone);
+        let g = case.g.clone().remove_rows_at(&gone);
+        let place = case.border_at(first);
+        let inverse = h.try_inverse().expect("regular");
+        let expected = (&inverse * g)[place];
+        assert!((step - expected).abs() < TOLERANCE * expected.abs().max(1.0));
+        let expected = inverse[(place, place)].sqrt();
+        assert!((sigma - expected).abs() < TOLERANCE * expected);
+    }
+}
+
+#[test]
+fn one_thread_and_two_give_the_same_bits() {
+    for case in [long_case(0), long_case(4)] {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("a pool");
+            let factor = pool.install(|| case.factor().expect("positive definite"));
+            let tail = factor.tail().0.rows;
+            (tail, factor.decrement(), factor.border_covariance())
+        };
+        assert_eq!(run(1), run(2));
+    }
+}
+
+#[test]
+fn what_is_free_is_named() {
+    let mut case = Case::new(&[0, 0, 0], 0, 0.0);
+    // Nothing but node 0 sees anything: step 1 starts from nothing and adds nothing.
+    case.steps.fill(StepSystem::ZERO);
+    assert_eq!(case.factor().err(), Some(NotPositive::Node(1)));
+    let mut case = Case::new(&[0, 0, 0], 2, 0.0);
+    // Column 1 touches nothing and has no prior.
+    for border in &mut case.borders {
+        border.h[1].fill(0.0);
+        border.c[1] = 0.0;
+        border.c[3] = 0.0;
+    }
+    case.border.weight[1] = 0.0;
+    assert_eq!(case.factor().err(), Some(NotPositive::Border(1)));
+}

@@ -1,0 +1,35 @@
+//! Values of arguments, as people type them.
+
+use crate::geometry::Vec3;
+
+/// Metres above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    number(text)
+        .filter(|x| *x > 0.0)
+        .ok_or_else(|| "expected metres above 0".to_owned())
+}
+
+/// Metres, 0 or more.
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    number(text)
+        .filter(|x| *x >= 0.0)
+        .ok_or_else(|| "expected metres, 0 or more".to_owned())
+}
+
+/// `vertical`, or east,north,up.
+pub(super) fn direction(text: &str) -> Result<Vec3, String> {
+    if text.trim() == "vertical" {
+        return Ok(Vec3::z());
+    }
+    let components: Option<Vec<f64>> = text.split(',').map(number).collect();
+    match components.as_deref() {
+        Some([east, north, up]) if [east, north, up].iter().any(|x| **x != 0.0) => {
+            Ok(Vec3::new(*east, *north, *up))
+        }
+        _ => Err("expected `vertical` or three numbers that are not all 0: east,north,up".into()),
+    }
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|x: &f64| x.is_finite())
+}

@@ -1,0 +1,196 @@
+//! How well the clouds of one drive agree: with the reference, and scanner against scanner.
+
+use super::checks::Normals;
+use super::m3c2::{core_points, m3c2};
+use super::result::M3c2;
+use super::settings::ComparisonSettings;
+use super::statistics::Statistics;
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::progress::Progress;
+
+/// Which mounting the clouds of a comparison were placed with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MountingKind {
+    /// The initial values of the project.
+    Initial,
+    /// The result of the run.
+    Final,
+    /// The true mounting, on the same poses (simulation).
+    Truth,
+}
+
+impl MountingKind {
+    /// Name in tables and figures.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Initial => "initial",
+            Self::Final => "calibrated",
+            Self::Truth => "true mounting",
+        }
+    }
+}
+
+/// The other side of a comparison.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Against {
+    /// The reference cloud.
+    Reference,
+    /// Another scanner, by name, whose cloud holds the core points.
+    Scanner(String),
+}
+
+/// One comparison of two clouds.
+#[derive(Debug, Clone)]
+pub struct Agreement {
+    /// Name of the scanner compared.
+    pub scanner: String,
+    /// What it is compared with.
+    pub against: Against,
+    /// Mounting behind the clouds.
+    pub mounting: MountingKind,
+    /// Distances in numbers.
+    pub statistics: Statistics,
+    /// Distances one by one.
+    pub distances: M3c2,
+}
+
+impl Agreement {
+    /// The two sides in words.
+    pub fn pair(&self) -> String {
+        match &self.against {
+            Against::Reference => format!("{} to reference", self.scanner),
+            Against::Scanner(other) => format!("{other} against {}", self.scanner),
+        }
+    }
+
+    /// Whether the same clouds are compared, under whichever mounting.
+    pub fn is_same_pair(&self, other: &Self) -> bool {
+        (&self.scanner, &self.against) == (&other.scanner, &other.against)
+    }
+}
+
+/// All comparisons of one drive.
+#[derive(Debug, Clone, Default)]
+pub struct Agreements {
+    /// Pair by pair: every scanner to the reference, then every pair of scanners. Those of one pair
+    /// stand together, in the order of [`MountingKind`].
+    pub found: Vec<Agreement>,
+    /// Comparisons that found nothing to compare, in words.
+    pub missing: Vec<String>,
+}
+
+impl Agreements {
+    /// Those under one mounting.
+    pub fn under(&self, mounting: MountingKind) -> impl Iterator<Item = &Agreement> {
+        let all = self.found.iter();
+        all.filter(move |found| found.mounting == mounting)
+    }
+
+    /// The comparison of the same clouds as `of` under another mounting.
+    pub fn find(&self, of: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
+        self.under(mounting).find(|found| found.is_same_pair(of))
+    }
+
+    /// The comparisons of each pair of clouds.
+    pub fn pairs(&self) -> impl Iterator<Item = &[Agreement]> {
+        self.found.chunk_by(Agreement::is_same_pair)
+    }
+}
+
+/// Compares the clouds of the drive `drive` for each kind of mounting: one cloud for each of the
+/// `scanners`, in their order, world frame, metres. `reference` may be empty.
+///
+/// Core points lie on the reference, or on the first scanner of a pair; their normals come from
+/// there and point up.
+///
+/// # Errors
+/// Settings that make no sense; [`Error::Cancelled`](crate::Error::Cancelled). Clouds that do not
+/// meet are listed in [`Agreements::missing`].
+pub fn agreements(
+    drive: &str,
+    scanners: &[&str],
+    reference: &[Vec3],
+    kinds: &[(MountingKind, Vec<Vec<Vec3>>)],
+    settings: &ComparisonSettings,
+    progress: &dyn Progress,
+) -> Result<Agreements> {
+    let mut all = Comparisons {
+        drive,
+        scanners,
+        settings,
+        progress,
+        found: Vec::new(),
+        missing: Vec::new(),
+    };
+    let core = core_points(reference, settings);
+    for (mounting, clouds) in kinds {
+        for (scanner, cloud) in clouds.iter().enumerate() {
+            if !reference.is_empty() {
+                all.compare([reference, cloud, &core], (None, scanner, *mounting))?;
+            }
+        }
+        for (first, cloud) in clouds.iter().enumerate() {
+            let core = core_points(cloud, settings);
+            for (second, other) in clouds.iter().enumerate().skip(first + 1) {
+                all.compare([cloud, other, &core], (Some(first), second, *mounting))?;
+            }
+        }
+    }
+    all.found.sort_by_key(|(sides, _)| *sides);
+    Ok(Agreements {
+        found: all.found.into_iter().map(|(_, found)| found).collect(),
+        missing: all.missing,
+    })
+}
+
+/// The other side (`None` for the reference), the scanner compared, and the mounting.
+type Sides = (Option<usize>, usize, MountingKind);
+
+/// What has been compared so far.
+struct Comparisons<'a> {
+    drive: &'a str,
+    scanners: &'a [&'a str],
+    settings: &'a ComparisonSettings,
+    progress: &'a dyn Progress,
+    found: Vec<(Sides, Agreement)>,
+    missing: Vec<String>,
+}
+
+impl Comparisons<'_> {
+    fn compare(
+        &mut self,
+        [reference, compared, core]: [&[Vec3]; 3],
+        sides @ (against, scanner, mounting): Sides,
+    ) -> Result<()> {
+        let (drive, scanner) = (self.drive, self.scanners[scanner]);
+        if compared.is_empty() || core.is_empty() {
+            let text = format!("{drive}: scanner `{scanner}` has no points to compare");
+            self.missing.push(text);
+            return Ok(());
+        }
+        let other = against.map(|other| self.scanners[other]);
+        let stage = format!(
+            "comparing {scanner} with {} ({drive}, {})",
+            other.unwrap_or("reference"),
+            mounting.name()
+        );
+        let (up, progress) = (Normals::UPWARDS, self.progress);
+        let _stage = progress.stage(&stage, core.len() as u64);
+        let distances = m3c2(reference, compared, core, up, self.settings, progress)?;
+        match Statistics::of(&distances) {
+            Ok(statistics) => {
+                let found = Agreement {
+                    scanner: scanner.into(),
+                    against: other.map_or(Against::Reference, |name| Against::Scanner(name.into())),
+                    mounting,
+                    statistics,
+                    distances,
+                };
+                self.found.push((sides, found));
+            }
+            Err(reason) => self.missing.push(format!("{drive}: {reason}")),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,112 @@
+//! What was found in a file, and how it is told.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use crate::format::detect::Format;
+
+/// An interval of time that is much longer than the others.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Gap {
+    /// Last time before it, seconds.
+    pub start_s: f64,
+    /// Its length, seconds.
+    pub duration_s: f64,
+}
+
+/// The least and the greatest value of a column; its unit is the end of its name.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Bounds {
+    /// Name with unit.
+    pub column: String,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+}
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Inspection {
+    /// The file.
+    pub path: PathBuf,
+    /// Its format.
+    pub format: Format,
+    /// Its size.
+    pub bytes: u64,
+    /// Rows, samples, poses or points.
+    pub count: u64,
+    /// Distinct times, where rows are in time order.
+    pub epochs: Option<u64>,
+    /// First and last time, seconds.
+    pub span_s: Option<[f64; 2]>,
+    /// One over the median interval between distinct times, hertz.
+    pub rate_hz: Option<f64>,
+    /// The longest gaps of more than five median intervals, longest first; ten at most.
+    pub gaps: Vec<Gap>,
+    /// Range of each column.
+    pub bounds: Vec<Bounds>,
+    /// Names of the columns or fields in the file.
+    pub columns: Vec<String>,
+    /// What else the user should know.
+    pub notes: Vec<String>,
+}
+
+impl fmt::Display for Inspection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.path.display())?;
+        writeln!(f, "  format   {}", self.format)?;
+        writeln!(f, "  size     {} bytes", self.bytes)?;
+        writeln!(f, "  rows     {}", self.count)?;
+        if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {
+            writeln!(f, "  epochs   {epochs}")?;
+        }
+        if let Some([first, last]) = self.span_s {
+            let length = last - first;
+            writeln!(
+                f,
+                "  time     {first:.6} s to {last:.6} s, {length:.3} s long"
+            )?;
+        }
+        if let Some(rate_hz) = self.rate_hz {
+            writeln!(f, "  rate     {rate_hz:.3} Hz (median)")?;
+        }
+        for gap in &self.gaps {
+            let Gap {
+                start_s,
+                duration_s,
+            } = gap;
+            writeln!(f, "  gap      {duration_s:.3} s after {start_s:.3} s")?;
+        }
+        for Bounds { column, min, max } in &self.bounds {
+            let (name, unit) = split_unit(column);
+            writeln!(f, "  {name:<22} {min:.6} to {max:.6} {unit}")?;
+        }
+        if !self.columns.is_empty() {
+            writeln!(f, "  columns  {}", self.columns.join(", "))?;
+        }
+        for note in &self.notes {
+            writeln!(f, "  note     {note}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Name and unit of a column.
+fn split_unit(column: &str) -> (&str, &str) {
+    const UNITS: [(&str, &str); 7] = [
+        ("_rad_s", "rad/s"),
+        ("_m_s2", "m/s²"),
+        ("_m_s", "m/s"),
+        ("_rad", "rad"),
+        ("_deg", "°"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    for (ending, unit) in UNITS {
+        if let Some(name) = column.strip_suffix(ending) {
+            return (name, unit);
+        }
+    }
+    (column, "")
+}

@@ -1,0 +1,216 @@
+//! A drive through the smoother, record by record.
+
+use std::io::Write;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::record::Record;
+use crate::error::{Error, Result};
+use crate::format;
+use crate::geometry::Vec3;
+use crate::pipeline::job::Job;
+use crate::pipeline::outcome::{Options, Outcome};
+use crate::pipeline::stages::write_trajectory;
+use crate::progress::Progress;
+use crate::project::Project;
+use crate::sensor::PoseRecord;
+use crate::trajectory::{Jump, Online, OnlineOptions, TrajectorySettings, Update};
+
+/// The smoother and what it has answered.
+pub(super) struct Session<'a> {
+    smoother: Online,
+    origin_m: Vec3,
+    rows: Option<&'a mut dyn Write>,
+    /// Milliseconds of every record that made an update.
+    times_ms: Vec<f64>,
+    poses: Vec<PoseRecord>,
+    relinearised: usize,
+}
+
+impl<'a> Session<'a> {
+    pub(super) fn new(
+        settings: &TrajectorySettings,
+        origin_m: Vec3,
+        rows: Option<&'a mut dyn Write>,
+    ) -> Result<Self> {
+        Ok(Self {
+            smoother: Online::new(settings, OnlineOptions::default())?,
+            origin_m,
+            rows,
+            times_ms: Vec::new(),
+            poses: Vec::new(),
+            relinearised: 0,
+        })
+    }
+
+    pub(super) fn give(&mut self, record: Record, progress: &dyn Progress) -> Result<()> {
+        progress.check()?;
+        let begun = Instant::now();
+        let updates = match record {
+            Record::Imu(sample) => self.smoother.imu(sample)?,
+            Record::Position(sensor, fix) => self.smoother.position(sensor, fix)?,
+            Record::Heading(fix) => {
+                self.smoother.heading(fix)?;
+                Vec::new()
+            }
+        };
+        if updates.is_empty() {
+            return Ok(());
+        }
+        self.times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        for update in &updates {
+            self.take(update, progress)?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, update: &Update, progress: &dyn Progress) -> Result<()> {
+        let mut pose = update.pose;
+        pose.world_from_body.translation_m += self.origin_m;
+        self.relinearised += update.relinearised;
+        for rejection in &update.rejected {
+            let size = rejection
+                .normalised
+                .map_or_else(String::new, |n| format!(", {n:.1} sigma"));
+            progress.say(&format!(
+                "{} record {} at {:.3} s: {}{size}",
+                rejection.sensor, rejection.record, rejection.time_s, rejection.reason
+            ));
+        }
+        for Jump { sensor, time_s } in &update.jumps {
+            progress.warn(&format!(
+                "at {time_s:.3} s the estimate had contradicted {sensor} for too long: it jumps, \
+                 and follows it again"
+            ));
+        }
+        if let Some(rows) = &mut self.rows {
+            let first = self.poses.is_empty();
+            write_row(rows, &pose, first).map_err(|error| Error::io("stdout", error))?;
+        }
+        // A late fix betters the same pose.
+        match self.poses.last_mut() {
+            Some(last) if last.time_s >= pose.time_s => *last = pose,
+            _ => self.poses.push(pose),
+        }
+        Ok(())
+    }
+
+    /// The whole trajectory, the files, and the answer.
+    pub(super) fn finish(
+        self,
+        project: &Project,
+        options: &Options,
+        job: Job<'_>,
+        live: bool,
+        progress: &dyn Progress,
+    ) -> Result<Outcome> {
+        let rejected = self.smoother.rejections().to_vec();
+        let jumps = self.smoother.jumps().to_vec();
+        let estimate = self.smoother.finish(progress)?;
+        let mut files = Vec::new();
+        let path = job.path("trajectory.csv");
+        write_trajectory(&path, estimate.trajectory.poses(), &project.origin_m)?;
+        files.push(options.out.join("trajectory.csv"));
+        if !self.poses.is_empty() {
+            format::write_trajectory(&job.path("online.csv"), &self.poses)?;
+            files.push(options.out.join("online.csv"));
+        }
+        job.commit()?;
+        let times = TimesMs::of(&self.times_ms);
+        let solution = &estimate.solution;
+        let (first_s, last_s) = estimate.trajectory.span_s();
+        let nodes = estimate.trajectory.poses().len();
+        let mut summary = format!(
+            "{} updates, median {:.3} ms, 99.9 % {:.3} ms; {} records refused, {} jumps\n{nodes} \
+             poses over {:.1} s; {solution}",
+            self.times_ms.len(),
+            times.median,
+            times.p999,
+            rejected.len(),
+            jumps.len(),
+            last_s - first_s,
+        );
+        if live {
+            // Beside rows of numbers, words are comments.
+            for file in files.drain(..) {
+                summary.push_str(&format!("\nwrote {}", file.display()));
+            }
+            summary = format!("# {}", summary.replace('\n', "\n# "));
+        }
+        Ok(Outcome {
+            result: json!({
+                "online": {
+                    "updates": self.times_ms.len(),
+                    "update_ms_median": number(times.median),
+                    "update_ms_p999": number(times.p999),
+                    "update_ms_max": number(times.max),
+                    "relinearised": self.relinearised,
+                    "rejected": rejected,
+                    "jumps": jumps,
+                },
+                "trajectory": solution,
+                "poses": nodes,
+                "span_s": [first_s, last_s],
+            }),
+            summary,
+            files,
+        })
+    }
+}
+
+/// `null` where there is no number.
+fn number(x: f64) -> Value {
+    if x.is_nan() { Value::Null } else { json!(x) }
+}
+
+/// Quantiles of the times of updates; NaN without updates.
+struct TimesMs {
+    median: f64,
+    p999: f64,
+    max: f64,
+}
+
+impl TimesMs {
+    fn of(times_ms: &[f64]) -> Self {
+        let mut sorted = times_ms.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let last = sorted.len().saturating_sub(1);
+            let rank = (share * last as f64).ceil() as usize;
+            sorted.get(rank).copied().unwrap_or(f64::NAN)
+        };
+        Self {
+            median: at(0.5),
+            p999: at(0.999),
+            max: at(1.0),
+        }
+    }
+}
+
+/// Time, position, attitude and standard deviations as a line, flushed so that it arrives.
+fn write_row(rows: &mut dyn Write, pose: &PoseRecord, first: bool) -> std::io::Result<()> {
+    if first {
+        writeln!(
+            rows,
+            "time_s,east_m,north_m,up_m,qx,qy,qz,qw,sigma_east_m,sigma_north_m,sigma_up_m,\
+             sigma_rotation_east_rad,sigma_rotation_north_rad,sigma_rotation_up_rad"
+        )?;
+    }
+    let (t, q) = (
+        &pose.world_from_body.translation_m,
+        &pose.world_from_body.rotation,
+    );
+    write!(
+        rows,
+        "{},{},{},{},{},{},{},{}",
+        pose.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w
+    )?;
+    if let Some(sigma) = &pose.sigma {
+        for x in sigma.position_m.iter().chain(&sigma.rotation_rad) {
+            write!(rows, ",{x}")?;
+        }
+    }
+    writeln!(rows)?;
+    rows.flush()
+}

@@ -1,0 +1,262 @@
+//! M3C2 between cloud files of any size, with the numbers of one piece.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::memory::Budget;
+use super::plane::Rectangle;
+use super::source::CloudSource;
+use super::stage::stage;
+use super::store::TileStore;
+use crate::comparison::{
+    ComparisonSettings, CoreDistance, IndexedClouds, M3c2, Normals, core_indices, core_points,
+    reach_m,
+};
+use crate::error::Result;
+use crate::format::{self, CorePoints};
+use crate::geometry::Vec3;
+use crate::output::Staging;
+use crate::progress::{Progress, Silent};
+
+/// Memory for each point of the two clouds in one piece, bytes: as read, as indexed, and on the way
+/// from one to the other.
+const BYTES_A_POINT: u64 = 160;
+/// A tile's points come with those of its halo, and those of the other cloud.
+const BYTES_A_TILE_POINT: u64 = 4 * BYTES_A_POINT;
+
+/// What to compare, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// The cloud to judge.
+    pub cloud: PathBuf,
+    /// The cloud to judge it by.
+    pub reference: PathBuf,
+    /// Core points in a file; without one they are the reference, thinned.
+    pub core: Option<PathBuf>,
+    /// Where normals come from.
+    pub normals: NormalSource,
+    /// Radii and the like.
+    pub settings: ComparisonSettings,
+    /// Memory to keep to, bytes; `None` for half of what the machine has free. Clouds that fit are
+    /// compared in one piece, larger ones tile by tile; the numbers are the same. Some 150 MB,
+    /// and while a file is read 20 MB for each thread, are taken in any case; results and core
+    /// points from a file are kept whole, and formats other than LAS and LAZ are read whole.
+    pub memory_bytes: Option<u64>,
+}
+
+impl Comparison {
+    /// The files that are read.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        let mut inputs = vec![self.cloud.clone(), self.reference.clone()];
+        inputs.extend(self.core.clone());
+        inputs
+    }
+}
+
+/// Where the normals of the core points come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NormalSource {
+    /// The file of the core points where it holds normals, else the reference; those found are
+    /// turned to this direction.
+    Core {
+        /// Any length above zero.
+        orientation: Vec3,
+    },
+    /// The reference, whatever the file of the core points holds.
+    Reference {
+        /// Any length above zero.
+        orientation: Vec3,
+    },
+    /// One direction for all.
+    Fixed(Vec3),
+}
+
+/// A comparison, and what its stages took.
+#[derive(Debug)]
+pub struct Compared {
+    /// What was found at each core point.
+    pub found: M3c2,
+    /// Number of tiles; 1 in one piece.
+    pub tiles: usize,
+    /// Memory kept to, bytes.
+    pub memory_bytes: u64,
+    /// Seconds of reading, and of finding core points.
+    pub read_s: f64,
+    /// Seconds of indexing.
+    pub index_s: f64,
+    /// Seconds of searching and measuring.
+    pub compare_s: f64,
+}
+
+/// Compares two cloud files. What does not fit in memory goes to `staging`.
+///
+/// # Errors
+/// Clouds that cannot be read; settings that [`crate::comparison::m3c2()`] refuses.
+pub fn compare(
+    comparison: &Comparison,
+    staging: &Staging,
+    progress: &dyn Progress,
+) -> Result<Compared> {
+    let start = Instant::now();
+    let budget = Budget::new(comparison.memory_bytes);
+    let open = |path| CloudSource::open(path, progress);
+    let clouds = [open(&comparison.reference)?, open(&comparison.cloud)?];
+    let core = comparison.core.as_deref().map(format::read_core_points);
+    let core = core.transpose()?;
+    let mut work = Compared {
+        found: M3c2::default(),
+        tiles: 1,
+        memory_bytes: budget.bytes,
+        read_s: 0.0,
+        index_s: 0.0,
+        compare_s: 0.0,
+    };
+    let points: u64 = clouds.iter().map(CloudSource::len).sum();
+    if points <= budget.points(BYTES_A_POINT) {
+        in_one_piece(comparison, clouds, core, &mut work, progress)?;
+    } else {
+        let folders = ["reference-tiles", "compared-tiles"].map(|name| staging.path(name));
+        let tile_points = budget.tile_points(BYTES_A_TILE_POINT);
+        let [reference, compared] = clouds;
+        let stores = [
+            TileStore::of(&reference, &folders[0], tile_points, progress)?,
+            TileStore::of(&compared, &folders[1], tile_points, progress)?,
+        ];
+        drop((reference, compared));
+        work.tiles = stores[0].tiles().rectangles().len();
+        let total = (0..work.tiles).map(|tile| stores[0].count(tile)).sum();
+        stage(
+            progress,
+            "comparing the clouds (M3C2), by tiles",
+            total,
+            || by_tiles(comparison, core.as_ref(), &stores, &mut work, progress),
+        )?;
+    }
+    work.read_s = start.elapsed().as_secs_f64() - work.index_s - work.compare_s;
+    Ok(work)
+}
+
+fn in_one_piece(
+    comparison: &Comparison,
+    clouds: [CloudSource; 2],
+    core: Option<CorePoints>,
+    work: &mut Compared,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let settings = &comparison.settings;
+    let (reference, compared) = (clouds[0].points(progress)?, clouds[1].points(progress)?);
+    let core = core.unwrap_or_else(|| CorePoints {
+        points: core_points(&reference, settings),
+        normals: Vec::new(),
+    });
+    let normals = normals_of(comparison, Some(&core), progress);
+    let (indexed, seconds) = stage(progress, "indexing the clouds", 0, || {
+        IndexedClouds::new(&reference, &compared, normals, settings)
+    })?;
+    work.index_s = seconds;
+    drop((reference, compared));
+    drop(clouds);
+    let total = core.points.len() as u64;
+    let (found, seconds) = stage(progress, "comparing the clouds (M3C2)", total, || {
+        indexed.distances(&core.points, normals, progress)
+    })?;
+    work.compare_s = seconds;
+    work.found = found;
+    Ok(())
+}
+
+/// Each tile of the reference with all points of both clouds that matter to its core points. Only
+/// results, and core points from a file, are kept in memory for all tiles.
+fn by_tiles(
+    comparison: &Comparison,
+    core: Option<&CorePoints>,
+    [reference, compared]: &[TileStore; 2],
+    work: &mut Compared,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let normals = normals_of(comparison, core, progress);
+    let settings = &comparison.settings;
+    let (low, high) = reference.extent();
+    // Coordinates that are rounded when sides are moved must not cost a point.
+    let wide = |margin_m: f64| margin_m * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax());
+    let mut found: Vec<(u64, CoreDistance)> = Vec::new();
+    for (tile, rectangle) in reference.tiles().rectangles().iter().enumerate() {
+        let start = Instant::now();
+        let (places, points) = match core {
+            Some(core) => inside(&core.points, rectangle),
+            None => {
+                // A voxel that reaches into the tile is known with all its points.
+                let near = reference.within(&rectangle.grown(wide(settings.core_spacing_m)))?;
+                thinned(&near.indices, &near.points, rectangle, comparison)
+            }
+        };
+        let own_normals = match normals {
+            Normals::Given(normals) => places
+                .iter()
+                .map(|&place| normals[place as usize])
+                .collect(),
+            _ => Vec::new(),
+        };
+        let normals = match normals {
+            Normals::Given(_) => Normals::Given(&own_normals),
+            other => other,
+        };
+        if !points.is_empty() {
+            let region = rectangle.grown(wide(reach_m(settings)));
+            let before = reference.within(&region)?.points;
+            let after = compared.within(&region)?.points;
+            let clouds = IndexedClouds::of_pieces(&before, &after, normals, settings)?;
+            work.index_s += start.elapsed().as_secs_f64();
+            let start = Instant::now();
+            let distances = clouds.distances(&points, normals, &Silent)?;
+            found.extend(places.into_iter().zip(distances.core));
+            work.compare_s += start.elapsed().as_secs_f64();
+        }
+        progress.advance(reference.count(tile));
+        progress.check()?;
+    }
+    found.sort_unstable_by_key(|(place, _)| *place);
+    work.found.core = found.into_iter().map(|(_, distance)| distance).collect();
+    Ok(())
+}
+
+/// Places and points of those of `points` that lie in a tile.
+fn inside(points: &[Vec3], tile: &Rectangle) -> (Vec<u64>, Vec<Vec3>) {
+    let own = (0u64..)
+        .zip(points)
+        .filter(|(_, point)| tile.contains(point));
+    own.map(|(place, point)| (place, *point)).unzip()
+}
+
+/// Places in the reference and points of the core points in a tile, thinned from `points`.
+fn thinned(
+    indices: &[u64],
+    points: &[Vec3],
+    tile: &Rectangle,
+    comparison: &Comparison,
+) -> (Vec<u64>, Vec<Vec3>) {
+    let kept = core_indices(points, &comparison.settings);
+    let own = kept
+        .into_iter()
+        .map(|at| at as usize)
+        .filter(|&at| tile.contains(&points[at]));
+    own.map(|at| (indices[at], points[at])).unzip()
+}
+
+fn normals_of<'a>(
+    comparison: &Comparison,
+    core: Option<&'a CorePoints>,
+    progress: &dyn Progress,
+) -> Normals<'a> {
+    let given = core.map_or(&[][..], |core| &core.normals);
+    match comparison.normals {
+        NormalSource::Core { .. } if !given.is_empty() => {
+            progress.say("normals are those in the file of the core points");
+            Normals::Given(given)
+        }
+        NormalSource::Core { orientation } | NormalSource::Reference { orientation } => {
+            Normals::MostPlanar { orientation }
+        }
+        NormalSource::Fixed(direction) => Normals::Fixed(direction),
+    }
+}

@@ -1,0 +1,117 @@
+//! A cloud file that is read more than once.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use super::stage::stage;
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::format::{self, ExtraDimension, Format, Row};
+use crate::geometry::Vec3;
+use crate::progress::Progress;
+
+/// Points in memory that are handed on at a time.
+const CHUNK: usize = 100_000;
+
+/// The points of a cloud: LAS and LAZ stay in their file, which is streamed whenever it is needed;
+/// clouds of other formats are kept in memory.
+#[derive(Debug)]
+pub enum CloudSource {
+    /// A LAS or LAZ file.
+    Las {
+        /// The file.
+        path: PathBuf,
+        /// Number of points, from its header.
+        points: u64,
+    },
+    /// What a file of another format held.
+    Memory(PointCloud),
+}
+
+impl CloudSource {
+    /// Reads the header of a LAS or LAZ file, or the whole of any other.
+    ///
+    /// # Errors
+    /// As [`format::las_count`] and [`format::read_cloud`].
+    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Self> {
+        // What is wrong with a file of no known format its reader says better.
+        if let Ok(Format::Las | Format::Laz) = format::detect(path) {
+            return Ok(Self::Las {
+                path: path.to_owned(),
+                points: format::las_count(path)?,
+            });
+        }
+        let read = || format::read_cloud(path);
+        Ok(Self::Memory(
+            stage(progress, "reading the cloud", 0, read)?.0,
+        ))
+    }
+
+    /// Number of points; at least one.
+    #[expect(clippy::len_without_is_empty, reason = "no cloud is empty")]
+    pub fn len(&self) -> u64 {
+        match self {
+            Self::Las { points, .. } => *points,
+            Self::Memory(cloud) => cloud.points.len() as u64,
+        }
+    }
+
+    /// Hands the points (metres) to `each` in pieces and in order. `progress` advances by one for
+    /// each point; the stage is the caller's.
+    ///
+    /// # Errors
+    /// A file that is damaged or ends early; what `each` refuses.
+    pub fn stream(
+        &self,
+        progress: &dyn Progress,
+        each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
+    ) -> Result<()> {
+        let mut each = |points: &[Vec3]| {
+            each(points)?;
+            progress.advance(points.len() as u64);
+            progress.check()
+        };
+        match self {
+            Self::Las { path, .. } => format::stream_las(path, &mut each),
+            Self::Memory(cloud) => cloud.points.chunks(CHUNK).try_for_each(each),
+        }
+    }
+
+    /// All points at once, metres.
+    ///
+    /// # Errors
+    /// As [`Self::stream`].
+    pub fn points(&self, progress: &dyn Progress) -> Result<Cow<'_, [Vec3]>> {
+        if let Self::Memory(cloud) = self {
+            return Ok(Cow::Borrowed(&cloud.points));
+        }
+        let mut points = Vec::with_capacity(self.len() as usize);
+        stage(progress, "reading the cloud", self.len(), || {
+            self.stream(progress, &mut |piece| {
+                points.extend_from_slice(piece);
+                Ok(())
+            })
+        })?;
+        Ok(Cow::Owned(points))
+    }
+
+    /// Writes those points that `row` accepts to `output`, with all that LAS and LAZ carry or with
+    /// the time and intensity of other formats, and `dimensions` beside them; how many seconds that
+    /// takes.
+    ///
+    /// # Errors
+    /// As [`format::copy_las`] and [`format::cloud_to_las`].
+    pub fn write(
+        &self,
+        output: &Path,
+        dimensions: &[ExtraDimension],
+        row: &mut Row<'_>,
+        progress: &dyn Progress,
+    ) -> Result<f64> {
+        let write = || match self {
+            Self::Las { path, .. } => format::copy_las(path, output, dimensions, row, progress),
+            Self::Memory(cloud) => format::cloud_to_las(cloud, output, dimensions, row, progress),
+        };
+        stage(progress, "writing the cloud", self.len(), write).map(|(_, seconds)| seconds)
+    }
+}

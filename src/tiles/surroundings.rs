@@ -1,0 +1,237 @@
+//! The surroundings of every point of a cloud on disk, tile by tile, exactly as in one piece.
+//!
+//! Each tile is solved with a halo. The k nearest of a point are right where the farthest of them
+//! is nearer than the border of what was loaded. Points for which that fails are solved with a
+//! wider halo, and what then still fails (outliers, whose neighbours are far away) is put aside:
+//! for these the tiles are visited in order, and from each that may matter the k nearest are merged
+//! into those found so far, equal distances by place in the cloud.
+
+use rayon::prelude::*;
+
+use super::store::TileStore;
+use crate::cloud::{NeighbourIndex, Neighbourhood, Surroundings};
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::progress::{Progress, Silent};
+
+/// Relative slack of every comparison of distances; far above rounding, far below what costs time.
+const SLACK: f64 = 1e-9;
+/// Halo of the first try in units of the radius that k points of the tile's mean density take.
+const FIRST_HALO: f64 = 3.0;
+/// The next halo in units of the last.
+const WIDER: f64 = 4.0;
+/// Tries before points are put aside.
+const TRIES: usize = 3;
+/// So few points are put aside at once: loading a wider halo costs more.
+const FEW: usize = 100;
+/// Points loaded at most in units of those of a full tile.
+const MOST_LOADED: usize = 2;
+/// Neighbours in memory for points put aside, in units of the points of a full tile.
+const MOST_ASIDE: usize = 4;
+
+/// A point whose neighbours may lie outside what was loaded.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    index: u64,
+    point: Vec3,
+    /// No neighbour is farther than this, metres.
+    bound_m: f64,
+}
+
+/// How a cloud was worked through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TiledWork {
+    /// Number of tiles.
+    pub tiles: usize,
+    /// Points that were put aside.
+    pub aside: u64,
+}
+
+/// Hands the surroundings of every point of the store to `each`, and what that makes of them to
+/// `take` with the place of the point in the cloud, in no order. The numbers do not depend on the
+/// tiles. Memory grows with `most_points`, which should be that of the store, and with the number
+/// of points in a tile grown by the radius where one is asked for.
+///
+/// `progress` advances by one for each point; the stage is the caller's.
+///
+/// # Errors
+/// A file of the store that cannot be read; what `take` refuses.
+pub fn surroundings<T: Send + Sync + Clone>(
+    store: &TileStore,
+    of: Neighbourhood,
+    most_points: usize,
+    progress: &dyn Progress,
+    each: impl Fn(&Surroundings) -> T + Sync,
+    mut take: impl FnMut(u64, T) -> Result<()>,
+) -> Result<TiledWork> {
+    let mut aside = Vec::new();
+    let mut put_aside = 0;
+    let batch = match of {
+        Neighbourhood::Nearest(k) => (MOST_ASIDE * most_points / k.max(1)).max(1),
+        Neighbourhood::Within(_) => usize::MAX,
+    };
+    for tile in 0..store.tiles().rectangles().len() {
+        let left = solve_tile(store, tile, of, most_points, progress, &each, &mut take)?;
+        put_aside += left.len() as u64;
+        aside.extend(left);
+        while aside.len() >= batch {
+            let rest = aside.split_off(batch);
+            solve_aside(store, &aside, of, &each, &mut take)?;
+            aside = rest;
+        }
+    }
+    solve_aside(store, &aside, of, &each, &mut take)?;
+    Ok(TiledWork {
+        tiles: store.tiles().rectangles().len(),
+        aside: put_aside,
+    })
+}
+
+/// Solves what it can of a tile and returns the rest.
+fn solve_tile<T: Send + Sync + Clone>(
+    store: &TileStore,
+    tile: usize,
+    of: Neighbourhood,
+    most_points: usize,
+    progress: &dyn Progress,
+    each: &(impl Fn(&Surroundings) -> T + Sync),
+    take: &mut impl FnMut(u64, T) -> Result<()>,
+) -> Result<Vec<Pending>> {
+    let own = store.count(tile) as usize;
+    let rectangle = store.tiles().rectangles()[tile];
+    let (low, high) = store.extent();
+    let is_radius = matches!(of, Neighbourhood::Within(_));
+    let most_loaded = if is_radius {
+        usize::MAX
+    } else {
+        MOST_LOADED * most_points.max(own)
+    };
+    let mut pending: Option<Vec<Pending>> = None;
+    let mut halo_m = first_halo_m(store, tile, of);
+    for attempt in 0.. {
+        let region = rectangle.grown(halo_m).open_beyond(&low, &high);
+        let Some(loaded) = store.at_most(&region, most_loaded)? else {
+            if pending.is_some() {
+                break;
+            }
+            // The tile alone is always loaded.
+            halo_m = if attempt < TRIES { halo_m / WIDER } else { 0.0 };
+            continue;
+        };
+        let is_first = pending.is_none();
+        let wanted = pending.take().unwrap_or_else(|| {
+            let all = loaded.indices.iter().zip(&loaded.points);
+            all.filter(|(_, point)| rectangle.contains(point))
+                .map(|(index, point)| Pending {
+                    index: *index,
+                    point: *point,
+                    bound_m: f64::INFINITY,
+                })
+                .collect()
+        });
+        let queries: Vec<Vec3> = wanted.iter().map(|pending| pending.point).collect();
+        let watched: &dyn Progress = if is_first { progress } else { &Silent };
+        let found =
+            index(&loaded.points, store)
+                .surroundings(&queries, of, watched, |_, near| (each(near), near.reach_m))?;
+        let mut left = Vec::new();
+        for (pending, (value, reach_m)) in wanted.into_iter().zip(found) {
+            let depth_m = region.depth_m(&pending.point);
+            if depth_m == f64::INFINITY || reach_m < depth_m * (1.0 - SLACK) {
+                take(pending.index, value)?;
+            } else {
+                left.push(Pending {
+                    bound_m: pending.bound_m.min(reach_m),
+                    ..pending
+                });
+            }
+        }
+        let enough = left.is_empty() || left.len() <= FEW || attempt + 1 >= TRIES;
+        if left.is_empty() || (enough && !is_radius) {
+            return Ok(left);
+        }
+        pending = Some(left);
+        halo_m *= WIDER;
+    }
+    Ok(pending.unwrap_or_default())
+}
+
+/// The halo to start with.
+fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
+    let (low, high) = store.extent();
+    let rectangle = store.tiles().rectangles()[tile];
+    match of {
+        Neighbourhood::Within(radius) => {
+            // Coordinates that are rounded when sides are moved must not cost a neighbour.
+            radius * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax())
+        }
+        Neighbourhood::Nearest(k) => {
+            let side = |axis: usize| {
+                rectangle.high[axis].min(high[axis]) - rectangle.low[axis].max(low[axis])
+            };
+            let (east, north) = (side(0).max(0.0), side(1).max(0.0));
+            let share = k as f64 / store.count(tile).max(1) as f64;
+            let radius = (share * east * north / std::f64::consts::PI).sqrt();
+            FIRST_HALO * radius.max(share * east.max(north))
+        }
+    }
+}
+
+/// Solves points by visiting all tiles that their neighbours may lie in.
+fn solve_aside<T: Send + Sync + Clone>(
+    store: &TileStore,
+    aside: &[Pending],
+    of: Neighbourhood,
+    each: &(impl Fn(&Surroundings) -> T + Sync),
+    take: &mut impl FnMut(u64, T) -> Result<()>,
+) -> Result<()> {
+    let Neighbourhood::Nearest(k) = of else {
+        return Ok(());
+    };
+    // Squared distance, place in the cloud, point; nearest first.
+    let mut best: Vec<Vec<(f64, u64, Vec3)>> = vec![Vec::new(); aside.len()];
+    for (tile, rectangle) in store.tiles().rectangles().iter().enumerate() {
+        let matters = |(pending, best): (&Pending, &Vec<(f64, u64, Vec3)>)| {
+            let limit_m = match best.last() {
+                Some(last) if best.len() == k => pending.bound_m.min(last.0.sqrt()),
+                _ => pending.bound_m,
+            };
+            rectangle.distance_m(&pending.point) <= limit_m * (1.0 + SLACK)
+        };
+        if store.count(tile) == 0 || !aside.iter().zip(&best).any(matters) {
+            continue;
+        }
+        let loaded = store.within(rectangle)?;
+        let index = index(&loaded.points, store);
+        aside
+            .par_iter()
+            .zip(&mut best)
+            .filter(|(pending, best)| matters((pending, best)))
+            .for_each(|(pending, best)| {
+                let near = index.find_nearest(&pending.point, k);
+                best.extend(near.map(|(squared, at, _)| {
+                    let at = at as usize;
+                    (squared, loaded.indices[at], loaded.points[at])
+                }));
+                best.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                best.truncate(k);
+            });
+    }
+    for (pending, mut near) in aside.iter().zip(best) {
+        near.sort_unstable_by_key(|(_, index, _)| *index);
+        let points: Vec<Vec3> = near.iter().map(|(_, _, point)| *point).collect();
+        let query = [pending.point];
+        let found =
+            index(&points, store).surroundings(&query, of, &Silent, |_, near| each(near))?;
+        for value in found {
+            take(pending.index, value)?;
+        }
+    }
+    Ok(())
+}
+
+/// An index over some points of a store, whose order is that of an index over the whole cloud.
+fn index(points: &[Vec3], store: &TileStore) -> NeighbourIndex {
+    let (low, high) = store.extent();
+    NeighbourIndex::in_extent(points, &low, &high)
+}

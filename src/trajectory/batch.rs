@@ -1,0 +1,308 @@
+//! The adjustment of a whole drive: laid out anew until clocks and outliers have settled.
+
+use super::clock;
+use super::constants::Constants;
+use super::graph::Graph;
+use super::initial::Initial;
+use super::rest::{Rest, rests};
+use super::robust::{self, MOST_ITERATIONS};
+use super::settings::{Constant, TrajectorySettings};
+use super::states::{State, VELOCITY};
+use super::streams::{ClockCorrection, MotionLogs, Names, Stream, Streams};
+use super::timeline::Timeline;
+use super::variance::imu_mean_component;
+use crate::adjustment::{ChainFactor, ChainProblem, Ended, NODE, NotPositive, StopReason};
+use crate::error::{Error, Problem, Result};
+use crate::progress::Progress;
+
+/// A clock correction that moves by more than this is applied to the records, which may then lie
+/// between other nodes, seconds.
+const SETTLED_CLOCK_S: f64 = 5e-4;
+/// Most times that records are laid out anew for their clocks.
+const MOST_LAYOUTS: usize = 12;
+/// Most jumps of clocks that are corrected.
+const MOST_JUMPS: usize = 4;
+/// A latency is determined where more than this share of the squared motion is not noise. Errors of
+/// velocities live long: a minute holds few independent ones, whose squares scatter widely.
+const LEAST_MOTION_SHARE: f64 = 0.95;
+/// The noise scale has settled where its square moves by less than this share.
+const SETTLED_SCALE: f64 = 0.01;
+const MOST_SCALINGS: usize = 15;
+
+/// Where an adjustment starts.
+pub type Start<'a> =
+    dyn Fn(&Streams, &Timeline, &[Rest], &TrajectorySettings) -> Result<Initial> + Sync + 'a;
+
+/// The graph at its solution.
+pub struct Adjusted {
+    pub streams: Streams,
+    pub rests: Vec<Rest>,
+    pub start: Initial,
+    pub graph: Graph,
+    pub state: State,
+    pub factor: ChainFactor,
+    pub ended: Ended,
+    pub corrections: Vec<ClockCorrection>,
+}
+
+/// What a layout hands on to the next one of the same logs.
+#[derive(Debug, Clone, Default)]
+pub struct Carried {
+    constants: Option<Constants>,
+    weights: Option<robust::Weights>,
+}
+
+impl Carried {
+    fn of(adjusted: &Adjusted) -> Self {
+        Self {
+            constants: Some(adjusted.state.constants.clone()),
+            weights: Some(robust::Weights::of(&adjusted.graph)),
+        }
+    }
+}
+
+/// Adjusts, and again where the clocks turn out to be off or to have jumped.
+pub fn adjust(
+    begin: &Start<'_>,
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    progress: &dyn Progress,
+) -> Result<Adjusted> {
+    let mut corrections = latencies(settings);
+    let mut carried = Carried::default();
+    let mut layouts = 0;
+    let mut before: Option<Adjusted> = None;
+    loop {
+        let mut adjusted = adjust_once(begin, logs, settings, (&corrections, &carried), progress)?;
+        layouts += 1;
+        // A jump stays where the records fit better with it.
+        if let Some(before) = before.take_if(|before| before.cost() <= adjusted.cost()) {
+            progress.warn("the last jump of a clock does not help: not corrected");
+            adjusted = before;
+            layouts = MOST_LAYOUTS;
+        }
+        if layouts == MOST_LAYOUTS {
+            adjusted.finish(settings, progress)?;
+            return Ok(adjusted);
+        }
+        let moved = adjusted.settle_clocks(&mut corrections);
+        if moved > SETTLED_CLOCK_S {
+            carried = Carried::of(&adjusted);
+            continue;
+        }
+        if clock::set_to_stamps(logs, &mut corrections, &adjusted.clock_sigmas()) {
+            // Of the constants carried on, those of clocks are no more.
+            carried = Carried {
+                constants: None,
+                ..Carried::of(&adjusted)
+            };
+            continue;
+        }
+        let jumps = corrections.iter().filter(|c| c.record > 0).count();
+        if jumps < MOST_JUMPS {
+            let found = clock::find(
+                logs,
+                &adjusted.streams,
+                &adjusted.graph,
+                &adjusted.state,
+                &corrections,
+            );
+            if let Some(jump) = found {
+                progress.say(&format!(
+                    "the clock of {} seems to jump before record {} at {:.3} s",
+                    Names(settings).sensor(jump.stream),
+                    jump.record + 1,
+                    jump.time_s
+                ));
+                clock::put(&mut corrections, jump);
+                // Records that the jump had made outliers come back: the search starts afresh.
+                carried = Carried {
+                    weights: None,
+                    ..Carried::of(&adjusted)
+                };
+                before = Some(adjusted);
+                continue;
+            }
+        }
+        adjusted.finish(settings, progress)?;
+        return Ok(adjusted);
+    }
+}
+
+/// The stream whose latency a constant is.
+pub fn latency_of(constant: &Constant) -> Option<Stream> {
+    match constant {
+        Constant::TimeOffset(sensor) => Some(Stream::Position(*sensor)),
+        Constant::HeadingTimeOffset => Some(Stream::Heading),
+        _ => None,
+    }
+}
+
+/// A correction from the first record on for each latency that is to be estimated.
+fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
+    settings
+        .estimate
+        .iter()
+        .filter_map(latency_of)
+        .map(|stream| ClockCorrection {
+            stream,
+            record: 0,
+            time_s: 0.0,
+            shift_s: 0.0,
+            held: false,
+        })
+        .collect()
+}
+
+pub fn adjust_once(
+    begin: &Start<'_>,
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    (corrections, carried): (&[ClockCorrection], &Carried),
+    progress: &dyn Progress,
+) -> Result<Adjusted> {
+    let streams = Streams::new(logs, settings, corrections)?;
+    let timeline = Timeline::new(&streams, settings.nodes);
+    let rests = rests(&streams, settings);
+    let start = begin(&streams, &timeline, &rests, settings)?;
+    let mut constants = Constants::new(settings, corrections);
+    if let Some(before) = &carried.constants {
+        constants.resume(before);
+    }
+    let held: &[Rest] = if settings.zero_velocity { &rests } else { &[] };
+    let first = (start.nodes[0], start.bias);
+    let mut graph = Graph::new(timeline, &streams, settings, &constants, held, first)?;
+    let mut factor = ChainFactor::new(graph.layout().clone(), constants.count());
+    let mut state = State {
+        biases: start.biases.clone(),
+        nodes: start.nodes.clone(),
+        constants,
+    };
+    let weights = carried.weights.as_ref();
+    let ended = robust::solve(
+        &mut graph,
+        &mut state,
+        &mut factor,
+        settings,
+        weights,
+        progress,
+    )?;
+    if ended.stop != StopReason::Converged {
+        graph.factorise(&state, 0.0, &mut factor).map_err(|free| {
+            let what = match free {
+                NotPositive::Node(node) => {
+                    format!("the trajectory at {:.3} s", graph.timeline.node_s[node])
+                }
+                NotPositive::Border(column) => state.constants.described[column].name.clone(),
+            };
+            Error::of(
+                Problem::NotDetermined,
+                format!(
+                    "{what} is not determined ({} after {} iterations)",
+                    ended.stop, ended.iterations
+                ),
+                "check lever arm, axes, heading offset and the clocks of the logs",
+            )
+        })?;
+    }
+    Ok(Adjusted {
+        streams,
+        rests,
+        start,
+        graph,
+        state,
+        factor,
+        ended,
+        corrections: corrections.to_vec(),
+    })
+}
+
+impl Adjusted {
+    /// Moves what the time constants found into `corrections`; the largest move, seconds.
+    fn settle_clocks(&self, corrections: &mut [ClockCorrection]) -> f64 {
+        let mut largest = 0.0_f64;
+        let estimated = corrections.iter_mut().filter(|correction| !correction.held);
+        for (clock, correction) in self.state.constants.clocks().zip(estimated) {
+            let late_s = clock.value;
+            largest = largest.max(late_s.abs());
+            if late_s.abs() > SETTLED_CLOCK_S {
+                correction.shift_s += late_s;
+            }
+        }
+        largest
+    }
+
+    /// What the losses count all records.
+    fn cost(&self) -> f64 {
+        robust::truncated_cost(&self.graph, &self.ended)
+    }
+
+    /// Finds what is found once the clocks are.
+    fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) -> Result<()> {
+        match settings.estimate.contains(&Constant::ImuNoiseScale) {
+            true => self.scale_noise(progress),
+            false => Ok(()),
+        }
+    }
+
+    /// Standard deviations of the clock corrections that are estimated, in their order.
+    fn clock_sigmas(&self) -> Vec<f64> {
+        let covariance = self.factor.border_covariance();
+        let clocks = self.state.constants.clocks();
+        let columns = clocks
+            .filter_map(|clock| clock.block())
+            .flat_map(|b| b.columns());
+        columns.map(|c| covariance[(c, c)].sqrt()).collect()
+    }
+
+    /// Scales the IMU's standard deviations until its residuals are as large as they say: the
+    /// variance component Ω/r of gyro and accelerometer together becomes 1 (Förstner 1979).
+    fn scale_noise(&mut self, progress: &dyn Progress) -> Result<()> {
+        for _ in 0..MOST_SCALINGS {
+            let component = imu_mean_component(&self.graph, &self.state, &self.factor);
+            let Some(square) = component else { break };
+            self.graph.imu_scale *= square.sqrt();
+            let again =
+                self.graph
+                    .solve(&mut self.state, &mut self.factor, MOST_ITERATIONS, progress)?;
+            self.ended.iterations += again.iterations;
+            self.ended.stop = again.stop;
+            self.ended.cost = again.cost;
+            if (square - 1.0).abs() < SETTLED_SCALE {
+                return Ok(());
+            }
+        }
+        progress.warn("imu.noise_scale has not settled: the value is that of the last round");
+        Ok(())
+    }
+
+    /// The streams whose latency is estimated, though the motion does not determine it.
+    pub fn idle_latencies(&self) -> Vec<Stream> {
+        let estimated = self.corrections.iter().filter(|c| c.record == 0 && !c.held);
+        estimated
+            .map(|c| c.stream)
+            .filter(|stream| self.motion_share(*stream) < LEAST_MOTION_SHARE)
+            .collect()
+    }
+
+    /// How much of the squared motion that determines when a record of the stream was taken is
+    /// motion, and not the noise of its estimate: of a body at rest, none.
+    fn motion_share(&self, stream: Stream) -> f64 {
+        let (mut motion, mut noise) = (0.0, 0.0);
+        if stream == Stream::Heading {
+            for (sample, pair) in self.streams.imu.windows(2).enumerate() {
+                let (step, _) = self.graph.timeline.place(pair[0].time_s);
+                let bias = self.graph.bias(&self.state, step);
+                let density = self.streams.imu.noise_of(sample).gyro_density;
+                motion += (pair[0].gyro_rad_s - bias.gyro_rad_s).norm_squared();
+                noise += 3.0 * density.powi(2) / (pair[1].time_s - pair[0].time_s);
+            }
+        } else {
+            self.factor.marginals(|step, covariance| {
+                motion += self.state.nodes[step].velocity_m_s.norm_squared();
+                noise += (VELOCITY..NODE).map(|i| covariance.node[i][i]).sum::<f64>();
+            });
+        }
+        1.0 - noise / motion
+    }
+}

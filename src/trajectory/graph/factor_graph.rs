@@ -1,0 +1,93 @@
+//! The factors of one drive, step by step.
+
+use crate::sensor::ImuBias;
+use crate::trajectory::constants::Constants;
+use crate::trajectory::factors::{
+    HeadingFactor, ImuFactor, PositionFactor, PositionSensor, RestFactor,
+};
+use crate::trajectory::imu_series::{ImuSeries, SAME_INSTANT_S};
+use crate::trajectory::motion_sums::MotionSums;
+use crate::trajectory::settings::ImuNoise;
+use crate::trajectory::states::{NodeState, State};
+use crate::trajectory::streams::Stream;
+use crate::trajectory::timeline::Timeline;
+use std::ops::Range;
+
+/// The factor graph.
+#[derive(Debug, Clone)]
+pub struct Graph {
+    pub timeline: Timeline,
+    /// How the biases walk.
+    pub(super) noise: ImuNoise,
+    /// One a step.
+    pub imu: Vec<ImuFactor>,
+    /// Factor on the standard deviations of the IMU.
+    pub imu_scale: f64,
+    /// Sorted by step.
+    pub positions: Vec<PositionFactor>,
+    pub(super) position_start: Vec<u32>,
+    pub headings: Vec<HeadingFactor>,
+    pub(super) heading_start: Vec<u32>,
+    /// Whether the body rests at a node, and a bias begins there.
+    pub rests: Vec<Option<RestFactor>>,
+    pub sensors: Vec<PositionSensor>,
+    /// Centre of the priors.
+    pub(super) first: (NodeState, ImuBias),
+}
+
+impl Graph {
+    /// The position factors of a step.
+    pub fn positions_of(&self, step: usize) -> &[PositionFactor] {
+        &self.positions[range(&self.position_start, self.positions.len(), step)]
+    }
+
+    /// The heading and pitch factors of a step.
+    pub fn headings_of(&self, step: usize) -> &[HeadingFactor] {
+        &self.headings[range(&self.heading_start, self.headings.len(), step)]
+    }
+
+    /// The bias in force in a step; in a step to come, the newest.
+    pub fn bias<'s>(&self, state: &'s State, step: usize) -> &'s ImuBias {
+        &state.biases[self.timeline.layout.segment(step)]
+    }
+
+    /// Takes over which clocks of the constants say how late each record is.
+    pub fn set_clocks(&mut self, constants: &Constants) {
+        for fix in &mut self.positions {
+            fix.clocks = constants.clocks_of(Stream::Position(fix.sensor), fix.record);
+        }
+        for fix in &mut self.headings {
+            fix.clocks = constants.clocks_of(Stream::Heading, fix.record);
+        }
+    }
+
+    /// The step that holds `time_s`, and how long after its node; the step to come where that is
+    /// at the newest node or later.
+    pub fn place(&self, time_s: f64) -> (usize, f64) {
+        let node_s = &self.timeline.node_s;
+        let after = node_s.partition_point(|&t| t <= time_s + SAME_INSTANT_S);
+        let step = after.saturating_sub(1);
+        let rest_s = time_s - node_s[step];
+        let exact = rest_s.abs() <= SAME_INSTANT_S;
+        (step, if exact { 0.0 } else { rest_s })
+    }
+
+    /// Motion and bias at any time, by the IMU from the node before.
+    pub fn state_at(&self, imu: &ImuSeries, state: &State, time_s: f64) -> (NodeState, ImuBias) {
+        let node_s = &self.timeline.node_s;
+        let (step, rest_s) = self.place(time_s.max(node_s[0]));
+        let (from, bias) = (&state.nodes[step], *self.bias(state, step));
+        if rest_s == 0.0 {
+            return (*from, bias);
+        }
+        let sums = MotionSums::over(bias, imu.pieces(node_s[step], time_s));
+        let gravity_m_s2 = state.constants.gravity_m_s2.value;
+        (sums.predict(from, &bias, gravity_m_s2), bias)
+    }
+}
+
+/// Where the records of a step stand; those of the step to come are the last.
+fn range(starts: &[u32], count: usize, step: usize) -> Range<usize> {
+    let end = starts.get(step + 1).map_or(count, |&end| end as usize);
+    starts[step] as usize..end
+}

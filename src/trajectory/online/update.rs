@@ -1,0 +1,29 @@
+//! What an update of the online smoother tells.
+
+use crate::sensor::PoseRecord;
+use crate::trajectory::solution::Rejection;
+
+/// The newest pose after an update.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Update {
+    /// With velocity, biases and standard deviations.
+    pub pose: PoseRecord,
+    /// Nodes with a new linearisation point.
+    pub relinearised: usize,
+    /// Fronts eliminated.
+    pub eliminated: usize,
+    /// Records that this update has refused.
+    pub rejected: Vec<Rejection>,
+    /// Where this update has followed records that it had refused for long.
+    pub jumps: Vec<Jump>,
+}
+
+/// The estimate was lost and follows the records of a sensor again: poses before and after do not
+/// belong together until the end.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Jump {
+    /// `heading`, or the name of the position sensor.
+    pub sensor: String,
+    /// Seconds.
+    pub time_s: f64,
+}
