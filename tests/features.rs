@@ -70,7 +70,7 @@ fn clouds_hard_to_cut() -> Vec<(&'static str, Vec<Vec3>)> {
 #[test]
 fn tiles_give_the_numbers_of_one_piece() {
     let folder = tempfile::tempdir().unwrap();
-    let mut put_aside = 0;
+    let mut deferred = 0;
     for (name, points) in clouds_hard_to_cut() {
         for of in [
             Neighbourhood::Nearest(1),

@@ -1,7 +1,7 @@
 //! Least-squares adjustment on a chain of unknowns: factors' rows in, solution and covariances out.
 //!
 //! Knows no sensor. What its unknowns mean, and which factors tie them, is the business of a
-//! [`ChainProblem`]; its rows serve other solvers as well.
+//! `ChainProblem`; its rows serve other solvers as well.
 
 mod border;
 mod chain;

@@ -4,6 +4,8 @@
 //! compared with its standard deviation due to pose errors. The residuals of a rigid mounting agree
 //! with it; a mounting that bends with roll, pitch or acceleration causes far larger ones.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -95,21 +97,20 @@ impl Constancy {
     /// Tests the distances to the reference; `None` without a reference, without standard
     /// deviations of the poses, or if too little of the drive covers the reference.
     pub fn of(surface: &Surface, trajectory: &Trajectory) -> Option<Self> {
-        let (start_s, end_s) = trajectory.span_s();
-        let count = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
-        let mut sums = vec![vec![Sums::default(); count]; surface.cloud.scanners];
-        let residuals: Vec<Residual> = (0..surface.neighbourhoods.len())
+        let (start_s, _) = trajectory.span_s();
+        let mut sums = vec![BTreeMap::<u64, Sums>::new(); surface.cloud.scanners];
+        let residuals: Vec<Residual> = (0..surface.planes.len())
             .into_par_iter()
             .filter_map(|index| Residual::of(surface, trajectory, index))
             .collect();
         for residual in residuals {
-            let block = ((residual.time_s - start_s) / BLOCK_S) as usize;
-            let sum = &mut sums[residual.scanner][block];
+            let block = ((residual.time_s - start_s) / BLOCK_S) as u64;
+            let sum = sums[residual.scanner].entry(block).or_default();
             sum.n += 1;
             sum.distance_m += residual.distance_m;
             sum.variance_m2 += residual.variance_m2;
         }
-        let block = |(index, sum): (usize, &Sums)| Block {
+        let block = |(&index, sum): (&u64, &Sums)| Block {
             time_s: start_s + (index as f64 + 0.5) * BLOCK_S,
             mean_m: sum.distance_m / sum.n as f64,
             expected_sigma_m: (sum.variance_m2 / sum.n as f64).sqrt(),
@@ -117,10 +118,8 @@ impl Constancy {
         let blocks: Vec<Vec<Block>> = sums
             .iter()
             .map(|scanner| {
-                let sums = scanner.iter().enumerate();
-                sums.filter(|(_, sum)| sum.n >= MIN_POINTS)
-                    .map(block)
-                    .collect()
+                let known = scanner.iter().filter(|(_, sum)| sum.n >= MIN_POINTS);
+                known.map(block).collect()
             })
             .collect();
         let all: Vec<&Block> = blocks.iter().flatten().collect();

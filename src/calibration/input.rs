@@ -135,7 +135,7 @@ impl<'a> Input<'a> {
             let points = kept.iter().map(|&index| sample.points[index as usize]);
             cloud.add_scanner(&sample.profiles, points);
         }
-        let (all, needed) = (cloud.len(), settings.neighbours);
+        let (all, needed) = (cloud.movable.len() + cloud.fixed.len(), settings.neighbours);
         if all < 2 * needed {
             return Err(Error::of(
                 Problem::TooFew,

@@ -129,7 +129,7 @@ fn solve_scale(
         iterations,
         points,
         reference_points,
-        neighbourhoods: solved.state.surface.neighbourhoods.len(),
+        neighbourhoods: solved.state.surface.planes.len(),
         cost: costs.last().copied().unwrap_or(f64::NAN),
         costs,
         ending,

@@ -72,7 +72,7 @@ impl Thinned {
 }
 
 fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f64> {
-    let values: Vec<f64> = (0..neighbourhoods.len())
+    let values: Vec<f64> = (0..neighbourhoods.centres().len())
         .into_par_iter()
         .map(|index| StructureTensor::of(&placed.world, neighbourhoods.of(index)).omnivariance())
         .collect();

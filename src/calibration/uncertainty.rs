@@ -13,6 +13,8 @@
 //! counts as exact: its noise averages out over thousands of points, and a registration error moves
 //! all scanners alike.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Cholesky, DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
@@ -194,18 +196,16 @@ struct PoseErrors<'a> {
     trajectory: &'a Trajectory,
     poses: PoseUncertainty<'a>,
     by_node: PoseGradient,
-    by_block: Vec<DMatrix<f64>>,
+    by_block: BTreeMap<u64, DMatrix<f64>>,
 }
 
 impl<'a> PoseErrors<'a> {
     fn new(size: usize, trajectory: &'a Trajectory, poses: PoseUncertainty<'a>) -> Self {
-        let (start_s, end_s) = trajectory.span_s();
-        let blocks = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
         Self {
             trajectory,
             poses,
             by_node: PoseGradient::new(size, trajectory.poses().len()),
-            by_block: vec![DMatrix::zeros(size, 6); blocks],
+            by_block: BTreeMap::new(),
         }
     }
 
@@ -230,7 +230,9 @@ impl<'a> PoseErrors<'a> {
                     return;
                 };
                 let block = (profile.time_s - self.trajectory.span_s().0) / BLOCK_S;
-                let sums = &mut self.by_block[block as usize];
+                let size = self.by_node.rows();
+                let sums = self.by_block.entry(block as u64);
+                let sums = sums.or_insert_with(|| DMatrix::zeros(size, 6));
                 for (row, entries) in gradient.chunks_exact(6).enumerate() {
                     // Standard deviations of rotations are about world axes.
                     let turn = profile.rotation * Vec3::from_row_slice(&entries[..3]);
@@ -249,7 +251,7 @@ impl<'a> PoseErrors<'a> {
             PoseUncertainty::Smoothed(posterior) => posterior.of_functional(&self.by_node),
             _ => {
                 let zero = DMatrix::zeros(self.by_node.rows(), self.by_node.rows());
-                let blocks = self.by_block.iter();
+                let blocks = self.by_block.values();
                 blocks.fold(zero, |sum, block| sum + block * block.transpose())
             }
         }

@@ -125,16 +125,6 @@ impl SurfaceCloud {
         }
     }
 
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.movable.len() + self.fixed.len()
-    }
-
-    /// Whether there are no points.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The profile of a movable point.
     #[inline]
     pub fn profile(&self, point: &ProfilePoint) -> &PosedProfile {
@@ -149,7 +139,7 @@ impl SurfaceCloud {
             let lever = mountings[profile.scanner as usize].lever(point);
             profile.translation_m + profile.rotation * lever
         };
-        let mut world = Vec::with_capacity(self.len());
+        let mut world = Vec::with_capacity(self.movable.len() + self.fixed.len());
         self.movable
             .par_iter()
             .map(place)

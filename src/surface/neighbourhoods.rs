@@ -41,7 +41,7 @@ impl Neighbourhoods {
         self.k
     }
 
-    /// Indices of the centres.
+    /// Indices of the centres, one a neighbourhood.
     pub fn centres(&self) -> &[u32] {
         &self.centres
     }
@@ -52,19 +52,9 @@ impl Neighbourhoods {
         &self.members[index * self.k..(index + 1) * self.k]
     }
 
-    /// Number of neighbourhoods.
-    pub fn len(&self) -> usize {
-        self.centres.len()
-    }
-
-    /// Whether there are no neighbourhoods.
-    pub fn is_empty(&self) -> bool {
-        self.centres.is_empty()
-    }
-
     /// The plane of every neighbourhood.
     pub fn planes(&self, points: &[Vec3]) -> Vec<Plane> {
-        (0..self.len())
+        (0..self.centres.len())
             .into_par_iter()
             .map(|index| Plane::of(points, self.of(index)))
             .collect()
@@ -82,7 +72,7 @@ impl Neighbourhoods {
         }
         let mut next = starts.clone();
         let mut neighbourhoods = vec![0; starts[points]];
-        for index in 0..self.len() {
+        for index in 0..self.centres.len() {
             for &member in self.of(index).iter().filter(known) {
                 let at = &mut next[member as usize];
                 neighbourhoods[*at] = index as u32;
@@ -123,7 +113,7 @@ mod tests {
         let found = Neighbourhoods::search(&points, vec![0, 3, 30, 39], 6);
         let memberships = found.memberships(35);
         for point in 0..35 {
-            let expected: Vec<u32> = (0..found.len() as u32)
+            let expected: Vec<u32> = (0..4)
                 .filter(|&index| found.of(index as usize).contains(&(point as u32)))
                 .collect();
             assert_eq!(memberships.of(point), expected, "point {point}");

@@ -32,7 +32,7 @@ pub struct Estimate {
 ///
 /// # Errors
 /// Values that are not finite, streams that do not overlap, too few positions, an IMU gap of
-/// minutes, neither headings nor motion; [`Error::Cancelled`].
+/// minutes, neither headings nor motion; [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn estimate(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
