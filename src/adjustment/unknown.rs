@@ -112,7 +112,8 @@ impl<T> fmt::Debug for Block<T> {
 /// Hands out columns to unknowns, one block after the other.
 #[derive(Debug, Clone, Default)]
 pub struct Columns {
-    count: usize,
+    /// Columns handed out.
+    pub count: usize,
 }
 
 impl Columns {
@@ -124,11 +125,6 @@ impl Columns {
             first,
             unknown: PhantomData,
         }
-    }
-
-    /// Columns handed out.
-    pub fn count(&self) -> usize {
-        self.count
     }
 }
 
@@ -223,7 +219,7 @@ mod tests {
             mounting.block().map(Block::columns),
         );
         assert_eq!(places, (Some(0..1), Some(1..7)));
-        assert_eq!((held.block().is_none(), columns.count()), (true, 10));
+        assert_eq!((held.block().is_none(), columns.count), (true, 10));
         let step: Vec<f64> = (0..10).map(|i| 0.1 * f64::from(i)).collect();
         let mut found = vec![f64::NAN; 10];
         let all: [&mut dyn Retract; 4] = [&mut gravity, &mut held, &mut mounting, &mut patch];

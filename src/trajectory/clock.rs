@@ -34,7 +34,7 @@ const AGREEING_SIGMAS: f64 = 4.0;
 const STEADY_SHARE: f64 = 0.5;
 
 /// The most significant jump not yet corrected, if there is one.
-pub(super) fn find(
+pub fn find(
     logs: &MotionLogs<'_>,
     streams: &Streams,
     graph: &Graph,
@@ -88,7 +88,7 @@ pub(super) fn find(
 }
 
 /// Adds a correction, or exchanges the one at the same record.
-pub(super) fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection) {
+pub fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection) {
     let same = |c: &&mut ClockCorrection| c.stream == jump.stream && c.record == jump.record;
     match corrections.iter_mut().find(same) {
         Some(correction) => *correction = jump,
@@ -100,7 +100,7 @@ pub(super) fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection)
 /// `sigma_s`, to the unusual part of their interval and holds them there, where the two agree and
 /// the stream's intervals scatter by less: at a metre a second the motion tells a jump to
 /// milliseconds, a steady log to less. Whether any was set.
-pub(super) fn set_to_stamps(
+pub fn set_to_stamps(
     logs: &MotionLogs<'_>,
     corrections: &mut [ClockCorrection],
     sigma_s: &[f64],

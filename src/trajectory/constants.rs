@@ -159,7 +159,7 @@ impl Constants {
 
     /// Columns of the border.
     pub fn count(&self) -> usize {
-        self.columns.count()
+        self.columns.count
     }
 
     /// Starts at the values that a layout before found. What its clocks found has become a

@@ -42,7 +42,7 @@ pub fn estimate(
 }
 
 /// As [`estimate`], from given start values.
-pub(super) fn estimate_from(
+pub fn estimate_from(
     start: &Start<'_>,
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,

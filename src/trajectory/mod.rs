@@ -1,30 +1,36 @@
 //! The trajectory: from logs to poses with standard deviations, and poses at any time between.
+//!
+//! Files depend on each other in this order: states → factors → graph → batch → diagnostics,
+//! conclusion → estimate → online. Other rooms of the crate may take the rows of a [`graph`] and the
+//! derivatives of its poses ([`recovery`]) to a problem of their own.
 
-mod batch;
+pub(crate) mod batch;
 mod clock;
 mod conclusion;
-mod constants;
+pub(crate) mod constants;
 mod covariance;
 mod diagnostics;
 mod estimate;
-mod factors;
+pub(crate) mod factors;
 mod gaps;
-mod graph;
+pub(crate) mod graph;
 mod imu_noise;
-mod imu_series;
-mod initial;
+pub(crate) mod imu_series;
+pub(crate) mod initial;
 mod interpolate;
 mod motion_sums;
 mod online;
 mod preintegration;
-mod recovery;
+pub(crate) mod recovery;
 mod rest;
 mod robust;
 mod settings;
 mod solution;
-mod states;
-mod streams;
-mod timeline;
+pub(crate) mod states;
+pub(crate) mod streams;
+#[cfg(test)]
+mod tests;
+pub(crate) mod timeline;
 mod variance;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};

@@ -6,9 +6,9 @@ use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
 
 /// Blocks looked at, seconds.
-pub(super) const REST_BLOCK_S: f64 = 1.0;
+pub const REST_BLOCK_S: f64 = 1.0;
 /// Shortest rest, blocks.
-pub(super) const REST_BLOCKS: usize = 2;
+pub const REST_BLOCKS: usize = 2;
 /// Within a resting block gyro and accelerometer scatter by less than this many times their
 /// datasheet noise plus what is granted below.
 const NOISE_FACTOR: f64 = 3.0;
@@ -25,7 +25,7 @@ const MARGIN_S: f64 = 1.0;
 
 /// A time of rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rest {
+pub struct Rest {
     pub from_s: f64,
     pub to_s: f64,
     /// Mean angular rate that the gyro shows: its bias, rad/s.
@@ -45,7 +45,7 @@ impl Rest {
 
 /// All rests in time order: runs of blocks in which gyro and accelerometer scatter by their noise
 /// while positions and headings stay where they are.
-pub(super) fn rests(streams: &Streams, settings: &TrajectorySettings) -> Vec<Rest> {
+pub fn rests(streams: &Streams, settings: &TrajectorySettings) -> Vec<Rest> {
     let (start, end) = streams.span_s();
     let blocks = ((end - start) / REST_BLOCK_S).floor() as usize;
     let mut found = Vec::new();
@@ -72,7 +72,7 @@ fn between<T>(records: &[T], time_s: impl Fn(&T) -> f64, from_s: f64, to_s: f64)
 }
 
 /// Whether nothing moves in the block from `from_s` on.
-pub(super) fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
+pub fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
     let to_s = from_s + REST_BLOCK_S;
     let samples = between(&streams.imu, |s| s.time_s, from_s, to_s);
     let first = streams.imu.partition_point(|s| s.time_s < from_s);
@@ -111,7 +111,7 @@ pub(super) fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f6
 }
 
 /// The run of still blocks as a rest, where neither headings nor positions drift through it.
-pub(super) fn checked(
+pub fn checked(
     streams: &Streams,
     settings: &TrajectorySettings,
     from_s: f64,

@@ -119,7 +119,7 @@ impl SensorDiagnostics {
 
 /// Sums over the records of a sensor.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Tally {
+pub struct Tally {
     pub records: usize,
     pub components: usize,
     pub raw: f64,

@@ -10,7 +10,7 @@ use crate::geometry::{Mat3, is_finite};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, time_unit_within};
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
-pub(super) const FEWEST_FIXES: usize = 5;
+pub const FEWEST_FIXES: usize = 5;
 
 /// What the sensors of one drive recorded.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +25,7 @@ pub struct MotionLogs<'a> {
 
 /// One of the streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Stream {
+pub enum Stream {
     Imu,
     Position(usize),
     Heading,
@@ -34,7 +34,7 @@ pub(super) enum Stream {
 /// From `record` (from 0) on, the times of a stream are corrected by `shift_s`: its latency where
 /// the record is the first, else a clock that was set while the log ran.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ClockCorrection {
+pub struct ClockCorrection {
     pub stream: Stream,
     pub record: usize,
     /// The record's time as logged.
@@ -46,14 +46,14 @@ pub(super) struct ClockCorrection {
 
 /// A record and its number in the log (from 0).
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Numbered<T> {
+pub struct Numbered<T> {
     pub record: usize,
     pub value: T,
 }
 
 /// The logs in time order.
 #[derive(Debug, Clone)]
-pub(super) struct Streams {
+pub struct Streams {
     pub imu: ImuSeries,
     /// Within the IMU's span.
     pub positions: Vec<Vec<Numbered<PositionFix>>>,
@@ -139,7 +139,7 @@ impl Streams {
 }
 
 /// How streams are called.
-pub(super) struct Names<'a>(pub &'a TrajectorySettings);
+pub struct Names<'a>(pub &'a TrajectorySettings);
 
 impl Names<'_> {
     pub fn sensor(&self, stream: Stream) -> String {
@@ -163,20 +163,20 @@ fn is_sigma(sigma: Option<f64>) -> bool {
 }
 
 /// Whether a fix holds a position, and a covariance where it gives one.
-pub(super) fn check_value_of_fix(fix: &PositionFix) -> bool {
+pub fn check_value_of_fix(fix: &PositionFix) -> bool {
     let covariance = |c: &Mat3| c.cholesky().is_some() && c.iter().all(|x| x.is_finite());
     is_finite(&fix.position_m) && fix.covariance_m2.as_ref().is_none_or(covariance)
 }
 
 /// Whether a heading holds angles, and standard deviations where it gives them.
-pub(super) fn check_value_of_heading(fix: &HeadingFix) -> bool {
+pub fn check_value_of_heading(fix: &HeadingFix) -> bool {
     fix.heading_rad.is_finite()
         && fix.pitch_rad.is_none_or(f64::is_finite)
         && is_sigma(fix.sigma_rad)
         && is_sigma(fix.pitch_sigma_rad)
 }
 
-pub(super) fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<()> {
+pub fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<()> {
     if logs.positions.is_empty() || logs.positions.len() != settings.positions.len() {
         return Err(Error::data(
             format!(

@@ -10,11 +10,11 @@ use super::streams::Streams;
 use crate::adjustment::ChainLayout;
 
 /// Longest time that one bias is held, and longest step: where the prism is out, biases still walk.
-pub(super) const LONGEST_STEP_S: f64 = 1.0;
+pub const LONGEST_STEP_S: f64 = 1.0;
 
 /// The chain of one drive.
 #[derive(Debug, Clone)]
-pub(super) struct Timeline {
+pub struct Timeline {
     /// Times of the nodes, seconds.
     pub node_s: Vec<f64>,
     /// Times of the poses, seconds: every IMU sample and the end of the last.
@@ -136,7 +136,7 @@ fn biases(node_s: &[f64], fixes_s: &[f64]) -> (ChainLayout, Vec<f64>) {
 }
 
 /// For records sorted by step: those of step i are `starts[i]..starts[i + 1]`.
-pub(super) fn starts(steps_of_records: impl Iterator<Item = usize>, steps: usize) -> Vec<u32> {
+pub fn starts(steps_of_records: impl Iterator<Item = usize>, steps: usize) -> Vec<u32> {
     let mut starts = vec![0; steps + 1];
     for step in steps_of_records {
         starts[step + 1] += 1;

@@ -1,0 +1,42 @@
+//! Records against the median of their neighbours.
+
+use crate::geometry::Vec3;
+use crate::statistics::median;
+
+/// Neighbours on either side whose median a value must be near.
+const MEDIAN_REACH: usize = 4;
+/// How near: this many times the median distance plus [`ALIKE_SIGMAS`].
+const ALIKE_MEDIANS: f64 = 6.0;
+/// And this many standard deviations.
+pub const ALIKE_SIGMAS: f64 = 10.0;
+
+/// Indices from `reach` before to `reach` after.
+fn around(i: usize, reach: usize, count: usize) -> std::ops::Range<usize> {
+    i.saturating_sub(reach)..(i + reach + 1).min(count)
+}
+
+/// How far each value is from the median of its neighbours on either side.
+pub fn off_neighbours(values: &[Vec3], reach: usize) -> Vec<f64> {
+    (0..values.len())
+        .map(|i| {
+            let near = &values[around(i, reach, values.len())];
+            let centre = Vec3::from_fn(|axis, _| {
+                median(near.iter().map(|value| value[axis])).unwrap_or(f64::NAN)
+            });
+            (values[i] - centre).norm()
+        })
+        .collect()
+}
+
+/// Which values lie near the median of their neighbours, as near as the values around them do or
+/// within ten standard deviations: enough to start from, with outliers of any size among them.
+pub fn alike(values: &[Vec3], sigma: f64) -> Vec<bool> {
+    let off = off_neighbours(values, MEDIAN_REACH);
+    (0..values.len())
+        .map(|i| {
+            let near = &off[around(i, 4 * MEDIAN_REACH, off.len())];
+            let usual = median(near.iter().copied()).unwrap_or(f64::NAN);
+            off[i] <= ALIKE_MEDIANS * usual + ALIKE_SIGMAS * sigma
+        })
+        .collect()
+}
