@@ -176,15 +176,24 @@ impl<'a> Georeferencer<'a> {
         const ALIKE: f64 = 4.0;
         let length = |(first, last): (f64, f64)| last - first;
         let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
-        let step_s = poses_s / (self.trajectory.nodes().len() - 1) as f64;
+        let usual_step_s = || {
+            let nodes = self.trajectory.nodes().windows(2);
+            let mut steps: Vec<f64> = nodes.map(|w| w[1].time_s - w[0].time_s).collect();
+            let middle = steps.len() / 2;
+            // There are two nodes at least.
+            *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
         let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
-        if let Some(unit) = unit_of_times_within(poses_s / points_s, ALIKE)
-            && step_s > LONGEST_STEP_S
-        {
-            return Err(Error::data(
-                format!("time steps of {step_s:.3} s between poses: are these {unit}? ({spans})"),
-                "give the times of the trajectory in seconds",
-            ));
+        if let Some(unit) = unit_of_times_within(poses_s / points_s, ALIKE) {
+            let step_s = usual_step_s();
+            if step_s > LONGEST_STEP_S {
+                return Err(Error::data(
+                    format!(
+                        "time steps of {step_s:.3} s between poses: are these {unit}? ({spans})"
+                    ),
+                    "give the times of the trajectory in seconds",
+                ));
+            }
         }
         if let Some(unit) = unit_of_times_within(points_s / poses_s, ALIKE)
             && self.outside as f64 > MOST_OUTSIDE * self.read as f64

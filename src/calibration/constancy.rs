@@ -4,6 +4,8 @@
 //! against what errors of the poses alone would give it. A rigid mounting stays within; a mounting
 //! that bends with roll, pitch or acceleration leaves a pattern far larger.
 
+use std::collections::BTreeMap;
+
 use super::neighbourhoods::{Neighbourhoods, Placed, ScaleCloud};
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
@@ -65,9 +67,9 @@ pub fn judge(
     neighbourhoods: &Neighbourhoods,
     trajectory: &Trajectory,
 ) -> Option<Constancy> {
-    let (start_s, end_s) = trajectory.span_s();
-    let count = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
-    let mut sums = vec![vec![Sums::default(); count]; cloud.scanners];
+    let (start_s, _) = trajectory.span_s();
+    // Only blocks in which there are points: a trajectory may span years.
+    let mut sums: Vec<BTreeMap<u64, Sums>> = vec![BTreeMap::new(); cloud.scanners];
     let movable = cloud.movable.len();
     let mut reference = Vec::new();
     for index in 0..neighbourhoods.len() {
@@ -95,8 +97,8 @@ pub fn judge(
         ) else {
             continue;
         };
-        let block = ((point.time_s - start_s) / BLOCK_S) as usize;
-        let sum = &mut sums[point.scanner as usize][block];
+        let block = ((point.time_s - start_s) / BLOCK_S) as u64;
+        let sum = sums[point.scanner as usize].entry(block).or_default();
         sum.n += 1;
         sum.residual += normal.dot(&(placed.world[centre] - shape.mean));
         sum.variance += variance;
@@ -106,9 +108,8 @@ pub fn judge(
         .map(|scanner| {
             scanner
                 .iter()
-                .enumerate()
                 .filter(|(_, sum)| sum.n >= FEWEST_POINTS)
-                .map(|(block, sum)| Block {
+                .map(|(&block, sum)| Block {
                     time_s: start_s + (block as f64 + 0.5) * BLOCK_S,
                     mean_m: sum.residual / sum.n as f64,
                     expected_sigma_m: (sum.variance / sum.n as f64).sqrt(),

@@ -13,6 +13,8 @@
 //! reference counts as exact: its own noise averages out over thousands of points, and an error of
 //! its registration moves all scanners alike.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
@@ -186,9 +188,9 @@ fn sigmas_part(
 ) -> DMatrix<f64> {
     let size = 6 * cloud.scanners;
     let mut covariance = DMatrix::zeros(size, size);
-    let (start_s, end_s) = trajectory.span_s();
-    let blocks = ((end_s - start_s) / BLOCK_S).floor() as usize + 1;
-    let mut sums = vec![DMatrix::<f64>::zeros(size, 6); blocks];
+    let (start_s, _) = trajectory.span_s();
+    // Only blocks in which there are points: a trajectory may span years.
+    let mut sums: BTreeMap<u64, DMatrix<f64>> = BTreeMap::new();
     for (l, point) in cloud.movable.iter().enumerate() {
         let Some((node, _)) = trajectory.locate(point.time_s) else {
             continue;
@@ -196,11 +198,12 @@ fn sigmas_part(
         let Some((position, rotation)) = sigma_matrices(&trajectory.nodes()[node]) else {
             continue;
         };
-        let block = ((point.time_s - start_s) / BLOCK_S) as usize;
+        let block = ((point.time_s - start_s) / BLOCK_S) as u64;
+        let sums = sums.entry(block).or_insert_with(|| DMatrix::zeros(size, 6));
         // Rotations are about world axes through the body's origin: dx = dω × (x − t_mb).
         let turning = -so3::hat(&(placed.world[l] - point.body_m)) * rotation;
         for (scanner, rows) in gradients.iter().enumerate() {
-            let mut sum = sums[block].fixed_view_mut::<6, 6>(6 * scanner, 0);
+            let mut sum = sums.fixed_view_mut::<6, 6>(6 * scanner, 0);
             let mut both = nalgebra::Matrix6::zeros();
             both.fixed_view_mut::<6, 3>(0, 0)
                 .copy_from(&(rows[l] * position));
@@ -209,7 +212,7 @@ fn sigmas_part(
             sum += both;
         }
     }
-    for sum in &sums {
+    for sum in sums.values() {
         covariance += sum * sum.transpose();
     }
     covariance

@@ -21,6 +21,10 @@ const GROUP: usize = 64;
 /// one by one. On surfaces there are about 6 of each.
 const MOST_CANDIDATES: usize = 64;
 
+/// Margins tried for a group before queries are searched for one by one. On surfaces it takes two or
+/// three; beside points that are closer by many powers of ten, hundreds.
+const MOST_ROUNDS: usize = 8;
+
 /// Groups a thread works on at a time.
 const CHUNK: usize = 64;
 
@@ -310,9 +314,11 @@ fn solve_open<L: Lanes, Found: Take>(
     };
     let most = MOST_CANDIDATES.saturating_mul(k.max(GROUP));
     *reach_m = 0.0;
+    let mut rounds = 0;
     while !open.is_empty() {
-        if !candidates.gather(index, bounds, margin_m, most) {
-            if !is_first_known {
+        rounds += 1;
+        if rounds > MOST_ROUNDS || !candidates.gather(index, bounds, margin_m, most) {
+            if !is_first_known && rounds <= MOST_ROUNDS {
                 is_first_known = true;
                 margin_m = enough_for_first();
                 continue;

@@ -23,7 +23,7 @@ pub(crate) const CLOUD: Columns = Columns {
 /// and intensities are kept where the format has them for every point.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another format, or without any point.
+/// A file that is missing, damaged, of another format, without any point, or with 2³² and more.
 pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     // Unknown tables are handed on as well: their reader names the column that is missing.
     let cloud = match super::detect(path).unwrap_or(Format::CloudCsv) {
@@ -50,6 +50,14 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     }?;
     if cloud.points.is_empty() {
         return Err(nothing_in(path, "point"));
+    }
+    if u32::try_from(cloud.points.len()).is_err() {
+        return Err(Error::format(
+            path,
+            Location::Whole,
+            format!("{} points", cloud.points.len()),
+            format!("{} at most: thin the cloud", u32::MAX),
+        ));
     }
     Ok(cloud)
 }

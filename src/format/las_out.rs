@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use super::guarded;
 use crate::error::{Error, Location, Result};
 
 /// Points compressed at a time: several of the format's chunks of 50,000, so that all threads
@@ -78,11 +79,17 @@ impl LasOut {
         };
         let empty = Vec::with_capacity(BATCH * self.length);
         let records = std::mem::replace(&mut self.records, empty);
-        las::PointDataBuilder::new()
-            .for_header(writer.header())
-            .build_from_bytes(records)
-            .and_then(|points| writer.write_points(&points))
-            .map_err(|e| problem(&self.path, e))
+        let written = guarded(&self.path, "LAS or LAZ", || {
+            las::PointDataBuilder::new()
+                .for_header(writer.header())
+                .build_from_bytes(records)
+                .and_then(|points| writer.write_points(&points))
+                .map_err(|e| problem(&self.path, e))
+        });
+        if written.is_err() {
+            self.writer.take().map(give_up);
+        }
+        written
     }
 
     /// Writes what is still in memory and completes the header.
@@ -94,9 +101,9 @@ impl LasOut {
         let Some(mut writer) = self.writer.take() else {
             return Ok(());
         };
-        if let Err(error) = writer.close() {
+        if let Err(error) = close(&self.path, &mut writer) {
             give_up(writer);
-            return Err(problem(&self.path, error));
+            return Err(error);
         }
         let out = writer.into_inner().map_err(|e| problem(&self.path, e))?;
         out.into_inner()
@@ -108,11 +115,17 @@ impl LasOut {
 impl Drop for LasOut {
     fn drop(&mut self) {
         if let Some(mut writer) = self.writer.take()
-            && writer.close().is_err()
+            && close(&self.path, &mut writer).is_err()
         {
             give_up(writer);
         }
     }
+}
+
+fn close(path: &Path, writer: &mut las::Writer<BufWriter<File>>) -> Result<()> {
+    guarded(path, "LAS or LAZ", || {
+        writer.close().map_err(|e| problem(path, e))
+    })
 }
 
 /// A writer that could not be closed panics when it is dropped, because it tries again. Its file

@@ -160,9 +160,19 @@ pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
     Some((stream.first()?.time_s(), stream.last()?.time_s()))
 }
 
+/// An IMU slower than this, seconds, does not tell how a body moves.
+pub(crate) const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
+
+/// The unit that the times of an IMU seem to be in, whose samples lie `interval_s` apart if they are
+/// seconds.
+pub(crate) fn unit_of_imu_interval(interval_s: f64) -> Option<&'static str> {
+    const COMMON_S: f64 = 5e-3;
+    unit_of_times(interval_s / COMMON_S)
+}
+
 /// The unit of times that are `factor` times as large as they would be in seconds; `None` where no
 /// unit comes near.
-pub(crate) fn unit_of_times(factor: f64) -> Option<&'static str> {
+fn unit_of_times(factor: f64) -> Option<&'static str> {
     match (factor.log10() / 3.0).round() {
         1.0 => Some("milliseconds"),
         2.0 => Some("microseconds"),

@@ -2,17 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::{ImuSample, unit_of_times};
+use crate::sensor::{ImuSample, LONGEST_IMU_INTERVAL_S, unit_of_imu_interval};
 use crate::trajectory::ImuNoise;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
 pub(super) const LONGEST_IMU_GAP_S: f64 = 120.0;
 /// No IMU is as fast, seconds.
 const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
-/// Nor does a slower one tell how a body moves, seconds.
-const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
-/// Interval of a common IMU, seconds: tells the unit of times that cannot be seconds.
-const COMMON_IMU_INTERVAL_S: f64 = 5e-3;
 /// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
 /// of a log whose stamps come in bursts would be filled with samples without number.
 const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);
@@ -39,7 +35,7 @@ pub(super) fn check_interval(interval_s: f64) -> Result<()> {
         ));
     }
     if interval_s > LONGEST_IMU_INTERVAL_S {
-        let unit = unit_of_times(interval_s / COMMON_IMU_INTERVAL_S);
+        let unit = unit_of_imu_interval(interval_s);
         let question = unit.map_or_else(String::new, |unit| format!(": are these {unit}?"));
         return Err(Error::data(
             format!("time steps of {interval_s} s between IMU samples{question}"),

@@ -92,12 +92,13 @@ pub fn compare(
     let mut points = 0;
     for cloud in clouds {
         // The size of other formats, which are read whole in any case, is not known before.
-        points += format::points_named(cloud)?.unwrap_or(0);
+        points = u64::saturating_add(points, format::points_named(cloud)?.unwrap_or(0));
     }
     let start = Instant::now();
     let core = comparison.core.as_deref().map(format::read_core_points);
     let core = core.transpose()?;
-    let mut tiled = if points > budget.points(BYTES_A_POINT) {
+    let in_one_piece = budget.points(BYTES_A_POINT).min(u64::from(u32::MAX));
+    let mut tiled = if points > in_one_piece {
         let normals = normals_of(comparison, core.as_ref(), progress);
         let tile_points = budget.tile_points(BYTES_A_TILE_POINT);
         tiled::compare(

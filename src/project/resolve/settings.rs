@@ -7,6 +7,9 @@ use crate::error::Result;
 use crate::project::source::Source;
 use crate::project::written;
 
+/// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
+const MOST_NEIGHBOURS: usize = 1000;
+
 /// Scales that become finer, and neighbourhoods that have a volume.
 pub(super) fn calibration(
     source: &Source,
@@ -40,12 +43,24 @@ pub(super) fn calibration(
     };
     Ok(CalibrationSettings {
         voxel_sizes_m,
-        neighbours: at_least(
-            "neighbours",
-            written.neighbours.unwrap_or(default.neighbours),
-            4,
-            ": three points always lie in a plane",
-        )?,
+        neighbours: {
+            let neighbours = at_least(
+                "neighbours",
+                written.neighbours.unwrap_or(default.neighbours),
+                4,
+                ": three points always lie in a plane",
+            )?;
+            if neighbours > MOST_NEIGHBOURS {
+                let expected =
+                    format!("{MOST_NEIGHBOURS} or less: all neighbours are kept in memory");
+                return Err(table.error(
+                    "neighbours",
+                    format!("neighbours = {neighbours}"),
+                    &expected,
+                ));
+            }
+            neighbours
+        },
         method: written.method.unwrap_or(default.method),
         max_iterations: at_least(
             "max_iterations",
