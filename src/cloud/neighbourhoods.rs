@@ -319,9 +319,11 @@ fn solve_open<L: Lanes, Found: Take>(
     };
     let most = MOST_CANDIDATES.saturating_mul(k.max(GROUP));
     *reach_m = 0.0;
+    let mut rounds = 0;
     while !open.is_empty() {
-        if !candidates.gather(index, bounds, margin_m, most) {
-            if !is_first_known {
+        rounds += 1;
+        if rounds > MOST_ROUNDS || !candidates.gather(index, bounds, margin_m, most) {
+            if !is_first_known && rounds <= MOST_ROUNDS {
                 is_first_known = true;
                 margin_m = enough_for_first();
                 continue;

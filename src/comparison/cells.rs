@@ -36,10 +36,16 @@ impl Lattice {
         // The margin keeps points that rounding moves into the next cell within the next block.
         let block_m = 1.001 * reach_m;
         let cell_m = block_m / SIDE as f64;
+        let per_metre = 1.0 / cell_m;
         Self {
             cell_m,
-            per_metre: 1.0 / cell_m,
-            farthest_m: FARTHEST * block_m,
+            per_metre,
+            // Cells too small to be counted hold nothing.
+            farthest_m: if per_metre.is_finite() {
+                FARTHEST * block_m
+            } else {
+                0.0
+            },
         }
     }
 

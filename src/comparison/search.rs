@@ -175,9 +175,17 @@ impl IndexedClouds {
                 let (low, high) = box_around(core, indices, widest);
                 window.gather(cells, block, (&low, &high));
                 progress.advance((indices.len() / 2) as u64);
+                let mut last = None;
                 let find = |&at: &u32| {
                     let point = &core[at as usize];
-                    normals::most_planar(window, point, radii, orientation, offsets).unwrap_or(none)
+                    match last {
+                        Some((same, found)) if same == *point => return found,
+                        _ => {}
+                    }
+                    let found = normals::most_planar(window, point, radii, orientation, offsets)
+                        .unwrap_or(none);
+                    last = Some((*point, found));
+                    found
                 };
                 indices.iter().map(find).collect()
             },
@@ -217,8 +225,14 @@ impl IndexedClouds {
                     let (heights, weights) = heights.weighted();
                     Sample::of(heights, weights, settings.aggregation, sorted)
                 };
+                let mut last = None;
                 let distance = |&at: &u32| {
                     let (normal, normal_radius_m) = normals[at as usize];
+                    // Core points at one place have the same distance.
+                    match last {
+                        Some((same, found)) if same == (core[at as usize], normal) => return found,
+                        _ => {}
+                    }
                     let cylinder = Cylinder::new(core[at as usize], normal, settings);
                     let found = if normal.x.is_nan() {
                         [Sample::NONE; 2]

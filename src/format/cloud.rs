@@ -41,5 +41,13 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     if cloud.points.is_empty() {
         return Err(nothing_in(path, "point"));
     }
+    if u32::try_from(cloud.points.len()).is_err() {
+        return Err(Error::format(
+            path,
+            Location::Whole,
+            format!("{} points", cloud.points.len()),
+            format!("{} at most: thin the cloud", u32::MAX),
+        ));
+    }
     Ok(cloud)
 }

@@ -79,11 +79,17 @@ impl LasOut {
         };
         let empty = Vec::with_capacity(BATCH * self.length);
         let records = std::mem::replace(&mut self.records, empty);
-        las::PointDataBuilder::new()
-            .for_header(writer.header())
-            .build_from_bytes(records)
-            .and_then(|points| writer.write_points(&points))
-            .map_err(|e| problem(&self.path, e))
+        let written = guarded(&self.path, "LAS or LAZ", || {
+            las::PointDataBuilder::new()
+                .for_header(writer.header())
+                .build_from_bytes(records)
+                .and_then(|points| writer.write_points(&points))
+                .map_err(|e| problem(&self.path, e))
+        });
+        if written.is_err() {
+            self.writer.take().map(give_up);
+        }
+        written
     }
 
     /// Writes buffered data and completes the header.
@@ -109,7 +115,7 @@ impl LasOut {
 impl Drop for LasOut {
     fn drop(&mut self) {
         if let Some(mut writer) = self.writer.take()
-            && writer.close().is_err()
+            && close(&self.path, &mut writer).is_err()
         {
             leak(writer);
         }

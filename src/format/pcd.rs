@@ -201,7 +201,8 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
 /// bits are the length − 2 of a copy (if 7, the next byte is added), and its lower five bits and
 /// the next byte are the distance − 1.
 fn unpack(input: &[u8], length: usize) -> Option<Vec<u8>> {
-    let mut out = Vec::with_capacity(length);
+    // What a damaged header claims is not taken before it is there.
+    let mut out = Vec::with_capacity(length.min(8 * input.len()));
     let mut input = input.iter().copied();
     while let Some(control) = input.next() {
         if control < 32 {

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::lines::Lines;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, is_finite};
 
 /// Reads a line of at least `n` numbers; false at the end of the file.
 fn row(lines: &mut Lines, n: usize, cells: &mut Vec<f64>) -> Result<bool> {
@@ -94,7 +94,14 @@ pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
                 continue;
             }
             let world = |k: usize| p[0] * m[0][k] + p[1] * m[1][k] + p[2] * m[2][k] + m[3][k];
-            push(&mut cloud, Vec3::new(world(0), world(1), world(2)), &cells);
+            let point = Vec3::new(world(0), world(1), world(2));
+            if !is_finite(&point) {
+                return Err(lines.error(
+                    "a point that the transform takes out of all bounds",
+                    "finite coordinates",
+                ));
+            }
+            push(&mut cloud, point, &cells);
         }
     }
     Ok(drop_partial_intensities(cloud))

@@ -2,6 +2,9 @@
 
 use super::number;
 
+/// No axis has room for more.
+const MOST_TICKS: i64 = 1000;
+
 /// One axis.
 #[derive(Debug, Clone)]
 pub struct Axis {
@@ -70,6 +73,10 @@ impl Axis {
         let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
         let first = (self.min / step - 1e-6).ceil() as i64;
         let last = (self.max / step + 1e-6).floor() as i64;
+        // Ends that are too far apart to be subtracted have no ticks.
+        if last.saturating_sub(first) > MOST_TICKS {
+            return Vec::new();
+        }
         (first..=last)
             .map(|i| {
                 let value = i as f64 * step;
@@ -165,6 +172,16 @@ mod tests {
         let near = Axis::logarithmic("", [1.06, 16.0]);
         let texts: Vec<String> = near.ticks(5.0).into_iter().map(|t| t.1).collect();
         assert_eq!(texts, ["1", "2", "5", "10", "20"]);
+    }
+
+    #[test]
+    fn ends_beyond_all_bounds_have_no_ticks() {
+        for values in [[-1e308, 1e308], [-f64::MAX, f64::MAX]] {
+            assert!(Axis::over("", values).ticks(5.0).len() < 100);
+            assert!(Axis::rounded("", values).ticks(5.0).len() < 100);
+        }
+        let log = Axis::logarithmic("", [f64::MIN_POSITIVE, f64::MAX]);
+        assert!(log.ticks(5.0).len() < 100);
     }
 
     #[test]

@@ -51,7 +51,8 @@ impl Scenario {
         }
         self.check_boards()?;
         self.check_scanners()?;
-        self.check_drives()
+        self.check_drives()?;
+        self.check_durations()
     }
 
     /// Values with their smallest and largest allowed value.
@@ -230,6 +231,32 @@ impl Scenario {
             }
             if self.scanners[..i].iter().any(|other| other.name == *name) {
                 return refuse(format!("two scanners are named {name:?}"));
+            }
+        }
+        Ok(())
+    }
+
+    /// A drive is held in memory: its motion, IMU and aiding.
+    fn check_durations(&self) -> Result<()> {
+        /// Samples of the fastest sensor; 48 bytes each and more.
+        const MOST_SAMPLES: f64 = 1e8;
+        /// Control points of the motion a second.
+        const KNOTS_HZ: f64 = 50.0;
+        let motion = &self.motion;
+        let across_m = self.field.size_m[0].hypot(self.field.size_m[1]);
+        let turns_m = 4.0 * std::f64::consts::PI * motion.turn_radius_m;
+        let pass_m = 2.0 * (across_m + 2.0 * self.field.margin_m) + turns_m;
+        let slowest_m_s = motion.scan_speed_m_s.min(motion.transit_speed_m_s);
+        let rate_hz = [self.prism.rate_hz, self.heading.rate_hz, KNOTS_HZ]
+            .into_iter()
+            .fold(self.imu.rate_hz, f64::max);
+        for (d, drive) in self.drives.iter().enumerate() {
+            let longest_s = drive.passes.len() as f64 * pass_m / slowest_m_s + motion.rest_s;
+            if longest_s * rate_hz > MOST_SAMPLES {
+                return refuse(format!(
+                    "drive {} may last {longest_s:.0} s, too long for {rate_hz} samples a second",
+                    d + 1
+                ));
             }
         }
         Ok(())

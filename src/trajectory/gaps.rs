@@ -10,10 +10,6 @@ use crate::statistics::median;
 pub const LONGEST_IMU_GAP_S: f64 = 120.0;
 /// No IMU is as fast, seconds.
 const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
-/// Nor does a slower one tell how a body moves, seconds.
-const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
-/// Interval of a common IMU, seconds: tells the unit of times that cannot be seconds.
-const COMMON_IMU_INTERVAL_S: f64 = 5e-3;
 /// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
 /// of a log whose stamps come in bursts would be filled with samples without number.
 const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);

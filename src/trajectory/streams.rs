@@ -323,7 +323,7 @@ fn longest_increasing(values: &[f64]) -> Vec<usize> {
 
 /// Refuses times whose span is that of the IMU log times a power of 1000, in steps that no sensor of
 /// a drive takes.
-fn check_unit(name: &str, own: (f64, f64), count: usize, imu: (f64, f64)) -> Result<()> {
+fn check_unit(name: &str, own: (f64, f64), mut steps_s: Vec<f64>, imu: (f64, f64)) -> Result<()> {
     const LONGEST_USUAL_STEP_S: f64 = 20.0;
     const ALIKE: f64 = 4.0;
     let span_s = own.1 - own.0;
@@ -353,7 +353,10 @@ fn within<T: Shift>(
     if let (Some(first), Some(last)) = (records.first(), records.last()) {
         let own = (time_s(first), time_s(last));
         check_overlap(("IMU log", span), (&names.log(stream), own))?;
-        check_unit(&names.log(stream), own, records.len(), span)?;
+        let steps = records
+            .windows(2)
+            .map(|pair| time_s(&pair[1]) - time_s(&pair[0]));
+        check_unit(&names.log(stream), own, steps.collect(), span)?;
     }
     let (inside, outside): (Vec<_>, Vec<_>) = records
         .into_iter()

@@ -36,7 +36,8 @@ fn lines(rows: &[CoreDistance]) -> Vec<u8> {
     let mut text = Vec::with_capacity(200 * rows.len());
     for row in rows {
         let (p, n) = (&row.point, &row.normal);
-        let written = writeln!(
+        // A Vec takes all bytes.
+        let _ = writeln!(
             text,
             "{},{},{},{},{},{},{},{},{},{},{},{},{}",
             p.x,

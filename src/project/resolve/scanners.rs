@@ -78,10 +78,15 @@ pub(super) fn evaluations(
 /// file systems that ignore case.
 fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
-    let pairs: Vec<String> = lower
-        .iter()
-        .flat_map(|a| lower.iter().map(move |b| format!("{a}-{b}")))
-        .collect();
+    // `a-b`, where `a` and `b` are names too.
+    let is_pair = |name: &str| {
+        let rests = lower
+            .iter()
+            .filter_map(|a| name.strip_prefix(a.as_str())?.strip_prefix('-'));
+        rests
+            .into_iter()
+            .any(|b| lower.iter().any(|name| name == b))
+    };
     for (index, name) in names.iter().enumerate() {
         let table = Table {
             index: Some(index),
@@ -91,7 +96,7 @@ fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
         if lower[..index].contains(&lower[index]) {
             return Err(table.error("name", format!("the name {name:?} twice"), "a unique name"));
         }
-        if lower[index] == "initial" || array == "scanner" && pairs.contains(&lower[index]) {
+        if lower[index] == "initial" || array == "scanner" && is_pair(&lower[index]) {
             return Err(table.error(
                 "name",
                 format!("the name {name:?}, which is reserved for the results"),

@@ -40,12 +40,24 @@ pub(super) fn calibration(
     };
     Ok(CalibrationSettings {
         voxel_sizes_m,
-        neighbours: at_least(
-            "neighbours",
-            written.neighbours.unwrap_or(default.neighbours),
-            4,
-            ": three points always lie in a plane",
-        )?,
+        neighbours: {
+            let neighbours = at_least(
+                "neighbours",
+                written.neighbours.unwrap_or(default.neighbours),
+                4,
+                ": three points always lie in a plane",
+            )?;
+            if neighbours > MOST_NEIGHBOURS {
+                let expected =
+                    format!("{MOST_NEIGHBOURS} or less: all neighbours are kept in memory");
+                return Err(table.error(
+                    "neighbours",
+                    format!("neighbours = {neighbours}"),
+                    &expected,
+                ));
+            }
+            neighbours
+        },
         method: written.method.unwrap_or(default.method),
         max_iterations: at_least(
             "max_iterations",

@@ -185,6 +185,13 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseEstimate> {
     let (first, last) = (used[0].time_s, used[used.len() - 1].time_s);
     let interval_s = (last - first) / (used.len() - 1) as f64;
     let mut warnings = rest::check(used, interval_s)?;
+    if interval_s > super::LONGEST_IMU_INTERVAL_S
+        && let Some(unit) = super::unit_of_imu_interval(interval_s)
+    {
+        warnings.push(format!(
+            "time steps of {interval_s:.6} s between IMU samples: are these {unit}?"
+        ));
+    }
     if used.len() < imu.len() {
         warnings.push(format!(
             "the log has gaps: only the {} samples from {first:.3} s to {last:.3} s are used",

@@ -37,6 +37,15 @@ pub(super) fn longest_stretch(imu: &[ImuSample]) -> &[ImuSample] {
 pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
     let length = ((BLOCK_S / interval_s).round() as usize).max(FEWEST_IN_BLOCK);
     let blocks: Vec<Block> = imu.chunks_exact(length).map(Block::new).collect();
+    if blocks.is_empty() {
+        return Err(Error::data(
+            format!(
+                "the log spans {:.2e} s without a gap",
+                interval_s * imu.len() as f64
+            ),
+            "noise figures need some seconds at rest; check the unit of the times: seconds",
+        ));
+    }
     let middle = |pick: fn(&Block) -> Vec3| {
         Vec3::from_fn(|axis, _| median(blocks.iter().map(|b| pick(b)[axis])).unwrap_or(f64::NAN))
     };
