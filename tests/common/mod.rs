@@ -66,6 +66,7 @@ pub struct Run {
 }
 
 /// Runs the binary with `arguments`.
+#[cfg(feature = "cli")]
 pub fn boresight(arguments: &[&str]) -> Run {
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args(arguments)
@@ -79,6 +80,7 @@ pub fn boresight(arguments: &[&str]) -> Run {
 }
 
 /// Runs a command of the binary on `project.toml` in `folder`.
+#[cfg(feature = "cli")]
 pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
     let project = folder.join("project.toml");
     boresight(&[&[command, project.to_str().unwrap()], more].concat())
