@@ -6,6 +6,7 @@ use std::fmt;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use crate::sensor::{ScanPoint, check_overlap, time_unit_within};
+use crate::statistics::median;
 use crate::trajectory::PoseLimits;
 use crate::trajectory::{PoseCursor, Trajectory};
 
@@ -188,7 +189,9 @@ impl<'a> Georeferencer<'a> {
         const TOLERANCE_FACTOR: f64 = 4.0;
         let length = |(first, last): (f64, f64)| last - first;
         let (points_s, poses_s) = (length(self.span_s), length(self.trajectory.span_s()));
-        let step_s = poses_s / (self.trajectory.poses().len() - 1) as f64;
+        let poses = self.trajectory.poses().windows(2);
+        // One wild stamp changes the span but not the median step.
+        let step_s = median(poses.map(|pair| pair[1].time_s - pair[0].time_s)).unwrap_or(f64::NAN);
         let spans = format!("the profiles span {points_s:.3} s, and the trajectory {poses_s:.3} s");
         if let Some(unit) = time_unit_within(poses_s / points_s, TOLERANCE_FACTOR)
             && step_s > MAX_STEP_S

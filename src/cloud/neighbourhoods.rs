@@ -22,6 +22,10 @@ const GROUP: usize = 64;
 /// searched one by one. On surfaces there are about 6 of each.
 const MOST_CANDIDATES: usize = 64;
 
+/// Margins tried for a group before its queries are searched one by one. On surfaces two or three
+/// are enough; near points whose distances differ by many powers of ten, hundreds are needed.
+const MAX_ROUNDS: usize = 8;
+
 /// Groups processed by a thread at a time.
 const CHUNK: usize = 64;
 
@@ -322,8 +326,8 @@ fn solve_open<L: Lanes, Found: Take>(
     let mut rounds = 0;
     while !open.is_empty() {
         rounds += 1;
-        if rounds > MOST_ROUNDS || !candidates.gather(index, bounds, margin_m, most) {
-            if !is_first_known && rounds <= MOST_ROUNDS {
+        if rounds > MAX_ROUNDS || !candidates.gather(index, bounds, margin_m, most) {
+            if !is_first_known && rounds <= MAX_ROUNDS {
                 is_first_known = true;
                 margin_m = enough_for_first();
                 continue;

@@ -248,7 +248,9 @@ impl IndexedClouds {
                             }),
                         }
                     };
-                    core_distance(&found, normal, normal_radius_m, settings)
+                    let found = core_distance(&found, normal, normal_radius_m, settings);
+                    last = Some(((core[at as usize], normal), found));
+                    found
                 };
                 let distances: Vec<CoreDistance> = indices.iter().map(distance).collect();
                 // Computing normals was the first half of the work.

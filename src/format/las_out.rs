@@ -5,6 +5,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use super::file::extension;
+use super::file::guarded;
 use crate::error::{Error, Location, Result};
 
 /// Points compressed at a time: several of the format's chunks of 50,000, so that all threads are
@@ -87,7 +88,7 @@ impl LasOut {
                 .map_err(|e| problem(&self.path, e))
         });
         if written.is_err() {
-            self.writer.take().map(give_up);
+            self.writer.take().map(leak);
         }
         written
     }
@@ -101,9 +102,9 @@ impl LasOut {
         let Some(mut writer) = self.writer.take() else {
             return Ok(());
         };
-        if let Err(error) = writer.close() {
+        if let Err(error) = close(&self.path, &mut writer) {
             leak(writer);
-            return Err(problem(&self.path, error));
+            return Err(error);
         }
         let out = writer.into_inner().map_err(|e| problem(&self.path, e))?;
         out.into_inner()
@@ -120,6 +121,12 @@ impl Drop for LasOut {
             leak(writer);
         }
     }
+}
+
+fn close(path: &Path, writer: &mut las::Writer<BufWriter<File>>) -> Result<()> {
+    guarded(path, "LAS or LAZ", || {
+        writer.close().map_err(|e| problem(path, e))
+    })
 }
 
 /// A writer that could not be closed tries again when dropped, and panics. It is leaked instead, so

@@ -62,9 +62,8 @@ impl Lines {
         } else {
             &self.line
         };
-        std::str::from_utf8(bytes)
-            .expect("checked when it was read")
-            .trim_ascii()
+        // Checked when it was read.
+        std::str::from_utf8(bytes).unwrap_or_default().trim_ascii()
     }
 
     /// Reads the next line that is neither empty nor a comment, which must hold finite numbers, as

@@ -176,9 +176,18 @@ pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
     Some((stream.first()?.time_s(), stream.last()?.time_s()))
 }
 
+/// An IMU with a longer interval between samples, seconds, does not resolve the motion of a body.
+pub(crate) const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
+
+/// The likely time unit of an IMU log whose samples are `interval_s` apart if its times are seconds.
+pub(crate) fn imu_time_unit(interval_s: f64) -> Option<&'static str> {
+    const COMMON_S: f64 = 5e-3;
+    time_unit(interval_s / COMMON_S)
+}
+
 /// The unit of times that are `factor` times what they would be in seconds; `None` if no unit comes
 /// close.
-pub(crate) fn time_unit(factor: f64) -> Option<&'static str> {
+fn time_unit(factor: f64) -> Option<&'static str> {
     match (factor.log10() / 3.0).round() {
         1.0 => Some("milliseconds"),
         2.0 => Some("microseconds"),

@@ -112,7 +112,7 @@ pub fn compare(
         compare_s: 0.0,
     };
     let points: u64 = clouds.iter().map(CloudSource::len).sum();
-    if points <= budget.points(BYTES_A_POINT) {
+    if points <= budget.points(BYTES_A_POINT).min(u64::from(u32::MAX)) {
         in_one_piece(comparison, clouds, core, &mut work, progress)?;
     } else {
         let folders = ["reference-tiles", "compared-tiles"].map(|name| staging.path(name));

@@ -3,7 +3,7 @@
 use super::settings::ImuNoise;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::{ImuSample, time_unit};
+use crate::sensor::{ImuSample, LONGEST_IMU_INTERVAL_S, imu_time_unit};
 use crate::statistics::median;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
@@ -34,7 +34,7 @@ pub fn check_interval(interval_s: f64) -> Result<()> {
         ));
     }
     if interval_s > LONGEST_IMU_INTERVAL_S {
-        let unit = time_unit(interval_s / COMMON_IMU_INTERVAL_S);
+        let unit = imu_time_unit(interval_s);
         let question = unit.map_or_else(String::new, |unit| format!(": are these {unit}?"));
         return Err(Error::data(
             format!("time steps of {interval_s} s between IMU samples{question}"),

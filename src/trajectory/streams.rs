@@ -8,6 +8,7 @@ use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, is_finite};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, time_unit_within};
+use crate::statistics::median;
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
 pub const FEWEST_FIXES: usize = 5;
@@ -323,11 +324,17 @@ fn longest_increasing(values: &[f64]) -> Vec<usize> {
 
 /// Refuses times whose span is that of the IMU log times a power of 1000, in steps that no sensor of
 /// a drive takes.
-fn check_unit(name: &str, own: (f64, f64), mut steps_s: Vec<f64>, imu: (f64, f64)) -> Result<()> {
+fn check_unit(
+    name: &str,
+    own: (f64, f64),
+    steps_s: impl Iterator<Item = f64>,
+    imu: (f64, f64),
+) -> Result<()> {
     const LONGEST_USUAL_STEP_S: f64 = 20.0;
     const ALIKE: f64 = 4.0;
     let span_s = own.1 - own.0;
-    let step_s = span_s / (count.max(2) - 1) as f64;
+    // One wild stamp changes the span but not the median step.
+    let step_s = median(steps_s).unwrap_or(0.0);
     let unit = time_unit_within(span_s / (imu.1 - imu.0), ALIKE);
     match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
         Some(unit) => Err(Error::data(
@@ -356,7 +363,7 @@ fn within<T: Shift>(
         let steps = records
             .windows(2)
             .map(|pair| time_s(&pair[1]) - time_s(&pair[0]));
-        check_unit(&names.log(stream), own, steps.collect(), span)?;
+        check_unit(&names.log(stream), own, steps, span)?;
     }
     let (inside, outside): (Vec<_>, Vec<_>) = records
         .into_iter()

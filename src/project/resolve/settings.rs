@@ -7,6 +7,9 @@ use crate::error::Result;
 use crate::project::source::Source;
 use crate::project::written;
 
+/// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
+const MAX_NEIGHBOURS: usize = 1000;
+
 /// Scales from coarse to fine, and neighbourhoods that span a volume.
 pub(super) fn calibration(
     source: &Source,
@@ -47,9 +50,9 @@ pub(super) fn calibration(
                 4,
                 ": three points always lie in a plane",
             )?;
-            if neighbours > MOST_NEIGHBOURS {
+            if neighbours > MAX_NEIGHBOURS {
                 let expected =
-                    format!("{MOST_NEIGHBOURS} or less: all neighbours are kept in memory");
+                    format!("{MAX_NEIGHBOURS} or less: all neighbours are kept in memory");
                 return Err(table.error(
                     "neighbours",
                     format!("neighbours = {neighbours}"),

@@ -186,7 +186,7 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseEstimate> {
     let interval_s = (last - first) / (used.len() - 1) as f64;
     let mut warnings = rest::check(used, interval_s)?;
     if interval_s > super::LONGEST_IMU_INTERVAL_S
-        && let Some(unit) = super::unit_of_imu_interval(interval_s)
+        && let Some(unit) = super::imu_time_unit(interval_s)
     {
         warnings.push(format!(
             "time steps of {interval_s:.6} s between IMU samples: are these {unit}?"

@@ -205,10 +205,11 @@ impl Online {
     fn go_on(&mut self) -> Result<Vec<Update>> {
         let mut updates = Vec::new();
         if let Stage::Starting { next_s } = &mut self.stage {
-            if self.newest_imu_s < *next_s {
+            let first = self.given.imu.first();
+            let Some(first) = first.filter(|_| self.newest_imu_s >= *next_s) else {
                 return Ok(updates);
-            }
-            let first_s = self.given.imu[0].time_s;
+            };
+            let first_s = first.time_s;
             // Later and later, so that all tries together cost no more than a few.
             *next_s = self.newest_imu_s + (0.25 * (self.newest_imu_s - first_s)).max(0.5);
             // Where the records do not tell enough yet, more may.
