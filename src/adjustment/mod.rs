@@ -1,7 +1,7 @@
 //! Least-squares adjustment on a chain of unknowns: factors' rows in, solution and covariances out.
 //!
-//! Knows no sensor. What its unknowns mean, and which factors tie them, is the business of a
-//! [`ChainProblem`]; its rows serve other solvers as well.
+//! Knows no sensor: a [`ChainProblem`] gives unknowns and factors their meaning, and its rows can be
+//! handed to other solvers as well.
 
 mod border;
 mod chain;

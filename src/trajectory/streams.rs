@@ -1,4 +1,4 @@
-//! The logs as they come, made fit for the adjustment: values checked, records out of time order
+//! The logs as recorded, prepared for the adjustment: values checked, records out of time order
 //! dropped and named, gaps of the IMU bridged.
 
 use super::gaps::{check_interval, median_interval_s};
@@ -12,7 +12,7 @@ use crate::sensor::{
 };
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
-pub const FEWEST_FIXES: usize = 5;
+pub const MIN_FIXES: usize = 5;
 
 /// What the sensors of one drive recorded.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ pub struct Streams {
     pub positions: Vec<Vec<Numbered<PositionFix>>>,
     /// Within the IMU's span.
     pub heading: Vec<Numbered<HeadingFix>>,
-    /// Records that take no part, in the order of the streams and of time.
+    /// Records that are not used, in the order of the streams and of time.
     pub dropped: Vec<Rejection>,
 }
 
@@ -108,14 +108,14 @@ impl Streams {
             positions.push(within(fixes, span, stream, &names, &mut dropped)?);
         }
         let count: usize = positions.iter().map(Vec::len).sum();
-        if count < FEWEST_FIXES {
+        if count < MIN_FIXES {
             return Err(Error::of(
                 Problem::TooFew,
                 format!(
                     "only {count} {} fixes lie within the IMU's span ({:.3} s to {:.3} s)",
                     settings.positions[0].name, span.0, span.1
                 ),
-                format!("a trajectory needs at least {FEWEST_FIXES}; check the log"),
+                format!("a trajectory needs at least {MIN_FIXES}; check the log"),
             ));
         }
         let heading = ordered(
@@ -140,7 +140,7 @@ impl Streams {
     }
 }
 
-/// How streams are called.
+/// The names of the streams.
 pub struct Names<'a>(pub &'a TrajectorySettings);
 
 impl Names<'_> {
@@ -326,12 +326,12 @@ fn longest_increasing(values: &[f64]) -> Vec<usize> {
 /// Refuses times whose span is that of the IMU log times a power of 1000, in steps that no sensor of
 /// a drive takes.
 fn check_unit(name: &str, own: (f64, f64), count: usize, imu: (f64, f64)) -> Result<()> {
-    const LONGEST_USUAL_STEP_S: f64 = 20.0;
+    const MAX_USUAL_STEP_S: f64 = 20.0;
     const ALIKE: f64 = 4.0;
     let span_s = own.1 - own.0;
     let step_s = span_s / (count.max(2) - 1) as f64;
     let unit = unit_of_times_within(span_s / (imu.1 - imu.0), ALIKE);
-    match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
+    match unit.filter(|_| step_s > MAX_USUAL_STEP_S) {
         Some(unit) => Err(Error::data(
             format!("time steps of {step_s:.3} s in the {name}: are these {unit}?"),
             format!(
