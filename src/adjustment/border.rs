@@ -106,7 +106,7 @@ impl BorderCarry {
         }
     }
 
-    /// The factor of the border, or its first column that nothing determines.
+    /// The factor of the border, or its first column that is not determined.
     pub fn factorise(self) -> Result<BorderFactor, usize> {
         let n = self.g.len();
         let (mut u, mut y) = (self.s, self.g);
@@ -175,8 +175,8 @@ impl BorderFactor {
         }
     }
 
-    /// For each column from `first` on its step and standard deviation if none of the others from
-    /// `first` on were there. Uᵀ U less the rows before `first` is what S leaves for them.
+    /// For each column from `first` on, its step and standard deviation if the others from `first`
+    /// on did not exist. Uᵀ U less the rows before `first` is what S leaves for them.
     pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
         let n = self.y.len();
         (first..n)

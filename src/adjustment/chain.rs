@@ -74,7 +74,7 @@ impl ChainStep {
     }
 }
 
-/// A pivot that is not positive: what the data (and priors) leave free.
+/// A pivot that is not positive: an unknown that data and priors leave free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NotPositive {
     /// Something at this node, or of its segment.
@@ -284,8 +284,8 @@ impl ChainFactor {
         }
     }
 
-    /// For each column of the border from `first` on its step and standard deviation if none of the
-    /// others from `first` on were there.
+    /// For each column of the border from `first` on, its step and standard deviation if the others
+    /// from `first` on did not exist.
     pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
         self.border.each_alone(first)
     }

@@ -19,7 +19,7 @@ pub struct DampingRule {
     pub rounding: f64,
 }
 
-/// What becomes of a step.
+/// The outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// It is taken.

@@ -129,7 +129,7 @@ impl Carry {
         true
     }
 
-    /// Adds what records say of the carry's node and segment; node i + 1 must not be touched.
+    /// Adds the normal equations of records at the carry's node; they must not touch node i + 1.
     pub fn add_newest(&mut self, system: &StepSystem) {
         for a in 0..TAIL {
             for b in a..TAIL {

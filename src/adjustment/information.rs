@@ -1,4 +1,4 @@
-//! How much the residuals of some factors tell about their own variance.
+//! The information that residuals hold about the variance of their own factors.
 
 use super::chain::{ChainFactor, ChainStep, ChainSystem};
 use super::layout::TAIL;
@@ -6,7 +6,7 @@ use super::problem::ChainProblem;
 use super::rows::Rows;
 use super::system::{BorderSystem, StepSystem, assemble};
 
-/// Signs drawn; each tells tr R² to √(2 tr R⁴), some 20 % of it.
+/// Vectors of signs drawn; each gives tr R² to √(2 tr R⁴), some 20 % of it.
 const PROBES: u64 = 8;
 
 /// +1 or −1, as good as drawn for each probe and row (the finalizer of SplitMix64).

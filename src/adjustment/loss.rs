@@ -1,4 +1,4 @@
-//! Losses: what large residuals count, as the weight of every record.
+//! Losses: the weight of every record by its residual.
 //!
 //! The truncated loss is reached by graduated non-convexity (Yang, Antonante, Tzoumas, Carlone
 //! 2020): the surrogate of the truncated quadratic starts convex and is sharpened by µ from round to
@@ -8,13 +8,13 @@
 
 use crate::statistics::{chi_square, median};
 
-/// The limit of the test as a standard normal: 1 good record in 10,000 passes it.
+/// The limit of the test as a standard normal: 1 good record in 10,000 exceeds it.
 const LIMIT_NORMAL: f64 = 3.72;
-/// The share of good records that passes it.
+/// The share of good records that exceeds it.
 const PASSING: f64 = 1e-4;
-/// More than this many standard deviations over the number expected is no chance.
+/// An excess over the expected number of more than this many standard deviations is not chance.
 const CHANCE_SIGMAS: f64 = 3.0;
-/// No good record passes this limit: 1 in 10⁹.
+/// No good record exceeds this limit: 1 in 10⁹.
 const FAR_NORMAL: f64 = 6.0;
 /// Growth of µ from round to round.
 const SHARPENING: f64 = 2.0;
@@ -22,18 +22,18 @@ const SHARPENING: f64 = 2.0;
 const HUBER_SIGMAS: f64 = 1.345;
 const CAUCHY_SIGMAS: f64 = 2.385;
 
-/// What a large residual counts.
+/// How the cost grows with a residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
-    /// Its square.
+    /// With its square.
     None,
-    /// Beyond 1.345 σ its distance (Huber 1964).
+    /// With its square up to 1.345 σ, with its length beyond (Huber 1964).
     Huber,
-    /// The logarithm of its square (Cauchy).
+    /// With the logarithm of its square (Cauchy).
     Cauchy,
-    /// Its square up to a limit and nothing beyond, reached by graduated non-convexity (Yang,
-    /// Antonante, Tzoumas, Carlone 2020): what lies beyond is rejected, and named.
+    /// With its square up to a limit and no further, by graduated non-convexity (Yang, Antonante,
+    /// Tzoumas, Carlone 2020): records beyond the limit are rejected and named.
     #[default]
     Truncated,
 }
@@ -56,13 +56,13 @@ pub fn rejection_limit(components: f64) -> f64 {
     chi_square(components, LIMIT_NORMAL)
 }
 
-/// How many times larger than its standard deviations say the residuals of a sensor are: squared,
-/// from the median of its squared normalised residuals, and at least 1.
+/// The square of the ratio between the residuals of a sensor and its standard deviations, from the
+/// median of its squared normalised residuals; at least 1.
 pub fn square_scale(components: f64, median: f64) -> f64 {
     (median / chi_square(components, 0.0)).max(1.0)
 }
 
-/// Records that have a loss and a test in common.
+/// Records that share a loss and a test.
 #[derive(Debug, Clone)]
 pub struct LossGroup {
     pub loss: Loss,
@@ -79,8 +79,8 @@ impl LossGroup {
         self.scale(squares) * rejection_limit(self.components)
     }
 
-    /// Whether more records pass the limit than chance lets pass, or one by far: a search for
-    /// outliers costs ten adjustments.
+    /// Whether more records exceed the limit than chance explains, or one exceeds it by far: a
+    /// search for outliers costs ten adjustments.
     pub fn is_suspicious(&self, squares: &[f64]) -> bool {
         if self.loss == Loss::None {
             return false;
@@ -123,7 +123,7 @@ pub fn weigh(groups: &[LossGroup], squares: &[f64], weights: &mut [f64]) {
     }
 }
 
-/// Huber's weight, whatever a record's loss: for tests that must see what is rejected.
+/// Huber's weight, whatever a record's loss: for tests in which rejected records count too.
 pub fn cautious_weight(components: f64, square: f64) -> f64 {
     Loss::Huber.smooth_weight(components, square)
 }
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn every_loss_keeps_the_good_and_trusts_the_outlier_as_it_should() {
+    fn every_loss_keeps_good_records_and_weighs_an_outlier_as_defined() {
         let squares = records();
         for (loss, expected) in [
             (Loss::None, 1.0),

@@ -1,4 +1,4 @@
-//! A least-squares problem on a chain: what it must tell, and how it is solved.
+//! A least-squares problem on a chain, and how it is solved.
 
 use super::chain::{ChainFactor, ChainStep, ChainSystem, NotPositive};
 use super::damping::DampingRule;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// Steps per task where costs are summed; fixed, so that sums do not depend on the threads.
 const TASK: usize = 512;
 
-/// Damping is in units of what the start values may miss by; after a refused step it starts at a
+/// Damping is in units of the uncertainty of the start values; after a refused step it starts at a
 /// hundredth, and Gauss-Newton steps have none.
 const DAMPING: DampingRule = DampingRule {
     initial: 0.0,
@@ -60,14 +60,14 @@ pub trait ChainProblem: Sync {
     /// Of node 0 and segment 0.
     fn prior(&self, state: &Self::State) -> Prior<TAIL>;
 
-    /// The random walk from segment `old` to the next, missed by new − old.
+    /// The random walk from segment `old` to the next; it is missed by new − old.
     fn walk(&self, state: &Self::State, old: usize) -> Prior<SEGMENT>;
 
     /// Of the border.
     fn border_prior(&self, state: &Self::State) -> BorderPrior;
 
-    /// What the start values of a node and of a segment may miss by. Of the border it is the sigma
-    /// of its prior.
+    /// How far the start values of a node and of a segment may be off. For the border it is the
+    /// sigma of its prior.
     fn damping_sigma(&self) -> [f64; TAIL];
 
     /// `state` after a step.

@@ -1,11 +1,11 @@
-//! The adjustment of a whole drive: laid out anew until clocks and outliers have settled.
+//! The adjustment of a whole drive: laid out again until clocks and outliers have settled.
 
 use super::clock;
 use super::constants::Constants;
 use super::graph::Graph;
 use super::initial::Initial;
 use super::rest::{Rest, rests};
-use super::robust::{self, MOST_ITERATIONS};
+use super::robust::{self, MAX_ITERATIONS};
 use super::settings::{Constant, TrajectorySettings};
 use super::states::{State, VELOCITY};
 use super::streams::{ClockCorrection, MotionLogs, Names, Stream, Streams};
@@ -18,16 +18,17 @@ use crate::progress::Progress;
 /// A clock correction that moves by more than this is applied to the records, which may then lie
 /// between other nodes, seconds.
 const SETTLED_CLOCK_S: f64 = 5e-4;
-/// Most times that records are laid out anew for their clocks.
-const MOST_LAYOUTS: usize = 12;
-/// Most jumps of clocks that are corrected.
-const MOST_JUMPS: usize = 4;
+/// Records are laid out at most this often for their clocks.
+const MAX_LAYOUTS: usize = 12;
+/// At most this many jumps of clocks are corrected.
+const MAX_JUMPS: usize = 4;
 /// A latency is determined where more than this share of the squared motion is not noise. Errors of
-/// velocities live long: a minute holds few independent ones, whose squares scatter widely.
-const LEAST_MOTION_SHARE: f64 = 0.95;
+/// velocities are correlated for long: a minute holds few independent ones, whose squares scatter
+/// widely.
+const MIN_MOTION_SHARE: f64 = 0.95;
 /// The noise scale has settled where its square moves by less than this share.
 const SETTLED_SCALE: f64 = 0.01;
-const MOST_SCALINGS: usize = 15;
+const MAX_SCALINGS: usize = 15;
 
 /// Where an adjustment starts.
 pub type Start<'a> =
@@ -45,7 +46,7 @@ pub struct Adjusted {
     pub corrections: Vec<ClockCorrection>,
 }
 
-/// What a layout hands on to the next one of the same logs.
+/// What one layout of the logs passes on to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Carried {
     constants: Option<Constants>,
@@ -61,7 +62,7 @@ impl Carried {
     }
 }
 
-/// Adjusts, and again where the clocks turn out to be off or to have jumped.
+/// Adjusts, and adjusts again where clocks turn out to be off or to have jumped.
 pub fn adjust(
     begin: &Start<'_>,
     logs: &MotionLogs<'_>,
@@ -77,11 +78,11 @@ pub fn adjust(
         layouts += 1;
         // A jump stays where the records fit better with it.
         if let Some(before) = before.take_if(|before| before.cost() <= adjusted.cost()) {
-            progress.warn("the last jump of a clock does not help: not corrected");
+            progress.warn("correcting the last jump of a clock does not improve the fit: it is left as logged");
             adjusted = before;
-            layouts = MOST_LAYOUTS;
+            layouts = MAX_LAYOUTS;
         }
-        if layouts == MOST_LAYOUTS {
+        if layouts == MAX_LAYOUTS {
             adjusted.finish(settings, progress)?;
             return Ok(adjusted);
         }
@@ -99,7 +100,7 @@ pub fn adjust(
             continue;
         }
         let jumps = corrections.iter().filter(|c| c.record > 0).count();
-        if jumps < MOST_JUMPS {
+        if jumps < MAX_JUMPS {
             let found = clock::find(
                 logs,
                 &adjusted.streams,
@@ -232,12 +233,12 @@ impl Adjusted {
         largest
     }
 
-    /// What the losses count all records.
+    /// The cost under the losses, rejected records included.
     fn cost(&self) -> f64 {
         robust::truncated_cost(&self.graph, &self.ended)
     }
 
-    /// Finds what is found once the clocks are.
+    /// Estimates what requires settled clocks.
     fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) -> Result<()> {
         match settings.estimate.contains(&Constant::ImuNoiseScale) {
             true => self.scale_noise(progress),
@@ -255,16 +256,16 @@ impl Adjusted {
         columns.map(|c| covariance[(c, c)].sqrt()).collect()
     }
 
-    /// Scales the IMU's standard deviations until its residuals are as large as they say: the
+    /// Scales the IMU's standard deviations until its residuals match them: the
     /// variance component Ω/r of gyro and accelerometer together becomes 1 (Förstner 1979).
     fn scale_noise(&mut self, progress: &dyn Progress) -> Result<()> {
-        for _ in 0..MOST_SCALINGS {
+        for _ in 0..MAX_SCALINGS {
             let component = imu_mean_component(&self.graph, &self.state, &self.factor);
             let Some(square) = component else { break };
             self.graph.imu_scale *= square.sqrt();
             let again =
                 self.graph
-                    .solve(&mut self.state, &mut self.factor, MOST_ITERATIONS, progress)?;
+                    .solve(&mut self.state, &mut self.factor, MAX_ITERATIONS, progress)?;
             self.ended.iterations += again.iterations;
             self.ended.stop = again.stop;
             self.ended.cost = again.cost;
@@ -272,16 +273,16 @@ impl Adjusted {
                 return Ok(());
             }
         }
-        progress.warn("imu.noise_scale has not settled: the value is that of the last round");
+        progress.warn("imu.noise_scale did not converge: the value is that of the last round");
         Ok(())
     }
 
-    /// The streams whose latency is estimated, though the motion does not determine it.
-    pub fn idle_latencies(&self) -> Vec<Stream> {
+    /// The streams whose latency is estimated, but unobservable in the motion.
+    pub fn unobservable_latencies(&self) -> Vec<Stream> {
         let estimated = self.corrections.iter().filter(|c| c.record == 0 && !c.held);
         estimated
             .map(|c| c.stream)
-            .filter(|stream| self.motion_share(*stream) < LEAST_MOTION_SHARE)
+            .filter(|stream| self.motion_share(*stream) < MIN_MOTION_SHARE)
             .collect()
     }
 

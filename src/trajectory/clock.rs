@@ -1,7 +1,7 @@
 //! Clocks that were set while a log ran.
 //!
-//! A jump leaves a trace in the stamps: an interval unlike the others. Whether it is a jump or a
-//! pause, the motion tells: a constant by which all later records of the stream are late is
+//! A jump leaves a trace in the time stamps: an interval unlike the others. The motion shows whether
+//! it is a jump or a pause: a constant by which all later records of the stream are late is
 //! estimated for each trace alone, and the most significant is kept, until none is.
 
 use super::graph::Graph;
@@ -14,8 +14,8 @@ use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// An interval is unlike the others below and above these shares of the median.
 const USUAL_INTERVALS: std::ops::Range<f64> = 0.4..1.6;
-/// Most traces tested in a stream, the most unusual ones.
-const MOST_TRACES: usize = 24;
+/// At most this many traces of a stream are tested, the most unusual ones.
+const MAX_TRACES: usize = 24;
 /// A jump is one beyond this many of its standard deviations.
 const SIGNIFICANT_SIGMAS: f64 = 6.0;
 /// Smaller jumps are the jitter of stamps, seconds.
@@ -23,14 +23,14 @@ const SMALLEST_JUMP_S: f64 = 0.02;
 /// How close the IMU's interval must come to its median after a correction to be set to it, seconds.
 const IMU_MATCH_S: f64 = 0.05;
 /// The least share of it that a first estimate must be.
-const LEAST_IMU_SHARE: f64 = 0.25;
+const MIN_IMU_SHARE: f64 = 0.25;
 /// Below this share of the median an interval is that of a record logged twice.
 const TWICE: f64 = 1e-3;
 /// A jump found by the motion and the unusual part of its interval agree within this many standard
 /// deviations.
 const AGREEING_SIGMAS: f64 = 4.0;
-/// The stamps say better than the motion how large a jump is where the intervals scatter by less
-/// than this share of what the motion leaves open.
+/// The stamps give the size of a jump better than the motion where the intervals scatter by less
+/// than this share of its standard deviation from the motion.
 const STEADY_SHARE: f64 = 0.5;
 
 /// The most significant jump not yet corrected, if there is one.
@@ -87,7 +87,7 @@ pub fn find(
     best.map(|(_, correction)| correction)
 }
 
-/// Adds a correction, or exchanges the one at the same record.
+/// Adds a correction, or replaces the one at the same record.
 pub fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection) {
     let same = |c: &&mut ClockCorrection| c.stream == jump.stream && c.record == jump.record;
     match corrections.iter_mut().find(same) {
@@ -98,8 +98,8 @@ pub fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection) {
 
 /// Sets the jumps of positions and headings that the motion found, with the standard deviations
 /// `sigma_s`, to the unusual part of their interval and holds them there, where the two agree and
-/// the stream's intervals scatter by less: at a metre a second the motion tells a jump to
-/// milliseconds, a steady log to less. Whether any was set.
+/// the stream's intervals scatter by less: at a metre a second the motion determines a jump to
+/// milliseconds, a steady log more closely. Whether any was set.
 pub fn set_to_stamps(
     logs: &MotionLogs<'_>,
     corrections: &mut [ClockCorrection],
@@ -185,7 +185,7 @@ impl Trace {
 /// at first, as the estimate is that of one step.
 fn natural(shift_s: f64, first: bool, trace: &Trace) -> f64 {
     let share = -shift_s / trace.unusual_s;
-    let alike = first && LEAST_IMU_SHARE < share && share < 1.0 / LEAST_IMU_SHARE;
+    let alike = first && MIN_IMU_SHARE < share && share < 1.0 / MIN_IMU_SHARE;
     if alike || (shift_s + trace.unusual_s).abs() < IMU_MATCH_S {
         -trace.unusual_s
     } else {
@@ -241,7 +241,7 @@ fn of_stream<T: Timed>(
         })
         .collect();
     found.sort_by(|a, b| b.unusual_s.abs().total_cmp(&a.unusual_s.abs()));
-    found.truncate(MOST_TRACES);
+    found.truncate(MAX_TRACES);
     found.sort_by_key(|trace| trace.record);
     found
 }

@@ -22,18 +22,18 @@ const TASK: usize = 32;
 /// An estimated constant is determined where the drive shrinks its prior standard deviation to less
 /// than this share.
 const DETERMINED_SHARE: f64 = 0.5;
-/// Residuals this many times too large are worth a warning.
+/// Residuals larger than their sigma by this factor are worth a warning.
 const NOTABLE_FACTOR: f64 = 1.5;
 
 /// A step and the joint covariance of its unknowns.
 type StepPart = (usize, StepCovariance);
 
-/// The poses of the adjusted drive, and what its solution is worth, told to `progress`. The
-/// latencies of the streams `idle` were asked for, and the motion does not determine them.
+/// The poses of the adjusted drive and the quality of its solution, reported to `progress`. The
+/// latencies of the streams `unobservable` were asked for, but do not show in the motion.
 pub fn conclude(
     adjusted: &Adjusted,
     settings: &TrajectorySettings,
-    idle: &[Stream],
+    unobservable: &[Stream],
     progress: &dyn Progress,
 ) -> Result<(Trajectory, Solution)> {
     let Adjusted {
@@ -54,7 +54,7 @@ pub fn conclude(
         cost_initial: ended.cost_initial,
         cost_final: ended.cost,
         nodes: graph.timeline.node_s.len(),
-        constants: adjusted.constants(settings, idle),
+        constants: adjusted.constants(settings, unobservable),
         sensors,
         rejections,
         clock_jumps: adjusted.clock_jumps(settings),
@@ -116,8 +116,8 @@ impl Adjusted {
         (records, findings)
     }
 
-    /// The clocks that were set while they logged. What was found last of those estimated is still
-    /// in their constants.
+    /// The clocks that were set during recording. The last correction of those estimated is still in
+    /// their constants.
     fn clock_jumps(&self, settings: &TrajectorySettings) -> Vec<ClockJump> {
         let mut late_s = self.state.constants.clocks().map(|clock| clock.value);
         self.corrections
@@ -140,7 +140,11 @@ impl Adjusted {
             .collect()
     }
 
-    fn constants(&self, settings: &TrajectorySettings, idle: &[Stream]) -> Vec<EstimatedConstant> {
+    fn constants(
+        &self,
+        settings: &TrajectorySettings,
+        unobservable: &[Stream],
+    ) -> Vec<EstimatedConstant> {
         let covariance = self.factor.border_covariance();
         let corrections = self.state.constants.corrections();
         let columns = self.state.constants.described.iter().enumerate();
@@ -162,7 +166,7 @@ impl Adjusted {
                 }
             })
             .collect();
-        found.extend(idle.iter().map(|stream| EstimatedConstant {
+        found.extend(unobservable.iter().map(|stream| EstimatedConstant {
             name: format!("{}.time_offset", Names(settings).sensor(*stream)),
             unit: "s",
             start: 0.0,
@@ -190,7 +194,7 @@ impl Adjusted {
         found
     }
 
-    /// Says what was found in the logs beside the trajectory.
+    /// Reports what was found in the logs besides the trajectory.
     fn report(&self, solution: &Solution, progress: &dyn Progress) {
         if let Some(rest) = &self.start.rest {
             progress.say(&format!(
@@ -203,7 +207,7 @@ impl Adjusted {
         }
         for (from, to) in &self.streams.imu.gaps_s {
             progress.warn(&format!(
-                "the IMU log is silent from {from:.3} s to {to:.3} s: bridged, with the sigma of \
+                "the IMU log has a gap from {from:.3} s to {to:.3} s: bridged, with the sigma of \
                  unknown motion"
             ));
         }
@@ -233,7 +237,7 @@ impl Adjusted {
                 && factor > NOTABLE_FACTOR
             {
                 progress.warn(&format!(
-                    "the residuals of {} are {factor:.1} times what its sigma says",
+                    "the residuals of {} are {factor:.1} times as large as its sigma",
                     sensor.name
                 ));
             }
@@ -255,7 +259,7 @@ fn report_rejections(rejections: &[Rejection], progress: &dyn Progress) {
     }
     for (sensor, reason, all) in groups {
         progress.warn(&format!(
-            "{} of the records of {sensor} are left out: {reason}",
+            "{} records of {sensor} are excluded: {reason}",
             all.len()
         ));
         for rejection in all {

@@ -1,4 +1,4 @@
-//! Constants beside the trajectory: held, or unknowns of the border.
+//! Constants: held, or estimated along with the trajectory as unknowns of the border.
 
 use super::settings::{Constant, TrajectorySettings};
 use super::streams::{ClockCorrection, Names, Stream};
@@ -6,7 +6,7 @@ use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
 use crate::geometry::Vec3;
 use nalgebra::SVector;
 
-/// What a user may be off by, the priors of the constants.
+/// Sigmas of the priors: how far the values of a project may be off.
 const PRIOR_TIME_S: f64 = 1.0;
 const PRIOR_LEVER_ARM_M: f64 = 1.0;
 const PRIOR_INCIDENCE_M: f64 = 0.02;
@@ -43,7 +43,7 @@ pub struct Column {
     /// What the estimated correction is added to: the project's value, or for times the
     /// correction already made.
     pub base: f64,
-    /// Standard deviation of the prior about the project's value: what a user may be off by.
+    /// Standard deviation of the prior about the project's value.
     pub prior_sigma: f64,
 }
 
@@ -130,8 +130,8 @@ impl Constants {
                 self.gravity_m_s2.estimate(&mut self.columns);
                 self.describe("frame.gravity".into(), "m/s²", base, PRIOR_GRAVITY_M_S2);
             }
-            // Times stand among the corrections of clocks; the noise's scale is a variance, found
-            // from the residuals.
+            // Times are among the corrections of clocks; the noise's scale is a variance, found from
+            // the residuals.
             Constant::TimeOffset(_) | Constant::HeadingTimeOffset | Constant::ImuNoiseScale => {}
         }
     }
@@ -162,8 +162,8 @@ impl Constants {
         self.columns.count
     }
 
-    /// Starts at the values that a layout before found. What its clocks found has become a
-    /// correction.
+    /// Starts at the values that an earlier layout found. Those of its clocks have become
+    /// corrections.
     pub fn resume(&mut self, before: &Self) {
         self.gravity_m_s2.value = before.gravity_m_s2.value;
         self.heading_offset_rad.value = before.heading_offset_rad.value;
@@ -173,7 +173,7 @@ impl Constants {
         }
     }
 
-    /// The clocks whose sum says how late a record is.
+    /// The clocks that apply to a record.
     pub fn clocks_of(&self, stream: Stream, record: usize) -> Vec<usize> {
         let applies = |clock: &Clock| {
             let mut from = clock.from.iter();

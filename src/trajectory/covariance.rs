@@ -94,9 +94,9 @@ impl PosteriorCovariance {
     }
 
     /// The covariance G H⁻¹ Gᵀ (m × m) of the functionals with this gradient, by one forward
-    /// substitution. Units are those of the functionals, squared. What poses between nodes scatter
-    /// about their share of the nodes is left out: it is fresh for each step and below a
-    /// hundredth of what all share.
+    /// substitution. Units are those of the functionals, squared. The scatter of poses between nodes
+    /// about what the nodes determine is left out: it is independent from step to step and below
+    /// a hundredth of the part that all share.
     ///
     /// # Panics
     /// Where the gradient was made for another number of poses.

@@ -127,7 +127,7 @@ pub fn examine(
     let (node, next) = (&state.nodes[step], &state.nodes[step + 1]);
     let (bias, known) = (graph.bias(state, step), &state.constants);
     graph.rows(state, step, |source, rows| {
-        // What is rejected is tested at full weight.
+        // Rejected records are tested at full weight.
         let weight = if rows.weight > 0.0 { rows.weight } else { 1.0 };
         let redundancies = unknowns.redundancies(&Rows { weight, ..rows }, constants);
         match source {
@@ -165,8 +165,8 @@ pub fn examine(
     });
 }
 
-/// The residual in its own standard deviations. That of a rejected record scatters by the
-/// measurement and the prediction both; nothing checks a record whose redundancy is zero.
+/// The residual in its own standard deviations. That of a rejected record scatters by measurement
+/// and prediction together; a record without redundancy is not checked by others.
 fn test(normalised: f64, redundancy: f64, rejected: bool) -> f64 {
     /// Redundancies below are rounding.
     const LEAST: f64 = 1e-6;

@@ -27,7 +27,7 @@ pub struct Estimate {
 /// graph on a chain, solved by Levenberg-Marquardt with the losses of the settings.
 ///
 /// Records that do not fit are left out and named in [`Solution::rejections`]. Without headings
-/// the direction of travel gives the start, and the standard deviations say how well the yaw is
+/// the direction of travel gives the start, and the standard deviations show how well the yaw is
 /// found.
 ///
 /// # Errors
@@ -51,22 +51,22 @@ pub fn estimate_from(
     let stage = progress.stage("trajectory", 0);
     // Enter the thread pool once: each entry from outside costs two thread switches.
     let mut asked = settings.clone();
-    let mut idle = Vec::new();
+    let mut unobservable = Vec::new();
     let adjusted = rayon::scope(|_| {
         let adjusted = adjust(start, logs, settings, progress)?;
         // These latencies are not observable in the drive: they stay where the project has them.
-        idle = adjusted.idle_latencies();
-        if idle.is_empty() {
+        unobservable = adjusted.unobservable_latencies();
+        if unobservable.is_empty() {
             return Ok(adjusted);
         }
-        asked
-            .estimate
-            .retain(|constant| latency_of(constant).is_none_or(|stream| !idle.contains(&stream)));
+        asked.estimate.retain(|constant| {
+            latency_of(constant).is_none_or(|stream| !unobservable.contains(&stream))
+        });
         adjust(start, logs, &asked, progress)
     });
     drop(stage);
     let adjusted = adjusted?;
-    let (trajectory, solution) = conclude(&adjusted, &asked, &idle, progress)?;
+    let (trajectory, solution) = conclude(&adjusted, &asked, &unobservable, progress)?;
     if solution.converged {
         progress.say(&solution.to_string());
     } else {

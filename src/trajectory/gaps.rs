@@ -1,4 +1,4 @@
-//! Gaps of the IMU: filled with samples that nobody recorded, and with the noise of unknown motion.
+//! Gaps of the IMU: bridged by samples that were not recorded, with the noise of unknown motion.
 
 use super::settings::ImuNoise;
 use crate::error::{Error, Result};
@@ -7,7 +7,7 @@ use crate::sensor::{ImuSample, LONGEST_IMU_INTERVAL_S, imu_time_unit};
 use crate::statistics::median;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
-pub const LONGEST_IMU_GAP_S: f64 = 120.0;
+pub const MAX_IMU_GAP_S: f64 = 120.0;
 /// No IMU is as fast, seconds.
 const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
 /// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
@@ -15,7 +15,7 @@ const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
 const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);
 /// An IMU interval longer than this many times the median has lost samples.
 pub const GAP_INTERVALS: f64 = 2.5;
-/// Time over which unrecorded motion stays alike, seconds: turns and pushes of a vehicle.
+/// Correlation time of unrecorded motion, seconds: turns and pushes of a vehicle.
 pub const MOTION_CORRELATION_S: f64 = 0.5;
 
 pub fn median_interval_s(imu: &[ImuSample]) -> f64 {
@@ -27,7 +27,7 @@ pub fn median_interval_s(imu: &[ImuSample]) -> f64 {
 /// # Errors
 /// Names the unit that the times seem to be in, where they cannot be seconds.
 pub fn check_interval(interval_s: f64) -> Result<()> {
-    if interval_s < SHORTEST_IMU_INTERVAL_S {
+    if interval_s < MIN_IMU_INTERVAL_S {
         return Err(Error::data(
             format!("the IMU log's samples lie {interval_s:.1e} s apart"),
             "check the unit of its times: seconds",
@@ -40,7 +40,7 @@ pub fn check_interval(interval_s: f64) -> Result<()> {
             format!("time steps of {interval_s} s between IMU samples{question}"),
             format!(
                 "give the times of the IMU log in seconds, and at least {} samples a second",
-                1.0 / LONGEST_IMU_INTERVAL_S
+                1.0 / MAX_IMU_INTERVAL_S
             ),
         ));
     }
@@ -52,7 +52,7 @@ pub fn check_interval(interval_s: f64) -> Result<()> {
 /// # Errors
 /// The stamps leave more gaps than a log has.
 pub fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
-    let (share, least) = MOST_BRIDGING;
+    let (share, least) = MAX_BRIDGING;
     if bridging <= share.saturating_mul(recorded).saturating_add(least) {
         return Ok(());
     }
@@ -82,14 +82,14 @@ pub fn bridge(
         if to - from <= GAP_INTERVALS * interval_s {
             continue;
         }
-        if to - from > LONGEST_IMU_GAP_S {
+        if to - from > MAX_IMU_GAP_S {
             return Err(Error::data(
                 format!(
                     "the IMU log has a gap of {:.3} s from {from:.3} s to {to:.3} s",
                     to - from
                 ),
                 format!(
-                    "cut the drive there; gaps longer than {LONGEST_IMU_GAP_S} s cannot be bridged"
+                    "cut the drive there; gaps longer than {MAX_IMU_GAP_S} s cannot be bridged"
                 ),
             ));
         }
@@ -128,8 +128,8 @@ pub fn bridged_samples(
     })
 }
 
-/// What a sample that nobody recorded may miss: the scatter of rates and forces over the drive, as
-/// the density of white noise with the same effect over its correlation time.
+/// Noise of a sample that was not recorded: the scatter of rates and forces over the drive, as the
+/// density of white noise with the same effect over its correlation time.
 pub fn bridge_noise(imu: &[ImuSample], noise: &ImuNoise) -> ImuNoise {
     let count = imu.len() as f64;
     let density = |part: fn(&ImuSample) -> Vec3| {

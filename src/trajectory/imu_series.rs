@@ -17,7 +17,7 @@ pub struct ImuSeries {
     /// Which samples bridge a gap.
     bridged: Vec<bool>,
     noise: ImuNoise,
-    /// Noise of the samples that bridge gaps: the motion that nobody recorded.
+    /// Noise of the samples that bridge gaps: unrecorded motion.
     bridge_noise: ImuNoise,
     /// Gaps, seconds from and to.
     pub gaps_s: Vec<(f64, f64)>,

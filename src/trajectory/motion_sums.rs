@@ -10,7 +10,7 @@ use crate::sensor::ImuBias;
 pub type Mat9 = nalgebra::SMatrix<f64, 9, 9>;
 pub type Mat9x6 = nalgebra::SMatrix<f64, 9, 6>;
 
-/// What the IMU says about the motion from node i to node j, without gravity:
+/// The motion from node i to node j as the IMU measures it, without gravity:
 /// R_j = R_i ΔR, v_j = v_i + g Δt + R_i Δv, p_j = p_i + v_i Δt + ½ g Δt² + R_i Δp.
 ///
 /// Order of the 9: rotation (in the body frame at j), position, velocity; of the 6: gyro bias,

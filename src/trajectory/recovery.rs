@@ -1,9 +1,9 @@
 //! Poses at the IMU's rate from nodes that are farther apart.
 //!
-//! Between the nodes i and j the state at sample k is known from node i by the IMU, and what the
-//! sums to j miss of node j, e = r(x_i, x_j, b), is shared out by the best linear estimate:
+//! Between the nodes i and j the state at sample k is known from node i by the IMU, and the closing
+//! error of the sums at node j, e = r(x_i, x_j, b), is distributed by the best linear estimate:
 //! x_k = (x_i ⊕ sums_k) ⊕ G_k e with G_k = Σ_k Φ_jkᵀ Σ_j⁻¹, where Σ are the covariances of the sums
-//! and Φ_jk carries an error at k to j. That is what a node at k would come out at, and its
+//! and Φ_jk carries an error at k to j. That is what a node at k would be estimated at, and its
 //! covariance is F Σ F ᵀ + Σ_k − G_k Σ_j G_kᵀ with F the derivative of x_k by x_i, x_j and b.
 
 use super::graph::Graph;
@@ -41,7 +41,7 @@ enum PoseSupport {
 
 struct Between {
     rows: PoseRows,
-    /// Variance that the nodes do not hold: rotation in the body frame, position in the world.
+    /// Variance beyond that of the nodes: rotation in the body frame, position in the world.
     own: (Mat3, Mat3),
 }
 
@@ -120,7 +120,7 @@ pub struct Recovery<'a> {
 }
 
 impl Recovery<'_> {
-    /// Hands over the poses of a step in order: that of its node where a sample begins there, and
+    /// Visits the poses of a step in order: that of its node where a sample begins there, and
     /// those inside it. For the last step also that of the last node.
     pub fn step(&self, step: usize, mut take: impl FnMut(Recovered)) {
         let timeline = &self.graph.timeline;
@@ -209,7 +209,7 @@ impl Recovery<'_> {
             let world_from_body = WorldFromBody::new(rotation, position_m);
 
             let mut rows = by_sums(&end.sums, bias, &r);
-            // And by what is shared out of the closing error.
+            // And through the closing error.
             let share_rotation: Mat3x9 = shared.fixed_rows::<3>(0).into_owned();
             let share_position: Mat3x9 = r * shared.fixed_rows::<3>(3);
             for (at, share) in [(0, &share_rotation), (3, &share_position)] {

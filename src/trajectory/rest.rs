@@ -5,22 +5,22 @@ use super::streams::Streams;
 use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
 
-/// Blocks looked at, seconds.
+/// Length of the blocks examined, seconds.
 pub const REST_BLOCK_S: f64 = 1.0;
 /// Shortest rest, blocks.
 pub const REST_BLOCKS: usize = 2;
 /// Within a resting block gyro and accelerometer scatter by less than this many times their
-/// datasheet noise plus what is granted below.
+/// datasheet noise plus the allowance below.
 const NOISE_FACTOR: f64 = 3.0;
-/// Scatter granted to an idling engine, rad/s and m/s².
+/// Allowance for an idling engine, rad/s and m/s².
 const ENGINE_RAD_S: f64 = 0.01;
 const ENGINE_M_S2: f64 = 0.1;
 /// Positions and headings of a resting body stay within this many standard deviations.
 const REACH_SIGMAS: f64 = 4.0;
 /// A line through the positions of a rest climbs by less than this many of its standard deviations.
 const SLOPE_SIGMAS: f64 = 3.0;
-/// At both ends this much of a rest is given up, seconds: the blocks are coarse, and a robot creeps
-/// to its halt. A log that begins at rest began later than the halt.
+/// This much of a rest is discarded at both ends, seconds: the blocks are coarse, and a robot creeps
+/// to a halt. A log that begins at rest begins after the halt.
 const MARGIN_S: f64 = 1.0;
 
 /// A time of rest.
@@ -30,7 +30,7 @@ pub struct Rest {
     pub to_s: f64,
     /// Mean angular rate that the gyro shows: its bias, rad/s.
     pub gyro_rad_s: Vec3,
-    /// What is given up at its beginning.
+    /// What is discarded at its beginning, seconds.
     margin_s: f64,
 }
 

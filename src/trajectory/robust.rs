@@ -1,4 +1,4 @@
-//! Outliers: how much each record counts.
+//! Outliers: the weight of each record.
 //!
 //! A first adjustment takes all records at full weight. Where none of them passes the limit of its
 //! test, that is the result. Otherwise the weights follow the loss of each sensor; the truncated
@@ -16,17 +16,17 @@ use crate::error::Result;
 use crate::progress::Progress;
 use std::collections::HashMap;
 
-/// Most iterations of one adjustment.
-pub const MOST_ITERATIONS: usize = 50;
+/// Limit of the iterations of one adjustment.
+pub const MAX_ITERATIONS: usize = 50;
 /// Iterations of the adjustment in each round: enough to follow the weights.
 const ROUND_ITERATIONS: usize = 2;
-/// Most rounds; µ grows from 1e-6 past 1e3 in 30.
-const MOST_ROUNDS: usize = 60;
-/// Most rounds in which the set of outliers settles.
-const MOST_SETTLINGS: usize = 10;
-/// An IMU whose residuals are as many times what the project says is tested as such.
+/// Limit of the rounds; µ grows from 1e-6 past 1e3 in 30.
+const MAX_ROUNDS: usize = 60;
+/// Limit of the rounds in which the set of outliers settles.
+const MAX_SETTLINGS: usize = 10;
+/// From this scale on, records are tested with an IMU as noisy as its residuals.
 const NOTABLE_SCALE: f64 = 1.5;
-/// Times that the IMU's scale is found anew for each set of outliers.
+/// Times that the IMU's scale is estimated for each set of outliers.
 const SCALINGS: usize = 2;
 /// Components of a position and of a heading.
 const OF_POSITION: f64 = 3.0;
@@ -78,7 +78,7 @@ pub fn solve(
     if let Some(known) = known {
         known.give(graph);
     }
-    let mut ended = graph.solve(state, factor, MOST_ITERATIONS, progress)?;
+    let mut ended = graph.solve(state, factor, MAX_ITERATIONS, progress)?;
     let groups = groups(graph, settings);
     let squares = squares(graph, state);
     let suspicious = groups.iter().any(|group| group.is_suspicious(&squares));
@@ -87,9 +87,9 @@ pub fn solve(
         return Ok(ended);
     }
     let first = ended;
-    // First with the IMU as the project says and the median of its residuals, which outliers that
-    // still bend the trajectory do not move; then, where the IMU turns out to shake more than that,
-    // anew with the mean, which also holds one that shakes now and then.
+    // First with the median of the IMU's residuals, which is robust against outliers that still
+    // bend the trajectory; then, where the IMU turns out to be noisier than the project says, again
+    // with the mean, which also covers vibration that comes and goes.
     let truncated = known.is_none() && groups.iter().any(|group| group.loss == Loss::Truncated);
     let choose =
         |graph: &mut Graph, state: &mut State, factor: &mut ChainFactor, component: Component| {
@@ -103,9 +103,9 @@ pub fn solve(
     if graph.imu_scale > NOTABLE_SCALE {
         ended.iterations += choose(graph, state, factor, imu_mean_component)?;
     }
-    // The records are chosen; the adjustment takes the IMU as the project does.
+    // The records are chosen; the final adjustment uses the project's noise of the IMU.
     graph.imu_scale = 1.0;
-    let last = graph.solve(state, factor, MOST_ITERATIONS, progress)?;
+    let last = graph.solve(state, factor, MAX_ITERATIONS, progress)?;
     ended.iterations += last.iterations;
     ended.stop = last.stop;
     ended.cost = last.cost;
@@ -135,7 +135,7 @@ fn settle(
         weigh(groups, &squares(graph, state), &mut next);
         set_weights(graph, &next);
         iterations += graph
-            .solve(state, factor, MOST_ITERATIONS, progress)?
+            .solve(state, factor, MAX_ITERATIONS, progress)?
             .iterations;
         let settled = before.as_ref().is_some_and(|before| {
             let mut pairs = before.iter().zip(&next);
@@ -143,14 +143,14 @@ fn settle(
         });
         before = Some(next);
         rounds += 1;
-        if settled || rounds == MOST_SETTLINGS {
+        if settled || rounds == MAX_SETTLINGS {
             return Ok(iterations);
         }
     }
 }
 
-/// Half the squared normalised residuals with the IMU as the project says, a rejected record
-/// counting as one at the limit of its test: what the truncated loss makes least.
+/// Half the squared normalised residuals with the project's noise of the IMU, a rejected record
+/// counting as one at the limit of its test: what the truncated loss minimises.
 pub fn truncated_cost(graph: &Graph, ended: &Ended) -> f64 {
     let lost = |components: f64, weight: f64| 0.5 * (1.0 - weight) * rejection_limit(components);
     let positions = graph.positions.iter();
@@ -160,9 +160,9 @@ pub fn truncated_cost(graph: &Graph, ended: &Ended) -> f64 {
     ended.cost + positions.sum::<f64>() + headings.sum::<f64>()
 }
 
-/// Scales the IMU's standard deviations with which records are tested by what its residuals say: an
-/// IMU that shakes more than its datasheet says would else make outliers of good records. The
-/// scale stays at 1 or above.
+/// Scales the IMU's standard deviations, with which records are tested, to its residuals: otherwise
+/// an IMU noisier than its datasheet would make outliers of good records. The scale stays at 1 or
+/// above.
 fn rescale(graph: &mut Graph, state: &State, factor: &ChainFactor, component: Component) {
     if let Some(square) = component(graph, state, factor) {
         graph.imu_scale = (graph.imu_scale * square.sqrt()).max(1.0);
@@ -239,7 +239,7 @@ fn graduate(
     progress: &dyn Progress,
 ) -> Result<()> {
     let mut graduation = Graduation::default();
-    for _ in 0..MOST_ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let mut weights = weights_of(graph);
         let reached = graduation.round(groups, &squares(graph, state), &mut weights);
         set_weights(graph, &weights);
@@ -251,7 +251,7 @@ fn graduate(
     Ok(())
 }
 
-/// Gives every record Huber's weight, whatever its loss: for tests that must see what is rejected.
+/// Gives every record Huber's weight, whatever its loss: for tests in which rejected records count.
 pub fn weigh_cautiously(graph: &mut Graph, state: &State) {
     let positions = graph.positions.len();
     let squares = squares(graph, state);

@@ -1,4 +1,4 @@
-//! What the trajectory needs to know beside the logs, in SI units.
+//! What the estimation needs besides the logs, in SI units.
 
 pub use super::imu_noise::ImuNoise;
 pub use crate::adjustment::Loss;
@@ -27,7 +27,7 @@ pub struct PositionSettings {
     /// The total station in the world frame where it is known, metres: the incidence-dependent
     /// bias of a 360° prism needs the line of sight.
     pub station_m: Option<Vec3>,
-    /// What large residuals count.
+    /// How the cost grows with its residuals.
     pub loss: Loss,
 }
 
@@ -57,7 +57,7 @@ pub struct HeadingSettings {
     pub mounting_offset_rad: f64,
     /// Grid convergence: grid heading = true heading − this, radians.
     pub grid_convergence_rad: f64,
-    /// What large residuals count.
+    /// How the cost grows with its residuals.
     pub loss: Loss,
 }
 
@@ -85,7 +85,7 @@ pub enum Nodes {
     Imu,
 }
 
-/// A constant that the adjustment may estimate beside the trajectory. Position sensors count in
+/// A constant that the adjustment may estimate along with the trajectory. Position sensors count in
 /// the order of [`TrajectorySettings::positions`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Constant {
@@ -126,7 +126,7 @@ impl Constant {
     }
 }
 
-/// All that the trajectory stage needs beside the logs.
+/// All that the trajectory stage needs besides the logs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectorySettings {
     /// Axes of the body frame.
@@ -141,14 +141,14 @@ pub struct TrajectorySettings {
     pub heading: HeadingSettings,
     /// Where the nodes are.
     pub nodes: Nodes,
-    /// What is estimated beside the trajectory.
+    /// What is estimated along with the trajectory.
     pub estimate: Vec<Constant>,
     /// Whether velocity is held at zero where the logs show that the body rests.
     pub zero_velocity: bool,
 }
 
 impl TrajectorySettings {
-    /// An IMU, one prism and headings, with nothing estimated beside the trajectory.
+    /// An IMU, one prism and headings, with nothing but the trajectory estimated.
     pub fn new(
         axes: BodyAxes,
         imu: ImuNoise,

@@ -1,10 +1,10 @@
-//! How an adjustment ended and what it left: what a surveyor checks before believing it.
+//! How an adjustment ended, and the residuals, rejections and constants it leaves.
 
 pub use crate::adjustment::StopReason;
 use crate::statistics::chi_square_bounds_95;
 use std::fmt;
 
-/// Why a record takes no part.
+/// Why a record is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RejectionReason {
@@ -12,9 +12,9 @@ pub enum RejectionReason {
     TimeOrder,
     /// It lies before or after the IMU's log.
     OutsideImu,
-    /// Its residual passes the limit of the test.
+    /// Its residual exceeds the limit of the test.
     Outlier,
-    /// It came when the online smoother had gone on too far.
+    /// It arrived after the online smoother had moved on.
     Late,
 }
 
@@ -29,7 +29,7 @@ impl fmt::Display for RejectionReason {
     }
 }
 
-/// A record that takes no part.
+/// A record that is not used.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Rejection {
     /// `imu`, `heading`, or the name of the position sensor.
@@ -62,7 +62,7 @@ pub struct Residual {
     pub weight: f64,
 }
 
-/// What one sensor's residuals say after the adjustment.
+/// Statistics of one sensor's residuals after the adjustment.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SensorDiagnostics {
     /// `imu`, `bias_walk`, `heading`, `pitch`, `rest`, or the name of the position sensor.
@@ -127,23 +127,23 @@ pub struct Tally {
     pub redundancy: f64,
 }
 
-/// A constant that was estimated beside the trajectory.
+/// A constant that was estimated along with the trajectory.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct EstimatedConstant {
     /// As in the project, with the component: `prism.lever_arm.x`.
     pub name: String,
     /// Of the values.
     pub unit: &'static str,
-    /// What the project says.
+    /// The value of the project.
     pub start: f64,
-    /// What the drive says.
+    /// The value estimated from the drive.
     pub value: f64,
     /// Its standard deviation; `None` where the drive does not determine it: the value is then
     /// that of the project.
     pub sigma: Option<f64>,
 }
 
-/// A clock that was set while it logged.
+/// A clock that was set during recording.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ClockJump {
     /// `imu`, `heading`, or the name of the position sensor.
@@ -152,11 +152,11 @@ pub struct ClockJump {
     pub record: usize,
     /// Its time as logged, seconds.
     pub time_s: f64,
-    /// By how much the clock went ahead, seconds.
+    /// By how much the clock was advanced, seconds.
     pub size_s: f64,
 }
 
-/// How an adjustment ended and what it left.
+/// How an adjustment ended and what it leaves.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Solution {
     /// Steps tried, refused ones included.
@@ -173,11 +173,11 @@ pub struct Solution {
     pub nodes: usize,
     /// One entry a sensor: position sensors, heading, pitch, rest, IMU, bias walk.
     pub sensors: Vec<SensorDiagnostics>,
-    /// Constants estimated beside the trajectory.
+    /// Constants estimated along with the trajectory.
     pub constants: Vec<EstimatedConstant>,
-    /// Records that take no part.
+    /// Records that are not used.
     pub rejections: Vec<Rejection>,
-    /// Clocks that were set while they logged, corrected.
+    /// Clocks that were set during recording, corrected.
     pub clock_jumps: Vec<ClockJump>,
     /// Times without IMU, bridged with the sigma of unknown motion, seconds from and to.
     pub imu_gaps_s: Vec<(f64, f64)>,

@@ -1,4 +1,4 @@
-//! The logs as they come, made fit for the adjustment: values checked, records out of time order
+//! The logs as recorded, prepared for the adjustment: values checked, records out of time order
 //! dropped and named, gaps of the IMU bridged.
 
 use super::gaps::{check_interval, median_interval_s};
@@ -11,7 +11,7 @@ use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, ti
 use crate::statistics::median;
 
 /// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
-pub const FEWEST_FIXES: usize = 5;
+pub const MIN_FIXES: usize = 5;
 
 /// What the sensors of one drive recorded.
 #[derive(Debug, Clone, Copy)]
@@ -60,7 +60,7 @@ pub struct Streams {
     pub positions: Vec<Vec<Numbered<PositionFix>>>,
     /// Within the IMU's span.
     pub heading: Vec<Numbered<HeadingFix>>,
-    /// Records that take no part, in the order of the streams and of time.
+    /// Records that are not used, in the order of the streams and of time.
     pub dropped: Vec<Rejection>,
 }
 
@@ -107,14 +107,14 @@ impl Streams {
             positions.push(within(fixes, span, stream, &names, &mut dropped)?);
         }
         let count: usize = positions.iter().map(Vec::len).sum();
-        if count < FEWEST_FIXES {
+        if count < MIN_FIXES {
             return Err(Error::of(
                 Problem::TooFew,
                 format!(
                     "only {count} {} fixes lie within the IMU's span ({:.3} s to {:.3} s)",
                     settings.positions[0].name, span.0, span.1
                 ),
-                format!("a trajectory needs at least {FEWEST_FIXES}; check the log"),
+                format!("a trajectory needs at least {MIN_FIXES}; check the log"),
             ));
         }
         let heading = ordered(
@@ -139,7 +139,7 @@ impl Streams {
     }
 }
 
-/// How streams are called.
+/// The names of the streams.
 pub struct Names<'a>(pub &'a TrajectorySettings);
 
 impl Names<'_> {

@@ -1,6 +1,6 @@
-//! Where the nodes of the chain stand, and between which of them every record lies.
+//! The times of the nodes, and the nodes between which every record lies.
 //!
-//! Nodes lie at position fixes or at every IMU sample; poses come out at every IMU sample in either
+//! Nodes lie at position fixes or at every IMU sample; poses are given at every IMU sample in either
 //! case. An IMU sample holds from its time to the next sample's, so that a step from node to node
 //! is a run of whole samples with cut ones at its ends.
 
@@ -10,7 +10,7 @@ use super::streams::Streams;
 use crate::adjustment::ChainLayout;
 
 /// Longest time that one bias is held, and longest step: where the prism is out, biases still walk.
-pub const LONGEST_STEP_S: f64 = 1.0;
+pub const MAX_STEP_S: f64 = 1.0;
 
 /// The chain of one drive.
 #[derive(Debug, Clone)]
@@ -85,7 +85,7 @@ fn sparse_nodes(pose_s: &[f64], fixes_s: &[f64], interval_s: f64) -> Vec<f64> {
     let push = |nodes: &mut Vec<f64>, time_s: f64| {
         let from_s = nodes[nodes.len() - 1];
         // Steps of equal length, each ending at an IMU sample, and no longer than allowed.
-        let count = ((time_s - from_s) / LONGEST_STEP_S - SAME_INSTANT_S)
+        let count = ((time_s - from_s) / MAX_STEP_S - SAME_INSTANT_S)
             .ceil()
             .max(1.0);
         for k in 1..count as usize {
@@ -127,7 +127,7 @@ fn biases(node_s: &[f64], fixes_s: &[f64]) -> (ChainLayout, Vec<f64>) {
     let mut start_s = vec![node_s[0]];
     for (&time_s, &begins) in node_s[..steps].iter().zip(&begins) {
         let held = time_s - start_s[start_s.len() - 1];
-        if held > 0.0 && (begins || held >= LONGEST_STEP_S) {
+        if held > 0.0 && (begins || held >= MAX_STEP_S) {
             start_s.push(time_s);
         }
         segment_of_step.push((start_s.len() - 1) as u32);

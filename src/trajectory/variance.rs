@@ -1,4 +1,4 @@
-//! Variance components of the IMU: how much larger its residuals are than its noise says.
+//! Variance components of the IMU: the ratio of its residuals to its noise.
 
 use super::graph::Graph;
 use super::states::State;
@@ -19,7 +19,7 @@ fn visit(graph: &Graph, state: &State, factor: &ChainFactor, mut visit: impl FnM
     });
 }
 
-/// Ω/r of gyro and accelerometer together; `None` where nothing checks them.
+/// Ω/r of gyro and accelerometer together; `None` where they are not checked.
 pub fn imu_mean_component(graph: &Graph, state: &State, factor: &ChainFactor) -> Option<f64> {
     let (mut square, mut redundancy) = (0.0, 0.0);
     visit(graph, state, factor, |residual, r| {
@@ -32,7 +32,7 @@ pub fn imu_mean_component(graph: &Graph, state: &State, factor: &ChainFactor) ->
 /// The same from the median of the single components, which faults at less than half of the steps
 /// do not move: v²/r of each component that others check, over the median of χ² with one degree.
 pub fn imu_median_component(graph: &Graph, state: &State, factor: &ChainFactor) -> Option<f64> {
-    /// Components that others check less tell nothing but rounding.
+    /// Components checked less than this hold nothing but rounding.
     const CHECKED: f64 = 1e-3;
     let mut ratios: Vec<f64> = Vec::with_capacity(9 * state.nodes.len());
     visit(graph, state, factor, |residual, r| {

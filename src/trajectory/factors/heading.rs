@@ -8,7 +8,7 @@ use crate::sensor::ImuBias;
 use crate::trajectory::constants::Constants;
 use crate::trajectory::states::{ATTITUDE, GYRO, NodeState};
 
-/// What the antennas say at a time: r = heading(R(t)) − z − o wrapped into (−π, π], and
+/// What the antennas measure at a time: r = heading(R(t)) − z − o wrapped into (−π, π], and
 /// r = elevation(R(t) b) − z for the pitch, radians. o is an estimated correction of the mounting
 /// offset, b the direction of the baseline in the body.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ pub struct HeadingFactor {
     pub sigma_rad: f64,
     /// Weight that the loss leaves, 0 to 1.
     pub weight: f64,
-    /// The clocks that say how late the record is.
+    /// The clocks that apply to the record.
     pub clocks: Vec<usize>,
 }
 
@@ -37,7 +37,7 @@ pub enum Quantity {
 
 /// Least squared horizontal length that is divided by: nose-up within a milliradian of the vertical
 /// there is no heading.
-const LEAST_HORIZONTAL_SQUARED: f64 = 1e-6;
+const MIN_HORIZONTAL_SQUARED: f64 = 1e-6;
 
 impl Quantity {
     fn direction(&self) -> Vec3 {
@@ -57,7 +57,7 @@ impl Quantity {
     /// Derivative by the world coordinates of the direction.
     fn gradient(&self, world_from_body: &Rotation) -> Vec3 {
         let x = world_from_body * self.direction();
-        let horizontal = (x.x * x.x + x.y * x.y).max(LEAST_HORIZONTAL_SQUARED);
+        let horizontal = (x.x * x.x + x.y * x.y).max(MIN_HORIZONTAL_SQUARED);
         match self {
             Self::Heading => Vec3::new(x.y, -x.x, 0.0) / horizontal,
             Self::Pitch(_) => Vec3::new(0.0, 0.0, 1.0 / horizontal.sqrt()),

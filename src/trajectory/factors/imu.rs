@@ -78,7 +78,7 @@ impl ImuFactor {
         out
     }
 
-    /// The residual in standard deviations that are `scale` times what the IMU's noise says.
+    /// The residual in standard deviations, which are `scale` times those of the IMU's noise.
     pub fn whitened(
         &self,
         constants: &Constants,
@@ -127,7 +127,7 @@ impl ImuFactor {
         rows
     }
 
-    /// Whitened rows, in standard deviations that are `scale` times what the IMU's noise says.
+    /// Whitened rows, in standard deviations that are `scale` times those of the IMU's noise.
     pub fn rows(
         &self,
         constants: &Constants,

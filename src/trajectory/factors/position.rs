@@ -30,7 +30,7 @@ pub struct PositionFactor {
     pub whitener: Mat3,
     /// Weight that the loss leaves, 0 to 1.
     pub weight: f64,
-    /// The clocks that say how late the record is.
+    /// The clocks that apply to the record.
     pub clocks: Vec<usize>,
 }
 
@@ -105,8 +105,8 @@ impl PositionFactor {
         (self.whitener * self.residual(sensor, constants, node, bias)).into()
     }
 
-    /// Whitened rows. Left out is how the direction of the incidence-dependent error turns with the
-    /// attitude: its amplitude of millimetres stands beside the lever arm's decimetres.
+    /// Whitened rows. They neglect that the direction of the incidence-dependent error turns with
+    /// the attitude: its amplitude is millimetres, where the lever arm is decimetres.
     pub fn rows(
         &self,
         sensor: &PositionSensor,

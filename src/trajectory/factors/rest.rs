@@ -5,7 +5,7 @@ use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::Mat3;
 use crate::trajectory::states::{NodeState, VELOCITY};
 
-/// How fast the body moves where the logs show that it rests: r = v, m/s.
+/// The velocity of a body that the logs show at rest: r = v, m/s.
 #[derive(Debug, Clone, Copy)]
 pub struct RestFactor {
     pub sigma_m_s: f64,

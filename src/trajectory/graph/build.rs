@@ -19,7 +19,7 @@ impl Graph {
     /// Lays the streams out on the timeline, about the start values of node 0 and of the bias.
     ///
     /// # Errors
-    /// An IMU noise that makes no positive definite covariance.
+    /// An IMU noise whose covariance is not positive definite.
     pub fn new(
         timeline: Timeline,
         streams: &Streams,
@@ -110,8 +110,8 @@ impl Graph {
         self.heading_start = starts(steps.into_iter(), self.timeline.steps());
     }
 
-    /// Holds the velocity at the node of a step at which the body rests, where a bias begins there:
-    /// as many such nodes whatever the nodes.
+    /// Holds the velocity at the node of a step where the body rests and a bias begins: the number
+    /// of such nodes does not depend on how dense the nodes are.
     pub(super) fn rest_factor(&self, step: usize, rests: &[Rest]) -> Option<RestFactor> {
         let time_s = self.timeline.node_s[step];
         let begins = step == 0 || self.timeline.layout.changes_before(step);
@@ -125,7 +125,7 @@ impl Graph {
 pub(super) fn imu_factor(preintegrated: &Preintegrated) -> Result<ImuFactor> {
     ImuFactor::new(preintegrated).ok_or_else(|| {
         Error::data(
-            "the IMU noise makes no positive definite covariance",
+            "the covariance of the IMU noise is not positive definite",
             "check the IMU's noise densities",
         )
     })

@@ -10,13 +10,13 @@ use crate::trajectory::motion_sums::MotionSums;
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::{Numbered, Stream};
 
-/// What the factors of records depend on beside the records.
+/// What the factors of records depend on besides the records.
 #[derive(Clone, Copy)]
 pub struct FactorContext<'a> {
     pub imu: &'a ImuSeries,
     pub settings: &'a TrajectorySettings,
     pub constants: &'a Constants,
-    /// The bias that the IMU is summed up about.
+    /// The bias about which the IMU is integrated.
     pub about: &'a ImuBias,
 }
 

@@ -51,7 +51,7 @@ impl Graph {
         &state.biases[self.timeline.layout.segment(step)]
     }
 
-    /// Takes over which clocks of the constants say how late each record is.
+    /// Lets these clocks apply to the records.
     pub fn set_clocks(&mut self, constants: &Constants) {
         for fix in &mut self.positions {
             fix.clocks = constants.clocks_of(Stream::Position(fix.sensor), fix.record);
@@ -86,7 +86,7 @@ impl Graph {
     }
 }
 
-/// Where the records of a step stand; those of the step to come are the last.
+/// The places of the records of a step; those of the step to come are the last.
 fn range(starts: &[u32], count: usize, step: usize) -> Range<usize> {
     let end = starts.get(step + 1).map_or(count, |&end| end as usize);
     starts[step] as usize..end

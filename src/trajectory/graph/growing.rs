@@ -1,7 +1,7 @@
 //! A graph that grows step by step with the records as they come.
 //!
 //! Its last node bounds no step yet: records at that node or after it wait in the step to come,
-//! and [`Graph::newest_system`] says what they mean for the node until then.
+//! and [`Graph::newest_system`] holds their normal equations until then.
 
 use super::build::imu_factor;
 use super::context::FactorContext;
@@ -37,11 +37,11 @@ impl Graph {
     }
 
     /// The step from the newest node to a new one at `time_s`, which the IMU has reached; its
-    /// motion is summed up about `about`. A new bias begins at the newest node where `begins`.
+    /// motion is integrated about `about`. A new bias begins at the newest node where `begins`.
     /// The records that wait at the newest node become the step's.
     ///
     /// # Errors
-    /// An IMU noise that makes no positive definite covariance.
+    /// An IMU noise whose covariance is not positive definite.
     pub fn push_step(
         &mut self,
         imu: &ImuSeries,
@@ -68,7 +68,7 @@ impl Graph {
         Ok(())
     }
 
-    /// Sums up the motion of a step about another bias, where the noise allows.
+    /// Integrates the motion of a step about another bias, where the noise allows.
     pub fn sum_anew(&mut self, imu: &ImuSeries, step: usize, about: &ImuBias) {
         if let Some(factor) = ImuFactor::new(&self.preintegrated(imu, step, about)) {
             self.imu[step] = factor;

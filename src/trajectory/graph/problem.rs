@@ -10,8 +10,8 @@ use crate::trajectory::states::{NodeState, State};
 use rayon::prelude::*;
 
 /// Standard deviations of the priors on node 0 (about the start values) and bias 0 (gyro about
-/// the rest or filter value, accelerometer about zero). Wide: they only keep a drive solvable
-/// that leaves something free, and its claimed standard deviation then says so. The accelerometer
+/// the rest or filter value, accelerometer about zero). Wide: they only keep a drive solvable that
+/// leaves something free, whose standard deviation is then as wide. The accelerometer
 /// prior is the turn-on bias of an inexpensive MEMS; it decides the tilt of a drive that never
 /// turns.
 const PRIOR_SIGMA: [f64; 5] = [
@@ -21,7 +21,7 @@ const PRIOR_SIGMA: [f64; 5] = [
     0.1,   // gyro bias, rad/s
     0.2,   // accelerometer bias, m/s²
 ];
-/// What the start values may miss by, in the order of [`PRIOR_SIGMA`].
+/// How far the start values may be off, in the order of [`PRIOR_SIGMA`].
 const START_SIGMA: [f64; 5] = [0.1, 1.0, 1.0, 0.01, 0.1];
 /// Fewest nodes moved by one task.
 const TASK: usize = 512;

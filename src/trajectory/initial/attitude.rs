@@ -23,6 +23,7 @@ pub struct Filter<'a> {
     pub gravity_m_s2: f64,
 }
 
+/// A pass over the drive.
 pub struct Passed {
     pub end: Rotation,
     /// Sum of all pulls, body frame, radians.
@@ -30,7 +31,7 @@ pub struct Passed {
 }
 
 impl Filter<'_> {
-    /// Level by the mean specific force of the first second, heading of the first prior.
+    /// Levelled by the mean specific force of the first second, at the first heading.
     pub fn level_start(&self, settings: &TrajectorySettings) -> Rotation {
         let until = self.timeline.pose_s[0] + REST_BLOCK_S;
         let count = self
@@ -50,7 +51,7 @@ impl Filter<'_> {
         turned_to_heading(&rotation, heading, 1.0)
     }
 
-    /// The rotation, pulled to the specific force of step `i` for `dt_s`.
+    /// The rotation, pulled towards the tilt by the specific force of sample `i` for `dt_s`.
     fn tilted(&self, rotation: &Rotation, i: usize, cursor: &mut usize, dt_s: f64) -> Rotation {
         let at = interpolated(self.motion, cursor, self.timeline.pose_s[i]);
         let expected = at.acceleration_m_s2 + Vec3::new(0.0, 0.0, self.gravity_m_s2);
@@ -124,7 +125,7 @@ impl Filter<'_> {
     }
 }
 
-/// Turned about the vertical by `gain` times what its heading misses.
+/// Turned about the vertical by `gain` times the error of its heading.
 fn turned_to_heading(rotation: &Rotation, heading: f64, gain: f64) -> Rotation {
     let miss = wrap(heading - heading_rad(rotation));
     Rotation::from_axis_angle(&Vec3::z_axis(), -gain * miss) * rotation

@@ -9,16 +9,16 @@ use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::Streams;
 
 /// Neighbours on either side that a heading must agree with, turned by the gyro: more than a run of
-/// wrong ones is long.
+/// wrong headings lasts.
 const HEADING_REACH: usize = 60;
 /// What the gyro may turn in that time that the body does not, radians.
 const GYRO_DRIFT_RAD: f64 = 0.35;
 /// Slower motion gives no direction of travel, m/s.
-const LEAST_SPEED_M_S: f64 = 0.05;
+const MIN_SPEED_M_S: f64 = 0.05;
 /// Without headings the prism must have moved this many standard deviations.
-const LEAST_MOVE_SIGMAS: f64 = 50.0;
+const MIN_MOVE_SIGMAS: f64 = 50.0;
 
-/// A body heading to be pulled to.
+/// A heading of the body that the attitude is pulled towards.
 #[derive(Debug, Clone, Copy)]
 pub struct HeadingPrior {
     pub time_s: f64,
@@ -52,10 +52,10 @@ pub fn heading_priors(
         .iter()
         .map(|m| (m.position_m - start).norm())
         .fold(0.0, f64::max);
-    let needed = LEAST_MOVE_SIGMAS * settings.positions[0].sigma_m.max();
+    let needed = MIN_MOVE_SIGMAS * settings.positions[0].sigma_m.max();
     let priors: Vec<HeadingPrior> = motion
         .iter()
-        .filter(|m| m.velocity_m_s.xy().norm() > LEAST_SPEED_M_S)
+        .filter(|m| m.velocity_m_s.xy().norm() > MIN_SPEED_M_S)
         .map(|m| HeadingPrior {
             time_s: m.time_s,
             heading_rad: m.velocity_m_s.x.atan2(m.velocity_m_s.y),
@@ -65,8 +65,8 @@ pub fn heading_priors(
         return Err(Error::of(
             Problem::NotDetermined,
             format!(
-                "there are no headings within the IMU's span, and the prism moves by {moved:.3} m \
-                 only: nothing tells where the body points"
+                "there are no headings within the IMU's span, and the prism moves by only \
+                 {moved:.3} m: the heading of the body is not determined"
             ),
             format!("add a heading log, or a drive of more than {needed:.2} m"),
         ));

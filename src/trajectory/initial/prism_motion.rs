@@ -7,7 +7,7 @@ use crate::trajectory::streams::Streams;
 
 /// Fixes either side of a local parabola's middle.
 const PARABOLA_REACH: usize = 2;
-/// Fixes farther away in time do not take part in a parabola, seconds.
+/// Fixes farther away in time are left out of a parabola, seconds.
 const PARABOLA_REACH_S: f64 = 1.0;
 
 /// Position, velocity and acceleration of the prism at a time.
@@ -131,7 +131,7 @@ mod tests {
             assert!((found.velocity_m_s - Vec3::new(2.0 + 6.0 * t, -1.0, 0.0)).norm() < 1e-9);
             assert!((found.acceleration_m_s2 - Vec3::new(6.0, 0.0, 0.0)).norm() < 1e-9);
         }
-        // Alone in time, a fix says where, not how fast.
+        // A fix alone in time gives a position, and no velocity.
         let lonely = parabola(&[(0.0, at(0.0)), (5.0, at(5.0))], 0);
         assert!((lonely.position_m - at(0.0)).norm() < 1e-12);
         assert_eq!(lonely.velocity_m_s, Vec3::zeros());

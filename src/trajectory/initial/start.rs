@@ -21,7 +21,7 @@ use crate::trajectory::timeline::Timeline;
 /// The start values.
 pub struct Initial {
     pub nodes: Vec<NodeState>,
-    /// Centre of the biases' prior, and what the IMU is summed up about.
+    /// Centre of the biases' prior, about which the IMU is integrated.
     pub bias: ImuBias,
     /// One for each bias of the timeline.
     pub biases: Vec<ImuBias>,
@@ -34,8 +34,8 @@ pub struct Initial {
 /// Start values of every node.
 ///
 /// # Errors
-/// Neither headings nor enough motion to tell where the body points; positions or headings of which
-/// none fits the others.
+/// Neither headings nor enough motion to determine the heading; positions or headings of which none
+/// fits the others.
 pub fn initial(
     streams: &Streams,
     timeline: &Timeline,

@@ -5,13 +5,13 @@ use crate::statistics::median;
 use nalgebra::{SMatrix, SVector};
 use std::collections::VecDeque;
 
-/// Innovations whose median says whether a sensor's standard deviations are too small.
+/// Innovations whose median shows whether a sensor's standard deviations are too small.
 const RECENT: usize = 51;
-/// Records refused in a row, or for so long, after which the estimate is taken for lost and not
-/// the records.
-const MOST_REFUSED: usize = 10;
-const LONGEST_REFUSED_S: f64 = 2.0;
-const FEWEST_REFUSED: usize = 3;
+/// After so many records refused in a row, or for so long, the estimate is lost, rather than the
+/// records wrong.
+const MAX_REFUSED: usize = 10;
+const MAX_REFUSED_S: f64 = 2.0;
+const MIN_REFUSED: usize = 3;
 
 /// rᵀ (I + J Σ Jᵀ)⁻¹ r of whitened rows, with the covariance Σ of node and bias.
 pub fn innovation<const R: usize>(rows: &FactorRows<R>, sigma: &[[f64; TAIL]; TAIL]) -> f64 {
@@ -38,10 +38,10 @@ pub fn innovation<const R: usize>(rows: &FactorRows<R>, sigma: &[[f64; TAIL]; TA
 
 /// What is done with a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Verdict {
+pub enum Decision {
     Accept,
     Refuse,
-    /// The records have contradicted the estimate for too long: it is lost, and follows them.
+    /// The records have contradicted the estimate for too long: it is lost and must follow them.
     Follow,
 }
 
@@ -66,30 +66,30 @@ impl Gate {
         }
     }
 
-    /// Judges a record by its squared normalised innovation. As in the adjustment of whole drives,
+    /// Tests a record by its squared normalised innovation. As in the adjustment of whole drives,
     /// the limit grows where the median shows that the sensor's standard deviations are too small.
-    pub fn judge(&mut self, square: f64, time_s: f64) -> Verdict {
+    pub fn test(&mut self, square: f64, time_s: f64) -> Decision {
         if self.recent.len() == RECENT {
             self.recent.pop_front();
         }
         self.recent.push_back(square);
         if self.loss == Loss::None {
-            return Verdict::Accept;
+            return Decision::Accept;
         }
         if square <= self.limit() {
             self.refused = 0;
-            return Verdict::Accept;
+            return Decision::Accept;
         }
         if self.refused == 0 {
             self.refused_since_s = time_s;
         }
         self.refused += 1;
-        let lasting = time_s - self.refused_since_s >= LONGEST_REFUSED_S;
-        if self.refused > MOST_REFUSED || self.refused > FEWEST_REFUSED && lasting {
+        let lasting = time_s - self.refused_since_s >= MAX_REFUSED_S;
+        if self.refused > MAX_REFUSED || self.refused > MIN_REFUSED && lasting {
             self.refused = 0;
-            return Verdict::Follow;
+            return Decision::Follow;
         }
-        Verdict::Refuse
+        Decision::Refuse
     }
 
     fn limit(&self) -> f64 {
@@ -113,19 +113,19 @@ mod tests {
         let mut gate = Gate::new(Loss::Truncated, 3.0);
         // χ² of 3 degrees: 1e-4 of the probability lies above 21.108, by the approximation of
         // Wilson and Hilferty above 21.850.
-        assert_eq!(gate.judge(21.0, 0.0), Verdict::Accept);
-        assert_eq!(gate.judge(22.0, 0.1), Verdict::Refuse);
-        assert_eq!(gate.judge(1.0, 0.2), Verdict::Accept);
+        assert_eq!(gate.test(21.0, 0.0), Decision::Accept);
+        assert_eq!(gate.test(22.0, 0.1), Decision::Refuse);
+        assert_eq!(gate.test(1.0, 0.2), Decision::Accept);
         for k in 0..10 {
-            assert_eq!(gate.judge(1e4, 1.0 + 0.1 * f64::from(k)), Verdict::Refuse);
+            assert_eq!(gate.test(1e4, 1.0 + 0.1 * f64::from(k)), Decision::Refuse);
         }
-        assert_eq!(gate.judge(1e4, 2.1), Verdict::Follow);
+        assert_eq!(gate.test(1e4, 2.1), Decision::Follow);
         // Slow sensors do not wait for ten.
-        let slow = [0.0, 1.0, 2.0, 3.0].map(|t| gate.judge(1e4, 10.0 + t));
-        assert_eq!(slow[2], Verdict::Refuse);
-        assert_eq!(slow[3], Verdict::Follow);
-        // A loss that counts every record refuses none.
-        assert_eq!(Gate::new(Loss::None, 3.0).judge(1e9, 0.0), Verdict::Accept);
+        let slow = [0.0, 1.0, 2.0, 3.0].map(|t| gate.test(1e4, 10.0 + t));
+        assert_eq!(slow[2], Decision::Refuse);
+        assert_eq!(slow[3], Decision::Follow);
+        // Without a loss none is refused.
+        assert_eq!(Gate::new(Loss::None, 3.0).test(1e9, 0.0), Decision::Accept);
     }
 
     #[test]

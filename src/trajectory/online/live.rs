@@ -1,8 +1,8 @@
-//! The trajectory while the drive goes on: one update a position fix, by the factors of the batch.
+//! The online smoother: records in, poses out.
 //!
 //! Records are given as they come, each sensor's in its own time and order. The first seconds are
-//! kept until they tell how the body stands; from then on every position fix gives the newest pose.
-//! What an update costs does not depend on how long the drive has lasted.
+//! kept until they determine the attitude; from then on every position fix gives the newest pose.
+//! The cost of an update does not depend on how long the drive has lasted.
 
 use super::finish::{finish, trajectory_so_far};
 use super::options::OnlineOptions;
@@ -15,7 +15,7 @@ use crate::error::{Error, Problem, Result};
 use crate::progress::Progress;
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 use crate::trajectory::estimate::{Estimate, estimate};
-use crate::trajectory::gaps::{LONGEST_IMU_GAP_S, check_interval, median_interval_s};
+use crate::trajectory::gaps::{MAX_IMU_GAP_S, check_interval, median_interval_s};
 use crate::trajectory::imu_series::SAME_INSTANT_S;
 use crate::trajectory::interpolate::Trajectory;
 use crate::trajectory::settings::{Nodes, TrajectorySettings};
@@ -23,22 +23,22 @@ use crate::trajectory::solution::{Rejection, RejectionReason};
 use crate::trajectory::streams::{
     Numbered, check_settings, check_value_of_fix, check_value_of_heading,
 };
-use crate::trajectory::timeline::LONGEST_STEP_S;
+use crate::trajectory::timeline::MAX_STEP_S;
 use std::collections::VecDeque;
 
 /// Without a fix for so long a node is set by itself, seconds: late enough that a fix every second
 /// comes first.
-const LONGEST_WAIT_S: f64 = LONGEST_STEP_S + 0.25;
-/// IMU stamps in a row that leap ahead by more than a gap that can be bridged: with more the log
-/// goes on there, and not here.
-const MOST_LEAPS: usize = 10;
-/// Of so many samples the median interval tells whether times are in seconds.
+const MAX_WAIT_S: f64 = MAX_STEP_S + 0.25;
+/// IMU stamps in a row that leap ahead by more than a gap that can be bridged: after more, the log
+/// continues there.
+const MAX_LEAPS: usize = 10;
+/// The median interval of so many samples shows whether times are in seconds.
 const UNIT_KNOWN_AFTER: usize = 50;
 
-/// What goes on.
+/// What the smoother is doing.
 #[derive(Debug, Clone)]
 enum Stage {
-    /// Records are kept until they tell how the body stands; tried again from this time on.
+    /// Records are kept until they determine the attitude; tried again from this time on.
     Starting {
         next_s: f64,
     },
@@ -50,7 +50,7 @@ enum Stage {
 pub struct Online {
     /// As the project has them.
     asked: TrajectorySettings,
-    /// Those that hold while the drive goes on: constants are estimated at the end.
+    /// Those that hold during the drive: constants are estimated at the end.
     settings: TrajectorySettings,
     options: OnlineOptions,
     given: Given,
@@ -110,10 +110,10 @@ impl Online {
         let record = self.given.imu.len();
         self.given.imu.push(sample);
         let ahead_s = sample.time_s - self.newest_imu_s;
-        let leaps = ahead_s > LONGEST_IMU_GAP_S && record > 0;
+        let leaps = ahead_s > MAX_IMU_GAP_S && record > 0;
         if ahead_s <= 0.0 || leaps {
             self.leaps = if leaps { self.leaps + 1 } else { 0 };
-            if self.leaps > MOST_LEAPS {
+            if self.leaps > MAX_LEAPS {
                 check_interval(median_interval_s(&self.given.imu))?;
                 return Err(Error::data(
                     format!(
@@ -121,7 +121,7 @@ impl Online {
                         self.newest_imu_s, sample.time_s
                     ),
                     format!(
-                        "cut the drive there; gaps longer than {LONGEST_IMU_GAP_S} s cannot be \
+                        "cut the drive there; gaps longer than {MAX_IMU_GAP_S} s cannot be \
                          bridged"
                     ),
                 ));
@@ -142,7 +142,7 @@ impl Online {
             Stage::Starting { .. } => {}
             Stage::Running(running) => running.sample(sample, &self.scatter, &self.settings.imu)?,
         }
-        self.go_on()
+        self.advance()
     }
 
     /// Takes a fix of a position sensor; updates where the IMU is there already.
@@ -164,10 +164,10 @@ impl Online {
         let record = given.len();
         given.push(fix);
         self.wait(Record::Position(sensor, Numbered { record, value: fix }));
-        self.go_on()
+        self.advance()
     }
 
-    /// Takes a heading; it counts from the next update on.
+    /// Takes a heading; it takes effect with the next update.
     ///
     /// # Errors
     /// Values that are not finite.
@@ -202,7 +202,7 @@ impl Online {
     }
 
     /// Does what the records so far allow.
-    fn go_on(&mut self) -> Result<Vec<Update>> {
+    fn advance(&mut self) -> Result<Vec<Update>> {
         let mut updates = Vec::new();
         if let Stage::Starting { next_s } = &mut self.stage {
             let first = self.given.imu.first();
@@ -212,7 +212,7 @@ impl Online {
             let first_s = first.time_s;
             // Later and later, so that all tries together cost no more than a few.
             *next_s = self.newest_imu_s + (0.25 * (self.newest_imu_s - first_s)).max(0.5);
-            // Where the records do not tell enough yet, more may.
+            // Where the records do not suffice yet, more may.
             if let Ok((running, update)) =
                 start(&self.given, self.newest_imu_s, &self.settings, self.options)
             {
@@ -232,8 +232,8 @@ impl Online {
             };
             let until_s = match fix {
                 Some(at) => self.waiting[at].time_s(),
-                None if self.newest_imu_s - running.smoother.newest_s() >= LONGEST_WAIT_S => {
-                    self.newest_imu_s - (LONGEST_WAIT_S - LONGEST_STEP_S)
+                None if self.newest_imu_s - running.smoother.newest_s() >= MAX_WAIT_S => {
+                    self.newest_imu_s - (MAX_WAIT_S - MAX_STEP_S)
                 }
                 None => return Ok(updates),
             };
@@ -315,7 +315,7 @@ impl Online {
         }
     }
 
-    /// The end of the drive: every node linearised anew, every record tested with all others, the
+    /// The end of the drive: every node relinearised, every record tested with all others, the
     /// constants of the settings estimated: the adjustment of the whole drive, from the online
     /// estimates as start values.
     ///

@@ -1,4 +1,4 @@
-//! The trajectory while the drive goes on: one update a position fix, by the factors of the batch.
+//! The trajectory during the drive: one update per position fix, with the factors of the batch.
 
 mod finish;
 mod gate;

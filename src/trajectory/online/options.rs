@@ -1,4 +1,4 @@
-//! What the online smoother may spend and what it must see.
+//! Thresholds and limits of the online smoother.
 
 use crate::adjustment::NODE;
 use crate::geometry::Vec3;
@@ -54,8 +54,7 @@ impl Thresholds {
 /// How the online smoother works.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnlineOptions {
-    /// Nodes and biases are linearised anew where their step from the linearisation point passes
-    /// this.
+    /// Nodes and biases are relinearised where their step from the linearisation point exceeds this.
     pub relinearise: Thresholds,
     /// Back-substitution ends where steps change by less than this.
     pub wildfire: Thresholds,

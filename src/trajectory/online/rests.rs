@@ -1,13 +1,14 @@
-//! Rests, seen block by block while the drive goes on.
+//! Rests, found block by block during the drive.
 
 use crate::trajectory::rest::{REST_BLOCK_S, REST_BLOCKS, Rest, checked, still};
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::Streams;
 
-/// Most blocks that a rest is checked over: a drift shows in them, and a longer rest costs no more.
-const MOST_BLOCKS: usize = 8;
+/// A rest is checked over at most this many blocks: they show a drift, and a longer rest costs no
+/// more.
+const MAX_BLOCKS: usize = 8;
 
-/// How far the drive has been looked at.
+/// How far the drive has been examined.
 #[derive(Debug, Clone)]
 pub struct RestWatch {
     next_s: f64,
@@ -37,7 +38,7 @@ impl RestWatch {
                 self.run = 0;
                 continue;
             }
-            self.run = (self.run + 1).min(MOST_BLOCKS);
+            self.run = (self.run + 1).min(MAX_BLOCKS);
             if self.run >= REST_BLOCKS {
                 let begun_s = self.next_s - self.run as f64 * REST_BLOCK_S;
                 let rest = checked(streams, settings, begun_s, self.next_s);

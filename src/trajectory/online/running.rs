@@ -1,6 +1,6 @@
 //! The smoother at work: records in time order become factors.
 
-use super::gate::{Gate, Verdict, innovation};
+use super::gate::{Decision, Gate, innovation};
 use super::records::Record;
 use super::rests::RestWatch;
 use super::scatter::Scatter;
@@ -17,7 +17,7 @@ use crate::trajectory::settings::{ImuNoise, TrajectorySettings};
 use crate::trajectory::solution::{Rejection, RejectionReason};
 use crate::trajectory::states::NodeState;
 use crate::trajectory::streams::{Names, Numbered, Stream, Streams};
-use crate::trajectory::timeline::LONGEST_STEP_S;
+use crate::trajectory::timeline::MAX_STEP_S;
 
 /// Where a node is linearised whose start value is known.
 pub type Guess<'a> = dyn Fn(f64) -> (NodeState, ImuBias) + 'a;
@@ -84,17 +84,16 @@ impl Running {
     pub fn bridge_to(&mut self, time_s: f64, guess: Option<&Guess<'_>>) -> Result<()> {
         loop {
             let newest_s = self.smoother.newest_s();
-            if time_s - newest_s <= LONGEST_STEP_S + SAME_INSTANT_S {
+            if time_s - newest_s <= MAX_STEP_S + SAME_INSTANT_S {
                 return Ok(());
             }
             // At a sample, where it is not too near.
             let samples = &self.smoother.graph.timeline.pose_s;
-            let after =
-                samples.partition_point(|&t| t <= newest_s + LONGEST_STEP_S + SAME_INSTANT_S);
-            let near_s = newest_s + 0.5 * LONGEST_STEP_S;
+            let after = samples.partition_point(|&t| t <= newest_s + MAX_STEP_S + SAME_INSTANT_S);
+            let near_s = newest_s + 0.5 * MAX_STEP_S;
             let at_s = match samples[..after].last() {
                 Some(&sample_s) if sample_s > near_s => sample_s,
-                _ => newest_s + LONGEST_STEP_S,
+                _ => newest_s + MAX_STEP_S,
             };
             self.node(at_s, guess)?;
         }
@@ -106,7 +105,7 @@ impl Running {
         let timeline = &self.smoother.graph.timeline;
         let held_s =
             self.smoother.newest_s() - timeline.bias_start_s[timeline.bias_start_s.len() - 1];
-        let begins = held_s > 0.0 && (self.fixed || held_s >= LONGEST_STEP_S);
+        let begins = held_s > 0.0 && (self.fixed || held_s >= MAX_STEP_S);
         if begins || step == 0 {
             self.fixed = false;
         }
@@ -130,7 +129,7 @@ impl Running {
         Ok(())
     }
 
-    /// Takes a position in; at its weight where that is known, else as the innovation test says.
+    /// Takes a position in; at its weight where that is known, else by the innovation test.
     pub fn position(
         &mut self,
         sensor: usize,
@@ -165,8 +164,8 @@ impl Running {
                 let missed_m = factor.residual(&sensors[sensor], constants, &node, &bias);
                 let missed = [0.0, missed_m.norm(), 0.0];
                 let square = innovation(&rows, &self.covariance());
-                let verdict = self.positions[sensor].judge(square, fix.value.time_s);
-                self.consequence(verdict, (stream, at), square, missed, settings)
+                let decision = self.positions[sensor].test(square, fix.value.time_s);
+                self.consequence(decision, (stream, at), square, missed, settings)
             }
         };
         self.smoother.graph.positions[place].weight = weight;
@@ -205,8 +204,8 @@ impl Running {
                     let rows = factor.rows(&self.smoother.state.constants, &node, &bias);
                     let missed = [rows.residual[0].abs() * factor.sigma_rad, 0.0, 0.0];
                     let square = innovation(&rows, &self.covariance());
-                    let verdict = self.heading.judge(square, fix.value.time_s);
-                    self.consequence(verdict, (Stream::Heading, at), square, missed, settings)
+                    let decision = self.heading.test(square, fix.value.time_s);
+                    self.consequence(decision, (Stream::Heading, at), square, missed, settings)
                 }
             };
             self.smoother.graph.headings[place].weight = weight;
@@ -215,20 +214,20 @@ impl Running {
         Ok(())
     }
 
-    /// The weight of a judged record; names it where it is refused, and lets the estimate jump by
+    /// The weight of a tested record; names it where it is refused, and lets the estimate jump by
     /// what it misses the record where it follows.
     fn consequence(
         &mut self,
-        verdict: Verdict,
+        decision: Decision,
         (stream, (record, time_s)): (Stream, (usize, f64)),
         square: f64,
         missed: [f64; 3],
         settings: &TrajectorySettings,
     ) -> f64 {
         let sensor = Names(settings).sensor(stream);
-        match verdict {
-            Verdict::Accept => 1.0,
-            Verdict::Refuse => {
+        match decision {
+            Decision::Accept => 1.0,
+            Decision::Refuse => {
                 self.rejections.push(Rejection {
                     sensor,
                     record: record + 1,
@@ -238,7 +237,7 @@ impl Running {
                 });
                 0.0
             }
-            Verdict::Follow => {
+            Decision::Follow => {
                 self.smoother.loosen_newest_step(&self.streams.imu, missed);
                 self.jumps.push(Jump { sensor, time_s });
                 1.0
@@ -292,7 +291,7 @@ impl Running {
                 }
             }
         }
-        if until_s - self.smoother.newest_s() >= LONGEST_STEP_S {
+        if until_s - self.smoother.newest_s() >= MAX_STEP_S {
             self.bridge_to(until_s, None)?;
             self.node_at_fix(until_s, None)?;
         }

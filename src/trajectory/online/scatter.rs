@@ -39,7 +39,7 @@ impl Scatter {
         self.count as usize
     }
 
-    /// What a sample that nobody recorded may miss; as for whole drives.
+    /// Noise of a sample that was not recorded; as for whole drives.
     pub fn bridge_noise(&self, noise: &ImuNoise) -> ImuNoise {
         let density =
             |square: f64| (square / (3.0 * self.count) * 2.0 * MOTION_CORRELATION_S).sqrt();

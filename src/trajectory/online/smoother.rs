@@ -134,7 +134,7 @@ impl Smoother {
         Ok(())
     }
 
-    /// Brings fronts, root and the steps to the estimates up to date, and linearises anew what has
+    /// Brings fronts, root and the steps to the estimates up to date, and relinearises what has
     /// moved too far.
     pub fn update(&mut self, imu: &ImuSeries) -> Result<Work> {
         let wildfire = self.options.wildfire;

@@ -46,7 +46,7 @@ impl Numbers {
 /// The smoother at the end of the records so far.
 ///
 /// # Errors
-/// Records that do not tell enough yet.
+/// Records that do not suffice yet.
 pub fn start(
     given: &Given,
     newest_imu_s: f64,
@@ -57,7 +57,7 @@ pub fn start(
     let (positions, position_numbers): (Vec<_>, Vec<_>) =
         of_sensor.map(|fixes| until(fixes, newest_imu_s)).unzip();
     let (heading, heading_numbers) = until(&given.heading, newest_imu_s);
-    // A stamp that leaps ahead must not be where the smoother goes on from.
+    // The smoother must not continue from a stamp that leaps ahead.
     let (imu, imu_numbers) = until(&given.imu, newest_imu_s);
     let logs = MotionLogs {
         imu: &imu,

@@ -1,4 +1,4 @@
-//! What an update of the online smoother tells.
+//! The result of an update of the online smoother.
 
 use crate::sensor::PoseRecord;
 use crate::trajectory::solution::Rejection;
@@ -18,8 +18,8 @@ pub struct Update {
     pub jumps: Vec<Jump>,
 }
 
-/// The estimate was lost and follows the records of a sensor again: poses before and after do not
-/// belong together until the end.
+/// The estimate was lost and follows the records of a sensor again: poses before and after are not
+/// consistent until the drive is finished.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Jump {
     /// `heading`, or the name of the position sensor.
