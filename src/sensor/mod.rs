@@ -177,7 +177,7 @@ pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {
 }
 
 /// An IMU with a longer interval between samples, seconds, does not resolve the motion of a body.
-pub(crate) const LONGEST_IMU_INTERVAL_S: f64 = 0.2;
+pub(crate) const MAX_IMU_INTERVAL_S: f64 = 0.2;
 
 /// The likely time unit of an IMU log whose samples are `interval_s` apart if its times are seconds.
 pub(crate) fn imu_time_unit(interval_s: f64) -> Option<&'static str> {

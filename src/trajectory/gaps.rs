@@ -3,16 +3,16 @@
 use super::settings::ImuNoise;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
-use crate::sensor::{ImuSample, LONGEST_IMU_INTERVAL_S, imu_time_unit};
+use crate::sensor::{ImuSample, MAX_IMU_INTERVAL_S, imu_time_unit};
 use crate::statistics::median;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
 pub const MAX_IMU_GAP_S: f64 = 120.0;
 /// No IMU is as fast, seconds.
-const SHORTEST_IMU_INTERVAL_S: f64 = 1e-5;
+const MIN_IMU_INTERVAL_S: f64 = 1e-5;
 /// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
 /// of a log whose stamps come in bursts would be filled with samples without number.
-const MOST_BRIDGING: (usize, usize) = (10, 1_000_000);
+const MAX_BRIDGING: (usize, usize) = (10, 1_000_000);
 /// An IMU interval longer than this many times the median has lost samples.
 pub const GAP_INTERVALS: f64 = 2.5;
 /// Correlation time of unrecorded motion, seconds: turns and pushes of a vehicle.
@@ -33,7 +33,7 @@ pub fn check_interval(interval_s: f64) -> Result<()> {
             "check the unit of its times: seconds",
         ));
     }
-    if interval_s > LONGEST_IMU_INTERVAL_S {
+    if interval_s > MAX_IMU_INTERVAL_S {
         let unit = imu_time_unit(interval_s);
         let question = unit.map_or_else(String::new, |unit| format!(": are these {unit}?"));
         return Err(Error::data(

@@ -185,7 +185,7 @@ pub fn allan(imu: &[ImuSample]) -> Result<ImuNoiseEstimate> {
     let (first, last) = (used[0].time_s, used[used.len() - 1].time_s);
     let interval_s = (last - first) / (used.len() - 1) as f64;
     let mut warnings = rest::check(used, interval_s)?;
-    if interval_s > super::LONGEST_IMU_INTERVAL_S
+    if interval_s > super::MAX_IMU_INTERVAL_S
         && let Some(unit) = super::imu_time_unit(interval_s)
     {
         warnings.push(format!(
