@@ -87,8 +87,10 @@ impl LasOut {
                 .and_then(|points| writer.write_points(&points))
                 .map_err(|e| problem(&self.path, e))
         });
-        if written.is_err() {
-            self.writer.take().map(leak);
+        if written.is_err()
+            && let Some(writer) = self.writer.take()
+        {
+            leak(writer);
         }
         written
     }
