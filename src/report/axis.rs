@@ -3,7 +3,7 @@
 use super::number;
 
 /// No axis has room for more.
-const MOST_TICKS: i64 = 1000;
+const MAX_TICKS: i64 = 1000;
 
 /// One axis.
 #[derive(Debug, Clone)]
@@ -50,7 +50,7 @@ impl Axis {
         let (least, most) = range(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
         // The largest such number below v is the reciprocal of the smallest above 1 / v.
         let min = 1.0 / number::nice_above(1.0 / least);
-        let max = number::nice_above(most);
+        let max = number::nice_above(most).min(f64::MAX);
         Self {
             label: label.to_owned(),
             min,
@@ -74,7 +74,7 @@ impl Axis {
         let first = (self.min / step - 1e-6).ceil() as i64;
         let last = (self.max / step + 1e-6).floor() as i64;
         // Ends that are too far apart to be subtracted have no ticks.
-        if last.saturating_sub(first) > MOST_TICKS {
+        if last.saturating_sub(first) > MAX_TICKS {
             return Vec::new();
         }
         (first..=last)
