@@ -62,7 +62,10 @@ fn a_standing_body_without_headings_is_refused() {
     let mut logs = rover_drive(1).0;
     logs.heading.clear();
     logs.prism.retain(|f| f.time_s < 3.0);
-    assert_names(&logs, &["no headings", "where the body points"]);
+    assert_names(
+        &logs,
+        &["no headings", "heading of the body is not determined"],
+    );
 }
 
 #[test]
