@@ -9,7 +9,7 @@ use crate::geometry::Vec3;
 /// spread two points of its cloud, and the level of detection as many of each as distance and
 /// spread. The normal needs three points that are not collinear; without it, or at a core point
 /// that is not finite, all values are NaN and the counts are 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct CoreDistance {
     /// The core point, metres.
     pub point: Vec3,
@@ -58,7 +58,7 @@ impl CoreDistance {
 }
 
 /// A comparison: one entry for each core point, in order.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct M3c2 {
     /// The result at each core point.
     pub core: Vec<CoreDistance>,

@@ -11,9 +11,11 @@ use crate::sensor::PoseRecord;
 /// known (its error is (Δt)⁴/384 times the fourth derivative: below a micrometre at IMU rate) and
 /// the straight line elsewhere; attitudes turn at constant rate. Outside the span there is no
 /// pose, nor between two nodes of which one is known less well than the limits demand.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[serde(transparent)]
 pub struct Trajectory {
     nodes: Vec<PoseRecord>,
+    #[serde(skip)]
     limits: PoseLimits,
 }
 
