@@ -149,8 +149,9 @@ impl<'a> Georeferencer<'a> {
     /// Checks that the points passed in so far, all points of scanner `name`, lie on the
     /// trajectory.
     ///
-    /// # Errors No points at all, no point within the trajectory's span (with both spans), or no
-    /// point with a pose within the limits; times of poses or points that are not in seconds.
+    /// # Errors
+    /// No points at all, no point within the trajectory's span (with both spans), or no point with a
+    /// pose within the limits; times of poses or points that are not in seconds.
     pub fn check(&self, name: &str) -> Result<()> {
         if self.read == 0 {
             return Err(Error::of(

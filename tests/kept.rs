@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use common::{boresight, project_of_logs};
+use common::{boresight, project_of_logs, refused};
 
 /// What is in a folder, subfolders left out.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -26,15 +26,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 /// as it was; the log, which says why, may be new.
 fn assert_kept(folder: &Path, arguments: &[&str], input: &str) {
     let before = files(folder);
-    let paths: Vec<String> = arguments
-        .iter()
-        .map(|argument| match argument.strip_prefix("./") {
-            Some(name) => folder.join(name).to_str().unwrap().to_owned(),
-            None => (*argument).to_owned(),
-        })
-        .collect();
-    let run = boresight(&paths.iter().map(String::as_str).collect::<Vec<_>>());
-    assert_eq!(run.code, 1, "{arguments:?}: {}{}", run.out, run.err);
+    let run = refused(folder, arguments);
     let named = format!("{input} is an input");
     assert!(run.err.contains(&named), "{arguments:?}: {}", run.err);
     let after = files(folder);

@@ -13,31 +13,19 @@ use std::time::{Duration, Instant};
 use boresight::comparison::{ComparisonSettings, Normals, m3c2};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
-use common::{boresight, project_of_logs};
+use common::{boresight, project_of_logs, refused, rewrite};
 
 /// Runs the binary on files of a folder and returns what it says as it fails.
 fn refusal(folder: &Path, arguments: &[&str]) -> String {
-    let paths: Vec<String> = arguments
-        .iter()
-        .map(|argument| match argument.strip_prefix("./") {
-            Some(name) => folder.join(name).to_str().unwrap().to_owned(),
-            None => (*argument).to_owned(),
-        })
-        .collect();
-    let run = boresight(&paths.iter().map(String::as_str).collect::<Vec<_>>());
-    assert_eq!(run.code, 1, "{arguments:?}: {}{}", run.out, run.err);
+    let run = refused(folder, arguments);
     let is_told = run.err.lines().any(|line| line.starts_with("error: "));
     assert!(is_told, "{}", run.err);
     run.err
 }
 
-fn change(path: &Path, how: impl Fn(&str) -> String) {
-    fs::write(path, how(&fs::read_to_string(path).unwrap())).unwrap();
-}
-
 /// Adds to the first cell of every row below the header.
 fn shift_times(path: &Path, by_s: f64) {
-    change(path, |text| {
+    rewrite(path, |text| {
         let (header, rows) = text.split_once('\n').unwrap();
         let mut shifted = format!("{header}\n");
         for row in rows.lines() {
@@ -73,7 +61,7 @@ fn project_of_poses() -> tempfile::TempDir {
         }
     }
     fs::write(at("ground.csv"), ground).unwrap();
-    change(&at("project.toml"), |text| {
+    rewrite(&at("project.toml"), |text| {
         let scanner = text.find("[[scanner]]").unwrap();
         format!(
             "[trajectory]\nfile = \"poses.csv\"\nsigma_position_m = 0.01\nsigma_rotation_deg = 0.05\n\
@@ -98,7 +86,7 @@ fn noise_figures_ask_for_the_unit_of_time() {
     let folder = project_of_logs();
     let path = folder.path().join("imu.csv");
     let scale_times = |factor: f64| {
-        change(&path, |text| {
+        rewrite(&path, |text| {
             let (header, _) = text.split_once('\n').unwrap();
             let rows = (0..1500).map(|i| {
                 let noise = [0.1, -0.2, 0.3, -0.1, 0.05][i % 5];
@@ -128,7 +116,7 @@ fn noise_figures_ask_for_the_unit_of_time() {
 #[test]
 fn a_trajectory_may_span_ages() {
     let folder = project_of_poses();
-    change(&folder.path().join("poses.csv"), |text| {
+    rewrite(&folder.path().join("poses.csv"), |text| {
         let (header, rows) = text.split_once('\n').unwrap();
         let (_, first) = rows.split_once('\n').unwrap().0.split_once(',').unwrap();
         format!("{header}\n-1e15,{first}\n{rows}")
@@ -141,11 +129,11 @@ fn a_trajectory_may_span_ages() {
 #[test]
 fn more_scanners_than_a_byte_counts_keep_their_numbers() {
     let folder = project_of_poses();
-    change(&folder.path().join("left.csv"), |text| {
+    rewrite(&folder.path().join("left.csv"), |text| {
         let few: Vec<&str> = text.lines().take(20).collect();
         few.join("\n") + "\n"
     });
-    change(&folder.path().join("project.toml"), |text| {
+    rewrite(&folder.path().join("project.toml"), |text| {
         let (poses, scanner) = text.split_once("[[scanner]]").unwrap();
         let (scanner, _) = scanner.split_once("[reference]").unwrap();
         let scanners = (0..300).map(|i| {
@@ -175,7 +163,7 @@ fn more_scanners_than_a_byte_counts_keep_their_numbers() {
 fn settings_that_would_fill_the_memory_are_refused() {
     let folder = project_of_poses();
     let project = folder.path().join("project.toml");
-    change(&project, |text| {
+    rewrite(&project, |text| {
         text.replace("neighbours = 20", "neighbours = 100000")
     });
     let said = refusal(folder.path(), &["run", "./project.toml"]);

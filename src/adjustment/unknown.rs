@@ -1,6 +1,5 @@
 //! Unknowns with their retraction, and the columns of those that stand beside the chain.
 
-use crate::geometry::so3::log;
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use nalgebra::SVector;
 use std::fmt;
@@ -59,9 +58,9 @@ impl Unknown for WorldFromBody {
     }
 
     fn step_from(&self, origin: &Self, step: &mut [f64]) {
-        let dphi_rad = log(&(origin.rotation.inverse() * self.rotation));
+        let (dphi_rad, dp_m) = self.perturbation_from(origin);
         step[..3].copy_from_slice(dphi_rad.as_slice());
-        step[3..].copy_from_slice((self.translation_m - origin.translation_m).as_slice());
+        step[3..].copy_from_slice(dp_m.as_slice());
     }
 }
 
@@ -75,9 +74,9 @@ impl Unknown for BodyFromScanner {
     }
 
     fn step_from(&self, origin: &Self, step: &mut [f64]) {
-        let dphi_rad = log(&(self.rotation * origin.rotation.inverse()));
+        let (dphi_rad, dp_m) = self.perturbation_from(origin);
         step[..3].copy_from_slice(dphi_rad.as_slice());
-        step[3..].copy_from_slice((self.translation_m - origin.translation_m).as_slice());
+        step[3..].copy_from_slice(dp_m.as_slice());
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
-use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3, so3};
+use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3};
 
 /// Names of the six parameters of a mounting: translation, then rotation about the body's axes.
 pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
@@ -129,9 +129,9 @@ pub fn moved(mountings: &[Mounting], delta: &DVector<f64>) -> Vec<Mounting> {
 /// The perturbations (δp, δφ) that turn `from` into `to`.
 pub fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
     let parts = from.iter().zip(to).flat_map(|(from, to)| {
-        let (from, to) = (&from.body_from_scanner, &to.body_from_scanner);
-        let shift: Vec3 = to.translation_m - from.translation_m;
-        let turn = so3::log(&(to.rotation * from.rotation.inverse()));
+        let (turn, shift) = to
+            .body_from_scanner
+            .perturbation_from(&from.body_from_scanner);
         [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
     });
     DVector::from_iterator(6 * from.len(), parts)

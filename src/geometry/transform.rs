@@ -4,7 +4,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Mul;
 
-use super::so3::exp;
+use super::so3::{exp, log};
 use super::{Rotation, Vec3};
 
 /// The world frame: right-handed, z up.
@@ -104,6 +104,14 @@ impl WorldFromBody {
         let rotation = self.rotation * exp(dphi_rad);
         Self::new(normalised(rotation), self.translation_m + dp_m)
     }
+
+    /// The perturbation (δφ, δp) that leads from `origin` to this transform.
+    pub fn perturbation_from(&self, origin: &Self) -> (Vec3, Vec3) {
+        (
+            log(&(origin.rotation.inverse() * self.rotation)),
+            self.translation_m - origin.translation_m,
+        )
+    }
 }
 
 impl BodyFromScanner {
@@ -112,6 +120,14 @@ impl BodyFromScanner {
     pub fn perturbed(&self, dphi_rad: &Vec3, dp_m: &Vec3) -> Self {
         let rotation = exp(dphi_rad) * self.rotation;
         Self::new(normalised(rotation), self.translation_m + dp_m)
+    }
+
+    /// The perturbation (δφ, δp) that leads from `origin` to this transform.
+    pub fn perturbation_from(&self, origin: &Self) -> (Vec3, Vec3) {
+        (
+            log(&(self.rotation * origin.rotation.inverse())),
+            self.translation_m - origin.translation_m,
+        )
     }
 }
 

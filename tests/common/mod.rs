@@ -86,11 +86,31 @@ pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
     boresight(&[&[command, project.to_str().unwrap()], more].concat())
 }
 
+/// Runs a command that must fail with exit code 1; arguments that begin with `./` are files in
+/// `folder`.
+#[cfg(feature = "cli")]
+pub fn refused(folder: &Path, arguments: &[&str]) -> Run {
+    let paths: Vec<String> = arguments
+        .iter()
+        .map(|argument| match argument.strip_prefix("./") {
+            Some(name) => folder.join(name).to_str().unwrap().to_owned(),
+            None => (*argument).to_owned(),
+        })
+        .collect();
+    let run = boresight(&paths.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(run.code, 1, "{arguments:?}: {}{}", run.out, run.err);
+    run
+}
+
+/// Rewrites a text file.
+pub fn rewrite(path: &Path, how: impl FnOnce(&str) -> String) {
+    let text = std::fs::read_to_string(path).unwrap();
+    std::fs::write(path, how(&text)).unwrap();
+}
+
 /// Rewrites `project.toml` in `folder`.
 pub fn rewrite_project(folder: &Path, how: impl FnOnce(&str) -> String) {
-    let path = folder.join("project.toml");
-    let text = std::fs::read_to_string(&path).unwrap();
-    std::fs::write(&path, how(&text)).unwrap();
+    rewrite(&folder.join("project.toml"), how);
 }
 
 /// Puts `new` in place of `old`, which stands once in the project.

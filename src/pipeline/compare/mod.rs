@@ -17,7 +17,8 @@ use crate::tiles::{self, Comparison, peak_memory_bytes};
 /// Computes M3C2 between two clouds: statistics, a table of the core points (`m3c2.csv`), and a
 /// cloud of the core points with extra dimensions (`m3c2.laz`).
 ///
-/// # Errors Clouds that cannot be read or do not overlap; settings invalid for
+/// # Errors
+/// Clouds that cannot be read or do not overlap; settings invalid for
 /// [`crate::comparison::m3c2()`].
 pub fn compare(
     comparison: &Comparison,
