@@ -196,6 +196,7 @@ pub mod error;
 pub mod format;
 pub mod geometry;
 pub mod georeference;
+pub mod joint;
 pub mod output;
 pub mod pipeline;
 pub mod progress;

@@ -16,6 +16,7 @@ mod marginals;
 mod prior;
 mod problem;
 mod rows;
+mod sparse;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -30,7 +31,7 @@ pub(crate) use front::{Carry, solve_rows};
 pub(crate) use functional::ChainGradient;
 pub(crate) use information::residual_information;
 pub(crate) use layout::{CHANGE, ChainLayout, NODE, SEGMENT, STEP, TAIL};
-pub(crate) use levenberg_marquardt::Ended;
+pub(crate) use levenberg_marquardt::{Ended, LeastSquares, levenberg_marquardt};
 pub(crate) use loss::{
     Graduation, LossGroup, cautious_weight, rejection_limit, square_scale, weigh,
 };
@@ -38,5 +39,12 @@ pub(crate) use marginals::{StepCovariance, tail_covariance};
 pub(crate) use prior::{BorderPrior, Prior};
 pub(crate) use problem::ChainProblem;
 pub(crate) use rows::{FactorRows, Rows};
+#[expect(
+    unused_imports,
+    reason = "the adjustment with surfaces is still to use it"
+)]
+pub(crate) use sparse::{
+    BlockPattern, NotPositiveBlock, SelectedInverse, Slot, SparseFactor, SparseSystem,
+};
 pub(crate) use system::{BorderSystem, StepSystem, assemble};
 pub(crate) use unknown::{Columns, Parameter, Retract, Unknown};

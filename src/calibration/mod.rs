@@ -11,7 +11,7 @@ mod cost;
 mod input;
 mod observability;
 mod paper;
-mod parameters;
+pub(crate) mod parameters;
 mod result;
 mod sample;
 mod scale;

@@ -10,6 +10,7 @@ mod drives;
 pub mod features;
 mod findings;
 mod job;
+pub mod joint;
 mod logs;
 pub mod online;
 mod outcome;

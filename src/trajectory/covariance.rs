@@ -88,6 +88,11 @@ impl PosteriorCovariance {
         }
     }
 
+    /// The graph, its solution, and the IMU's samples: for problems that hold more than the drive.
+    pub(crate) fn parts(&self) -> (&Graph, &State, &ImuSeries) {
+        (&self.graph, &self.state, &self.imu)
+    }
+
     /// Number of poses of the trajectory.
     pub fn nodes(&self) -> usize {
         self.graph.timeline.pose_s.len()

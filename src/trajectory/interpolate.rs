@@ -70,6 +70,14 @@ impl Trajectory {
         Ok(Self { limits, ..self })
     }
 
+    /// The same nodes without limits.
+    pub fn without_limits(self) -> Self {
+        Self {
+            limits: PoseLimits::default(),
+            ..self
+        }
+    }
+
     /// How well a pose must be known to be given out.
     pub fn limits(&self) -> PoseLimits {
         self.limits

@@ -64,6 +64,16 @@ impl Recovered {
         }
     }
 
+    /// The derivatives of the pose by the unknowns of its step.
+    pub fn rows(&self) -> PoseRows {
+        match &self.support {
+            PoseSupport::Node(first) => std::array::from_fn(|row| {
+                std::array::from_fn(|column| f64::from(u8::from(column == first + row)))
+            }),
+            PoseSupport::Between(between) => between.rows,
+        }
+    }
+
     /// The record with standard deviations, given the covariance of the step's unknowns.
     pub fn with_sigma(mut self, unknowns: &[[f64; STEP]; STEP]) -> PoseRecord {
         let (rotation, position) = match &self.support {

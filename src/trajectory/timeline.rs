@@ -9,8 +9,12 @@ use super::settings::Nodes;
 use super::streams::Streams;
 use crate::adjustment::ChainLayout;
 
-/// Longest time that one bias is held, and longest step: where the prism is out, biases still walk.
+/// Longest time that one bias is held, and longest step while online: where the prism is out, biases
+/// still walk.
 pub const MAX_STEP_S: f64 = 1.0;
+
+/// Longest step of a whole drive: between nodes, scans cannot correct a pose.
+const MAX_SPACING_S: f64 = 0.25;
 
 /// The chain of one drive.
 #[derive(Debug, Clone)]
@@ -85,7 +89,7 @@ fn sparse_nodes(pose_s: &[f64], fixes_s: &[f64], interval_s: f64) -> Vec<f64> {
     let push = |nodes: &mut Vec<f64>, time_s: f64| {
         let from_s = nodes[nodes.len() - 1];
         // Steps of equal length, each ending at an IMU sample, and no longer than allowed.
-        let count = ((time_s - from_s) / MAX_STEP_S - SAME_INSTANT_S)
+        let count = ((time_s - from_s) / MAX_SPACING_S - SAME_INSTANT_S)
             .ceil()
             .max(1.0);
         for k in 1..count as usize {
@@ -168,14 +172,14 @@ mod tests {
     }
 
     #[test]
-    fn sparse_nodes_stand_at_fixes_and_no_farther_apart_than_a_second() {
-        let poses: Vec<f64> = (0..=40).map(|i| f64::from(i) * 0.1).collect();
-        let nodes = sparse_nodes(&poses, &[0.0, 0.5, 0.52, 0.73, 3.1, 4.0], 0.1);
-        // 0.52 belongs to 0.5; 0.73 to 3.1 is cut in three.
-        assert_eq!(nodes.len(), 7, "{nodes:?}");
-        assert_eq!(nodes[2], 0.73);
-        assert!(nodes.windows(2).all(|w| w[1] - w[0] < 1.0 + 0.1));
-        assert_eq!((nodes[0], nodes[6]), (0.0, 4.0));
+    fn sparse_nodes_stand_at_fixes_and_no_farther_apart_than_allowed() {
+        let poses: Vec<f64> = (0..=400).map(|i| f64::from(i) * 0.01).collect();
+        let nodes = sparse_nodes(&poses, &[0.0, 0.5, 0.503, 0.734, 3.1, 4.0], 0.01);
+        // 0.503 belongs to 0.5; 0.734 to 3.1 is cut in ten.
+        assert_eq!(nodes.len(), 1 + 2 + 1 + 10 + 4, "{nodes:?}");
+        assert_eq!(nodes[3], 0.734);
+        assert!(nodes.windows(2).all(|w| w[1] - w[0] < MAX_SPACING_S + 0.01));
+        assert_eq!((nodes[0], nodes[17]), (0.0, 4.0));
     }
 
     #[test]

@@ -1,0 +1,119 @@
+//! Simulates drives with different seeds, adjusts each in one piece and in two steps, and compares
+//! both with the truth.
+//!
+//! `cargo run --release --example joint -- 30 1`
+
+use std::path::Path;
+use std::time::Instant;
+
+use boresight::Result;
+use boresight::joint::JointSettings;
+use boresight::pipeline::joint::{Drive, adjusted};
+use boresight::pipeline::stages;
+use boresight::progress::Silent;
+use boresight::simulation::Scenario;
+
+#[path = "../tests/common/demo_drive.rs"]
+mod demo_drive;
+use demo_drive::DemoDrive;
+
+fn main() -> Result<()> {
+    let mut args = std::env::args().skip(1);
+    let seeds: u64 = args.next().and_then(|n| n.parse().ok()).unwrap_or(1);
+    let first: u64 = args.next().and_then(|n| n.parse().ok()).unwrap_or(1);
+    let surfel_m: f64 = args.next().and_then(|n| n.parse().ok()).unwrap_or(0.05);
+    for seed in first..first + seeds {
+        let folder = std::env::temp_dir().join(format!("boresight-joint-{seed}"));
+        run(seed, &folder, surfel_m)?;
+        let _ = std::fs::remove_dir_all(&folder);
+    }
+    Ok(())
+}
+
+fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
+    let scenario = Scenario {
+        seed,
+        ..Scenario::demo()
+    };
+    let drive = DemoDrive::simulate(scenario, folder)?;
+    let project = &drive.project;
+    let samples = stages::samples(project, &drive.own.trajectory, &Silent)?;
+    let begun = Instant::now();
+    let two = stages::calibration(
+        project,
+        &project.calibration,
+        &drive.own,
+        &samples,
+        &drive.reference,
+        &Silent,
+    )?;
+    println!("two steps {:.1} s", begun.elapsed().as_secs_f64());
+    let begun = Instant::now();
+    let mut settings = JointSettings::default();
+    settings.reference.shift_m = 0.0;
+    settings.reference.tilt_rad = 0.0;
+    let drives = [Drive {
+        name: "drive".into(),
+        project,
+        poses: &drive.own,
+        samples: &samples,
+    }];
+    let joint = adjusted(
+        &drives,
+        two.mountings.clone(),
+        &drive.reference,
+        &settings,
+        surfel_m,
+        &Silent,
+    )?;
+    println!(
+        "joint {:.1} s, {} iterations, {} rows, {} surfels, {} unknowns, {}",
+        begun.elapsed().as_secs_f64(),
+        joint.iterations,
+        joint.rows,
+        joint.surfels,
+        joint.unknowns,
+        joint.stop
+    );
+    for group in &joint.groups {
+        println!("  {group:?}");
+    }
+    for scanner in 0..2 {
+        let truth = &drive.truth[scanner];
+        for (name, mounting) in [("two", &two.mountings), ("joint", &joint.mountings)] {
+            let (turn, shift) = mounting[scanner].body_from_scanner.perturbation_from(truth);
+            let shift = shift * 1e3;
+            let turn = turn.map(f64::to_degrees);
+            println!(
+                "{name:6} {:8.3} {:8.3} {:8.3} mm {:8.4} {:8.4} {:8.4} deg",
+                shift.x, shift.y, shift.z, turn.x, turn.y, turn.z
+            );
+        }
+        let s = |i: usize| joint.covariance[(6 * scanner + i, 6 * scanner + i)].sqrt();
+        println!(
+            "sigma  {:8.3} {:8.3} {:8.3} mm {:8.4} {:8.4} {:8.4} deg",
+            s(0) * 1e3,
+            s(1) * 1e3,
+            s(2) * 1e3,
+            s(3).to_degrees(),
+            s(4).to_degrees(),
+            s(5).to_degrees()
+        );
+    }
+    let error = |poses: &boresight::trajectory::Trajectory| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for pose in poses.poses() {
+            if let Some(truth) = drive.exact.trajectory.pose_at(pose.time_s) {
+                sum += (pose.world_from_body.translation_m - truth.translation_m).norm_squared();
+                count += 1.0;
+            }
+        }
+        1e3 * (sum / count as f64).sqrt()
+    };
+    println!(
+        "poses {:.2} -> {:.2} mm",
+        error(&drive.own.trajectory),
+        error(&joint.drives[0].trajectory)
+    );
+    Ok(())
+}

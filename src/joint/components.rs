@@ -1,0 +1,109 @@
+//! What the residuals say about the noise of each group: Ω = Σ r² over the redundancy
+//! Σ (1 − j H⁻¹ jᵀ).
+
+use super::problem::{JointProblem, State};
+use super::row::RowBatch;
+
+/// Vectors of signs; each gives the trace to √(2 tr ((J H⁻¹ Jᵀ)²)).
+const PROBES: usize = 8;
+/// Groups with less redundancy keep their standard deviations.
+const MIN_REDUNDANCY: f64 = 30.0;
+
+/// The residuals of a group.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Component {
+    /// Rows.
+    pub rows: usize,
+    /// Ω: weighted sum of squared normalised residuals.
+    pub chi_square: f64,
+    /// How many of the rows check the others.
+    pub redundancy: f64,
+}
+
+impl Component {
+    /// Ω over the redundancy: 1 where the standard deviations are right; `None` where nothing checks
+    /// the group.
+    pub fn ratio(&self) -> Option<f64> {
+        (self.redundancy > 1.0).then(|| self.chi_square / self.redundancy)
+    }
+
+    /// Both groups together.
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            rows: self.rows + other.rows,
+            chi_square: self.chi_square + other.chi_square,
+            redundancy: self.redundancy + other.redundancy,
+        }
+    }
+}
+
+/// +1 or −1, as good as drawn for each probe and row (the finalizer of SplitMix64).
+fn sign(probe: usize, row: usize) -> f64 {
+    let mut x = ((probe as u64) << 48 | row as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    if (x ^ (x >> 31)) & 1 == 0 { 1.0 } else { -1.0 }
+}
+
+/// The component of each group at a state whose factor the problem holds. The traces are found by
+/// probes: E zᵀ J H⁻¹ Jᵀ z over random signs z is the trace (Hutchinson 1990).
+pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
+    let mut found = vec![Component::default(); problem.groups.names.len()];
+    let Some(factor) = problem.factor() else {
+        return found;
+    };
+    let unknowns = problem.unknowns();
+    let mut sides = vec![0.0; unknowns * PROBES];
+    let mut each = |mut take: Box<dyn FnMut(usize, &super::row::Row<'_>, &[usize]) + '_>| {
+        let mut number = 0;
+        problem.visit(state, |batch: &RowBatch| {
+            for row in batch.rows() {
+                let places: Vec<usize> = row
+                    .blocks
+                    .iter()
+                    .flat_map(|&block| {
+                        let block = block as usize;
+                        let first = problem.offset(block);
+                        first..first + problem.layout.sizes[block]
+                    })
+                    .collect();
+                take(number, &row, &places);
+                number += 1;
+            }
+        });
+    };
+    each(Box::new(|number, row, places| {
+        let root = row.weight.sqrt();
+        for (probe, side) in sides.chunks_exact_mut(unknowns).enumerate() {
+            let z = sign(probe, number) * root;
+            for (place, by) in places.iter().zip(row.by) {
+                side[*place] += z * by;
+            }
+        }
+    }));
+    factor.solve(&mut sides, PROBES);
+    each(Box::new(|number, row, places| {
+        let root = row.weight.sqrt();
+        let mut trace = 0.0;
+        for (probe, side) in sides.chunks_exact(unknowns).enumerate() {
+            let terms = places.iter().zip(row.by).map(|(place, by)| side[*place] * by);
+            trace += sign(probe, number) * root * terms.sum::<f64>();
+        }
+        let component = &mut found[row.group];
+        if row.weight > 0.0 {
+            component.rows += 1;
+            component.chi_square += row.weight * row.residual * row.residual;
+            component.redundancy += 1.0 - trace / PROBES as f64;
+        }
+    }));
+    found
+}
+
+/// Scales the noise of scans and reference to their residuals (Förstner 1979).
+pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) {
+    for (group, component) in found.iter().enumerate() {
+        if problem.groups.is_estimated(group) && component.redundancy > MIN_REDUNDANCY {
+            problem.groups.scale[group] *= (component.chi_square / component.redundancy).sqrt();
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Which block of unknowns and which group of observations is what.
+
+use super::input::JointInput;
+use super::motion::Motion;
+use super::surfel::{Association, CLASSES};
+
+/// The blocks: of each drive's motion, surfels, patches, and at the end all that couples with nearly
+/// everything: errors of the reference, constants, latencies and mountings.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    pub sizes: Vec<usize>,
+    /// First block of each drive's motion.
+    pub first_motion: Vec<usize>,
+    pub first_surfel: usize,
+    pub first_patch: usize,
+    /// Shift and tilt of the reference, where they are unknown.
+    pub reference: Option<usize>,
+    /// The block of each constant of each drive; drives share those of the same name and base.
+    pub constants: Vec<Vec<usize>>,
+    /// The drive and column that stand for each constant.
+    pub constant_owner: Vec<(usize, usize)>,
+    pub first_constant: usize,
+    /// Of each scanner where it is estimated.
+    pub late: Vec<Option<usize>>,
+    /// Of each scanner.
+    pub mountings: Vec<usize>,
+}
+
+impl Layout {
+    pub fn new(
+        input: &JointInput<'_>,
+        motions: &[Box<dyn Motion>],
+        found: &Association,
+        has_reference_error: bool,
+    ) -> Self {
+        let mut sizes = Vec::new();
+        let mut first_motion = Vec::new();
+        for motion in motions {
+            first_motion.push(sizes.len());
+            sizes.extend(motion.blocks());
+        }
+        let mut add = |count: usize, size: usize| {
+            let first = sizes.len();
+            sizes.resize(first + count, size);
+            first
+        };
+        let first_surfel = add(found.surfels.len(), 3);
+        let first_patch = add(found.patches, 1);
+        let reference = has_reference_error.then(|| add(1, 6));
+        let mut constant_owner = Vec::new();
+        let mut named: Vec<(String, f64)> = Vec::new();
+        let places: Vec<Vec<usize>> = motions
+            .iter()
+            .enumerate()
+            .map(|(drive, motion)| {
+                let constants = motion.constants().into_iter().enumerate();
+                let place = constants.map(|(column, constant)| {
+                    let shared = named
+                        .iter()
+                        .position(|(name, base)| *name == constant.name && *base == constant.base);
+                    shared.unwrap_or_else(|| {
+                        named.push((constant.name, constant.base));
+                        constant_owner.push((drive, column));
+                        named.len() - 1
+                    })
+                });
+                place.collect()
+            })
+            .collect();
+        let first_constant = add(named.len(), 1);
+        let constants = places
+            .iter()
+            .map(|places| places.iter().map(|place| first_constant + place).collect());
+        let constants = constants.collect();
+        let late = input.estimate_latency.iter();
+        let late = late.map(|estimate| estimate.then(|| add(1, 1))).collect();
+        let mountings = (0..input.mountings.len()).map(|_| add(1, 6)).collect();
+        Self {
+            first_motion,
+            first_surfel,
+            first_patch,
+            reference,
+            constants,
+            constant_owner,
+            first_constant,
+            late,
+            mountings,
+            sizes,
+        }
+    }
+
+    /// The first of the blocks that couple with nearly everything.
+    pub fn last(&self) -> usize {
+        self.reference.unwrap_or(self.first_constant)
+    }
+}
+
+/// The groups of observations whose noise is tested, and for scans and the reference estimated.
+#[derive(Debug, Clone)]
+pub struct Groups {
+    pub names: Vec<String>,
+    /// First group of each drive's motion.
+    pub first_motion: Vec<usize>,
+    pub first_scan: usize,
+    pub first_reference: usize,
+    /// Errors of the reference's surface over some decimetres.
+    pub surface: usize,
+    /// All other priors.
+    pub assumed: usize,
+    /// Factor on the standard deviations of each group.
+    pub scale: Vec<f64>,
+}
+
+impl Groups {
+    pub fn new(input: &JointInput<'_>) -> Self {
+        let mut names = Vec::new();
+        let mut first_motion = Vec::new();
+        let several = input.drives.len() > 1;
+        for drive in &input.drives {
+            first_motion.push(names.len());
+            let of_drive = drive.motion.groups().into_iter();
+            names.extend(of_drive.map(|name| match several {
+                true => format!("{}.{name}", drive.name),
+                false => name,
+            }));
+        }
+        let first_scan = names.len();
+        for mounting in &input.mountings {
+            names.extend((0..CLASSES).map(|_| mounting.name.clone()));
+        }
+        let first_reference = names.len();
+        names.extend((0..CLASSES).map(|_| "reference".to_owned()));
+        let surface = names.len();
+        names.extend(["surface".to_owned(), "assumed".to_owned()]);
+        Self {
+            scale: vec![1.0; names.len()],
+            names,
+            first_motion,
+            first_scan,
+            first_reference,
+            surface,
+            assumed: surface + 1,
+        }
+    }
+
+    /// Whether its noise is estimated from its residuals.
+    pub fn is_estimated(&self, group: usize) -> bool {
+        (self.first_scan..self.surface).contains(&group)
+    }
+}

@@ -1,0 +1,26 @@
+//! One adjustment of mountings and trajectories: the scans correct the poses that calibrate them.
+//!
+//! Nothing is fixed but what is known: surfels (patches of the surface with offset and two slopes),
+//! the poses behind the scans, the mountings and the constants are unknowns of one least-squares
+//! problem, whose observations are scans, IMU, prism, heading and the reference, each with its own
+//! noise. Start with [`adjust`], the algorithm; then see `surfel.rs` (which points belong to which
+//! patch), `scan.rs` (the scan factor), `motion/` (what lies behind poses), `problem.rs` (all rows)
+//! and `components.rs` (what residuals say about the model).
+
+mod adjust;
+mod components;
+mod input;
+mod layout;
+pub mod motion;
+mod problem;
+mod result;
+mod row;
+mod scan;
+mod settings;
+mod surfel;
+
+pub use adjust::adjust;
+pub use input::{JointDrive, JointInput, Scans};
+pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
+pub use result::{AdjustedDrive, GroupTest, Joint};
+pub use settings::{JointSettings, ReferenceSigma};

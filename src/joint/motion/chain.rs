@@ -1,0 +1,409 @@
+//! A drive with logs: the chain of the trajectory's own graph, with its nodes, biases and constants.
+
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+use super::gauss_markov::GaussMarkov;
+use super::knots::{Knot, StepPoses, of_node};
+use super::{ConstantValue, Motion, Places};
+use crate::adjustment::{ChainProblem, ChainStep, NODE, Rows, SEGMENT, STEP};
+use crate::joint::row::RowBatch;
+use crate::sensor::PoseRecord;
+use crate::trajectory::graph::{Graph, Source};
+use crate::trajectory::imu_series::{ImuSeries, SAME_INSTANT_S};
+use crate::trajectory::recovery::Recovery;
+use crate::trajectory::states::{NodeState, State};
+use crate::trajectory::PosteriorCovariance;
+
+/// The part of a sensor's error that is correlated in time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CorrelatedError {
+    /// Of each component, the unit of the observation.
+    pub sigma: Vec<f64>,
+    /// Seconds.
+    pub correlation_s: f64,
+}
+
+/// Groups of observations, in this order: IMU, position sensors, heading, and all that is assumed
+/// (walks of biases, correlated errors, rests, priors).
+const IMU: usize = 0;
+
+/// The chain at its present state.
+#[derive(Debug, Clone)]
+pub struct ChainMotion {
+    pub graph: Arc<Graph>,
+    pub imu: Arc<ImuSeries>,
+    pub state: State,
+    /// Names of the position sensors.
+    names: Arc<Vec<String>>,
+    /// Correlated errors of each position sensor, then of the heading.
+    correlated: Vec<Option<GaussMarkov>>,
+}
+
+impl ChainMotion {
+    /// The chain of an estimate, with the correlated errors of its position sensors and of the
+    /// heading.
+    pub fn new(
+        posterior: &PosteriorCovariance,
+        names: Vec<String>,
+        correlated: &[Option<CorrelatedError>],
+    ) -> Self {
+        let (graph, state, imu) = posterior.parts();
+        let node_s = &graph.timeline.node_s;
+        let span_s = (node_s[0], node_s[node_s.len() - 1]);
+        let process = |error: &CorrelatedError| {
+            GaussMarkov::new(span_s, error.sigma.clone(), error.correlation_s)
+        };
+        Self {
+            graph: Arc::new(graph.clone()),
+            imu: Arc::new(imu.clone()),
+            state: state.clone(),
+            names: Arc::new(names),
+            correlated: correlated.iter().map(|e| e.as_ref().map(process)).collect(),
+        }
+    }
+
+    /// The same chain with the standard deviations of the IMU multiplied by `scale`.
+    pub fn with_imu_scale(mut self, scale: f64) -> Self {
+        Arc::make_mut(&mut self.graph).imu_scale = scale;
+        self
+    }
+
+    fn nodes(&self) -> usize {
+        self.state.nodes.len()
+    }
+
+    fn segments(&self) -> usize {
+        self.state.biases.len()
+    }
+
+    /// Own block of the first knot of a sensor's correlated error.
+    fn first_knot(&self, sensor: usize) -> usize {
+        let before = self.correlated[..sensor].iter().flatten();
+        let knots: usize = before.map(|process| process.knot_s.len()).sum();
+        self.nodes() + self.segments() + knots
+    }
+
+    /// Group of the headings.
+    fn heading(&self) -> usize {
+        IMU + 1 + self.names.len()
+    }
+
+    /// Adds a factor's rows. `sensor` is the place of its correlated error, and `columns` the
+    /// derivatives of its raw residual's whitened rows by that error.
+    fn add(
+        &self,
+        (step, group): (usize, usize),
+        rows: &Rows<'_>,
+        error: Option<ErrorRows<'_>>,
+        places: &Places<'_>,
+        batch: &mut RowBatch,
+    ) {
+        let segment = self.graph.layout().segment(step);
+        let own = |block: usize| places.first_block + block;
+        for (i, (by, residual)) in rows.by_step.iter().zip(rows.residual).enumerate() {
+            let moved = error.as_ref().map_or(0.0, |error| error.residual(i));
+            batch.begin(places.first_group + group, rows.weight, residual + moved);
+            let mut touch = |block: usize, by: &[f64]| {
+                if by.iter().any(|x| *x != 0.0) {
+                    batch.touch(own(block), by);
+                }
+            };
+            touch(step, &by[..NODE]);
+            touch(step + 1, &by[NODE..2 * NODE]);
+            touch(self.nodes() + segment, &by[2 * NODE..STEP]);
+            for (column, by) in rows.by_column() {
+                batch.touch(places.constants[column], &by[i..=i]);
+            }
+            if let Some(error) = &error {
+                for (block, share) in error.knots() {
+                    let by: Vec<f64> = error.whitener(i).iter().map(|w| w * share).collect();
+                    batch.touch(own(block), &by);
+                }
+            }
+        }
+    }
+
+    /// The correlated error of a record.
+    fn error_rows<'a>(
+        &'a self,
+        sensor: usize,
+        time_s: f64,
+        whitener: DMatrix<f64>,
+    ) -> Option<ErrorRows<'a>> {
+        let process = self.correlated.get(sensor)?.as_ref()?;
+        Some(ErrorRows {
+            process,
+            first: self.first_knot(sensor),
+            time_s,
+            whitener,
+        })
+    }
+
+    fn error_of(&self, source: &Source<'_>) -> Option<ErrorRows<'_>> {
+        match source {
+            Source::Position(fix) => {
+                let whitener = DMatrix::from_fn(3, 3, |i, j| fix.whitener[(i, j)]);
+                self.error_rows(fix.sensor, fix.time_s, whitener)
+            }
+            Source::Heading(fix) => {
+                let whitener = DMatrix::from_element(1, 1, -1.0 / fix.sigma_rad);
+                self.error_rows(self.names.len(), fix.time_s, whitener)
+            }
+            Source::Imu(_) | Source::Rest => None,
+        }
+    }
+
+    fn group_of(&self, source: &Source<'_>) -> usize {
+        match source {
+            Source::Imu(_) => IMU,
+            Source::Position(fix) => IMU + 1 + fix.sensor,
+            Source::Heading(_) => self.heading(),
+            Source::Rest => self.heading() + 1,
+        }
+    }
+
+    /// Priors of node 0 and bias 0, walks of the biases, and correlated errors.
+    fn assumed(&self, places: &Places<'_>, batch: &mut RowBatch) {
+        let group = places.first_group + self.heading() + 1;
+        let mut single = |block: usize, size: usize, at: usize, weight: f64, miss: f64| {
+            let mut by = vec![0.0; size];
+            by[at] = weight.sqrt();
+            batch.begin(group, 1.0, miss * weight.sqrt());
+            batch.touch(places.first_block + block, &by);
+        };
+        let prior = self.graph.prior(&self.state);
+        for (a, (weight, miss)) in prior.weight.iter().zip(prior.miss).enumerate() {
+            if a < NODE {
+                single(0, NODE, a, *weight, miss);
+            } else {
+                single(self.nodes(), SEGMENT, a - NODE, *weight, miss);
+            }
+        }
+        for old in 0..self.segments() - 1 {
+            let walk = self.graph.walk(&self.state, old);
+            for (a, (weight, miss)) in walk.weight.iter().zip(walk.miss).enumerate() {
+                let mut by = [0.0; SEGMENT];
+                by[a] = -weight.sqrt();
+                batch.begin(group, 1.0, miss * weight.sqrt());
+                let block = places.first_block + self.nodes() + old;
+                batch.touch(block, &by);
+                by[a] = weight.sqrt();
+                batch.touch(block + 1, &by);
+            }
+        }
+        for (sensor, process) in self.correlated.iter().enumerate() {
+            let Some(process) = process else { continue };
+            let first = places.first_block + self.first_knot(sensor);
+            (0..process.knot_s.len()).for_each(|knot| process.rows(knot, first, group, batch));
+        }
+    }
+}
+
+/// The correlated error e of one record: its residual r becomes r + W e.
+struct ErrorRows<'a> {
+    process: &'a GaussMarkov,
+    /// Own block of its first knot.
+    first: usize,
+    time_s: f64,
+    whitener: DMatrix<f64>,
+}
+
+impl ErrorRows<'_> {
+    fn residual(&self, row: usize) -> f64 {
+        let errors = (0..self.process.dimension()).map(|d| self.process.at(self.time_s, d));
+        self.whitener(row).iter().zip(errors).map(|(w, e)| w * e).sum()
+    }
+
+    fn whitener(&self, row: usize) -> Vec<f64> {
+        self.whitener.row(row).iter().copied().collect()
+    }
+
+    /// The blocks of the knots before and after, with their shares.
+    fn knots(&self) -> [(usize, f64); 2] {
+        let (knot, u) = self.process.locate(self.time_s);
+        [(self.first + knot, 1.0 - u), (self.first + knot + 1, u)]
+    }
+}
+
+impl Motion for ChainMotion {
+    fn blocks(&self) -> Vec<usize> {
+        let mut sizes = vec![NODE; self.nodes()];
+        sizes.resize(self.nodes() + self.segments(), SEGMENT);
+        for process in self.correlated.iter().flatten() {
+            sizes.resize(sizes.len() + process.knot_s.len(), process.dimension());
+        }
+        sizes
+    }
+
+    fn groups(&self) -> Vec<String> {
+        let sensors = self.names.iter().cloned();
+        let mut all: Vec<String> = std::iter::once("imu".into()).chain(sensors).collect();
+        all.extend(["heading".into(), "assumed".into()]);
+        all
+    }
+
+    fn steps(&self) -> usize {
+        self.graph.timeline.steps()
+    }
+
+    fn step_at(&self, time_s: f64) -> Option<usize> {
+        let node_s = &self.graph.timeline.node_s;
+        let within = node_s[0] <= time_s && time_s <= node_s[node_s.len() - 1];
+        within.then(|| self.graph.timeline.place(time_s).0)
+    }
+
+    fn pose_blocks(&self, step: usize) -> [usize; 2] {
+        [step, step + 1]
+    }
+
+    /// The share of the bias in the poses between two nodes is left out: over the eighth of a second
+    /// from node to node it is Δt²/16 of an accelerometer's bias, a micrometre.
+    fn poses(&self, step: usize) -> StepPoses {
+        let node_s = &self.graph.timeline.node_s;
+        let at_node = |node: usize, first: usize| {
+            let NodeState {
+                world_from_body,
+                velocity_m_s,
+            } = self.state.nodes[node];
+            Knot {
+                time_s: node_s[node],
+                world_from_body,
+                velocity_m_s: Some(velocity_m_s),
+                by: of_node(first),
+            }
+        };
+        let mut knots = vec![at_node(step, 0)];
+        let recovery = Recovery {
+            graph: &self.graph,
+            state: &self.state,
+            imu: &self.imu,
+        };
+        recovery.step(step, |pose| {
+            let time_s = pose.record.time_s;
+            let inside = time_s > node_s[step] + SAME_INSTANT_S
+                && time_s < node_s[step + 1] - SAME_INSTANT_S;
+            if inside {
+                let rows = pose.rows();
+                knots.push(Knot {
+                    time_s,
+                    world_from_body: pose.record.world_from_body,
+                    velocity_m_s: pose.record.velocity_m_s,
+                    by: std::array::from_fn(|i| std::array::from_fn(|j| rows[i][j])),
+                });
+            }
+        });
+        knots.push(at_node(step + 1, NODE));
+        StepPoses { knots, width: NODE }
+    }
+
+    fn rows(&self, step: usize, places: &Places<'_>, batch: &mut RowBatch) {
+        if step == self.steps() {
+            self.assumed(places, batch);
+            return;
+        }
+        self.graph.rows(&self.state, step, |source, rows| {
+            let error = self.error_of(&source);
+            let group = self.group_of(&source);
+            self.add((step, group), &rows, error, places, batch);
+        });
+    }
+
+    fn moved(&self, own: &[f64], constants: &[f64]) -> Box<dyn Motion> {
+        let (nodes, rest) = own.split_at(self.nodes() * NODE);
+        let (segments, mut errors) = rest.split_at(self.segments() * SEGMENT);
+        let step = ChainStep {
+            nodes: nodes.as_chunks::<NODE>().0.to_vec(),
+            segments: segments.as_chunks::<SEGMENT>().0.to_vec(),
+            border: constants.to_vec(),
+        };
+        let mut moved = self.clone();
+        moved.state = self.graph.retracted(&self.state, &step);
+        for process in moved.correlated.iter_mut().flatten() {
+            let (step, rest) = errors.split_at(process.value.len());
+            process.value.iter_mut().zip(step).for_each(|(x, d)| *x += d);
+            errors = rest;
+        }
+        Box::new(moved)
+    }
+
+    fn damping_sigma(&self) -> Vec<f64> {
+        let all = self.graph.damping_sigma();
+        let mut sigma: Vec<f64> = all[..NODE].repeat(self.nodes());
+        sigma.extend(all[NODE..].repeat(self.segments()));
+        for process in self.correlated.iter().flatten() {
+            sigma.extend(process.sigma.repeat(process.knot_s.len()));
+        }
+        sigma
+    }
+
+    fn records(
+        &self,
+        covariance: Option<&(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync)>,
+    ) -> Vec<PoseRecord> {
+        let recovery = Recovery {
+            graph: &self.graph,
+            state: &self.state,
+            imu: &self.imu,
+        };
+        let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
+        for step in 0..self.steps() {
+            let unknowns = covariance.and_then(|of| self.step_covariance(step, of));
+            recovery.step(step, |pose| {
+                records.push(match &unknowns {
+                    Some(unknowns) => pose.with_sigma(unknowns),
+                    None => pose.record,
+                });
+            });
+        }
+        records
+    }
+
+    fn constants(&self) -> Vec<ConstantValue> {
+        let corrections = self.state.constants.corrections();
+        let described = self.state.constants.described.iter();
+        described
+            .zip(corrections)
+            .map(|(column, correction)| ConstantValue {
+                name: column.name.clone(),
+                unit: column.unit,
+                base: column.base,
+                correction,
+                prior_sigma: column.prior_sigma,
+            })
+            .collect()
+    }
+
+    fn boxed(&self) -> Box<dyn Motion> {
+        Box::new(self.clone())
+    }
+
+    fn chain(&self) -> Option<&ChainMotion> {
+        Some(self)
+    }
+}
+
+impl ChainMotion {
+    /// The covariance of the unknowns of a step: both nodes and the bias.
+    fn step_covariance(
+        &self,
+        step: usize,
+        of: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
+    ) -> Option<[[f64; STEP]; STEP]> {
+        let segment = self.nodes() + self.graph.layout().segment(step);
+        let blocks = [(step, 0), (step + 1, NODE), (segment, 2 * NODE)];
+        let mut all = [[0.0; STEP]; STEP];
+        for (a, row) in blocks {
+            for (b, column) in blocks {
+                let part = of(a, b)?;
+                for i in 0..part.nrows() {
+                    for j in 0..part.ncols() {
+                        all[row + i][column + j] = part[(i, j)];
+                    }
+                }
+            }
+        }
+        Some(all)
+    }
+}

@@ -1,0 +1,91 @@
+//! Where the body was: the unknowns behind the poses of a drive, and what is known about them
+//! without scanners.
+
+mod chain;
+mod corrections;
+mod gauss_markov;
+mod knots;
+
+pub use chain::{ChainMotion, CorrelatedError};
+pub use corrections::CorrectedPoses;
+pub use gauss_markov::GaussMarkov;
+pub use knots::{Knot, StepPoses};
+
+use super::row::RowBatch;
+use crate::sensor::PoseRecord;
+use nalgebra::DMatrix;
+
+/// Where a motion finds its unknowns among the blocks of the whole problem.
+#[derive(Debug, Clone, Copy)]
+pub struct Places<'a> {
+    /// Its first own block.
+    pub first_block: usize,
+    /// The block of each of its constants.
+    pub constants: &'a [usize],
+    /// The group of its first kind of observation.
+    pub first_group: usize,
+}
+
+/// The motion of the body during a drive at its present values.
+///
+/// Steps run from node to node; poses within a step depend on its two nodes.
+pub trait Motion: Send + Sync {
+    /// Sizes of its own blocks of unknowns.
+    fn blocks(&self) -> Vec<usize>;
+
+    /// Names of its groups of observations.
+    fn groups(&self) -> Vec<String>;
+
+    /// Number of steps.
+    fn steps(&self) -> usize;
+
+    /// The step that holds a time; `None` outside the drive.
+    fn step_at(&self, time_s: f64) -> Option<usize>;
+
+    /// The own blocks of the nodes of a step whose leading unknowns the poses depend on.
+    fn pose_blocks(&self, step: usize) -> [usize; 2];
+
+    /// The poses within a step, from node to node, with their derivatives.
+    fn poses(&self, step: usize) -> StepPoses;
+
+    /// Adds the rows of everything but scanners in a step; `step` = steps() asks for priors.
+    fn rows(&self, step: usize, places: &Places<'_>, batch: &mut RowBatch);
+
+    /// The motion after a step of its own blocks (one after the other) and of its constants.
+    fn moved(&self, own: &[f64], constants: &[f64]) -> Box<dyn Motion>;
+
+    /// How far the start values of the own blocks may be off: the unit of the damping.
+    fn damping_sigma(&self) -> Vec<f64>;
+
+    /// The poses; with `covariance` of two own blocks also their standard deviations.
+    fn records(
+        &self,
+        covariance: Option<&(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync)>,
+    ) -> Vec<PoseRecord>;
+
+    /// Constants that it has in columns of their own, with their values.
+    fn constants(&self) -> Vec<ConstantValue>;
+
+    /// A copy.
+    fn boxed(&self) -> Box<dyn Motion>;
+
+    /// The graph of logs behind it, if there is one.
+    fn chain(&self) -> Option<&ChainMotion> {
+        None
+    }
+}
+
+/// A constant that is estimated along with the motion, one value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConstantValue {
+    /// As in the project, with the component: `prism.lever_arm.x`.
+    pub name: String,
+    /// SI unit.
+    pub unit: &'static str,
+    /// What `correction` is added to.
+    pub base: f64,
+    /// Found so far.
+    pub correction: f64,
+    /// Standard deviation of the prior about `base`.
+    pub prior_sigma: f64,
+}

@@ -1,0 +1,491 @@
+//! The adjustment as a sparse least-squares problem.
+
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::input::JointInput;
+use super::layout::{Groups, Layout};
+use super::motion::{Motion, Places};
+use super::row::{Row, RowBatch};
+use super::scan::{self, ScanBlocks, Seen};
+use super::settings::JointSettings;
+use super::surfel::{Association, ScanRow};
+use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
+use crate::calibration::parameters::{change, euler_jacobian_body, moved};
+use crate::calibration::Mounting;
+use crate::geometry::{BodyFromScanner, Vec3};
+
+/// Steps per task.
+const TASK: usize = 64;
+/// Tasks whose rows are held at a time.
+const HELD: usize = 16;
+
+/// Standard deviations of priors so wide that they only keep the problem solvable: a surfel's offset
+/// (metres) and slopes without a reference, a mounting's position (metres) and rotation.
+const SURFEL_SIGMA: [f64; 3] = [0.1, 1.0, 1.0];
+const MOUNTING_SIGMA: f64 = 1.0;
+/// Standard deviation of what is held, metres and radians.
+const HELD_SIGMA: f64 = 1e-8;
+/// How far the start values may be off: the unit of the damping of mountings (metres, radians),
+/// latencies (seconds) and of the reference.
+const START_SIGMA: f64 = 0.02;
+
+/// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
+/// the plane, beside what averages out over its points.
+const STRIP_SHARE: f64 = 0.5;
+/// Least standard deviation of a row, metres.
+const LEAST_SIGMA_M: f64 = 2e-5;
+
+/// Values of all unknowns.
+pub struct State {
+    pub motions: Vec<Box<dyn Motion>>,
+    pub mountings: Vec<Mounting>,
+    pub late_s: Vec<f64>,
+    /// (a, b, c) of each surfel.
+    pub shapes: Vec<Vec3>,
+    /// Offsets of the reference's patches, metres.
+    pub patches: Vec<f64>,
+    /// Shift (metres) and rotation vector (radians) of the reference about its centre.
+    pub reference: [f64; 6],
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        Self {
+            motions: self.motions.iter().map(|motion| motion.boxed()).collect(),
+            mountings: self.mountings.clone(),
+            late_s: self.late_s.clone(),
+            shapes: self.shapes.clone(),
+            patches: self.patches.clone(),
+            reference: self.reference,
+        }
+    }
+}
+
+impl State {
+    pub fn poses(&self) -> Vec<BodyFromScanner> {
+        self.mountings.iter().map(|m| m.body_from_scanner).collect()
+    }
+}
+
+/// The problem for one association of points with surfels.
+pub struct JointProblem<'a> {
+    pub input: &'a JointInput<'a>,
+    pub settings: &'a JointSettings,
+    pub found: Association,
+    pub layout: Layout,
+    pub groups: Groups,
+    /// σ of the reference's surface errors, metres.
+    pub surface_m: f64,
+    /// Directions of (δp, δφ) of all mountings that are held at their start values.
+    pub held: Vec<DVector<f64>>,
+    system: SparseSystem,
+    factor: Option<SparseFactor>,
+    centre_m: Vec3,
+    /// W with Wᵀ W the inverse covariance of mountings known beforehand.
+    known: Option<DMatrix<f64>>,
+    decrement: f64,
+    damping_sigma: Vec<f64>,
+}
+
+impl<'a> JointProblem<'a> {
+    pub fn new(
+        input: &'a JointInput<'a>,
+        settings: &'a JointSettings,
+        found: Association,
+        groups: Groups,
+        (state, held, surface_m): (&State, Vec<DVector<f64>>, f64),
+    ) -> Self {
+        let sigma = &settings.reference;
+        let has_prior = found.surfels.iter().any(|surfel| surfel.prior.is_some());
+        let has_error = has_prior && (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0);
+        let layout = Layout::new(input, &state.motions, &found, has_error);
+        let count = found.surfels.len().max(1) as f64;
+        let centre_m = found.surfels.iter().map(|s| s.centre_m).sum::<Vec3>() / count;
+        let known = input.known.map(|covariance| {
+            let size = covariance.nrows();
+            let least = HELD_SIGMA * HELD_SIGMA;
+            let whitener = (covariance + DMatrix::identity(size, size) * least).cholesky();
+            let whitener = whitener.and_then(|c| c.l().try_inverse());
+            whitener.unwrap_or_else(|| DMatrix::zeros(size, size))
+        });
+        let mut problem = Self {
+            input,
+            settings,
+            found,
+            layout,
+            groups,
+            surface_m,
+            held,
+            system: BlockPattern::new(vec![1]).analyse(1),
+            factor: None,
+            centre_m,
+            known,
+            decrement: f64::INFINITY,
+            damping_sigma: Vec::new(),
+        };
+        let mut pattern = BlockPattern::new(problem.layout.sizes.clone());
+        let mut blocks = Vec::new();
+        problem.visit(state, |batch| {
+            for row in batch.rows() {
+                blocks.clear();
+                blocks.extend(row.blocks.iter().map(|&b| b as usize));
+                pattern.couple(&blocks);
+            }
+        });
+        problem.system = pattern.analyse(problem.layout.last());
+        problem.damping_sigma = problem.damping_sigma(state);
+        problem
+    }
+
+    fn damping_sigma(&self, state: &State) -> Vec<f64> {
+        let mut all: Vec<f64> = state.motions.iter().flat_map(|m| m.damping_sigma()).collect();
+        all.extend(SURFEL_SIGMA.map(|s| 0.1 * s).repeat(self.found.surfels.len()));
+        all.resize(all.len() + self.found.patches, self.surface_m.max(LEAST_SIGMA_M));
+        all.resize(self.system.unknowns(), START_SIGMA);
+        all
+    }
+
+    /// Unknowns.
+    pub fn unknowns(&self) -> usize {
+        self.system.unknowns()
+    }
+
+    /// Nonzeros of the Cholesky factor.
+    pub fn factor_entries(&self) -> usize {
+        self.system.factor_entries()
+    }
+
+    /// First scalar of a block.
+    pub fn offset(&self, block: usize) -> usize {
+        self.system.offset(block)
+    }
+
+    /// The group and the standard deviation of a scan row, metres: σ² = s² (λ₃/n + share² λ₃ + σ₀²).
+    pub fn noise(&self, row: &ScanRow) -> (usize, f64) {
+        use super::surfel::CLASSES;
+        let surfel = &self.found.surfels[row.surfel as usize];
+        let group = self.groups.first_scan + row.scanner as usize * CLASSES + surfel.class;
+        let variance = surfel.roughness_m.powi(2);
+        let share = STRIP_SHARE * STRIP_SHARE + 1.0 / f64::from(row.count);
+        let square = variance * share + LEAST_SIGMA_M * LEAST_SIGMA_M;
+        (group, square.sqrt() * self.groups.scale[group])
+    }
+
+    /// Visits all rows in a fixed order.
+    pub fn visit(&self, state: &State, mut visit: impl FnMut(&RowBatch)) {
+        let poses = state.poses();
+        for drive in 0..self.input.drives.len() {
+            let motion = state.motions[drive].as_ref();
+            let places = Places {
+                first_block: self.layout.first_motion[drive],
+                constants: &self.layout.constants[drive],
+                first_group: self.groups.first_motion[drive],
+            };
+            let seen = Seen {
+                rows: &self.found.drives[drive],
+                samples: &self.input.drives[drive].scans.samples,
+                surfels: &self.found.surfels,
+                shapes: &state.shapes,
+                mountings: &poses,
+                late_s: &state.late_s,
+            };
+            let blocks = ScanBlocks {
+                first_motion: self.layout.first_motion[drive],
+                first_surfel: self.layout.first_surfel,
+                mountings: self.layout.mountings.clone(),
+                late: self.layout.late.clone(),
+            };
+            let steps: Vec<usize> = (0..=motion.steps()).collect();
+            for held in steps.chunks(TASK * HELD) {
+                let batches: Vec<RowBatch> = held
+                    .par_chunks(TASK)
+                    .map(|steps| {
+                        let mut batch = RowBatch::default();
+                        for &step in steps {
+                            motion.rows(step, &places, &mut batch);
+                            if step < motion.steps() {
+                                let noise = |row: &ScanRow| self.noise(row);
+                                scan::rows(&seen, motion, step, &blocks, &noise, &mut batch);
+                            }
+                        }
+                        batch
+                    })
+                    .collect();
+                batches.iter().for_each(&mut visit);
+            }
+        }
+        let mut batch = RowBatch::default();
+        self.surface(state, &mut batch);
+        self.assumed(state, &mut batch);
+        visit(&batch);
+    }
+
+    /// Priors of surfels and of the reference's surface errors.
+    fn surface(&self, state: &State, batch: &mut RowBatch) {
+        let surfels = self.found.surfels.iter().zip(&state.shapes).enumerate();
+        for (index, (surfel, shape)) in surfels {
+            let block = self.layout.first_surfel + index;
+            let Some(prior) = &surfel.prior else {
+                for (i, sigma) in SURFEL_SIGMA.iter().enumerate() {
+                    let mut by = [0.0; 3];
+                    by[i] = 1.0 / sigma;
+                    batch.begin(self.groups.assumed, 1.0, shape[i] / sigma);
+                    batch.touch(block, &by);
+                }
+                continue;
+            };
+            let group = self.groups.first_reference + surfel.class;
+            // How offset and slopes of the reference's plane move with its shift and rotation.
+            let [normal, u_axis, v_axis] = surfel.axes;
+            let arm = surfel.centre_m - self.centre_m;
+            let of_error: [[f64; 6]; 3] = [
+                (normal, arm.cross(&normal)),
+                (Vec3::zeros(), u_axis.cross(&normal)),
+                (Vec3::zeros(), v_axis.cross(&normal)),
+            ]
+            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
+            for i in 0..3 {
+                let floor = if i == 0 { LEAST_SIGMA_M } else { 0.0 };
+                let w = 1.0 / (prior.sigma[i].hypot(floor) * self.groups.scale[group]);
+                let patch = if i == 0 { state.patches[prior.patch as usize] } else { 0.0 };
+                let terms = of_error[i].iter().zip(&state.reference);
+                let moved: f64 = terms.map(|(a, b)| a * b).sum::<f64>() + patch;
+                let mut by = [0.0; 3];
+                by[i] = w;
+                batch.begin(group, 1.0, (shape[i] - moved) * w);
+                batch.touch(block, &by);
+                if i == 0 && self.surface_m > 0.0 {
+                    batch.touch(self.layout.first_patch + prior.patch as usize, &[-w]);
+                }
+                if let Some(reference) = self.layout.reference {
+                    batch.touch(reference, &of_error[i].map(|x| -x * w));
+                }
+            }
+        }
+        let sigma = self.surface_m.max(HELD_SIGMA);
+        for (patch, value) in state.patches.iter().enumerate() {
+            batch.begin(self.groups.surface, 1.0, value / sigma);
+            batch.touch(self.layout.first_patch + patch, &[1.0 / sigma]);
+        }
+    }
+
+    /// Priors of all that couples with everything.
+    fn assumed(&self, state: &State, batch: &mut RowBatch) {
+        let group = self.groups.assumed;
+        if let Some(reference) = self.layout.reference {
+            let sigma = &self.settings.reference;
+            for (i, value) in state.reference.iter().enumerate() {
+                let sigma = if i < 3 { sigma.shift_m } else { sigma.tilt_rad };
+                let mut by = [0.0; 6];
+                by[i] = 1.0 / sigma.max(HELD_SIGMA);
+                batch.begin(group, 1.0, value * by[i]);
+                batch.touch(reference, &by);
+            }
+        }
+        for (place, (drive, column)) in self.layout.constant_owner.iter().enumerate() {
+            let constant = &state.motions[*drive].constants()[*column];
+            let w = 1.0 / constant.prior_sigma;
+            batch.begin(group, 1.0, constant.correction * w);
+            batch.touch(self.layout.first_constant + place, &[w]);
+        }
+        for (late, value) in self.layout.late.iter().zip(&state.late_s) {
+            if let Some(block) = late {
+                batch.begin(group, 1.0, *value);
+                batch.touch(*block, &[1.0]);
+            }
+        }
+        self.mountings(state, batch);
+    }
+
+    /// Priors of the mountings: wide, of fixed parameters, of held directions, and known values.
+    fn mountings(&self, state: &State, batch: &mut RowBatch) {
+        let change = change(&self.input.mountings, &state.mountings);
+        let mut add = |direction: &[f64], weight: f64| {
+            let terms = direction.iter().zip(change.iter());
+            let residual: f64 = terms.map(|(a, b)| a * b * weight).sum();
+            batch.begin(self.groups.assumed, 1.0, residual);
+            for (scanner, block) in self.layout.mountings.iter().enumerate() {
+                let of = &direction[6 * scanner..6 * scanner + 6];
+                if of.iter().any(|x| *x != 0.0) {
+                    // The unknowns are (δφ, δp).
+                    let by = [of[3], of[4], of[5], of[0], of[1], of[2]];
+                    batch.touch(*block, &by.map(|x| x * weight));
+                }
+            }
+        };
+        let count = 6 * state.mountings.len();
+        for (scanner, mounting) in state.mountings.iter().enumerate() {
+            let angles =
+                euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
+            for parameter in 0..6 {
+                let mut direction = vec![0.0; count];
+                let place = 6 * scanner;
+                direction[place + parameter] = 1.0;
+                add(&direction, 1.0 / MOUNTING_SIGMA);
+                if !mounting.fixed[parameter] {
+                    continue;
+                }
+                if parameter >= 3 {
+                    direction[place + parameter] = 0.0;
+                    for axis in 0..3 {
+                        direction[place + 3 + axis] = angles[(parameter - 3, axis)];
+                    }
+                }
+                add(&direction, 1.0 / HELD_SIGMA);
+            }
+        }
+        for direction in &self.held {
+            add(direction.as_slice(), 1.0 / HELD_SIGMA);
+        }
+        for row in self.known.iter().flat_map(|w| w.row_iter()) {
+            let direction: Vec<f64> = row.iter().copied().collect();
+            add(&direction, 1.0);
+        }
+    }
+
+    /// Assembles the normal equations at a state.
+    fn assemble(&mut self, state: &State) {
+        let mut system = std::mem::replace(
+            &mut self.system,
+            BlockPattern::new(vec![1]).analyse(1),
+        );
+        system.zero();
+        let sizes = &self.layout.sizes;
+        self.visit(state, |batch| {
+            for row in batch.rows() {
+                scatter(&row, sizes, &mut system);
+            }
+        });
+        self.system = system;
+    }
+
+    /// Assembles and factorises at a state, without damping.
+    pub fn factorise(&mut self, state: &State) -> Option<()> {
+        self.assemble(state);
+        self.factor = self.system.factorise(&[]).ok();
+        self.factor.as_ref().map(|_| ())
+    }
+
+    /// The last factor.
+    pub fn factor(&self) -> Option<&SparseFactor> {
+        self.factor.as_ref()
+    }
+
+    /// Largest component of the gradient of the cost in units of posterior standard deviations of
+    /// single unknowns with all others held.
+    pub fn gradient(&self) -> &[f64] {
+        self.system.gradient()
+    }
+
+    fn retracted(&self, state: &State, step: &[f64]) -> State {
+        let layout = &self.layout;
+        let of = |block: usize, count: usize| {
+            let first = self.system.offset(block);
+            &step[first..first + count]
+        };
+        let motions = state.motions.iter().enumerate().map(|(drive, motion)| {
+            let own: usize = motion.blocks().iter().sum();
+            let constants: Vec<f64> = layout.constants[drive]
+                .iter()
+                .map(|&block| of(block, 1)[0])
+                .collect();
+            let first = layout.first_motion[drive];
+            motion.moved(of(first, own), &constants)
+        });
+        let mut delta = DVector::zeros(6 * state.mountings.len());
+        for (scanner, &block) in layout.mountings.iter().enumerate() {
+            let d = of(block, 6);
+            for i in 0..3 {
+                delta[6 * scanner + i] = d[3 + i];
+                delta[6 * scanner + 3 + i] = d[i];
+            }
+        }
+        let mut next = State {
+            motions: motions.collect(),
+            mountings: moved(&state.mountings, &delta),
+            late_s: state.late_s.clone(),
+            shapes: state.shapes.clone(),
+            patches: state.patches.clone(),
+            reference: state.reference,
+        };
+        for (late, block) in next.late_s.iter_mut().zip(&layout.late) {
+            *late += block.map_or(0.0, |block| of(block, 1)[0]);
+        }
+        if !next.shapes.is_empty() {
+            let shapes = of(layout.first_surfel, 3 * next.shapes.len());
+            for (shape, d) in next.shapes.iter_mut().zip(shapes.chunks_exact(3)) {
+                *shape += Vec3::from_column_slice(d);
+            }
+        }
+        if !next.patches.is_empty() {
+            let patches = of(layout.first_patch, next.patches.len());
+            next.patches.iter_mut().zip(patches).for_each(|(x, d)| *x += d);
+        }
+        if let Some(block) = layout.reference {
+            next.reference.iter_mut().zip(of(block, 6)).for_each(|(x, d)| *x += d);
+        }
+        next
+    }
+}
+
+/// Adds a row to the normal equations.
+fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
+    if row.weight == 0.0 {
+        return;
+    }
+    let mut values = [0.0; 81];
+    let mut start = 0;
+    for (i, &a) in row.blocks.iter().enumerate() {
+        let a = a as usize;
+        let by_a = &row.by[start..start + sizes[a]];
+        let first = system.offset(a);
+        for (g, j) in system.gradient_mut()[first..].iter_mut().zip(by_a) {
+            *g -= row.weight * j * row.residual;
+        }
+        let mut other = 0;
+        for &b in &row.blocks[..=i] {
+            let b = b as usize;
+            let by_b = &row.by[other..other + sizes[b]];
+            other += sizes[b];
+            let values = &mut values[..by_a.len() * by_b.len()];
+            for (line, x) in values.chunks_exact_mut(by_b.len()).zip(by_a) {
+                let x = row.weight * x;
+                line.iter_mut().zip(by_b).for_each(|(v, y)| *v = x * y);
+            }
+            system.add(system.slot(a, b), values);
+        }
+        start += by_a.len();
+    }
+}
+
+impl LeastSquares for JointProblem<'_> {
+    type State = State;
+
+    fn cost(&self, state: &State) -> f64 {
+        let mut sum = 0.0;
+        self.visit(state, |batch| sum += batch.cost());
+        sum
+    }
+
+    fn step(&mut self, state: &State, damping: f64) -> Option<State> {
+        self.assemble(state);
+        let diagonal: Vec<f64> = match damping > 0.0 {
+            true => self.damping_sigma.iter().map(|s| damping / (s * s)).collect(),
+            false => Vec::new(),
+        };
+        let factor = self.system.factorise(&diagonal).ok()?;
+        let mut step = self.system.gradient().to_vec();
+        factor.solve(&mut step, 1);
+        let terms = step.iter().zip(self.system.gradient());
+        self.decrement = terms.map(|(x, g)| x * g).sum();
+        self.factor = Some(factor);
+        Some(self.retracted(state, &step))
+    }
+
+    fn decrement(&self) -> f64 {
+        self.decrement
+    }
+}
+

@@ -1,0 +1,90 @@
+//! What the adjustment found.
+
+use nalgebra::DMatrix;
+
+use super::components::Component;
+use crate::adjustment::StopReason;
+use crate::calibration::Mounting;
+use crate::geometry::BodyFromScanner;
+use crate::trajectory::{EstimatedConstant, Trajectory};
+
+/// Mountings and trajectories adjusted together.
+#[derive(Debug, Clone)]
+pub struct Joint {
+    /// One a scanner.
+    pub mountings: Vec<Mounting>,
+    /// Covariance of (δp, δφ) of all mountings, body axes; zero for fixed and held parameters.
+    pub covariance: DMatrix<f64>,
+    /// Latency of each scanner's profiles where it was estimated: value and standard deviation,
+    /// seconds.
+    pub late_s: Vec<Option<(f64, f64)>>,
+    /// One a drive.
+    pub drives: Vec<AdjustedDrive>,
+    /// Constants estimated along.
+    pub constants: Vec<EstimatedConstant>,
+    /// Shift (metres) and rotation vector (radians) of the reference, with standard deviations;
+    /// `None` where they are taken to be zero.
+    pub reference: Option<([f64; 6], [f64; 6])>,
+    /// Standard deviation of the reference's errors over some decimetres, metres.
+    pub surface_m: f64,
+    /// The residuals of each group.
+    pub groups: Vec<GroupTest>,
+    /// Why it stopped.
+    pub stop: StopReason,
+    /// Steps of all rounds.
+    pub iterations: usize,
+    /// Scan rows of the last round.
+    pub rows: usize,
+    /// Surfels of the last round.
+    pub surfels: usize,
+    /// Unknowns of the last round.
+    pub unknowns: usize,
+}
+
+/// The trajectory of a drive after the adjustment.
+#[derive(Debug, Clone)]
+pub struct AdjustedDrive {
+    /// As given.
+    pub name: String,
+    /// The poses with standard deviations.
+    pub trajectory: Trajectory,
+}
+
+/// The residuals of a group of observations.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct GroupTest {
+    /// `imu`, the name of a position sensor or scanner, …
+    pub name: String,
+    /// Rows used.
+    pub rows: usize,
+    /// Σ r², in the standard deviations of the adjustment.
+    pub chi_square: f64,
+    /// Rows − tr(J H⁻¹ Jᵀ).
+    pub redundancy: f64,
+    /// Their quotient: 1 where the model is right.
+    pub ratio: Option<f64>,
+}
+
+impl GroupTest {
+    pub(super) fn new(name: &str, component: &Component) -> Self {
+        Self {
+            name: name.to_owned(),
+            rows: component.rows,
+            chi_square: component.chi_square,
+            redundancy: component.redundancy,
+            ratio: component.ratio(),
+        }
+    }
+}
+
+impl Joint {
+    /// The mountings.
+    pub fn poses(&self) -> Vec<BodyFromScanner> {
+        self.mountings.iter().map(|m| m.body_from_scanner).collect()
+    }
+
+    /// The test of a group.
+    pub fn group(&self, name: &str) -> Option<&GroupTest> {
+        self.groups.iter().find(|group| group.name == name)
+    }
+}

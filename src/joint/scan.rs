@@ -1,0 +1,191 @@
+//! The scan factor: the mean distance of a scanner's points from a surfel within a step.
+
+use super::motion::{Motion, StepPoses};
+use super::row::RowBatch;
+use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
+use crate::calibration::ScannerSample;
+use crate::geometry::{BodyFromScanner, Mat3, Vec3};
+
+/// What a scan factor depends on besides the motion.
+pub struct Seen<'a> {
+    pub rows: &'a DriveRows,
+    pub samples: &'a [&'a ScannerSample],
+    pub surfels: &'a [Surfel],
+    /// (a, b, c) of each surfel.
+    pub shapes: &'a [Vec3],
+    pub mountings: &'a [BodyFromScanner],
+    /// How late the profiles of each scanner are.
+    pub late_s: &'a [f64],
+}
+
+/// A mean of points: r = h̄ − (a + b ū + c v̄), metres, with h, u, v the coordinates of
+/// x_m = t_mb + R_mb (t_bs + R_bs x_s) in the frame of the surfel.
+#[derive(Debug, Clone, Copy)]
+pub struct Mean {
+    /// r.
+    pub residual_m: f64,
+    /// By (a, b, c).
+    pub by_shape: [f64; 3],
+    /// By the pose (δφ, δp), all points of the row together.
+    pub by_pose: [f64; 6],
+    /// By the mounting (δφ, δp).
+    pub by_mounting: [f64; 6],
+    /// By how late the profile is.
+    pub by_late: f64,
+    /// Mean time, seconds.
+    pub time_s: f64,
+}
+
+/// The pose of a profile.
+struct ProfilePose {
+    time_s: f64,
+    rotation: Mat3,
+    translation_m: Vec3,
+    velocity_m_s: Vec3,
+    rate_rad_s: Vec3,
+}
+
+/// The poses of the profiles of a step, found once each: points come in the order of their profiles.
+pub struct StepScans<'a> {
+    seen: &'a Seen<'a>,
+    poses: &'a StepPoses,
+    rotations: Vec<Mat3>,
+}
+
+impl<'a> StepScans<'a> {
+    pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses) -> Self {
+        let rotations = seen.mountings.iter();
+        Self {
+            seen,
+            poses,
+            rotations: rotations
+                .map(|m| *m.rotation.to_rotation_matrix().matrix())
+                .collect(),
+        }
+    }
+
+    fn profile(&self, scanner: usize, profile: u32) -> ProfilePose {
+        let stamp_s = self.seen.samples[scanner].profiles[profile as usize].time_s;
+        let time_s = stamp_s - self.seen.late_s[scanner];
+        let pose = self.poses.at(time_s);
+        ProfilePose {
+            time_s,
+            rotation: *pose.world_from_body.rotation.to_rotation_matrix().matrix(),
+            translation_m: pose.world_from_body.translation_m,
+            velocity_m_s: pose.velocity_m_s,
+            rate_rad_s: pose.rate_rad_s,
+        }
+    }
+
+    /// The mean of a row.
+    pub fn mean(&self, row: &ScanRow, points: &[RowPoint]) -> Mean {
+        let scanner = row.scanner as usize;
+        let surfel = &self.seen.surfels[row.surfel as usize];
+        let shape = &self.seen.shapes[row.surfel as usize];
+        let [normal, u_axis, v_axis] = &surfel.axes;
+        // ∂r by the point.
+        let direction = normal - u_axis * shape.y - v_axis * shape.z;
+        let mounting = &self.seen.mountings[scanner];
+        let mut sum = Vec3::zeros();
+        let (mut lever_moment, mut arm_moment, mut in_bodies) =
+            (Vec3::zeros(), Vec3::zeros(), Vec3::zeros());
+        let (mut by_late, mut time_s) = (0.0, 0.0);
+        for group in points.chunk_by(|a, b| a.profile == b.profile) {
+            let pose = self.profile(scanner, group[0].profile);
+            let in_body = pose.rotation.tr_mul(&direction);
+            let mut arms = Vec3::zeros();
+            for point in group {
+                arms += self.rotations[scanner] * point.position_m;
+            }
+            // All are linear in the points of one profile.
+            let n = group.len() as f64;
+            let levers = arms + mounting.translation_m * n;
+            let offset = pose.translation_m - surfel.centre_m;
+            sum += pose.rotation * levers + offset * n;
+            lever_moment += levers.cross(&in_body);
+            arm_moment += arms.cross(&in_body);
+            in_bodies += in_body * n;
+            let turning = pose.rate_rad_s.cross(&levers);
+            by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
+            time_s += pose.time_s * n;
+        }
+        let n = points.len() as f64;
+        let mean = sum / n;
+        let (u, v) = (u_axis.dot(&mean), v_axis.dot(&mean));
+        let six = |a: Vec3, b: Vec3| [a.x, a.y, a.z, b.x, b.y, b.z];
+        Mean {
+            residual_m: normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v),
+            by_shape: [-1.0, -u, -v],
+            by_pose: six(lever_moment / n, direction),
+            by_mounting: six(arm_moment / n, in_bodies / n),
+            by_late: by_late / n,
+            time_s: time_s / n,
+        }
+    }
+}
+
+/// The blocks of a drive's scan factors.
+pub struct ScanBlocks {
+    /// Of the drive's motion.
+    pub first_motion: usize,
+    pub first_surfel: usize,
+    /// Of each scanner's mounting.
+    pub mountings: Vec<usize>,
+    /// Of each scanner's latency, where it is estimated.
+    pub late: Vec<Option<usize>>,
+}
+
+/// Adds the rows of a step; `sigma_m` and the group of a row come from `noise`.
+pub fn rows(
+    seen: &Seen<'_>,
+    motion: &dyn Motion,
+    step: usize,
+    blocks: &ScanBlocks,
+    noise: &(dyn Fn(&ScanRow) -> (usize, f64) + Sync),
+    batch: &mut RowBatch,
+) {
+    let rows = seen.rows.of_step(step);
+    if rows.is_empty() {
+        return;
+    }
+    let poses = motion.poses(step);
+    let scans = StepScans::new(seen, &poses);
+    let nodes = motion.pose_blocks(step);
+    for row in rows {
+        let mean = scans.mean(row, seen.rows.points_of(row));
+        let (group, sigma_m) = noise(row);
+        let w = 1.0 / sigma_m;
+        batch.begin_huber(group, mean.residual_m * w);
+        let by = poses.pull_back(mean.time_s, &mean.by_pose).map(|x| x * w);
+        let width = poses.width;
+        batch.touch(blocks.first_motion + nodes[0], &by[..width]);
+        batch.touch(blocks.first_motion + nodes[1], &by[width..2 * width]);
+        batch.touch(
+            blocks.first_surfel + row.surfel as usize,
+            &mean.by_shape.map(|x| x * w),
+        );
+        let scanner = row.scanner as usize;
+        if let Some(late) = blocks.late[scanner] {
+            batch.touch(late, &[mean.by_late * w]);
+        }
+        batch.touch(blocks.mountings[scanner], &mean.by_mounting.map(|x| x * w));
+    }
+}
+
+/// The cost of the rows of a step, without derivatives.
+pub fn residuals(
+    seen: &Seen<'_>,
+    motion: &dyn Motion,
+    step: usize,
+    mut visit: impl FnMut(&ScanRow, f64),
+) {
+    let rows = seen.rows.of_step(step);
+    if rows.is_empty() {
+        return;
+    }
+    let poses = motion.poses(step);
+    let scans = StepScans::new(seen, &poses);
+    for row in rows {
+        visit(row, scans.mean(row, seen.rows.points_of(row)).residual_m);
+    }
+}

@@ -1,0 +1,401 @@
+//! Surfels: patches of the surface that scanners and reference saw, and which points belong to
+//! which.
+
+use rayon::prelude::*;
+
+use super::input::Scans;
+use super::motion::Motion;
+use crate::cloud::StructureTensor;
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::geometry::{BodyFromScanner, Mat3, Vec3};
+
+/// Fewest points that a surfel is fitted to.
+const MIN_POINTS: f64 = 12.0;
+/// Fewest rows of a surfel without a reference: three are its own.
+const MIN_ROWS: u32 = 4;
+/// Fewest points of a row.
+const MIN_ROW_POINTS: usize = 3;
+/// Least standard deviation of the points of a surfel across its narrow side, as a share of its
+/// size; points spread over the whole width have 0.29.
+const MIN_WIDTH: f64 = 0.12;
+/// Largest standard deviation about the plane, as a share of that across the narrow side: beyond,
+/// it is no surface.
+const MAX_THICKNESS: f64 = 0.4;
+/// Points farther from their surfel than this many standard deviations are not of it.
+const GATE_SIGMAS: f64 = 4.0;
+/// Upper bounds of the classes of roughness, metres: within a class the noise of rows is alike.
+const CLASSES_M: [f64; 6] = [0.0004, 0.0008, 0.0016, 0.003, 0.006, f64::INFINITY];
+
+/// Number of classes of roughness.
+pub const CLASSES: usize = CLASSES_M.len();
+
+/// A patch of the surface: the plane n·(x − c) = a + b u + c v with u and v along its own axes; a,
+/// b and c are unknowns.
+#[derive(Debug, Clone)]
+pub struct Surfel {
+    /// World, metres.
+    pub centre_m: Vec3,
+    /// Unit vectors: normal, u, v.
+    pub axes: [Vec3; 3],
+    /// Standard deviation of the points about the plane, metres.
+    pub roughness_m: f64,
+    /// Class of roughness.
+    pub class: usize,
+    /// What the reference says about (a, b, c); `None` without one.
+    pub prior: Option<ReferencePlane>,
+}
+
+/// The reference's plane of a surfel: it is the surfel's own frame, so that a = b = c = 0.
+#[derive(Debug, Clone)]
+pub struct ReferencePlane {
+    /// Standard deviations of offset (metres) and slopes.
+    pub sigma: [f64; 3],
+    /// Its patch of the reference's surface errors.
+    pub patch: u32,
+}
+
+/// All observations of one surfel by one scanner within a step.
+#[derive(Debug, Clone, Copy)]
+pub struct ScanRow {
+    pub surfel: u32,
+    pub scanner: u32,
+    /// Places among the points.
+    pub first: u32,
+    pub count: u32,
+}
+
+/// A laser point of a row.
+#[derive(Debug, Clone, Copy)]
+pub struct RowPoint {
+    /// Of its scanner in this drive.
+    pub profile: u32,
+    /// Scanner frame, metres.
+    pub position_m: Vec3,
+}
+
+/// The rows of a drive.
+#[derive(Debug, Clone, Default)]
+pub struct DriveRows {
+    /// First row of each step, and the end.
+    pub step_start: Vec<u32>,
+    pub rows: Vec<ScanRow>,
+    pub points: Vec<RowPoint>,
+}
+
+impl DriveRows {
+    /// The rows of a step.
+    pub fn of_step(&self, step: usize) -> &[ScanRow] {
+        &self.rows[self.step_start[step] as usize..self.step_start[step + 1] as usize]
+    }
+
+    /// The points of a row.
+    pub fn points_of(&self, row: &ScanRow) -> &[RowPoint] {
+        &self.points[row.first as usize..(row.first + row.count) as usize]
+    }
+}
+
+/// Surfels and the rows that see them.
+#[derive(Debug, Clone, Default)]
+pub struct Association {
+    pub surfels: Vec<Surfel>,
+    /// One a drive.
+    pub drives: Vec<DriveRows>,
+    /// Patches of the reference's surface errors.
+    pub patches: usize,
+}
+
+/// Sums of points about the centre of their voxel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    first: Vec3,
+    second: Mat3,
+}
+
+impl Sums {
+    fn add(&mut self, offset: &Vec3) {
+        self.count += 1.0;
+        self.first += offset;
+        self.second += offset * offset.transpose();
+    }
+
+    fn tensor(&self, centre: &Vec3) -> StructureTensor {
+        let mean = self.first / self.count;
+        StructureTensor {
+            mean: centre + mean,
+            covariance: self.second / self.count - mean * mean.transpose(),
+            count: self.count as usize,
+        }
+    }
+}
+
+/// The reference's points in voxels of the surfels' size.
+#[derive(Debug, Clone, Default)]
+pub struct ReferenceCells {
+    size_m: f64,
+    cells: VoxelMap<VoxelKey, Sums>,
+}
+
+fn centre_of(key: &VoxelKey, size_m: f64) -> Vec3 {
+    Vec3::from_fn(|i, _| (key[i] as f64 + 0.5) * size_m)
+}
+
+impl ReferenceCells {
+    /// Sorts points into voxels.
+    pub fn new(points: &[Vec3], size_m: f64) -> Self {
+        let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
+        for point in points {
+            let key = voxel_key(point, size_m);
+            let centre = centre_of(&key, size_m);
+            cells.entry(key).or_default().add(&(point - centre));
+        }
+        Self { size_m, cells }
+    }
+
+    /// Whether there is a reference.
+    pub fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+}
+
+/// What decides which points belong to a surfel.
+#[derive(Debug, Clone, Copy)]
+pub struct Gates {
+    /// Edge of the voxels, metres.
+    pub size_m: f64,
+    /// How far scans and reference may yet lie apart, metres.
+    pub misfit_m: f64,
+    /// Edge of the patches of the reference's surface errors, metres.
+    pub patch_m: f64,
+}
+
+/// One point at its place.
+#[derive(Clone, Copy)]
+struct Placed {
+    world_m: Vec3,
+    step: u32,
+    point: u32,
+}
+
+/// Finds the surfels and their rows for these motions and mountings. Scanner points and the
+/// reference are cut by the same voxels; a surfel takes its plane from the reference where there is
+/// one, and from the scans elsewhere.
+pub fn associate(
+    scans: &[Scans<'_>],
+    motions: &[Box<dyn Motion>],
+    mountings: &[BodyFromScanner],
+    late_s: &[f64],
+    reference: &ReferenceCells,
+    gates: &Gates,
+) -> Association {
+    // Of each drive and scanner.
+    let placed: Vec<Vec<Vec<Placed>>> = scans
+        .iter()
+        .zip(motions)
+        .map(|(scans, motion)| {
+            let scanners = 0..mountings.len();
+            let of = |s: usize| place(scans, motion.as_ref(), s, &mountings[s], late_s[s]);
+            scanners.into_par_iter().map(of).collect()
+        })
+        .collect();
+    let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
+    for point in placed.iter().flatten().flatten() {
+        let key = voxel_key(&point.world_m, gates.size_m);
+        let offset = point.world_m - centre_of(&key, gates.size_m);
+        cells.entry(key).or_default().add(&offset);
+    }
+    let mut keys: Vec<VoxelKey> = cells.keys().copied().collect();
+    keys.par_sort_unstable();
+    let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+    let mut surfels: Vec<Surfel> = Vec::new();
+    let mut by_key: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+    let fitted: Vec<Option<Surfel>> = keys
+        .par_iter()
+        .map(|key| fit(key, &cells[key], reference.cells.get(key), gates))
+        .collect();
+    for (key, surfel) in keys.iter().zip(fitted) {
+        let Some(mut surfel) = surfel else { continue };
+        if let Some(prior) = &mut surfel.prior {
+            let next = patches.len() as u32;
+            let key = voxel_key(&surfel.centre_m, gates.patch_m);
+            prior.patch = *patches.entry(key).or_insert(next);
+        }
+        by_key.insert(*key, surfels.len() as u32);
+        surfels.push(surfel);
+    }
+    let mut drives: Vec<DriveRows> = placed
+        .iter()
+        .zip(scans)
+        .zip(motions)
+        .map(|((placed, scans), motion)| {
+            rows_of(placed, scans, motion.steps(), (&surfels, &by_key), gates)
+        })
+        .collect();
+    drop_unseen(&mut surfels, &mut drives);
+    Association {
+        surfels,
+        drives,
+        patches: patches.len(),
+    }
+}
+
+/// Places the points of one scanner.
+fn place(
+    scans: &Scans<'_>,
+    motion: &dyn Motion,
+    scanner: usize,
+    mounting: &BodyFromScanner,
+    late_s: f64,
+) -> Vec<Placed> {
+    let sample = scans.samples[scanner];
+    let mut profiles: Vec<Option<(u32, crate::geometry::WorldFromBody)>> =
+        vec![None; sample.profiles.len()];
+    let mut next = 0;
+    while next < profiles.len() {
+        let time_of = |profile: usize| sample.profiles[profile].time_s - late_s;
+        let Some(step) = motion.step_at(time_of(next)) else {
+            next += 1;
+            continue;
+        };
+        let poses = motion.poses(step);
+        while next < profiles.len() && motion.step_at(time_of(next)) == Some(step) {
+            profiles[next] = Some((step as u32, poses.at(time_of(next)).world_from_body));
+            next += 1;
+        }
+    }
+    let points = (0..).zip(&sample.points);
+    let placed = points.filter_map(|(index, point): (u32, _)| {
+        let (step, pose) = profiles[point.profile as usize]?;
+        Some(Placed {
+            world_m: pose.map(&mounting.map(&point.position_m)),
+            step,
+            point: index,
+        })
+    });
+    placed.collect()
+}
+
+/// The surfel of a voxel, if there is a surface.
+fn fit(
+    key: &VoxelKey,
+    scanned: &Sums,
+    reference: Option<&Sums>,
+    gates: &Gates,
+) -> Option<Surfel> {
+    let reference = reference.filter(|sums| sums.count >= MIN_POINTS);
+    let sums = reference.unwrap_or(scanned);
+    if sums.count < MIN_POINTS {
+        return None;
+    }
+    let tensor = sums.tensor(&centre_of(key, gates.size_m));
+    let eigen = tensor.eigen();
+    let width_m = eigen.values.y.sqrt();
+    let roughness_m = eigen.values.z.sqrt();
+    let allowed_m = MAX_THICKNESS * width_m + if reference.is_some() { 0.0 } else { gates.misfit_m };
+    if width_m < MIN_WIDTH * gates.size_m || roughness_m > allowed_m {
+        return None;
+    }
+    let axis = |i: usize| eigen.vectors.column(i).into_owned();
+    let slope = |value: f64| roughness_m / (sums.count * value).sqrt();
+    Some(Surfel {
+        centre_m: tensor.mean,
+        axes: [axis(2), axis(0), axis(1)],
+        roughness_m,
+        class: CLASSES_M.iter().position(|most| roughness_m <= *most).unwrap_or(0),
+        prior: reference.map(|_| ReferencePlane {
+            sigma: [
+                roughness_m / sums.count.sqrt(),
+                slope(eigen.values.x),
+                slope(eigen.values.y),
+            ],
+            patch: 0,
+        }),
+    })
+}
+
+/// The rows of a drive: its points sorted by step, surfel and scanner.
+fn rows_of(
+    placed: &[Vec<Placed>],
+    scans: &Scans<'_>,
+    steps: usize,
+    (surfels, by_key): (&[Surfel], &VoxelMap<VoxelKey, u32>),
+    gates: &Gates,
+) -> DriveRows {
+    let mut seen: Vec<(u32, u32, u32, u32)> = Vec::new();
+    for (scanner, points) in placed.iter().enumerate() {
+        let found = points.par_iter().filter_map(|point| {
+            let surfel = *by_key.get(&voxel_key(&point.world_m, gates.size_m))?;
+            let of = &surfels[surfel as usize];
+            let distance_m = of.axes[0].dot(&(point.world_m - of.centre_m));
+            let sigma_m = of.roughness_m.hypot(gates.misfit_m);
+            (distance_m.abs() < GATE_SIGMAS * sigma_m)
+                .then_some((point.step, surfel, scanner as u32, point.point))
+        });
+        seen.par_extend(found);
+    }
+    seen.par_sort_unstable();
+    let mut rows = DriveRows {
+        step_start: vec![0; steps + 1],
+        ..DriveRows::default()
+    };
+    for group in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+        if group.len() < MIN_ROW_POINTS {
+            continue;
+        }
+        let (step, surfel, scanner, _) = group[0];
+        let sample = scans.samples[scanner as usize];
+        rows.step_start[step as usize + 1] += 1;
+        rows.rows.push(ScanRow {
+            surfel,
+            scanner,
+            first: rows.points.len() as u32,
+            count: group.len() as u32,
+        });
+        rows.points.extend(group.iter().map(|(.., point)| {
+            let point = &sample.points[*point as usize];
+            RowPoint {
+                profile: point.profile,
+                position_m: point.position_m,
+            }
+        }));
+    }
+    for step in 0..steps {
+        rows.step_start[step + 1] += rows.step_start[step];
+    }
+    rows
+}
+
+/// Leaves out surfels that nothing checks, and their rows.
+fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows]) {
+    let mut seen = vec![0_u32; surfels.len()];
+    for row in drives.iter().flat_map(|drive| &drive.rows) {
+        seen[row.surfel as usize] += 1;
+    }
+    let needed = |surfel: &Surfel| if surfel.prior.is_some() { 1 } else { MIN_ROWS };
+    let mut next = 0;
+    let number: Vec<Option<u32>> = surfels
+        .iter()
+        .zip(&seen)
+        .map(|(surfel, seen)| {
+            (*seen >= needed(surfel)).then(|| {
+                next += 1;
+                next - 1
+            })
+        })
+        .collect();
+    for drive in drives {
+        let mut kept = Vec::with_capacity(drive.rows.len());
+        let mut step_start = vec![0];
+        for step in 0..drive.step_start.len() - 1 {
+            kept.extend(drive.of_step(step).iter().filter_map(|row| {
+                let surfel = number[row.surfel as usize]?;
+                Some(ScanRow { surfel, ..*row })
+            }));
+            step_start.push(kept.len() as u32);
+        }
+        drive.rows = kept;
+        drive.step_start = step_start;
+    }
+    let mut keep = number.iter();
+    surfels.retain(|_| keep.next().is_some_and(Option::is_some));
+}
