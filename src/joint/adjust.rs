@@ -22,7 +22,7 @@ const MISFITS_M: [f64; 3] = [0.006, 0.0015, 0.001];
 /// Edge of the patches of the reference's surface errors, metres.
 const PATCH_M: f64 = 0.3;
 /// Iterations of the rounds before the last: their points are sorted anew in any case.
-const ROUND_ITERATIONS: usize = 3;
+const ROUND_ITERATIONS: usize = 2;
 
 /// As for the trajectory alone.
 const DAMPING: DampingRule = DampingRule {
@@ -54,6 +54,7 @@ pub fn adjust(
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let mut iterations = 0;
     let mut done = None;
+    let mut shared = None;
     for (round, misfit_m) in MISFITS_M.into_iter().enumerate() {
         progress.check()?;
         let gates = Gates {
@@ -73,6 +74,7 @@ pub fn adjust(
         state.patches = vec![0.0; found.patches];
         let begin = (&state, Vec::new(), surface_m);
         let mut problem = JointProblem::new(input, settings, found, groups.clone(), begin);
+        problem.judge_by(shared.as_ref());
         let last = round + 1 == MISFITS_M.len();
         let most = if last { settings.max_iterations } else { ROUND_ITERATIONS };
         let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
@@ -82,6 +84,7 @@ pub fn adjust(
         if last {
             done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
         } else {
+            shared = problem.shared_covariance();
             rescale(&mut problem, &found);
             groups = problem.groups;
         }

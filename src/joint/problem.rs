@@ -86,6 +86,8 @@ pub struct JointProblem<'a> {
     /// W with Wᵀ W the inverse covariance of mountings known beforehand.
     known: Option<DMatrix<f64>>,
     decrement: f64,
+    /// Inverse covariance of the blocks that couple with everything, of the round before.
+    metric: Option<DMatrix<f64>>,
     damping_sigma: Vec<f64>,
 }
 
@@ -123,6 +125,7 @@ impl<'a> JointProblem<'a> {
             centre_m,
             known,
             decrement: f64::INFINITY,
+            metric: None,
             damping_sigma: Vec::new(),
         };
         let mut pattern = BlockPattern::new(problem.layout.sizes.clone());
@@ -368,6 +371,24 @@ impl<'a> JointProblem<'a> {
         self.factor.as_ref().map(|_| ())
     }
 
+    /// The covariance of the blocks that couple with everything, from the last factor.
+    pub fn shared_covariance(&self) -> Option<DMatrix<f64>> {
+        let unknowns = self.unknowns();
+        let count = unknowns - self.offset(self.layout.last());
+        let mut sides = vec![0.0; unknowns * count];
+        for (i, side) in sides.chunks_exact_mut(unknowns).enumerate() {
+            side[unknowns - count + i] = 1.0;
+        }
+        Some(self.factor.as_ref()?.covariance(sides, count))
+    }
+
+    /// Judges steps by this covariance of the blocks that couple with everything.
+    pub fn judge_by(&mut self, covariance: Option<&DMatrix<f64>>) {
+        let count = self.unknowns() - self.offset(self.layout.last());
+        let inverse = covariance.and_then(|c| Some(c.clone().cholesky()?.inverse()));
+        self.metric = inverse.filter(|metric| metric.nrows() == count);
+    }
+
     /// The last factor.
     pub fn factor(&self) -> Option<&SparseFactor> {
         self.factor.as_ref()
@@ -479,11 +500,19 @@ impl LeastSquares for JointProblem<'_> {
         let mut step = self.system.gradient().to_vec();
         factor.solve(&mut step, 1);
         let terms = step.iter().zip(self.system.gradient());
-        self.decrement = terms.map(|(x, g)| x * g).sum();
+        let all: f64 = terms.map(|(x, g)| x * g).sum();
+        let shared = self.metric.as_ref().map_or(0.0, |metric| {
+            let first = step.len() - metric.nrows();
+            let step = DVector::from_column_slice(&step[first..]);
+            step.dot(&(metric * &step))
+        });
+        self.decrement = shared.max(all / step.len() as f64);
         self.factor = Some(factor);
         Some(self.retracted(state, &step))
     }
 
+    /// The larger of the squared step of all that couples with everything, in its standard
+    /// deviations of the round before, and of the mean square over all unknowns.
     fn decrement(&self) -> f64 {
         self.decrement
     }
