@@ -35,6 +35,10 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
         seed,
         ..Scenario::demo()
     };
+    let mut scenario = scenario;
+    if std::env::var("SMOOTH").is_ok() {
+        scenario.soil.sigmas_m = vec![0.016, 0.008, 0.004, 0.001, 0.0002, 0.0, 0.0];
+    }
     let drive = DemoDrive::simulate(scenario, folder)?;
     let project = &drive.project;
     let samples = stages::samples(project, &drive.own.trajectory, &Silent)?;
@@ -122,6 +126,38 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
         .collect();
     let square = error.dot(&joint.covariance.clone().cholesky().unwrap().solve(&error));
     println!("seed {seed} normalised {} chi-square {square:.1}", normalised.join(" "));
+    // The right scanner in the frame of the left: its error and covariance, in body axes.
+    let arm = drive.truth[1].translation_m - drive.truth[0].translation_m;
+    let mut relative = nalgebra::DMatrix::<f64>::zeros(6, 12);
+    for i in 0..6 {
+        relative[(i, i)] = -1.0;
+        relative[(i, 6 + i)] = 1.0;
+    }
+    let turn = boresight::geometry::so3::hat(&arm);
+    relative.view_mut((0, 3), (3, 3)).copy_from(&turn);
+    let spread = nalgebra::SymmetricEigen::new({
+        let d = nalgebra::DMatrix::from_fn(12, 12, |i, j| {
+            let s = |k: usize| joint.covariance[(k, k)].sqrt();
+            joint.covariance[(i, j)] / (s(i) * s(j))
+        });
+        d
+    });
+    for k in 0..12 {
+        let v = spread.eigenvectors.column(k);
+        let e: f64 = (0..12).map(|i| v[i] * error[i] / joint.covariance[(i, i)].sqrt()).sum();
+        let parts: Vec<String> = v.iter().map(|x| format!("{x:.2}")).collect();
+        println!("   eigen {:.2e} normalised {:.2}: {}", spread.eigenvalues[k], e / spread.eigenvalues[k].sqrt(), parts.join(" "));
+    }
+    let error = &relative * error;
+    let covariance = &relative * &joint.covariance * relative.transpose();
+    let sigma = |i: usize| covariance[(i, i)].sqrt();
+    println!(
+        "relative {:.3} {:.3} {:.3} mm {:.4} {:.4} {:.4} deg, sigmas {:.1} {:.1} {:.1} {:.1} {:.1} {:.1}",
+        error[0] * 1e3, error[1] * 1e3, error[2] * 1e3,
+        error[3].to_degrees(), error[4].to_degrees(), error[5].to_degrees(),
+        error[0] / sigma(0), error[1] / sigma(1), error[2] / sigma(2),
+        error[3] / sigma(3), error[4] / sigma(4), error[5] / sigma(5)
+    );
     let error = |poses: &boresight::trajectory::Trajectory| {
         let (mut sum, mut count) = (0.0, 0.0);
         for pose in poses.poses() {

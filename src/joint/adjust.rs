@@ -18,7 +18,7 @@ use crate::trajectory::{EstimatedConstant, Trajectory};
 
 /// How far scans and reference may lie apart in each round, metres: what two steps leave, and then
 /// what an adjustment leaves.
-const MISFITS_M: [f64; 3] = [0.006, 0.0015, 0.001];
+const MISFITS_M: [f64; 3] = [0.006, 0.001, 0.001];
 /// Edge of the patches of the reference's surface errors, metres.
 const PATCH_M: f64 = 0.3;
 /// Iterations of the rounds before the last: their points are sorted anew in any case.
@@ -76,18 +76,29 @@ pub fn adjust(
         let mut problem = JointProblem::new(input, settings, found, groups.clone(), begin);
         problem.judge_by(shared.as_ref());
         let last = round + 1 == MISFITS_M.len();
-        let most = if last { settings.max_iterations } else { ROUND_ITERATIONS };
-        let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
-        iterations += ended.iterations;
-        problem.factorise(&state).ok_or_else(not_determined)?;
-        let found = components(&problem, &state);
-        if last {
-            done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
-        } else {
+        let mut passes = 0;
+        loop {
+            let most = if last { settings.max_iterations } else { ROUND_ITERATIONS };
+            let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
+            iterations += ended.iterations;
+            problem.factorise(&state).ok_or_else(not_determined)?;
+            let found = components(&problem, &state);
+            passes += 1;
+            for (g, (a, b)) in super::components::correlation(&problem, &state).iter().enumerate() {
+                if *b > 0.0 { eprintln!("{} {} {:?} phi {:.3} of {:.0} scale {}", round, problem.groups.names[g], found[g], a / b, b, problem.groups.scale[g]); }
+            }
+            eprintln!("round {round} pass {passes} iterations {iterations}");
             shared = problem.shared_covariance();
-            rescale(&mut problem, &found);
-            groups = problem.groups;
+            problem.judge_by(shared.as_ref());
+            let change = rescale(&mut problem, &found);
+            if round == 0 || passes == 3 || change < 0.1 {
+                if last {
+                    done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
+                }
+                break;
+            }
         }
+        groups = problem.groups;
     }
     drop(stage);
     done.ok_or_else(not_determined)

@@ -119,6 +119,15 @@ impl Sums {
         self.second += offset * offset.transpose();
     }
 
+    /// Adds sums that are about a centre `shift` away.
+    fn combine(&mut self, other: &Self, shift: &Vec3) {
+        let cross = other.first * shift.transpose();
+        self.count += other.count;
+        self.first += other.first + shift * other.count;
+        self.second +=
+            other.second + cross + cross.transpose() + shift * shift.transpose() * other.count;
+    }
+
     fn tensor(&self, centre: &Vec3) -> StructureTensor {
         let mean = self.first / self.count;
         StructureTensor {
@@ -204,23 +213,24 @@ pub fn associate(
         let offset = point.world_m - centre_of(&key, gates.size_m);
         cells.entry(key).or_default().add(&offset);
     }
-    let mut keys: Vec<VoxelKey> = cells.keys().copied().collect();
-    keys.par_sort_unstable();
+    let columns = columns(&cells, reference, gates.size_m);
     let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
     let mut surfels: Vec<Surfel> = Vec::new();
     let mut by_key: VoxelMap<VoxelKey, u32> = VoxelMap::default();
-    let fitted: Vec<Option<Surfel>> = keys
+    let fitted: Vec<Option<Surfel>> = columns
         .par_iter()
-        .map(|key| fit(key, &cells[key], reference.cells.get(key), gates))
+        .map(|column| fit(column, &cells, reference, gates))
         .collect();
-    for (key, surfel) in keys.iter().zip(fitted) {
+    for (column, surfel) in columns.iter().zip(fitted) {
         let Some(mut surfel) = surfel else { continue };
         if let Some(prior) = &mut surfel.prior {
             let next = patches.len() as u32;
             let key = voxel_key(&surfel.centre_m, gates.patch_m);
             prior.patch = *patches.entry(key).or_insert(next);
         }
-        by_key.insert(*key, surfels.len() as u32);
+        for key in column {
+            by_key.insert(*key, surfels.len() as u32);
+        }
         surfels.push(surfel);
     }
     let mut drives: Vec<DriveRows> = placed
@@ -275,19 +285,95 @@ fn place(
     placed.collect()
 }
 
-/// The surfel of a voxel, if there is a surface.
+/// Voxels one above the other that one surface may cross, along the axis that is nearest to its
+/// normal. A voxel alone would cut the noise of a surface close to its face in two, and each half
+/// would keep its points whatever the mountings.
+fn columns(
+    cells: &VoxelMap<VoxelKey, Sums>,
+    reference: &ReferenceCells,
+    size_m: f64,
+) -> Vec<Vec<VoxelKey>> {
+    let mut keys: Vec<VoxelKey> = cells.keys().copied().collect();
+    keys.par_sort_unstable();
+    let axes: Vec<Option<usize>> = keys
+        .par_iter()
+        .map(|key| {
+            let mut sums = cells[key];
+            if let Some(known) = reference.cells.get(key) {
+                sums.combine(known, &Vec3::zeros());
+            }
+            let tensor = (sums.count >= MIN_POINTS).then(|| sums.tensor(&centre_of(key, size_m)));
+            Some(tensor?.normal()?.iamax())
+        })
+        .collect();
+    let known: VoxelMap<VoxelKey, usize> = keys
+        .iter()
+        .zip(&axes)
+        .filter_map(|(key, axis)| Some((*key, (*axis)?)))
+        .collect();
+    // A slice with few points belongs to the surface that a neighbour across its face holds.
+    let adopted = |key: &VoxelKey| {
+        (0..3).rev().find(|&axis| {
+            [-1, 1].into_iter().any(|side| {
+                let mut next = *key;
+                next[axis] += side;
+                known.get(&next) == Some(&axis)
+            })
+        })
+    };
+    let mut sorted: Vec<(usize, i64, i64, i64)> = keys
+        .iter()
+        .zip(&axes)
+        .filter_map(|(key, axis)| {
+            let axis = axis.or_else(|| adopted(key))?;
+            Some((axis, key[(axis + 1) % 3], key[(axis + 2) % 3], key[axis]))
+        })
+        .collect();
+    sorted.par_sort_unstable();
+    let next_to = |a: &(usize, i64, i64, i64), b: &(usize, i64, i64, i64)| {
+        (a.0, a.1, a.2, a.3 + 1) == (b.0, b.1, b.2, b.3)
+    };
+    sorted
+        .chunk_by(next_to)
+        .map(|run| {
+            let key = |&(axis, u, v, layer): &(usize, i64, i64, i64)| {
+                let mut key = [0; 3];
+                (key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3]) = (layer, u, v);
+                key
+            };
+            run.iter().map(key).collect()
+        })
+        .collect()
+}
+
+/// The sums of all voxels of a column about the centre of its first.
+fn sums_of(column: &[VoxelKey], cells: &VoxelMap<VoxelKey, Sums>, size_m: f64) -> Sums {
+    let centre = centre_of(&column[0], size_m);
+    let mut sums = Sums::default();
+    for key in column {
+        if let Some(own) = cells.get(key) {
+            sums.combine(own, &(centre_of(key, size_m) - centre));
+        }
+    }
+    sums
+}
+
+/// The surfel of a column of voxels, if there is a surface.
 fn fit(
-    key: &VoxelKey,
-    scanned: &Sums,
-    reference: Option<&Sums>,
+    column: &[VoxelKey],
+    scanned: &VoxelMap<VoxelKey, Sums>,
+    reference: &ReferenceCells,
     gates: &Gates,
 ) -> Option<Surfel> {
+    let reference = sums_of(column, &reference.cells, gates.size_m);
+    let scanned = sums_of(column, scanned, gates.size_m);
+    let reference = Some(&reference);
     let reference = reference.filter(|sums| sums.count >= MIN_POINTS);
-    let sums = reference.unwrap_or(scanned);
+    let sums = reference.unwrap_or(&scanned);
     if sums.count < MIN_POINTS {
         return None;
     }
-    let tensor = sums.tensor(&centre_of(key, gates.size_m));
+    let tensor = sums.tensor(&centre_of(&column[0], gates.size_m));
     let eigen = tensor.eigen();
     let width_m = eigen.values.y.sqrt();
     let roughness_m = eigen.values.z.sqrt();
