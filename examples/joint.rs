@@ -62,6 +62,9 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
         .mountings
     };
     println!("two steps {:.1} s", begun.elapsed().as_secs_f64());
+    for sensor in &drive.own.solution.as_ref().unwrap().sensors {
+        println!("alone {} {:?}", sensor.name, sensor.variance_component);
+    }
     let begun = Instant::now();
     let mut settings = JointSettings::default();
     settings.reference.shift_m = 0.0;

@@ -84,10 +84,6 @@ pub fn adjust(
             problem.factorise(&state).ok_or_else(not_determined)?;
             let found = components(&problem, &state);
             passes += 1;
-            for (g, (a, b)) in super::components::correlation(&problem, &state).iter().enumerate() {
-                if *b > 0.0 { eprintln!("{} {} {:?} phi {:.3} of {:.0} scale {}", round, problem.groups.names[g], found[g], a / b, b, problem.groups.scale[g]); }
-            }
-            eprintln!("round {round} pass {passes} iterations {iterations}");
             shared = problem.shared_covariance();
             problem.judge_by(shared.as_ref());
             let change = rescale(&mut problem, &found);

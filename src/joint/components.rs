@@ -54,7 +54,7 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
     };
     let unknowns = problem.unknowns();
     let mut sides = vec![0.0; unknowns * PROBES];
-    let mut each = |mut take: Box<dyn FnMut(usize, &super::row::Row<'_>, &[usize]) + '_>| {
+    let each = |mut take: Box<dyn FnMut(usize, &super::row::Row<'_>, &[usize]) + '_>| {
         let mut number = 0;
         problem.visit(state, |batch: &RowBatch| {
             for row in batch.rows() {
@@ -113,44 +113,3 @@ pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
     largest
 }
 
-/// How much larger the variance of a sum of the rows of one pass over a surfel is than if they were
-/// independent, for each group: what a surfel's roughness is, strips next to each other share.
-pub fn correlation(problem: &JointProblem<'_>, state: &State) -> Vec<(f64, f64)> {
-    let mut found = vec![(0.0, 0.0); problem.groups.names.len()];
-    let poses = state.poses();
-    for (drive, of) in problem.input.drives.iter().enumerate() {
-        let seen = super::scan::Seen {
-            rows: &problem.found.drives[drive],
-            samples: &of.scans.samples,
-            surfels: &problem.found.surfels,
-            shapes: &state.shapes,
-            mountings: &poses,
-            late_s: &state.late_s,
-        };
-        let motion = state.motions[drive].as_ref();
-        let scanners = poses.len();
-        let mut runs = vec![(usize::MAX, 0.0, 0.0, 0usize); seen.surfels.len() * scanners];
-        let mut close = |run: &(usize, f64, f64, usize)| {
-            if run.0 != usize::MAX {
-                found[run.3].0 += run.1 * run.1;
-                found[run.3].1 += run.2;
-            }
-        };
-        for step in 0..motion.steps() {
-            super::scan::residuals(&seen, motion, step, |row, residual_m| {
-                let (group, sigma_m) = problem.noise(row);
-                let r = (residual_m / sigma_m).clamp(-2.5, 2.5);
-                let run = &mut runs[row.surfel as usize * scanners + row.scanner as usize];
-                if run.0 == usize::MAX || step > run.0 + 8 {
-                    close(run);
-                    *run = (step, 0.0, 0.0, group);
-                }
-                run.0 = step;
-                run.1 += r;
-                run.2 += r * r;
-            });
-        }
-        runs.iter().for_each(&mut close);
-    }
-    found
-}
