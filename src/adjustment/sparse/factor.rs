@@ -1,0 +1,147 @@
+//! The factor L and what it solves.
+
+use super::inverse::SelectedInverse;
+use super::structure::Structure;
+use super::system::NotPositiveBlock;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::LltError;
+use faer::sparse::SparseColMatRef;
+use faer::sparse::linalg::cholesky::supernodal::{
+    SupernodalLltRef, factorize_supernodal_numeric_llt,
+};
+use faer::{Conj, MatMut, Par, Spec};
+use nalgebra::DMatrix;
+use std::sync::Arc;
+
+/// The Cholesky factor of normal equations.
+#[derive(Debug, Clone)]
+pub struct SparseFactor {
+    structure: Arc<Structure>,
+    values: Vec<f64>,
+}
+
+impl SparseFactor {
+    pub(super) fn new(structure: Arc<Structure>) -> Self {
+        let values = vec![0.0; structure.l.len_val()];
+        Self { structure, values }
+    }
+
+    pub(super) fn is_of(&self, structure: &Arc<Structure>) -> bool {
+        Arc::ptr_eq(&self.structure, structure)
+    }
+
+    pub(super) fn factorise(&mut self, h: &[f64]) -> Result<(), NotPositiveBlock> {
+        let structure = &*self.structure;
+        let factorised = factorize_supernodal_numeric_llt(
+            &mut self.values,
+            SparseColMatRef::new(structure.h.as_ref(), h),
+            Default::default(),
+            &structure.l,
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(structure.scratch)),
+            Spec::default(),
+        );
+        let failed = match factorised {
+            Ok(_) => self.first_bad_pivot(),
+            Err(LltError::NonPositivePivot { index }) => Some(index),
+        };
+        match failed {
+            None => Ok(()),
+            Some(scalar) => Err(NotPositiveBlock(structure.block_of(scalar))),
+        }
+    }
+
+    /// The first pivot, in the order of elimination, that is not positive and finite.
+    fn first_bad_pivot(&self) -> Option<usize> {
+        let structure = &*self.structure;
+        (0..structure.l.n_supernodes())
+            .flat_map(|supernode| {
+                let pivots = structure.pivots(supernode);
+                let values = &self.values[structure.values(supernode)];
+                let height = values.len() / pivots.len();
+                pivots.zip(values.iter().step_by(height + 1))
+            })
+            .find(|(_, pivot)| !(pivot.is_finite() && **pivot > 0.0))
+            .map(|(scalar, _)| scalar)
+    }
+
+    /// Number of scalars.
+    pub fn unknowns(&self) -> usize {
+        self.structure.unknowns()
+    }
+
+    /// H⁻¹ times `count` right-hand sides, one after the other.
+    pub fn solve(&self, sides: &mut [f64], count: usize) {
+        let mut ordered = self.ordered(sides, count);
+        self.with_sides(&mut ordered, count, |l, sides, stack| {
+            l.solve_in_place_with_conj(Conj::No, sides, Par::Seq, stack);
+        });
+        for (side, ordered) in self.columns_mut(sides).zip(self.columns(&ordered)) {
+            for (value, &place) in side.iter_mut().zip(&self.structure.place) {
+                *value = ordered[place];
+            }
+        }
+    }
+
+    /// L⁻¹ P times `count` right-hand sides F, one after the other: the result Y, in the order of
+    /// elimination, has Yᵀ Y = Fᵀ H⁻¹ F.
+    pub fn half_solve(&self, sides: &mut [f64], count: usize) {
+        let mut ordered = self.ordered(sides, count);
+        self.with_sides(&mut ordered, count, |l, sides, stack| {
+            l.l_solve_with_conj(Conj::No, sides, Par::Seq, stack);
+        });
+        sides.copy_from_slice(&ordered);
+    }
+
+    /// The covariance Gᵀ H⁻¹ G of linear functionals, given the gradients of `count` of them by all
+    /// unknowns, one after the other.
+    pub fn covariance(&self, mut gradients: Vec<f64>, count: usize) -> DMatrix<f64> {
+        self.half_solve(&mut gradients, count);
+        let half = DMatrix::from_vec(self.unknowns(), count, gradients);
+        half.tr_mul(&half)
+    }
+
+    /// H⁻¹ where L has entries.
+    pub fn selected_inverse(&self) -> SelectedInverse {
+        SelectedInverse::new(&self.structure, &self.values)
+    }
+
+    fn columns<'a>(&self, sides: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
+        sides.chunks_exact(self.unknowns().max(1))
+    }
+
+    fn columns_mut<'a>(&self, sides: &'a mut [f64]) -> std::slice::ChunksExactMut<'a, f64> {
+        sides.chunks_exact_mut(self.unknowns().max(1))
+    }
+
+    /// Right-hand sides in the order of elimination.
+    fn ordered(&self, sides: &[f64], count: usize) -> Vec<f64> {
+        assert_eq!(
+            sides.len(),
+            self.unknowns() * count,
+            "one value for each unknown and right-hand side"
+        );
+        let mut ordered = vec![0.0; sides.len()];
+        for (ordered, side) in self.columns_mut(&mut ordered).zip(self.columns(sides)) {
+            for (&place, value) in self.structure.place.iter().zip(side) {
+                ordered[place] = *value;
+            }
+        }
+        ordered
+    }
+
+    fn with_sides(
+        &self,
+        ordered: &mut [f64],
+        count: usize,
+        solve: impl FnOnce(SupernodalLltRef<'_, usize, f64>, MatMut<'_, f64>, &mut MemStack),
+    ) {
+        let l = &self.structure.l;
+        let mut memory = MemBuffer::new(l.solve_in_place_scratch::<f64>(count, Par::Seq));
+        solve(
+            SupernodalLltRef::new(l, &self.values),
+            MatMut::from_column_major_slice_mut(ordered, self.unknowns(), count),
+            MemStack::new(&mut memory),
+        );
+    }
+}

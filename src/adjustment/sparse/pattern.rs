@@ -1,0 +1,124 @@
+//! Which blocks of unknowns are coupled, and the order that eliminates them with little fill.
+
+use super::structure::Structure;
+use super::system::SparseSystem;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::sparse::linalg::amd;
+
+/// Collects which blocks of unknowns are coupled.
+#[derive(Debug, Clone)]
+pub struct BlockPattern {
+    sizes: Vec<usize>,
+    /// The coupled sets, one after the other, each ascending and without repetition.
+    members: Vec<u32>,
+    /// Where each set ends in `members`.
+    ends: Vec<usize>,
+    sorted: Vec<u32>,
+}
+
+impl BlockPattern {
+    /// Blocks of these sizes, none coupled yet.
+    ///
+    /// # Panics
+    /// If a block is empty or larger than 65535.
+    pub fn new(sizes: Vec<usize>) -> Self {
+        assert!(
+            sizes.iter().all(|&size| (1..=0xffff).contains(&size)),
+            "blocks of 1 to 65535 unknowns"
+        );
+        Self {
+            sizes,
+            members: Vec::new(),
+            ends: Vec::new(),
+            sorted: Vec::new(),
+        }
+    }
+
+    /// Couples every pair of these blocks: a factor depends on all of them. In any order; a block
+    /// may be named twice.
+    pub fn couple(&mut self, blocks: &[usize]) {
+        self.sorted.clear();
+        self.sorted.extend(blocks.iter().map(|&b| b as u32));
+        self.sorted.sort_unstable();
+        self.sorted.dedup();
+        let last = self.sorted.last().map_or(0, |&b| b as usize);
+        assert!(
+            blocks.is_empty() || last < self.sizes.len(),
+            "no such block"
+        );
+        // Factors that follow each other often touch the same blocks.
+        let start = self.ends.len().checked_sub(2).map_or(0, |i| self.ends[i]);
+        if self.sorted.len() > 1 && self.members[start..] != self.sorted[..] {
+            self.members.extend_from_slice(&self.sorted);
+            self.ends.push(self.members.len());
+        }
+    }
+
+    /// Finds the order of elimination and the pattern of L. Blocks from index `last` on are
+    /// eliminated after all others, in the order given: unknowns that couple with nearly
+    /// everything.
+    pub fn analyse(self, last: usize) -> SparseSystem {
+        let later = self.later_blocks();
+        let mut order = fill_reducing_order(&later, last.min(self.sizes.len()));
+        order.extend(last..self.sizes.len());
+        SparseSystem::new(Structure::new(self.sizes, order, &later))
+    }
+
+    /// For each block the coupled blocks of higher index, ascending.
+    fn later_blocks(&self) -> Vec<Vec<u32>> {
+        let blocks = self.sizes.len();
+        let mut sets_of = vec![Vec::new(); blocks];
+        let mut start = 0;
+        for &end in &self.ends {
+            for (at, &block) in (start..end).zip(&self.members[start..end]) {
+                sets_of[block as usize].push((at + 1, end));
+            }
+            start = end;
+        }
+        // The last block that each block was listed for, plus one.
+        let mut listed = vec![0; blocks];
+        sets_of
+            .iter()
+            .enumerate()
+            .map(|(block, sets)| {
+                let mut later = Vec::new();
+                for &(start, end) in sets {
+                    for &other in &self.members[start..end] {
+                        if listed[other as usize] != block + 1 {
+                            listed[other as usize] = block + 1;
+                            later.push(other);
+                        }
+                    }
+                }
+                later.sort_unstable();
+                later
+            })
+            .collect()
+    }
+}
+
+/// Approximate minimum degree (Amestoy, Davis & Duff 1996) of the blocks before `last`. What
+/// couples with everything does not change the order of the others.
+fn fill_reducing_order(later: &[Vec<u32>], last: usize) -> Vec<usize> {
+    let mut ends = vec![0; last + 1];
+    let mut rows = Vec::new();
+    for (block, later) in later[..last].iter().enumerate() {
+        let inner = later.iter().map(|&b| b as usize);
+        rows.extend(inner.take_while(|&b| b < last));
+        ends[block + 1] = rows.len();
+    }
+    let graph = SymbolicSparseColMatRef::new_checked(last, last, &ends, None, &rows);
+    let mut order = vec![0; last];
+    let mut position = vec![0; last];
+    let scratch = amd::order_scratch::<usize>(last, rows.len());
+    amd::order(
+        &mut order,
+        &mut position,
+        graph,
+        amd::Control::default(),
+        MemStack::new(&mut MemBuffer::new(scratch)),
+    )
+    .expect("the graph of the blocks fits the memory");
+    order
+}

@@ -1,0 +1,193 @@
+//! The normal equations H and g of unknowns in blocks.
+
+use super::factor::SparseFactor;
+use super::structure::Structure;
+use std::sync::Arc;
+
+/// A pivot that is not positive or not finite: something in this block, the caller's, that data and
+/// priors leave free, with the blocks eliminated before it held by their own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotPositiveBlock(pub usize);
+
+/// Where H keeps the entries of a pair of blocks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slot {
+    base: u32,
+    /// Distance between columns.
+    stride: u32,
+    /// Size of the first block asked for.
+    rows: u16,
+    /// Size of the second block asked for.
+    columns: u16,
+    /// H keeps the rows of the second block.
+    transposed: bool,
+}
+
+/// H and g, and the symbolic analysis of H.
+#[derive(Debug, Clone)]
+pub struct SparseSystem {
+    structure: Arc<Structure>,
+    /// By the columns of the structure.
+    h: Vec<f64>,
+    gradient: Vec<f64>,
+}
+
+impl SparseSystem {
+    pub(super) fn new(structure: Structure) -> Self {
+        let entries = structure.h.row_idx().len();
+        assert!(u32::try_from(entries).is_ok(), "H of less than 2³² entries");
+        Self {
+            h: vec![0.0; entries],
+            gradient: vec![0.0; structure.unknowns()],
+            structure: Arc::new(structure),
+        }
+    }
+
+    /// Sets H and g to zero.
+    pub fn zero(&mut self) {
+        self.h.fill(0.0);
+        self.gradient.fill(0.0);
+    }
+
+    /// The first scalar of a block in g, steps and right-hand sides.
+    pub fn offset(&self, block: usize) -> usize {
+        self.structure.offset[block]
+    }
+
+    /// Number of scalars.
+    pub fn unknowns(&self) -> usize {
+        self.structure.unknowns()
+    }
+
+    /// Number of entries that L keeps, zeros of merged supernodes included.
+    pub fn factor_entries(&self) -> usize {
+        self.structure.l.len_val()
+    }
+
+    /// Where the block H[a, b] is kept; any order of a and b.
+    ///
+    /// # Panics
+    /// If the two are not coupled.
+    pub fn slot(&self, a: usize, b: usize) -> Slot {
+        let structure = &self.structure;
+        let (row, column) = (structure.position[a], structure.position[b]);
+        let (base, stride) = structure
+            .entry(row.max(column), row.min(column))
+            .expect("only coupled blocks have entries in H");
+        Slot {
+            base: base as u32,
+            stride: stride as u32,
+            rows: structure.sizes[a] as u16,
+            columns: structure.sizes[b] as u16,
+            transposed: row < column,
+        }
+    }
+
+    /// Adds to the block of a slot: values row by row in the order that the slot was asked for, of
+    /// a diagonal block the whole symmetric matrix.
+    pub fn add(&mut self, slot: Slot, values: &[f64]) {
+        let (rows, columns) = (slot.rows as usize, slot.columns as usize);
+        assert_eq!(values.len(), rows * columns, "values of the whole block");
+        let (base, stride) = (slot.base as usize, slot.stride as usize);
+        if slot.transposed {
+            for (i, row) in values.chunks_exact(columns).enumerate() {
+                let kept = &mut self.h[base + i * stride..][..columns];
+                for (sum, value) in kept.iter_mut().zip(row) {
+                    *sum += value;
+                }
+            }
+        } else {
+            for j in 0..columns {
+                let kept = &mut self.h[base + j * stride..][..rows];
+                for (sum, value) in kept.iter_mut().zip(values[j..].iter().step_by(columns)) {
+                    *sum += value;
+                }
+            }
+        }
+    }
+
+    /// g.
+    pub fn gradient(&self) -> &[f64] {
+        &self.gradient
+    }
+
+    /// g, to add to.
+    pub fn gradient_mut(&mut self) -> &mut [f64] {
+        &mut self.gradient
+    }
+
+    /// The diagonal of H.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let structure = &self.structure;
+        let positions = structure.position.iter();
+        let entries = positions.flat_map(|&position| structure.diagonal(position));
+        entries.map(|at| self.h[at]).collect()
+    }
+
+    /// H x.
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        let structure = &self.structure;
+        assert_eq!(x.len(), self.unknowns(), "one value for each unknown");
+        let mut ordered = vec![0.0; x.len()];
+        for (&place, x) in structure.place.iter().zip(x) {
+            ordered[place] = *x;
+        }
+        let mut product = vec![0.0; x.len()];
+        for position in 0..structure.order.len() {
+            let end = structure.start[position + 1];
+            for column in structure.start[position]..end {
+                let range = structure.h.col_range(column);
+                let rows = &structure.h.row_idx()[range.clone()];
+                for (&row, value) in rows.iter().zip(&self.h[range]) {
+                    product[row] += value * ordered[column];
+                    if row >= end {
+                        product[column] += value * ordered[row];
+                    }
+                }
+            }
+        }
+        structure
+            .place
+            .iter()
+            .map(|&place| product[place])
+            .collect()
+    }
+
+    /// Factorises H + diag(damping); damping of each scalar, or none at all.
+    ///
+    /// # Errors
+    /// If a pivot is not positive or not finite.
+    pub fn factorise(&self, damping: &[f64]) -> Result<SparseFactor, NotPositiveBlock> {
+        let mut factor = SparseFactor::new(Arc::clone(&self.structure));
+        self.factorise_into(damping, &mut factor)?;
+        Ok(factor)
+    }
+
+    /// The same in the memory of a factor of this structure.
+    ///
+    /// # Errors
+    /// If a pivot is not positive or not finite. The factor is of no use then but to be written
+    /// again.
+    pub fn factorise_into(
+        &self,
+        damping: &[f64],
+        factor: &mut SparseFactor,
+    ) -> Result<(), NotPositiveBlock> {
+        let structure = &self.structure;
+        assert!(
+            factor.is_of(structure),
+            "a factor of the same symbolic analysis"
+        );
+        if damping.is_empty() {
+            return factor.factorise(&self.h);
+        }
+        assert_eq!(damping.len(), self.unknowns(), "damping of each unknown");
+        let mut damped = self.h.clone();
+        let positions = structure.position.iter();
+        let entries = positions.flat_map(|&position| structure.diagonal(position));
+        for (at, damping) in entries.zip(damping) {
+            damped[at] += damping;
+        }
+        factor.factorise(&damped)
+    }
+}

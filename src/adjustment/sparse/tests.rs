@@ -1,0 +1,378 @@
+//! Against dense algebra on random structures, and the time on one like a survey's.
+
+use super::{BlockPattern, NotPositiveBlock, SparseFactor, SparseSystem};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::time::Instant;
+
+/// A system and the same H as a dense matrix.
+struct Case {
+    sizes: Vec<usize>,
+    system: SparseSystem,
+    dense: DMatrix<f64>,
+    rng: ChaCha8Rng,
+}
+
+impl Case {
+    /// Blocks of 1 to 9 unknowns, each factor on a few of them that are near to each other; the
+    /// last ones with all.
+    fn random(seed: u64, blocks: usize, constants: usize) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let sizes: Vec<usize> = (0..blocks)
+            .map(|_| [9, 6, 3, 1][rng.random_range(0..4)])
+            .collect();
+        let last = blocks - constants;
+        let mut factors: Vec<Vec<usize>> = (0..3 * blocks)
+            .map(|_| {
+                let around = rng.random_range(0..last);
+                let mut touched: Vec<usize> = (0..rng.random_range(0..4))
+                    .map(|_| (around + rng.random_range(0..6)) % last)
+                    .chain(last..blocks)
+                    .collect();
+                touched.insert(touched.len() / 2, around);
+                touched
+            })
+            .collect();
+        // A pair far apart, and a block on its own.
+        factors.push(vec![last - 1, 0]);
+        factors.retain(|touched| !touched.contains(&(last / 2)));
+        let mut pattern = BlockPattern::new(sizes.clone());
+        for touched in &factors {
+            pattern.couple(touched);
+        }
+        let mut system = pattern.analyse(last);
+        let n = system.unknowns();
+        let mut dense = DMatrix::zeros(n, n);
+        for block in 0..blocks {
+            let weight = DMatrix::identity(sizes[block], sizes[block]) * 0.1;
+            add(&mut system, &mut dense, &sizes, block, block, &weight);
+        }
+        for touched in &mut factors {
+            touched.sort_unstable();
+            touched.dedup();
+            let rows = rng.random_range(1..5);
+            let jacobians: Vec<DMatrix<f64>> = touched
+                .iter()
+                .map(|&block| {
+                    DMatrix::from_fn(rows, sizes[block], |_, _| rng.random_range(-1.0..1.0))
+                })
+                .collect();
+            for (i, &a) in touched.iter().enumerate() {
+                for (j, &b) in touched.iter().enumerate().skip(i) {
+                    let product = jacobians[i].tr_mul(&jacobians[j]);
+                    // In either order.
+                    if (i + j) % 2 == 0 {
+                        add(&mut system, &mut dense, &sizes, a, b, &product);
+                    } else {
+                        add(&mut system, &mut dense, &sizes, b, a, &product.transpose());
+                    }
+                }
+            }
+        }
+        Self {
+            sizes,
+            system,
+            dense,
+            rng,
+        }
+    }
+
+    fn sides(&mut self, count: usize) -> DMatrix<f64> {
+        let rng = &mut self.rng;
+        DMatrix::from_fn(self.dense.nrows(), count, |_, _| {
+            rng.random_range(-1.0..1.0)
+        })
+    }
+
+    fn factor(&self) -> SparseFactor {
+        self.system.factorise(&[]).expect("positive definite")
+    }
+
+    fn inverse(&self) -> DMatrix<f64> {
+        let dense = Cholesky::new(self.dense.clone()).expect("positive definite");
+        dense.inverse()
+    }
+}
+
+fn add(
+    system: &mut SparseSystem,
+    dense: &mut DMatrix<f64>,
+    sizes: &[usize],
+    a: usize,
+    b: usize,
+    values: &DMatrix<f64>,
+) {
+    let by_rows = values.transpose();
+    system.add(system.slot(a, b), by_rows.as_slice());
+    let (i, j) = (system.offset(a), system.offset(b));
+    let mut block = dense.view_mut((i, j), (sizes[a], sizes[b]));
+    block += values;
+    if a != b {
+        let mut block = dense.view_mut((j, i), (sizes[b], sizes[a]));
+        block += by_rows;
+    }
+}
+
+fn assert_near(found: &DMatrix<f64>, expected: &DMatrix<f64>, what: &str) {
+    let error = (found - expected).norm() / expected.norm();
+    assert!(error < 1e-10, "{what}: relative error {error:e}");
+}
+
+fn cases() -> impl Iterator<Item = Case> {
+    let shapes = [(3, 0), (4, 1), (12, 3), (30, 0), (60, 5), (90, 2)];
+    (0..)
+        .zip(shapes)
+        .map(|(seed, (blocks, constants))| Case::random(seed, blocks, constants))
+}
+
+#[test]
+fn products_solutions_and_covariances_agree_with_dense_algebra() {
+    for mut case in cases() {
+        let sides = case.sides(3);
+        let product = case.system.multiply(sides.column(0).as_slice());
+        let expected = &case.dense * sides.column(0);
+        assert_near(
+            &DMatrix::from_column_slice(product.len(), 1, &product),
+            &DMatrix::from_column_slice(product.len(), 1, expected.as_slice()),
+            "product",
+        );
+        assert_eq!(case.system.diagonal(), case.dense.diagonal().as_slice());
+
+        let factor = case.factor();
+        let inverse = case.inverse();
+        let mut found = sides.clone();
+        factor.solve(found.as_mut_slice(), 3);
+        assert_near(&found, &(&inverse * &sides), "solution");
+        let covariance = factor.covariance(sides.as_slice().to_vec(), 3);
+        assert_near(
+            &covariance,
+            &sides.tr_mul(&(&inverse * &sides)),
+            "covariance",
+        );
+    }
+}
+
+#[test]
+fn selected_inverse_is_the_inverse_where_the_factor_has_entries() {
+    for case in cases() {
+        let selected = case.factor().selected_inverse();
+        let inverse = case.inverse();
+        for a in 0..case.sizes.len() {
+            for b in 0..case.sizes.len() {
+                let (i, j) = (case.system.offset(a), case.system.offset(b));
+                let size = (case.sizes[a], case.sizes[b]);
+                let coupled = case.dense.view((i, j), size).iter().any(|x| *x != 0.0);
+                let found = selected.block(a, b);
+                assert!(
+                    found.is_some() || !coupled,
+                    "blocks {a} and {b} are coupled"
+                );
+                if let Some(found) = found {
+                    let error = (found - inverse.view((i, j), size)).norm();
+                    assert!(
+                        error < 1e-10 * inverse.norm(),
+                        "blocks {a} and {b}: {error:e}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn damping_is_added_to_the_diagonal_and_memory_is_used_again() {
+    let mut case = Case::random(7, 40, 2);
+    let sides = case.sides(1);
+    let damping: Vec<f64> = sides.iter().map(|x| x.abs() * 5.0).collect();
+    let mut factor = case.factor();
+    case.system
+        .factorise_into(&damping, &mut factor)
+        .expect("positive definite");
+    let damped = &case.dense + DMatrix::from_diagonal(&DVector::from_vec(damping));
+    let expected = Cholesky::new(damped)
+        .expect("positive definite")
+        .solve(&sides);
+    let mut found = sides.clone();
+    factor.solve(found.as_mut_slice(), 1);
+    assert_near(&found, &expected, "damped solution");
+
+    case.system.gradient_mut().copy_from_slice(sides.as_slice());
+    assert_eq!(case.system.gradient(), sides.as_slice());
+    case.system.zero();
+    assert!(case.system.gradient().iter().all(|x| *x == 0.0));
+    assert!(case.system.diagonal().iter().all(|x| *x == 0.0));
+    assert!(case.system.factorise_into(&[], &mut factor).is_err());
+    let ones = vec![1.0; case.system.unknowns()];
+    case.system
+        .factorise_into(&ones, &mut factor)
+        .expect("the identity");
+    let mut found = sides.clone();
+    factor.solve(found.as_mut_slice(), 1);
+    assert_eq!(found, sides);
+}
+
+#[test]
+fn blocks_kept_to_the_end_are_eliminated_last_in_their_order() {
+    let case = Case::random(3, 40, 6);
+    let n = case.system.unknowns();
+    let first = case.system.offset(34);
+    let factor = case.factor();
+    // L⁻¹ of a gradient by the last unknowns only is zero before them.
+    for i in first..n {
+        let mut side = vec![0.0; n];
+        side[i] = 1.0;
+        factor.half_solve(&mut side, 1);
+        assert!(side[..i].iter().all(|x| *x == 0.0));
+        assert!(side[i] > 0.0);
+    }
+}
+
+#[test]
+fn block_whose_pivot_fails_is_named() {
+    for (block, value) in [
+        (0, -1e3),
+        (5, -1e3),
+        (17, f64::NAN),
+        (28, f64::INFINITY),
+        (39, -1e6),
+    ] {
+        let mut case = Case::random(11, 40, 3);
+        let size = case.sizes[block];
+        let slot = case.system.slot(block, block);
+        let mut values = vec![0.0; size * size];
+        values[0] = value;
+        case.system.add(slot, &values);
+        let failed = case.system.factorise(&[]).map(|_| ());
+        assert_eq!(failed, Err(NotPositiveBlock(block)));
+    }
+}
+
+#[test]
+fn entries_that_are_no_numbers_fail_the_factorisation() {
+    let mut case = Case::random(12, 40, 3);
+    let size = case.sizes[1] * case.sizes[39];
+    let slot = case.system.slot(1, 39);
+    case.system.add(slot, &vec![f64::NAN; size]);
+    assert!(case.system.factorise(&[]).is_err());
+}
+
+#[test]
+fn system_without_unknowns_has_a_factor() {
+    let system = BlockPattern::new(Vec::new()).analyse(0);
+    let factor = system.factorise(&[]).expect("nothing to fail");
+    factor.solve(&mut [], 1);
+    factor.half_solve(&mut [], 2);
+    factor.selected_inverse();
+}
+
+#[test]
+#[should_panic(expected = "only coupled blocks")]
+fn blocks_that_are_not_coupled_have_no_slot() {
+    let mut pattern = BlockPattern::new(vec![3, 3, 3]);
+    pattern.couple(&[0, 1]);
+    pattern.analyse(3).slot(2, 0);
+}
+
+/// A route of `LANES` lanes back and forth, seen by patches beside each other.
+#[test]
+#[ignore = "measures time"]
+fn time_of_a_survey() {
+    const STEPS: usize = 3700;
+    const PATCHES: usize = 18_000;
+    const CONSTANTS: usize = 30;
+    const LANES: usize = 5;
+    let length = STEPS / LANES;
+    for window in [1, 2, 3] {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut sizes = vec![9; STEPS + 1];
+        sizes.extend(vec![6; STEPS]);
+        sizes.extend(vec![3; PATCHES]);
+        let last = sizes.len();
+        sizes.extend(vec![1; CONSTANTS]);
+        let (biases, patches) = (STEPS + 1, 2 * STEPS + 1);
+        let mut factors: Vec<Vec<usize>> = Vec::new();
+        for step in 0..STEPS {
+            let mut touched = vec![step, step + 1, biases + step];
+            if step > 0 {
+                touched.push(biases + step - 1);
+            }
+            touched.extend(last..last + CONSTANTS);
+            factors.push(touched);
+        }
+        for patch in 0..PATCHES {
+            let at = patch * length / PATCHES;
+            let seen = rng.random_range(3..=LANES);
+            let first = rng.random_range(0..=LANES - seen);
+            let mut touched = vec![patches + patch];
+            for lane in first..first + seen {
+                let along = if lane % 2 == 0 { at } else { length - 1 - at };
+                let along = (along + rng.random_range(0..3)).min(length - window);
+                for step in lane * length + along..lane * length + along + window {
+                    touched.extend([step, step + 1, biases + step]);
+                }
+            }
+            touched.extend(last..last + CONSTANTS);
+            factors.push(touched);
+        }
+        let seconds = |start: Instant| start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let mut pattern = BlockPattern::new(sizes.clone());
+        for _ in 0..10 {
+            for touched in &factors {
+                pattern.couple(touched);
+            }
+        }
+        let coupling = seconds(start);
+        let start = Instant::now();
+        let mut system = pattern.analyse(last);
+        let analysis = seconds(start);
+        let start = Instant::now();
+        for touched in &mut factors {
+            touched.sort_unstable();
+            touched.dedup();
+            for (i, &a) in touched.iter().enumerate() {
+                for &b in &touched[i..] {
+                    let mut values = vec![1e-3; sizes[a] * sizes[b]];
+                    if a == b {
+                        values
+                            .iter_mut()
+                            .step_by(sizes[a] + 1)
+                            .for_each(|x| *x = 1.0);
+                    }
+                    system.add(system.slot(a, b), &values);
+                }
+            }
+        }
+        let assembly = seconds(start);
+        let start = Instant::now();
+        let damping = vec![100.0; system.unknowns()];
+        let mut factor = system.factorise(&damping).expect("positive definite");
+        let factorisation = seconds(start);
+        let start = Instant::now();
+        system
+            .factorise_into(&damping, &mut factor)
+            .expect("positive definite");
+        let again = seconds(start);
+        let start = Instant::now();
+        let mut side = vec![1.0; system.unknowns()];
+        factor.solve(&mut side, 1);
+        let solution = seconds(start);
+        let start = Instant::now();
+        let gradients = vec![1.0; 12 * system.unknowns()];
+        factor.covariance(gradients, 12);
+        let covariance = seconds(start);
+        let start = Instant::now();
+        let selected = factor.selected_inverse();
+        let inverse = seconds(start);
+        assert!(selected.block(0, 1).is_some());
+        println!(
+            "{window} steps a visit: {} unknowns, L {:.1} M; coupling {coupling:.2} s, analysis \
+             {analysis:.2} s, assembly {assembly:.2} s, factor {factorisation:.2} s, again \
+             {again:.2} s, solve {solution:.3} s, covariance of 12 {covariance:.3} s, selected \
+             inverse {inverse:.2} s",
+            system.unknowns(),
+            system.factor_entries() as f64 / 1e6,
+        );
+    }
+}
