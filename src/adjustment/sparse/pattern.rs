@@ -84,6 +84,10 @@ impl BlockPattern {
             .map(|(block, sets)| {
                 let mut later = Vec::new();
                 for &(start, end) in sets {
+                    // Soon so of the last blocks, which are in most of the sets.
+                    if later.len() == blocks - 1 - block {
+                        break;
+                    }
                     for &other in &self.members[start..end] {
                         if listed[other as usize] != block + 1 {
                             listed[other as usize] = block + 1;

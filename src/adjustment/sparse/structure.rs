@@ -140,10 +140,12 @@ impl Structure {
         ends[column + 1] - ends[column]
     }
 
-    /// Where the diagonal of a position is in H.
-    pub fn diagonal(&self, position: usize) -> impl Iterator<Item = usize> + use<> {
-        let (base, height) = (self.base[position], self.height(position));
-        (0..self.size(position)).map(move |i| base + i * (height + 1))
+    /// Where the diagonal is in H, in the caller's order.
+    pub fn diagonal(&self) -> impl Iterator<Item = usize> {
+        self.position.iter().flat_map(|&position| {
+            let (base, height) = (self.base[position], self.height(position));
+            (0..self.size(position)).map(move |i| base + i * (height + 1))
+        })
     }
 
     /// Positions in the rows of a supernode, ascending, and their first rows in it.
@@ -223,20 +225,19 @@ fn columns(rows: &Lists, start: &[usize]) -> (SymbolicSparseColMat<usize>, Vec<u
 fn pattern_of_factor(rows: &Lists, start: &[usize]) -> SymbolicSupernodalCholesky<usize> {
     let unknowns = start[start.len() - 1];
     let mut earlier = vec![Vec::new(); rows.ends.len()];
-    for position in 0..rows.ends.len() {
-        for &row in &rows.get(position)[1..] {
-            earlier[row as usize].push(position);
+    for (position, &scalar) in start[..rows.ends.len()].iter().enumerate() {
+        for &row in rows.get(position) {
+            earlier[row as usize].push(scalar);
         }
     }
-    // The upper triangle with one scalar for each coupled block: the scalars of a block are chained
-    // to each other, so that elimination hands the coupling of the first to the others. L has the
-    // same pattern, and finding it takes a fraction of the time.
+    // The upper triangle with the first scalar only of each coupled block, its own included:
+    // eliminating that scalar couples the others of its block with everything it is coupled with.
+    // L has the same pattern, and finding it takes a fraction of the time.
     let mut ends = vec![0];
     let mut index = Vec::new();
     for (position, earlier) in earlier.iter().enumerate() {
-        for scalar in start[position]..start[position + 1] {
-            index.extend(earlier.iter().map(|&other| start[other]));
-            index.extend((scalar > start[position]).then(|| scalar - 1));
+        for _ in start[position]..start[position + 1] {
+            index.extend_from_slice(earlier);
             ends.push(index.len());
         }
     }

@@ -119,9 +119,7 @@ impl SparseSystem {
     /// The diagonal of H.
     pub fn diagonal(&self) -> Vec<f64> {
         let structure = &self.structure;
-        let positions = structure.position.iter();
-        let entries = positions.flat_map(|&position| structure.diagonal(position));
-        entries.map(|at| self.h[at]).collect()
+        structure.diagonal().map(|at| self.h[at]).collect()
     }
 
     /// H x.
@@ -153,11 +151,12 @@ impl SparseSystem {
             .collect()
     }
 
-    /// Factorises H + diag(damping); damping of each scalar, or none at all.
+    /// Factorises H + diag(damping); damping of each scalar, or none at all. H is the same after as
+    /// before.
     ///
     /// # Errors
     /// If a pivot is not positive or not finite.
-    pub fn factorise(&self, damping: &[f64]) -> Result<SparseFactor, NotPositiveBlock> {
+    pub fn factorise(&mut self, damping: &[f64]) -> Result<SparseFactor, NotPositiveBlock> {
         let mut factor = SparseFactor::new(Arc::clone(&self.structure));
         self.factorise_into(damping, &mut factor)?;
         Ok(factor)
@@ -169,7 +168,7 @@ impl SparseSystem {
     /// If a pivot is not positive or not finite. The factor is of no use then but to be written
     /// again.
     pub fn factorise_into(
-        &self,
+        &mut self,
         damping: &[f64],
         factor: &mut SparseFactor,
     ) -> Result<(), NotPositiveBlock> {
@@ -182,12 +181,15 @@ impl SparseSystem {
             return factor.factorise(&self.h);
         }
         assert_eq!(damping.len(), self.unknowns(), "damping of each unknown");
-        let mut damped = self.h.clone();
-        let positions = structure.position.iter();
-        let entries = positions.flat_map(|&position| structure.diagonal(position));
-        for (at, damping) in entries.zip(damping) {
-            damped[at] += damping;
+        // H is many times larger than its diagonal: keep that, not a copy of H.
+        let diagonal = self.diagonal();
+        for (at, damping) in structure.diagonal().zip(damping) {
+            self.h[at] += damping;
         }
-        factor.factorise(&damped)
+        let factorised = factor.factorise(&self.h);
+        for (at, value) in structure.diagonal().zip(diagonal) {
+            self.h[at] = value;
+        }
+        factorised
     }
 }

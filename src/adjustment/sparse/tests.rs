@@ -18,12 +18,16 @@ impl Case {
     /// Blocks of 1 to 9 unknowns, each factor on a few of them that are near to each other; the
     /// last ones with all.
     fn random(seed: u64, blocks: usize, constants: usize) -> Self {
+        Self::with_factors(seed, blocks, constants, 3 * blocks)
+    }
+
+    fn with_factors(seed: u64, blocks: usize, constants: usize, factors: usize) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let sizes: Vec<usize> = (0..blocks)
             .map(|_| [9, 6, 3, 1][rng.random_range(0..4)])
             .collect();
         let last = blocks - constants;
-        let mut factors: Vec<Vec<usize>> = (0..3 * blocks)
+        let mut factors: Vec<Vec<usize>> = (0..factors)
             .map(|_| {
                 let around = rng.random_range(0..last);
                 let mut touched: Vec<usize> = (0..rng.random_range(0..4))
@@ -85,7 +89,7 @@ impl Case {
         })
     }
 
-    fn factor(&self) -> SparseFactor {
+    fn factor(&mut self) -> SparseFactor {
         self.system.factorise(&[]).expect("positive definite")
     }
 
@@ -154,8 +158,21 @@ fn products_solutions_and_covariances_agree_with_dense_algebra() {
 }
 
 #[test]
+fn any_structure_is_solved() {
+    for seed in 0..300 {
+        let blocks = 2 + seed as usize % 14;
+        let constants = seed as usize % 3 % blocks;
+        let mut case = Case::with_factors(seed, blocks, constants, seed as usize % 23);
+        let sides = case.sides(1);
+        let mut found = sides.clone();
+        case.factor().solve(found.as_mut_slice(), 1);
+        assert_near(&(&case.dense * found), &sides, "right-hand side");
+    }
+}
+
+#[test]
 fn selected_inverse_is_the_inverse_where_the_factor_has_entries() {
-    for case in cases() {
+    for mut case in cases() {
         let selected = case.factor().selected_inverse();
         let inverse = case.inverse();
         for a in 0..case.sizes.len() {
@@ -197,7 +214,10 @@ fn damping_is_added_to_the_diagonal_and_memory_is_used_again() {
     factor.solve(found.as_mut_slice(), 1);
     assert_near(&found, &expected, "damped solution");
 
+    case.system.gradient_mut().copy_from_slice(sides.as_slice());
+    assert_eq!(case.system.gradient(), sides.as_slice());
     case.system.zero();
+    assert!(case.system.gradient().iter().all(|x| *x == 0.0));
     assert!(case.system.diagonal().iter().all(|x| *x == 0.0));
     assert!(case.system.factorise_into(&[], &mut factor).is_err());
     let ones = vec![1.0; case.system.unknowns()];
@@ -211,7 +231,7 @@ fn damping_is_added_to_the_diagonal_and_memory_is_used_again() {
 
 #[test]
 fn blocks_kept_to_the_end_are_eliminated_last_in_their_order() {
-    let case = Case::random(3, 40, 6);
+    let mut case = Case::random(3, 40, 6);
     let n = case.system.unknowns();
     let first = case.system.offset(34);
     let factor = case.factor();
@@ -256,7 +276,7 @@ fn entries_that_are_no_numbers_fail_the_factorisation() {
 
 #[test]
 fn system_without_unknowns_has_a_factor() {
-    let system = BlockPattern::new(Vec::new()).analyse(0);
+    let mut system = BlockPattern::new(Vec::new()).analyse(0);
     let factor = system.factorise(&[]).expect("nothing to fail");
     factor.solve(&mut [], 1);
     factor.half_solve(&mut [], 2);
@@ -271,105 +291,88 @@ fn blocks_that_are_not_coupled_have_no_slot() {
     pattern.analyse(3).slot(2, 0);
 }
 
-/// A route of `LANES` lanes back and forth, seen by patches beside each other.
+/// The blocks of a survey like ours, the first of the constants, and the blocks of each factor: a
+/// route of lanes back and forth, and patches beside each other that some of the lanes see for
+/// `visit` steps.
+fn survey(visit: usize) -> (Vec<usize>, usize, Vec<Vec<usize>>) {
+    const LANES: usize = 5;
+    let (steps, patches) = (3700, 18_000);
+    let length = steps / LANES;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut sizes = vec![9; steps + 1];
+    sizes.resize(sizes.len() + steps, 6);
+    sizes.resize(sizes.len() + patches, 3);
+    let last = sizes.len();
+    sizes.resize(last + 30, 1);
+    let (first_bias, first_patch) = (steps + 1, 2 * steps + 1);
+    let mut factors = Vec::new();
+    for step in 0..steps {
+        let next = (first_bias + step + 1).min(first_patch - 1);
+        factors.push(vec![step, step + 1, first_bias + step, next]);
+    }
+    for patch in 0..patches {
+        let at = patch * length / patches;
+        let seen = rng.random_range(3..=LANES);
+        let first = rng.random_range(0..=LANES - seen);
+        for lane in first..first + seen {
+            let along = if lane % 2 == 0 { at } else { length - 1 - at };
+            let along = (along + rng.random_range(0..3)).min(length - visit);
+            for step in lane * length + along..lane * length + along + visit {
+                factors.push(vec![step, step + 1, first_bias + step, first_patch + patch]);
+            }
+        }
+    }
+    for factor in &mut factors {
+        factor.dedup();
+        factor.extend(last..last + 30);
+    }
+    (sizes, last, factors)
+}
+
 #[test]
 #[ignore = "measures time"]
 fn time_of_a_survey() {
-    const STEPS: usize = 3700;
-    const PATCHES: usize = 18_000;
-    const CONSTANTS: usize = 30;
-    const LANES: usize = 5;
-    let length = STEPS / LANES;
-    for window in [1, 2, 3] {
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut sizes = vec![9; STEPS + 1];
-        sizes.extend(vec![6; STEPS]);
-        sizes.extend(vec![3; PATCHES]);
-        let last = sizes.len();
-        sizes.extend(vec![1; CONSTANTS]);
-        let (biases, patches) = (STEPS + 1, 2 * STEPS + 1);
-        let mut factors: Vec<Vec<usize>> = Vec::new();
-        for step in 0..STEPS {
-            let mut touched = vec![step, step + 1, biases + step];
-            if step > 0 {
-                touched.push(biases + step - 1);
-            }
-            touched.extend(last..last + CONSTANTS);
-            factors.push(touched);
-        }
-        for patch in 0..PATCHES {
-            let at = patch * length / PATCHES;
-            let seen = rng.random_range(3..=LANES);
-            let first = rng.random_range(0..=LANES - seen);
-            let mut touched = vec![patches + patch];
-            for lane in first..first + seen {
-                let along = if lane % 2 == 0 { at } else { length - 1 - at };
-                let along = (along + rng.random_range(0..3)).min(length - window);
-                for step in lane * length + along..lane * length + along + window {
-                    touched.extend([step, step + 1, biases + step]);
-                }
-            }
-            touched.extend(last..last + CONSTANTS);
-            factors.push(touched);
-        }
-        let seconds = |start: Instant| start.elapsed().as_secs_f64();
+    fn timed<T>(what: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
+        let result = work();
+        println!("  {what}: {:.3} s", start.elapsed().as_secs_f64());
+        result
+    }
+    for visit in [1, 2] {
+        println!("{visit} steps a visit");
+        let (sizes, last, factors) = survey(visit);
         let mut pattern = BlockPattern::new(sizes.clone());
-        for _ in 0..10 {
-            for touched in &factors {
-                pattern.couple(touched);
+        timed("coupling", || {
+            for factor in &factors {
+                pattern.couple(factor);
             }
-        }
-        let coupling = seconds(start);
-        let start = Instant::now();
-        let mut system = pattern.analyse(last);
-        let analysis = seconds(start);
-        let start = Instant::now();
-        for touched in &mut factors {
-            touched.sort_unstable();
-            touched.dedup();
-            for (i, &a) in touched.iter().enumerate() {
-                for &b in &touched[i..] {
-                    let mut values = vec![1e-3; sizes[a] * sizes[b]];
-                    if a == b {
-                        values
-                            .iter_mut()
-                            .step_by(sizes[a] + 1)
-                            .for_each(|x| *x = 1.0);
+        });
+        let mut system = timed("analysis", || pattern.analyse(last));
+        timed("assembly, slots included", || {
+            let values = [1e-3; 81];
+            for factor in &factors {
+                for (i, &a) in factor.iter().enumerate() {
+                    for &b in &factor[i..] {
+                        let slot = system.slot(a, b);
+                        system.add(slot, &values[..sizes[a] * sizes[b]]);
                     }
-                    system.add(system.slot(a, b), &values);
                 }
             }
-        }
-        let assembly = seconds(start);
-        let start = Instant::now();
-        let damping = vec![100.0; system.unknowns()];
-        let mut factor = system.factorise(&damping).expect("positive definite");
-        let factorisation = seconds(start);
-        let start = Instant::now();
-        system
-            .factorise_into(&damping, &mut factor)
-            .expect("positive definite");
-        let again = seconds(start);
-        let start = Instant::now();
-        let mut side = vec![1.0; system.unknowns()];
-        factor.solve(&mut side, 1);
-        let solution = seconds(start);
-        let start = Instant::now();
-        let gradients = vec![1.0; 12 * system.unknowns()];
-        factor.covariance(gradients, 12);
-        let covariance = seconds(start);
-        let start = Instant::now();
-        let selected = factor.selected_inverse();
-        let inverse = seconds(start);
-        assert!(selected.block(0, 1).is_some());
+        });
+        let damping = vec![1.0; system.unknowns()];
+        let mut factor = timed("factor", || system.factorise(&damping)).expect("positive");
+        timed("factor again", || {
+            system.factorise_into(&damping, &mut factor)
+        })
+        .expect("positive");
+        let mut sides = vec![1.0; 12 * system.unknowns()];
+        timed("solve", || factor.solve(&mut sides[..system.unknowns()], 1));
+        timed("covariance of 12", || factor.covariance(sides, 12));
+        timed("selected inverse", || factor.selected_inverse());
         println!(
-            "{window} steps a visit: {} unknowns, L {:.1} M; coupling {coupling:.2} s, analysis \
-             {analysis:.2} s, assembly {assembly:.2} s, factor {factorisation:.2} s, again \
-             {again:.2} s, solve {solution:.3} s, covariance of 12 {covariance:.3} s, selected \
-             inverse {inverse:.2} s",
+            "  {} unknowns, {:.1} M entries in L",
             system.unknowns(),
-            system.factor_entries() as f64 / 1e6,
+            system.factor_entries() as f64 / 1e6
         );
     }
 }
