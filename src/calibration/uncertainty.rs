@@ -25,10 +25,6 @@ use crate::geometry::Vec3;
 use crate::surface::{Memberships, PosedProfile, Surface};
 use crate::trajectory::{PoseGradient, Trajectory};
 
-/// Time over which pose errors are assumed constant if only standard deviations are given,
-/// seconds: about the correlation time of a total station's positions and a filter's attitude.
-const BLOCK_S: f64 = 5.0;
-
 /// Points per parallel task.
 const CHUNK: usize = 4096;
 
@@ -225,11 +221,11 @@ impl<'a> PoseErrors<'a> {
                 }
             }
             // Errors are constant over a block and independent between blocks and axes.
-            PoseUncertainty::Sigmas => {
+            PoseUncertainty::Sigmas { correlation_s } => {
                 let Some(sigma) = self.trajectory.poses()[node].sigma else {
                     return;
                 };
-                let block = (profile.time_s - self.trajectory.span_s().0) / BLOCK_S;
+                let block = (profile.time_s - self.trajectory.span_s().0) / correlation_s;
                 let size = self.by_node.rows();
                 let sums = self.by_block.entry(block as u64);
                 let sums = sums.or_insert_with(|| DMatrix::zeros(size, 6));
@@ -358,8 +354,8 @@ mod tests {
         let trajectory = Trajectory::new(vec![node(0.0), node(1.0)]).expect("two nodes");
         let surface = surface(cloud, &mountings, 1);
         let covariance_with = |poses| gradient_covariance(&surface, FLOOR_M, &trajectory, poses);
-        let found =
-            covariance_with(PoseUncertainty::Sigmas) - covariance_with(PoseUncertainty::None);
+        let found = covariance_with(PoseUncertainty::Sigmas { correlation_s: 5.0 })
+            - covariance_with(PoseUncertainty::None);
         let before = frozen_gradient(&surface, &surface.placed.world);
         let mut expected = DMatrix::zeros(12, 12);
         for axis in 0..6 {

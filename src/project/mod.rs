@@ -9,7 +9,7 @@ mod source;
 mod written;
 
 pub use checked::{
-    Evaluation, LogFile, Logs, Motion, PosesFile, PositionLog, Project, Reference, Scanner,
+    LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference, Scanner,
 };
 
 #[cfg(test)]
@@ -30,9 +30,9 @@ impl Project {
         resolve::read(path)
     }
 
-    /// Checks that every referenced file exists, and that the evaluation projects can be read, that
-    /// their files exist, and that they contain only scanners of this project with the same body
-    /// axes.
+    /// Checks that every referenced file exists, and that the projects of the other drives can be
+    /// read, that their files exist, and that they contain only scanners of this project with the
+    /// same body axes; and that no drive is adjusted twice, or evaluated after it was adjusted.
     ///
     /// # Errors
     /// Names the first missing file, its key and the line.
@@ -40,7 +40,7 @@ impl Project {
         files::check(self)
     }
 
-    /// Every file read for the project: its own, and those of its evaluation drives.
+    /// Every file read for the project: its own, and those of its other drives.
     pub fn inputs(&self) -> Vec<PathBuf> {
         files::inputs(self)
     }

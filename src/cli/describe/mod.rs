@@ -139,7 +139,7 @@ fn describe_scanner(lines: &mut Lines, scanner: &Scanner) {
 fn describe_calibration(lines: &mut Lines, settings: &CalibrationSettings) {
     lines.section("calibration");
     let method = match settings.method {
-        Method::Reweighted => "reweighted least squares, analytic derivatives",
+        Method::TwoStep => "reweighted least squares, analytic derivatives",
         Method::Paper => "the paper's: Gauss-Newton on omnivariances, numeric derivatives",
     };
     lines.value("method", method);

@@ -8,6 +8,7 @@ mod settings;
 mod table;
 
 pub(super) use positions::arcsec_to_radians;
+pub(super) use scanners::TIME_OFFSET;
 
 use std::path::Path;
 
@@ -21,6 +22,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
     let source = &Source::read(path)?;
     let written = &source.written()?;
     let frame = Table::new(source, "frame");
+    let (drives, evaluations) = scanners::other_drives(source, written)?;
     Ok(Project {
         path: source.path.clone(),
         axes: written.frame.body.unwrap_or_default(),
@@ -32,7 +34,10 @@ pub(super) fn read(path: &Path) -> Result<Project> {
             path: source.absolute(&reference.file),
         }),
         calibration: settings::calibration(source, &written.calibration)?,
+        is_joint: settings::is_joint(source, written)?,
+        joint: settings::joint(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,
-        evaluations: scanners::evaluations(source, &written.evaluation)?,
+        drives,
+        evaluations,
     })
 }

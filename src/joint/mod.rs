@@ -1,0 +1,5 @@
+//! One adjustment of trajectory and mountings.
+
+mod settings;
+
+pub use settings::{JointSettings, ReferenceSigma};
