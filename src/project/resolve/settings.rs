@@ -74,10 +74,10 @@ pub(super) fn is_joint(source: &Source, written: &Written) -> Result<bool> {
     if written.calibration.method.unwrap_or_default() == Method::Joint {
         return Ok(true);
     }
-    let estimates = written.scanner.iter().position(|s| s.estimate.is_some());
+    let estimates = |scanner: &written::Scanner| scanner.estimate.iter().flatten().count() > 0;
     let without = "without the joint adjustment";
     let expected = "calibration.method = \"joint\" (the default)";
-    if let Some(index) = estimates {
+    if let Some(index) = written.scanner.iter().position(estimates) {
         let table = Table {
             index: Some(index),
             ..Table::new(source, "scanner")

@@ -1,7 +1,7 @@
 use super::{EXAMPLE, Motion, POSES, Project, SEVERAL, folder, read, write};
 
 /// The message for `text`, without the folder, so that it starts with `project.toml`.
-fn message(text: &str) -> String {
+pub(super) fn message(text: &str) -> String {
     let message = read(text).unwrap_err().to_string();
     let start = message.find("project.toml").unwrap();
     message[start..].to_owned()
