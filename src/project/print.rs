@@ -20,12 +20,8 @@ pub(super) fn project(project: &Project) -> Result<String> {
 
 /// See [`Project::scanners_to_toml`].
 pub(super) fn scanners(project: &Project) -> Result<String> {
-    #[derive(serde::Serialize)]
-    struct Scanners {
-        scanner: Vec<written::Scanner>,
-    }
     let scanner = project.scanners.iter().map(scanner).collect();
-    print(&Scanners { scanner })
+    print(&written::Mountings { scanner })
 }
 
 fn print<T: serde::Serialize>(value: &T) -> Result<String> {

@@ -55,6 +55,15 @@ pub struct Written {
     pub evaluation: Vec<OtherDrive>,
 }
 
+/// The scanners alone, as a calibration prints them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mountings {
+    /// The scanners.
+    #[serde(default)]
+    pub scanner: Vec<Scanner>,
+}
+
 /// `[frame]`
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

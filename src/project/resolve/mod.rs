@@ -8,19 +8,20 @@ mod settings;
 mod table;
 
 pub(super) use positions::arcsec_to_radians;
-pub(super) use scanners::TIME_OFFSET;
+pub(super) use scanners::{TIME_OFFSET, scanners};
 
 use std::path::Path;
 
 use super::checked::{Project, Reference};
 use super::source::Source;
+use super::written::Written;
 use crate::error::Result;
 use table::Table;
 
 /// Reads a project file, checks it and converts it to SI units.
 pub(super) fn read(path: &Path) -> Result<Project> {
     let source = &Source::read(path)?;
-    let written = &source.written()?;
+    let written: &Written = &source.parsed()?;
     let frame = Table::new(source, "frame");
     let (drives, evaluations) = scanners::other_drives(source, written)?;
     Ok(Project {
@@ -29,7 +30,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
         motion: motion::motion(source, written)?,
         limits: motion::limits(source, written)?,
-        scanners: scanners::scanners(source, &written.scanner)?,
+        scanners: scanners(source, &written.scanner)?,
         reference: written.reference.as_ref().map(|reference| Reference {
             path: source.absolute(&reference.file),
         }),

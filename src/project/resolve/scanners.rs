@@ -13,7 +13,10 @@ use crate::project::written::{self, Written};
 pub(in crate::project) const TIME_OFFSET: &str = "time_offset";
 
 /// The scanners, with unique names.
-pub(super) fn scanners(source: &Source, written: &[written::Scanner]) -> Result<Vec<Scanner>> {
+pub(in crate::project) fn scanners(
+    source: &Source,
+    written: &[written::Scanner],
+) -> Result<Vec<Scanner>> {
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
     written
