@@ -93,7 +93,7 @@ fn a_project_and_what_it_reads_is_kept() {
     on("run", "./p.toml", "cloud-left.laz");
     project(folder, &(LOGS.to_owned() + SCANNER));
     for flag in ["--trajectory", "--calibration"] {
-        // Both are read before the log is opened, and one is read there.
+        // A mistake in the file would be reported first.
         let valid = match flag {
             "--trajectory" => "time_s,east_m,north_m,up_m,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n",
             _ => SCANNER,
