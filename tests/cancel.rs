@@ -134,8 +134,9 @@ fn commands_on_projects_stop() {
     stops("calibrate", 8, |options, progress| {
         pipeline::calibrate(&project, options, progress)
     });
+    let placement = pipeline::Placement::new(&project, None, None).unwrap();
     stops("georeference", 6, |options, progress| {
-        pipeline::georeference(&project, options, progress)
+        pipeline::georeference(&placement, options, progress)
     });
     stops("run", 20, |options, progress| {
         pipeline::run(&project, options, progress)

@@ -91,6 +91,44 @@ fn a_project_and_what_it_reads_is_kept() {
     project(folder, &(LOGS.to_owned() + SCANNER + reference));
     on("georeference", "./p.toml", "cloud-left.laz");
     on("run", "./p.toml", "cloud-left.laz");
+    project(folder, &(LOGS.to_owned() + SCANNER));
+    for flag in ["--trajectory", "--calibration"] {
+        // A mistake in the file would be reported first.
+        let valid = match flag {
+            "--trajectory" => "time_s,east_m,north_m,up_m,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n",
+            _ => SCANNER,
+        };
+        for name in ["cloud-left.laz", "log.txt"] {
+            fs::write(folder.join(name), valid).unwrap();
+            let given = format!("./{name}");
+            assert_kept(
+                folder,
+                &["georeference", "./p.toml", flag, &given, "--out", "./"],
+                name,
+            );
+        }
+    }
+    // The logs belong to the project even where they are not read.
+    copy("imu.csv", "cloud-left.laz");
+    project(folder, &imu("cloud-left.laz"));
+    let poses = folder.join("poses.csv");
+    fs::write(
+        &poses,
+        "time_s,east_m,north_m,up_m,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n",
+    )
+    .unwrap();
+    assert_kept(
+        folder,
+        &[
+            "georeference",
+            "./p.toml",
+            "--trajectory",
+            "./poses.csv",
+            "--out",
+            "./",
+        ],
+        "cloud-left.laz",
+    );
 
     // What an evaluation drive reads belongs to the project as well.
     project(folder, &imu("trajectory.csv"));

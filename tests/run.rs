@@ -5,38 +5,12 @@ mod common;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{TINY_SCENARIO, boresight, names, on_project, rewrite_project};
+use common::{boresight, names, on_project, rewrite_project, simulated};
 use serde_json::Value;
-
-/// The folder of the simulated drive, with a space in its path, and what keeps it.
-fn simulated() -> (tempfile::TempDir, PathBuf) {
-    let kept = tempfile::tempdir().unwrap();
-    let scenario = kept.path().join("tiny.toml");
-    fs::write(&scenario, TINY_SCENARIO).unwrap();
-    let out = kept.path().join("test field");
-    let run = boresight(&[
-        "simulate",
-        "--scenario",
-        scenario.to_str().unwrap(),
-        "--out",
-        out.to_str().unwrap(),
-    ]);
-    assert_eq!(run.code, 0, "{}", run.err);
-    let drive = out.join("drive-1");
-    rewrite_project(&drive, |text| {
-        let lines = text.lines().map(|line| match line.split_once(" = ") {
-            Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.05]\n".to_owned(),
-            Some(("neighbours", _)) => "neighbours = 20\n".to_owned(),
-            _ => format!("{line}\n"),
-        });
-        lines.collect()
-    });
-    (kept, drive)
-}
 
 /// `document` without what differs from run to run: times and memory.
 fn timeless(mut document: Value) -> Value {

@@ -43,12 +43,6 @@ pub(crate) use marginals::{StepCovariance, tail_covariance};
 pub(crate) use prior::{BorderPrior, Prior};
 pub(crate) use problem::ChainProblem;
 pub(crate) use rows::{FactorRows, Rows};
-#[expect(
-    unused_imports,
-    reason = "the adjustment with surfaces is still to use it"
-)]
-pub(crate) use sparse::{
-    BlockPattern, NotPositiveBlock, SelectedInverse, Slot, SparseFactor, SparseSystem,
-};
+pub(crate) use sparse::{BlockPattern, SparseFactor, SparseSystem};
 pub(crate) use system::{BorderSystem, StepSystem, assemble};
 pub(crate) use unknown::{Columns, Parameter, Retract, Unknown};

@@ -16,13 +16,20 @@ use crate::trajectory::{PosteriorCovariance, Trajectory};
 /// about the alignment. The scatter of the poses is added to it.
 const FLOOR_SHARE: f64 = 0.05;
 
+/// Correlation time of the errors of poses if only standard deviations are given, seconds: about
+/// that of a total station's positions and of a filter's attitude.
+pub const POSE_CORRELATION_S: f64 = 5.0;
+
 /// What is known about the errors of the poses.
 #[derive(Debug, Clone, Copy)]
 pub enum PoseUncertainty<'a> {
     /// The smoother's posterior covariance, including correlations.
     Smoothed(&'a PosteriorCovariance),
-    /// Standard deviations of the poses; errors are assumed constant over 5 s.
-    Sigmas,
+    /// Standard deviations of the poses; errors are assumed constant over their correlation time.
+    Sigmas {
+        /// The correlation time, seconds.
+        correlation_s: f64,
+    },
     /// Nothing is known, or the poses are exact: standard deviations hold for exact poses.
     None,
 }
@@ -57,7 +64,9 @@ impl<'a> Input<'a> {
             reference: &[],
             trajectory,
             poses: match has_sigmas {
-                true => PoseUncertainty::Sigmas,
+                true => PoseUncertainty::Sigmas {
+                    correlation_s: POSE_CORRELATION_S,
+                },
                 false => PoseUncertainty::None,
             },
         }
@@ -74,6 +83,15 @@ impl<'a> Input<'a> {
             poses: PoseUncertainty::Smoothed(covariance),
             ..self
         }
+    }
+
+    /// Sets the correlation time of the errors of poses with standard deviations, seconds; without
+    /// it, [`POSE_CORRELATION_S`].
+    pub fn with_pose_correlation(mut self, seconds: f64) -> Self {
+        if let PoseUncertainty::Sigmas { correlation_s } = &mut self.poses {
+            *correlation_s = seconds;
+        }
+        self
     }
 
     /// # Errors
@@ -105,6 +123,14 @@ impl<'a> Input<'a> {
                         covariance.nodes()
                     ),
                     "give the trajectory and the covariance of one estimate",
+                ))
+            }
+            PoseUncertainty::Sigmas { correlation_s }
+                if !(correlation_s > 0.0 && correlation_s.is_finite()) =>
+            {
+                Err(Error::data(
+                    format!("a correlation time of the poses of {correlation_s} s"),
+                    "give a time above 0 s",
                 ))
             }
             _ => Ok(()),

@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use constancy::{Block, Constancy};
-pub use input::{Input, PoseUncertainty};
+pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
 pub use observability::{Observability, UnobservableDirection};
 pub use parameters::{Mounting, PARAMETER_NAMES};
 pub use result::{Calibration, Scale};
@@ -83,7 +83,7 @@ pub fn calibrate(
         converged: scales.iter().all(|scale| scale.ending.is_converged()),
         covariance: match settings.method {
             Method::Paper => None,
-            Method::Reweighted => uncertainty::covariance(input, &solved),
+            Method::TwoStep => uncertainty::covariance(input, &solved),
         },
         constancy: Constancy::of(&solved.state.surface, input.trajectory),
         mountings: solved.state.mountings,
@@ -120,7 +120,7 @@ fn solve_scale(
         iterations,
         costs,
     } = match settings.method {
-        Method::Reweighted => adjust::minimise(&problem, start, &observability, progress)?,
+        Method::TwoStep => adjust::minimise(&problem, start, &observability, progress)?,
         Method::Paper => paper::minimise(&problem, start.mountings, &observability, progress)?,
     };
     let solved = hold_unobservable_directions(&problem, &input.mountings, state);

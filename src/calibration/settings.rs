@@ -2,13 +2,14 @@
 
 use crate::error::{Error, Result};
 
-/// Estimation method.
+/// Estimation method for mountings on a given trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Reweighted least squares with analytic derivatives, one point per voxel, scanner and pass.
+    /// Reweighted least squares with analytic derivatives, one point per voxel, scanner and pass:
+    /// the second of two steps, as the trajectory stays as it was estimated.
     #[default]
-    Reweighted,
+    TwoStep,
     /// The paper's method: numeric Jacobian of the omnivariances, one point per voxel,
     /// Gauss-Newton.
     Paper,
@@ -34,7 +35,7 @@ impl Default for CalibrationSettings {
         Self {
             voxel_sizes_m: vec![0.05, 0.04, 0.03, 0.02, 0.01, 0.005],
             neighbours: 50,
-            method: Method::Reweighted,
+            method: Method::TwoStep,
             max_iterations: 50,
             pass_gap_s: 3.0,
         }

@@ -25,10 +25,6 @@ use crate::geometry::Vec3;
 use crate::surface::{Memberships, PosedProfile, Surface};
 use crate::trajectory::{PoseGradient, Trajectory};
 
-/// Time over which pose errors are assumed constant if only standard deviations are given,
-/// seconds: about the correlation time of a total station's positions and a filter's attitude.
-const BLOCK_S: f64 = 5.0;
-
 /// Points per parallel task.
 const CHUNK: usize = 4096;
 
@@ -225,11 +221,11 @@ impl<'a> PoseErrors<'a> {
                 }
             }
             // Errors are constant over a block and independent between blocks and axes.
-            PoseUncertainty::Sigmas => {
+            PoseUncertainty::Sigmas { correlation_s } => {
                 let Some(sigma) = self.trajectory.poses()[node].sigma else {
                     return;
                 };
-                let block = (profile.time_s - self.trajectory.span_s().0) / BLOCK_S;
+                let block = (profile.time_s - self.trajectory.span_s().0) / correlation_s;
                 let size = self.by_node.rows();
                 let sums = self.by_block.entry(block as u64);
                 let sums = sums.or_insert_with(|| DMatrix::zeros(size, 6));
@@ -334,7 +330,8 @@ mod tests {
 
     #[test]
     fn errors_of_a_pose_reach_the_gradient_through_the_points() {
-        // One block of time: a common error of position and rotation moves every point.
+        // A common error of position and rotation moves every point of a block of time: of 0.4 s
+        // there is one, or three.
         let (mut cloud, mountings) = case();
         let world_from_body = WorldFromBody::new(
             so3::exp(&Vec3::new(0.1, -0.2, 0.3)),
@@ -358,13 +355,17 @@ mod tests {
         let trajectory = Trajectory::new(vec![node(0.0), node(1.0)]).expect("two nodes");
         let surface = surface(cloud, &mountings, 1);
         let covariance_with = |poses| gradient_covariance(&surface, FLOOR_M, &trajectory, poses);
-        let found =
-            covariance_with(PoseUncertainty::Sigmas) - covariance_with(PoseUncertainty::None);
         let before = frozen_gradient(&surface, &surface.placed.world);
-        let mut expected = DMatrix::zeros(12, 12);
-        for axis in 0..6 {
+        let block_of = |l: usize, correlation_s: f64| {
+            let profile = surface.cloud.profile(&surface.cloud.movable[l]);
+            (profile.time_s / correlation_s) as usize
+        };
+        let change_of = |axis: usize, block: usize, correlation_s: f64| {
             let mut world = surface.placed.world.clone();
             for (l, x) in world[..surface.cloud.movable.len()].iter_mut().enumerate() {
+                if block_of(l, correlation_s) != block {
+                    continue;
+                }
                 if axis < 3 {
                     x[axis] += sigma.position_m[axis];
                 } else {
@@ -377,10 +378,18 @@ mod tests {
                     *x = body_m + so3::exp(&turn) * (*x - body_m);
                 }
             }
-            let change = frozen_gradient(&surface, &world) - &before;
-            expected += &change * change.transpose();
+            frozen_gradient(&surface, &world) - &before
+        };
+        for (correlation_s, blocks) in [(5.0, 1), (0.15, 3)] {
+            let found = covariance_with(PoseUncertainty::Sigmas { correlation_s })
+                - covariance_with(PoseUncertainty::None);
+            let mut expected = DMatrix::zeros(12, 12);
+            for (axis, block) in (0..6).flat_map(|axis| (0..blocks).map(move |b| (axis, b))) {
+                let change = change_of(axis, block, correlation_s);
+                expected += &change * change.transpose();
+            }
+            // Finite rotations of up to 3e-4 rad differ from their derivative by half of that.
+            assert!((&found - &expected).amax() < 1e-3 * expected.amax());
         }
-        // Finite rotations of up to 3e-4 rad differ from their derivative by half of that.
-        assert!((&found - &expected).amax() < 1e-3 * expected.amax());
     }
 }

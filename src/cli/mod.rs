@@ -7,6 +7,7 @@ mod context;
 mod demo;
 mod describe;
 mod features;
+mod georeference;
 mod inspect;
 mod print;
 mod simulate;
@@ -65,8 +66,7 @@ enum Command {
     Trajectory(trajectory::Trajectory),
     /// Calibrate the mountings of all scanners of a project
     Calibrate(ProjectArguments),
-    /// Georeference the profiles of a project with its mountings
-    Georeference(ProjectArguments),
+    Georeference(georeference::Georeference),
     Compare(compare::Compare),
     Features(features::Features),
     Thin(thin::Thin),
@@ -123,7 +123,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Simulate(command) => command.execute(&context),
             Command::Trajectory(command) => command.execute(&context),
             Command::Calibrate(on) => context.with_project(&on, pipeline::calibrate),
-            Command::Georeference(on) => context.with_project(&on, pipeline::georeference),
+            Command::Georeference(command) => command.execute(&context),
             Command::Compare(command) => command.execute(&context),
             Command::Features(command) => command.execute(&context),
             Command::Thin(command) => command.execute(&context),

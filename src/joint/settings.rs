@@ -1,6 +1,6 @@
 //! Settings of the joint adjustment, in SI units.
 
-const POSE_CORRELATION_S: f64 = 5.0;
+use crate::calibration::POSE_CORRELATION_S;
 
 /// Size of a surfel in finest voxels of the calibration that precedes the adjustment.
 const SURFEL_VOXELS: f64 = 10.0;

@@ -165,32 +165,6 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     })
 }
 
-/// Georeferences the profiles with the project's mountings.
-///
-/// # Errors
-/// Errors of the stages.
-pub fn georeference(
-    project: &Project,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<Outcome> {
-    let names = clouds::names(project);
-    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    let poses = stages::poses(project, progress)?;
-    let mountings = stages::initial_poses(project);
-    clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
-    job.commit()?;
-    let files = files_in(&options.out, names);
-    Ok(Outcome {
-        result: json!({ "clouds": files }),
-        summary: format!(
-            "{} clouds, placed with the project's mountings",
-            files.len()
-        ),
-        files,
-    })
-}
-
 /// Runs all stages and writes the report.
 ///
 /// # Errors
@@ -223,6 +197,9 @@ fn outcome(findings: &Findings, out: &Path) -> Outcome {
 }
 
 /// Paths of these names in the folder `out`.
-fn files_in(out: &Path, names: impl IntoIterator<Item = impl AsRef<Path>>) -> Vec<PathBuf> {
+pub(super) fn files_in(
+    out: &Path,
+    names: impl IntoIterator<Item = impl AsRef<Path>>,
+) -> Vec<PathBuf> {
     names.into_iter().map(|name| out.join(name)).collect()
 }

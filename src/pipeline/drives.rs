@@ -9,7 +9,7 @@ use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::{Error, Result};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::progress::Progress;
-use crate::project::{Evaluation, Project};
+use crate::project::{OtherDrive, Project};
 use crate::report::content::Drive;
 
 /// Mountings to compare, with their kinds.
@@ -43,7 +43,7 @@ pub fn compare(
     })?;
     drop(kept);
     let mut drives = vec![own];
-    for Evaluation {
+    for OtherDrive {
         name,
         project: path,
     } in &project.evaluations

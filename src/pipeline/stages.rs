@@ -327,6 +327,7 @@ pub fn calibration(
     }
     let input = Input::new(mountings(project), samples, &poses.trajectory);
     let input = input.with_reference(reference);
+    let input = input.with_pose_correlation(project.joint.correlation_s);
     let input = match &poses.covariance {
         Some(covariance) => input.with_pose_covariance(covariance),
         None => input,

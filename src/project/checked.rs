@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
+use crate::joint::JointSettings;
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
 
@@ -25,12 +26,20 @@ pub struct Project {
     pub scanners: Vec<Scanner>,
     /// The reference cloud.
     pub reference: Option<Reference>,
-    /// Settings of the calibration.
+    /// Settings of the calibration in two steps, from which the joint adjustment starts.
     pub calibration: CalibrationSettings,
+    /// Whether trajectory and mountings are adjusted jointly (`calibration.method = "joint"`);
+    /// [`CalibrationSettings::method`] is then that of the start and of the fallback.
+    pub is_joint: bool,
+    /// Settings of the joint adjustment, and uncertainties of the inputs that only it uses.
+    pub joint: JointSettings,
     /// Settings of the comparisons.
     pub comparison: ComparisonSettings,
-    /// Other drives, evaluated with the mountings calibrated here.
-    pub evaluations: Vec<Evaluation>,
+    /// Other drives, adjusted together with this one.
+    pub drives: Vec<OtherDrive>,
+    /// Other drives, evaluated with the mountings calibrated here; their names differ from those of
+    /// [`Self::drives`].
+    pub evaluations: Vec<OtherDrive>,
 }
 
 /// The source of the poses.
@@ -99,6 +108,8 @@ pub struct Scanner {
     pub profiles: Vec<PathBuf>,
     /// Common time = scanner time + this, seconds.
     pub time_offset_s: f64,
+    /// Whether the joint adjustment estimates a correction of the time offset.
+    pub estimate_time_offset: bool,
     /// The initial mounting.
     pub body_from_scanner: BodyFromScanner,
     /// The convention of the angles in the project file.
@@ -114,9 +125,9 @@ pub struct Reference {
     pub path: PathBuf,
 }
 
-/// Another drive.
+/// Another drive of the same platform.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Evaluation {
+pub struct OtherDrive {
     /// Letters, digits, `-` and `_`, as it becomes part of file names.
     pub name: String,
     /// Its project file, absolute.

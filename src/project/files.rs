@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::checked::{Evaluation, Motion, Project};
+use super::checked::{Motion, OtherDrive, Project};
 use super::resolve;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
@@ -11,11 +11,46 @@ use crate::trajectory::PositionKind;
 /// See [`Project::check_files`].
 pub(super) fn check(project: &Project) -> Result<()> {
     check_own_files(project)?;
-    project
-        .evaluations
-        .iter()
-        .enumerate()
-        .try_for_each(|(index, evaluation)| check_evaluation(project, index, evaluation))
+    others(project).try_for_each(|other| check_other(project, &other))?;
+    check_distinct(project)
+}
+
+/// Another drive and where it is written.
+struct Other<'a> {
+    /// `drive` or `evaluation`.
+    array: &'static str,
+    index: usize,
+    drive: &'a OtherDrive,
+}
+
+impl Other<'_> {
+    fn steps(&self) -> [Step<'static>; 3] {
+        [
+            Step::Key(self.array),
+            Step::Index(self.index),
+            Step::Key("project"),
+        ]
+    }
+
+    fn error(&self, project: &Project, found: impl Into<String>, expected: &str) -> Error {
+        Error::format(&project.path, line(project, &self.steps()), found, expected)
+    }
+}
+
+/// The drives that are adjusted with the project's own, then those that are evaluated.
+fn others(project: &Project) -> impl Iterator<Item = Other<'_>> {
+    let arrays = [
+        ("drive", &project.drives),
+        ("evaluation", &project.evaluations),
+    ];
+    arrays.into_iter().flat_map(|(array, drives)| {
+        let drives = drives.iter().enumerate();
+        drives.map(move |(index, drive)| Other {
+            array,
+            index,
+            drive,
+        })
+    })
 }
 
 /// Every file that the project reads itself, with its key.
@@ -79,21 +114,19 @@ fn check_own_files(project: &Project) -> Result<()> {
 pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
     let mut inputs = vec![project.path.clone()];
     inputs.extend(named(project).into_iter().map(|(_, path)| path.to_owned()));
-    for evaluation in &project.evaluations {
-        inputs.push(evaluation.project.clone());
+    for other in others(project) {
+        inputs.push(other.drive.project.clone());
         // An unreadable file is reported when it is needed.
-        if let Ok(drive) = resolve::read(&evaluation.project) {
+        if let Ok(drive) = resolve::read(&other.drive.project) {
             inputs.extend(named(&drive).into_iter().map(|(_, path)| path.to_owned()));
         }
     }
     inputs
 }
 
-fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) -> Result<()> {
-    let key = Step::Key("evaluation");
-    let steps = [key, Step::Index(index), Step::Key("project")];
-    check_exists(project, &steps, &evaluation.project)?;
-    let drive = resolve::read(&evaluation.project)?;
+fn check_other(project: &Project, other: &Other<'_>) -> Result<()> {
+    check_exists(project, &other.steps(), &other.drive.project)?;
+    let drive = resolve::read(&other.drive.project)?;
     check_own_files(&drive)?;
     let unknown = drive
         .scanners
@@ -112,12 +145,40 @@ fn check_evaluation(project: &Project, index: usize, evaluation: &Evaluation) ->
     } else {
         return Ok(());
     };
-    Err(Error::format(
-        &project.path,
-        line(project, &steps),
-        format!("an evaluation with {problem}"),
-        "a drive of the same platform",
-    ))
+    let what = match other.array {
+        "drive" => "a drive",
+        _ => "an evaluation",
+    };
+    let found = format!("{what} with {problem}");
+    Err(other.error(project, found, "a drive of the same platform"))
+}
+
+/// Checks that no project is adjusted twice, which would count its measurements twice, and that
+/// none is evaluated that is adjusted, which would test nothing.
+fn check_distinct(project: &Project) -> Result<()> {
+    // Every path was read before, so that it has a canonical form.
+    let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let mut adjusted = vec![canonical(&project.path)];
+    for other in others(project) {
+        let path = canonical(&other.drive.project);
+        let again = adjusted.contains(&path);
+        match other.array {
+            "drive" if again => {
+                let found = format!("the drive {:?} twice", path.display().to_string());
+                return Err(other.error(project, found, "each drive once, the project's own too"));
+            }
+            "drive" => adjusted.push(path),
+            _ if again => {
+                let found = format!(
+                    "an evaluation with {:?}, which is adjusted",
+                    path.display().to_string()
+                );
+                return Err(other.error(project, found, "a drive that tests the result"));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 fn check_exists(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {

@@ -1,5 +1,6 @@
 //! The project file: as written, and checked.
 
+mod calibrated;
 mod checked;
 mod files;
 mod print;
@@ -9,7 +10,7 @@ mod source;
 mod written;
 
 pub use checked::{
-    Evaluation, LogFile, Logs, Motion, PosesFile, PositionLog, Project, Reference, Scanner,
+    LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference, Scanner,
 };
 
 #[cfg(test)]
@@ -30,9 +31,9 @@ impl Project {
         resolve::read(path)
     }
 
-    /// Checks that every referenced file exists, and that the evaluation projects can be read, that
-    /// their files exist, and that they contain only scanners of this project with the same body
-    /// axes.
+    /// Checks that every referenced file exists, and that the projects of the other drives can be
+    /// read, that their files exist, and that they contain only scanners of this project with the
+    /// same body axes; and that no drive is adjusted twice, or evaluated after it was adjusted.
     ///
     /// # Errors
     /// Names the first missing file, its key and the line.
@@ -40,9 +41,29 @@ impl Project {
         files::check(self)
     }
 
-    /// Every file read for the project: its own, and those of its evaluation drives.
+    /// Every file read for the project: its own, and those of its other drives.
     pub fn inputs(&self) -> Vec<PathBuf> {
         files::inputs(self)
+    }
+
+    /// The project with the mountings and time offsets of its scanners as in a `calibration.toml`,
+    /// which is what [`Project::scanners_to_toml`] prints. Scanners are matched by name; tables of
+    /// other scanners and the profiles that the file names are ignored, as it may be that of
+    /// another drive.
+    ///
+    /// # Errors
+    /// The file cannot be read, a mistake in it, a scanner that it does not have.
+    pub fn with_calibration(&self, path: &Path) -> Result<Self> {
+        calibrated::with_calibration(self, path)
+    }
+
+    /// The project with the poses of this file in place of its logs or its own poses, as if
+    /// `[trajectory]` had only this `file`. The file is not opened.
+    ///
+    /// # Errors
+    /// A relative path without a current folder.
+    pub fn with_trajectory(&self, path: &Path) -> Result<Self> {
+        calibrated::with_trajectory(self, path)
     }
 
     /// The project as a project file with all values in use, which reads back as the same project.

@@ -1,12 +1,15 @@
 //! Writes a checked project as a file that reads back as the same project.
 
-use super::checked::{Logs, Motion, PosesFile, PositionLog, Project, Scanner};
-use super::resolve::arcsec_to_radians;
+use super::checked::{
+    Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference, Scanner,
+};
+use super::resolve::{TIME_OFFSET, arcsec_to_radians};
 use super::shapes::{Files, Numbers};
 use super::written::{self, ObservationKind, Written};
-use crate::calibration::PARAMETER_NAMES;
+use crate::calibration::{Method, PARAMETER_NAMES};
 use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
+use crate::joint::ReferenceSigma;
 use crate::sensor::Observations;
 use crate::trajectory::{ImuNoise, PositionKind, PositionSettings, TrajectorySettings};
 
@@ -17,12 +20,8 @@ pub(super) fn project(project: &Project) -> Result<String> {
 
 /// See [`Project::scanners_to_toml`].
 pub(super) fn scanners(project: &Project) -> Result<String> {
-    #[derive(serde::Serialize)]
-    struct Scanners {
-        scanner: Vec<written::Scanner>,
-    }
     let scanner = project.scanners.iter().map(scanner).collect();
-    print(&Scanners { scanner })
+    print(&written::Mountings { scanner })
 }
 
 fn print<T: serde::Serialize>(value: &T) -> Result<String> {
@@ -47,16 +46,20 @@ fn written(project: &Project) -> Written {
         reference: project
             .reference
             .as_ref()
-            .map(|reference| written::Reference {
-                file: reference.path.clone(),
-            }),
+            .map(|reference| write_reference(reference, &project.joint.reference)),
         calibration: written::Calibration {
             voxel_sizes_m: Some(calibration.voxel_sizes_m.clone()),
             neighbours: Some(calibration.neighbours),
-            method: Some(calibration.method),
+            method: Some(method(project)),
             max_iterations: Some(calibration.max_iterations),
             pass_gap_s: Some(calibration.pass_gap_s),
         },
+        joint: written::Joint {
+            surfel_m: project.joint.surfel_m,
+            max_iterations: Some(project.joint.max_iterations),
+        },
+        drive: project.drives.iter().map(other_drive).collect(),
+        evaluation: project.evaluations.iter().map(other_drive).collect(),
         comparison: written::Comparison {
             core_spacing_m: Some(comparison.core_spacing_m),
             normal_radii_m: Some(comparison.normal_radii_m.clone()),
@@ -70,25 +73,45 @@ fn written(project: &Project) -> Written {
         },
         ..Default::default()
     };
-    written.evaluation = project
-        .evaluations
-        .iter()
-        .map(|evaluation| written::Evaluation {
-            name: evaluation.name.clone(),
-            project: evaluation.project.clone(),
-        })
-        .collect();
     let mut trajectory = match &project.motion {
         Motion::Logs(logs) => {
             write_logs(logs, &mut written);
             write_estimation(&logs.settings)
         }
-        Motion::Poses(poses) => write_poses(poses),
+        Motion::Poses(poses) => written::Trajectory {
+            correlation_s: Some(project.joint.correlation_s),
+            ..write_poses(poses)
+        },
     };
     trajectory.max_sigma_position_m = project.limits.position_m;
     trajectory.max_sigma_rotation_deg = project.limits.rotation_rad.map(degrees);
     written.trajectory = Some(trajectory);
     written
+}
+
+fn method(project: &Project) -> written::Method {
+    match project.calibration.method {
+        _ if project.is_joint => written::Method::Joint,
+        Method::TwoStep => written::Method::TwoStep,
+        Method::Paper => written::Method::Paper,
+    }
+}
+
+/// What is assumed stays so where it is not written.
+fn write_reference(reference: &Reference, sigma: &ReferenceSigma) -> written::Reference {
+    written::Reference {
+        file: reference.path.clone(),
+        sigma_m: (!sigma.assumed).then_some(sigma.shift_m),
+        sigma_deg: (!sigma.assumed).then(|| degrees(sigma.tilt_rad)),
+        sigma_surface_m: sigma.surface_m,
+    }
+}
+
+fn other_drive(other: &OtherDrive) -> written::OtherDrive {
+    written::OtherDrive {
+        name: other.name.clone(),
+        project: other.project.clone(),
+    }
 }
 
 fn write_poses(poses: &PosesFile) -> written::Trajectory {
@@ -120,6 +143,8 @@ fn write_prism(log: &PositionLog, settings: &PositionSettings) -> written::Prism
         file: log.path.clone(),
         time_offset_s: Some(log.time_offset_s),
         sigma_m: Some(Numbers(settings.sigma_m.into())),
+        sigma_correlated_m: Some(Numbers(settings.sigma_correlated_m.into())),
+        correlation_s: Some(settings.correlation_s),
         lever_arm_m: settings.lever_arm_m.into(),
         loss: Some(settings.loss),
         station_m: settings.station_m.map(Into::into),
@@ -149,6 +174,8 @@ fn write_gnss(log: &PositionLog, settings: &PositionSettings) -> written::Gnss {
         file: log.path.clone(),
         time_offset_s: Some(log.time_offset_s),
         sigma_m: Some(Numbers(settings.sigma_m.into())),
+        sigma_correlated_m: Some(Numbers(settings.sigma_correlated_m.into())),
+        correlation_s: Some(settings.correlation_s),
         lever_arm_m: settings.lever_arm_m.into(),
         loss: Some(settings.loss),
     }
@@ -183,6 +210,8 @@ fn write_logs(logs: &Logs, written: &mut Written) {
         time_offset_s: Some(heading.time_offset_s),
         sigma_deg: Some(degrees(settings.heading.sigma_rad)),
         sigma_pitch_deg: Some(degrees(settings.heading.pitch_sigma_rad)),
+        sigma_correlated_deg: Some(degrees(settings.heading.sigma_correlated_rad)),
+        correlation_s: Some(settings.heading.correlation_s),
         mounting_offset_deg: Some(degrees(settings.heading.mounting_offset_rad)),
         loss: Some(settings.heading.loss),
     });
@@ -215,6 +244,7 @@ fn scanner(scanner: &Scanner) -> written::Scanner {
         }),
         rotation_convention: Some(scanner.convention),
         fixed: (!fixed.is_empty()).then_some(fixed),
+        estimate: (scanner.estimate_time_offset).then(|| vec![TIME_OFFSET.to_owned()]),
     }
 }
 

@@ -4,10 +4,9 @@ use std::path::{Path, PathBuf};
 
 use toml::de::{DeTable, DeValue};
 
-use super::written::Written;
 use crate::error::{Error, Location, Result};
 
-/// A project file that is valid TOML.
+/// A project file, or a part of one.
 pub(super) struct Source {
     /// Absolute.
     pub path: PathBuf,
@@ -37,15 +36,15 @@ impl Source {
                 path,
                 Location::Byte(good as u64),
                 "bytes that are not UTF-8",
-                "a project file in UTF-8 text",
+                "UTF-8 text",
             )
         })?;
         let path = std::path::absolute(path).map_err(|source| Error::io(path, source))?;
         Ok(Self { path, text })
     }
 
-    /// The content of the file as written.
-    pub fn written(&self) -> Result<Written> {
+    /// The content of the file.
+    pub fn parsed<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|error| self.explain(&error))
     }
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::shapes::{Files, Numbers, Tables};
-use crate::calibration::Method;
+use crate::calibration;
 use crate::comparison::{Aggregation, Detection};
 use crate::geometry::{BodyAxes, EulerConvention};
 use crate::sensor::VerticalAngle;
@@ -41,12 +41,27 @@ pub struct Written {
     /// Settings of the calibration.
     #[serde(default)]
     pub calibration: Calibration,
+    /// Settings of the joint adjustment.
+    #[serde(default)]
+    pub joint: Joint,
     /// Settings of the comparisons.
     #[serde(default)]
     pub comparison: Comparison,
-    /// Other drives.
+    /// Other drives, adjusted together with this one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub evaluation: Vec<Evaluation>,
+    pub drive: Vec<OtherDrive>,
+    /// Other drives, evaluated.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub evaluation: Vec<OtherDrive>,
+}
+
+/// The scanners alone, as a calibration prints them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mountings {
+    /// The scanners.
+    #[serde(default)]
+    pub scanner: Vec<Scanner>,
 }
 
 /// `[frame]`
@@ -98,6 +113,11 @@ pub struct Prism {
     /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. Default
     /// 0.005. For polar observations: the contribution of tracking to the instrument's noise.
     pub sigma_m: Option<Numbers>,
+    /// Standard deviation of the lasting part of its errors, of each coordinate, or of east, north,
+    /// up. Default 0.
+    pub sigma_correlated_m: Option<Numbers>,
+    /// With `sigma_correlated_m`: the correlation time of that part. Default 30.
+    pub correlation_s: Option<f64>,
     /// Prism in the body frame.
     pub lever_arm_m: [f64; 3],
     /// Loss function for large residuals. Default `truncated`.
@@ -143,6 +163,11 @@ pub struct Gnss {
     /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. Default
     /// 0.02, 0.02, 0.04.
     pub sigma_m: Option<Numbers>,
+    /// Standard deviation of the lasting part of its errors, of each coordinate, or of east, north,
+    /// up. Default 0.
+    pub sigma_correlated_m: Option<Numbers>,
+    /// With `sigma_correlated_m`: the correlation time of that part. Default 30.
+    pub correlation_s: Option<f64>,
     /// Antenna in the body frame.
     pub lever_arm_m: [f64; 3],
     /// Loss function for large residuals. Default `truncated`.
@@ -161,6 +186,10 @@ pub struct Heading {
     pub sigma_deg: Option<f64>,
     /// Standard deviation of the pitch if the log has a pitch without one. Default: `sigma_deg`.
     pub sigma_pitch_deg: Option<f64>,
+    /// Standard deviation of the lasting part of the heading's errors. Default 0.
+    pub sigma_correlated_deg: Option<f64>,
+    /// With `sigma_correlated_deg`: the correlation time of that part. Default 30.
+    pub correlation_s: Option<f64>,
     /// From the antenna baseline to the body's x axis, clockwise. Default 0.
     pub mounting_offset_deg: Option<f64>,
     /// Loss function for large residuals. Default `truncated`.
@@ -179,6 +208,8 @@ pub struct Trajectory {
     pub sigma_position_m: Option<f64>,
     /// With `file`: standard deviation about each axis if the file gives none.
     pub sigma_rotation_deg: Option<f64>,
+    /// With `file`: correlation time of the errors of the poses. Default 5.
+    pub correlation_s: Option<f64>,
     /// Without `file`: `prism` (default) or `imu`.
     pub nodes: Option<Nodes>,
     /// Without `file`: constants to estimate together with the trajectory. Default none.
@@ -211,6 +242,8 @@ pub struct Scanner {
     pub rotation_convention: Option<EulerConvention>,
     /// Fixed parameters, of tx ty tz rx ry rz.
     pub fixed: Option<Vec<String>>,
+    /// With the joint adjustment: `time_offset`, to estimate a correction of it. Default none.
+    pub estimate: Option<Vec<String>>,
 }
 
 /// `[reference]`
@@ -219,6 +252,14 @@ pub struct Scanner {
 pub struct Reference {
     /// Relative to the project file.
     pub file: PathBuf,
+    /// Standard deviation of a shift of the whole reference, along each axis. Default 0.002.
+    pub sigma_m: Option<f64>,
+    /// Standard deviation of a tilt of the whole reference, about each horizontal axis. Default
+    /// 0.005.
+    pub sigma_deg: Option<f64>,
+    /// Standard deviation of errors of its surface that span decimetres. Default: assumed by the
+    /// joint adjustment.
+    pub sigma_surface_m: Option<f64>,
 }
 
 /// `[calibration]`
@@ -229,12 +270,46 @@ pub struct Calibration {
     pub voxel_sizes_m: Option<Vec<f64>>,
     /// Number of points in each neighbourhood.
     pub neighbours: Option<usize>,
-    /// `reweighted` (default) or `paper`.
+    /// `joint` (default), `two-step` or `paper`.
     pub method: Option<Method>,
     /// Largest number of iterations per scale.
     pub max_iterations: Option<usize>,
     /// A point of the same scanner and voxel belongs to another pass if it is this much later.
     pub pass_gap_s: Option<f64>,
+}
+
+/// How trajectory and mountings are estimated.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// In one adjustment.
+    #[default]
+    Joint,
+    /// The trajectory first, then the mountings.
+    #[serde(alias = "reweighted")]
+    TwoStep,
+    /// The trajectory first, then the mountings as in the paper.
+    Paper,
+}
+
+impl Method {
+    /// The method of the second step; that of the start if there is one adjustment.
+    pub fn of_second_step(self) -> calibration::Method {
+        match self {
+            Self::Joint | Self::TwoStep => calibration::Method::TwoStep,
+            Self::Paper => calibration::Method::Paper,
+        }
+    }
+}
+
+/// `[joint]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joint {
+    /// Size of the surfels. Default ten times the finest voxel.
+    pub surfel_m: Option<f64>,
+    /// Largest number of iterations. Default 30.
+    pub max_iterations: Option<usize>,
 }
 
 /// `[comparison]`
@@ -261,10 +336,10 @@ pub struct Comparison {
     pub min_points: Option<u32>,
 }
 
-/// `[[evaluation]]`
+/// `[[drive]]` and `[[evaluation]]`
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Evaluation {
+pub struct OtherDrive {
     /// Letters, digits, `-` and `_`.
     pub name: String,
     /// Its project file, relative to this one.

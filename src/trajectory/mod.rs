@@ -40,7 +40,7 @@ pub use interpolate::{PoseCursor, Trajectory};
 pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
 pub use settings::{
     Constant, HeadingSettings, Loss, Nodes, PoseLimits, PositionKind, PositionSettings,
-    TrajectorySettings,
+    SENSOR_CORRELATION_S, TrajectorySettings,
 };
 pub use solution::{
     ClockJump, EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics,

@@ -4,6 +4,10 @@ pub use super::imu_noise::ImuNoise;
 pub use crate::adjustment::Loss;
 use crate::geometry::{BodyAxes, Vec3};
 
+/// Correlation time of the lasting part of the errors of positions and headings where none is
+/// given, seconds.
+pub const SENSOR_CORRELATION_S: f64 = 30.0;
+
 /// What measures positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PositionKind {
@@ -22,6 +26,11 @@ pub struct PositionSettings {
     pub kind: PositionKind,
     /// Standard deviations of east, north, up where the log gives none, metres.
     pub sigma_m: Vec3,
+    /// Standard deviations of the part of its errors that lasts, east, north, up, metres; 0 without
+    /// one. No mean over a pass removes it. The estimate of the trajectory alone leaves it out.
+    pub sigma_correlated_m: Vec3,
+    /// Correlation time of that part, seconds.
+    pub correlation_s: f64,
     /// The prism or antenna in the body frame, metres.
     pub lever_arm_m: Vec3,
     /// The total station in the world frame where it is known, metres: the incidence-dependent
@@ -39,6 +48,8 @@ impl PositionSettings {
             name: "prism".into(),
             kind: PositionKind::Prism,
             sigma_m: Vec3::repeat(sigma_m),
+            sigma_correlated_m: Vec3::zeros(),
+            correlation_s: SENSOR_CORRELATION_S,
             lever_arm_m,
             station_m: None,
             loss: Loss::default(),
@@ -53,6 +64,11 @@ pub struct HeadingSettings {
     pub sigma_rad: f64,
     /// Standard deviation of the pitch where the log gives none, radians.
     pub pitch_sigma_rad: f64,
+    /// Standard deviation of the part of the heading's errors that lasts, radians; 0 without one.
+    /// The estimate of the trajectory alone leaves it out.
+    pub sigma_correlated_rad: f64,
+    /// Correlation time of that part, seconds.
+    pub correlation_s: f64,
     /// Heading of the body's x axis = heading of the antenna baseline + this, radians, clockwise.
     pub mounting_offset_rad: f64,
     /// Grid convergence: grid heading = true heading − this, radians.
@@ -67,6 +83,8 @@ impl HeadingSettings {
         Self {
             sigma_rad,
             pitch_sigma_rad: sigma_rad,
+            sigma_correlated_rad: 0.0,
+            correlation_s: SENSOR_CORRELATION_S,
             mounting_offset_rad: 0.0,
             grid_convergence_rad: 0.0,
             loss: Loss::default(),

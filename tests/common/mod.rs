@@ -86,6 +86,34 @@ pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
     boresight(&[&[command, project.to_str().unwrap()], more].concat())
 }
 
+/// The folder of the drive of [`TINY_SCENARIO`], with a space in its path and one coarse scale, and
+/// what keeps it.
+#[cfg(feature = "cli")]
+pub fn simulated() -> (tempfile::TempDir, PathBuf) {
+    let kept = tempfile::tempdir().unwrap();
+    let scenario = kept.path().join("tiny.toml");
+    std::fs::write(&scenario, TINY_SCENARIO).unwrap();
+    let out = kept.path().join("test field");
+    let run = boresight(&[
+        "simulate",
+        "--scenario",
+        scenario.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let drive = out.join("drive-1");
+    rewrite_project(&drive, |text| {
+        let lines = text.lines().map(|line| match line.split_once(" = ") {
+            Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.05]\n".to_owned(),
+            Some(("neighbours", _)) => "neighbours = 20\n".to_owned(),
+            _ => format!("{line}\n"),
+        });
+        lines.collect()
+    });
+    (kept, drive)
+}
+
 /// Runs a command that must fail with exit code 1; arguments that begin with `./` are files in
 /// `folder`.
 #[cfg(feature = "cli")]

@@ -107,7 +107,7 @@ fn calibration(
                 let mean = floor_m * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp());
                 neighbourhoods as f64
                     * match method {
-                        Method::Reweighted => 2.0 * mean.ln(),
+                        Method::TwoStep => 2.0 * mean.ln(),
                         Method::Paper => mean.powi(4),
                     }
             })
@@ -121,7 +121,7 @@ fn calibration(
             cost: costs[iterations],
             costs,
             ending: match method {
-                Method::Reweighted => Ending::Converged,
+                Method::TwoStep => Ending::Converged,
                 Method::Paper => Ending::IterationsExhausted,
             },
             seconds: 0.4 / voxel_m.sqrt(),
@@ -140,9 +140,9 @@ fn calibration(
     let covariance = DMatrix::from_fn(12, 12, |i, j| correlation(i, j) * sigma(i) * sigma(j));
     Calibration {
         method,
-        converged: method == Method::Reweighted,
+        converged: method == Method::TwoStep,
         scales: scales.iter().enumerate().map(scale).collect(),
-        covariance: (method == Method::Reweighted).then_some(covariance),
+        covariance: (method == Method::TwoStep).then_some(covariance),
         observability: Observability {
             shares: vec![0.02; 12],
             unobservable: Vec::new(),
@@ -299,7 +299,7 @@ pub fn full(n: usize) -> Full {
     ];
     let ours = |mm, deg, sigmas| {
         let mountings = near(&truth, mm, deg);
-        calibration(Method::Reweighted, mountings, sigmas, (7, 2))
+        calibration(Method::TwoStep, mountings, sigmas, (7, 2))
     };
     let mut result = ours(1.2, 0.03, (0.9e-3, 0.012));
     result.constancy = Some(constancy());

@@ -1,11 +1,12 @@
 //! Description of a project: every value with its unit, and the steps of a run.
 
+mod joint;
 mod lines;
 mod motion;
 
 use std::path::Path;
 
-use crate::calibration::{CalibrationSettings, Method, PARAMETER_NAMES};
+use crate::calibration::{Method, PARAMETER_NAMES};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyAxes, EulerConvention};
@@ -27,7 +28,9 @@ pub(super) fn project(project: &Project) -> String {
     lines.value("origin", format!("{} m", vector(&project.origin_m)));
     match &project.motion {
         Motion::Logs(logs) => motion::describe_logs(&mut lines, logs),
-        Motion::Poses(poses) => motion::describe_poses(&mut lines, poses),
+        Motion::Poses(poses) => {
+            motion::describe_poses(&mut lines, poses, project.joint.correlation_s);
+        }
     }
     motion::describe_limits(&mut lines, &project.limits);
     for scanner in &project.scanners {
@@ -36,12 +39,21 @@ pub(super) fn project(project: &Project) -> String {
     if let Some(reference) = &project.reference {
         lines.section("reference");
         lines.file("file", &reference.path);
+        joint::describe_reference(&mut lines, project);
     }
-    describe_calibration(&mut lines, &project.calibration);
+    describe_calibration(&mut lines, project);
+    if project.is_joint {
+        joint::describe(&mut lines, project);
+    }
     describe_comparison(&mut lines, &project.comparison);
-    for evaluation in &project.evaluations {
-        lines.section(&format!("evaluation {}", evaluation.name));
-        lines.file("project", &evaluation.project);
+    for (kind, others) in [
+        ("drive", &project.drives),
+        ("evaluation", &project.evaluations),
+    ] {
+        for other in others {
+            lines.section(&format!("{kind} {}", other.name));
+            lines.file("project", &other.project);
+        }
     }
     lines.section("what `boresight run` will do");
     for (index, step) in steps(project).iter().enumerate() {
@@ -83,6 +95,7 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
         names.join(", "),
         project.calibration.voxel_sizes_m.len()
     ));
+    steps.extend(joint::step(project));
     let clouds: Vec<String> = names
         .iter()
         .map(|name| format!("cloud-{name}.laz"))
@@ -134,12 +147,19 @@ fn describe_scanner(lines: &mut Lines, scanner: &Scanner) {
     if !fixed.is_empty() {
         lines.value("fixed", fixed.join(", "));
     }
+    if scanner.estimate_time_offset {
+        lines.value("estimated", "time offset, besides the mounting");
+    }
 }
 
-fn describe_calibration(lines: &mut Lines, settings: &CalibrationSettings) {
+fn describe_calibration(lines: &mut Lines, project: &Project) {
+    let settings = &project.calibration;
     lines.section("calibration");
     let method = match settings.method {
-        Method::Reweighted => "reweighted least squares, analytic derivatives",
+        _ if project.is_joint => {
+            "joint: one adjustment of trajectory and mountings, after two steps"
+        }
+        Method::TwoStep => "two steps: reweighted least squares on the estimated trajectory",
         Method::Paper => "the paper's: Gauss-Newton on omnivariances, numeric derivatives",
     };
     lines.value("method", method);

@@ -1,6 +1,7 @@
 //! Description of logs, poses and limits of their sigmas.
 
 use super::lines::{Lines, degrees, millimetres, short, vector};
+use crate::geometry::Vec3;
 use crate::project::{Logs, PosesFile, PositionLog};
 use crate::sensor::{Observations, TotalStation, VerticalAngle};
 use crate::trajectory::{Loss, Nodes, PoseLimits, PositionKind, PositionSettings};
@@ -41,6 +42,9 @@ pub(super) fn describe_logs(lines: &mut Lines, logs: &Logs) {
         lines.log(&log.path, log.time_offset_s);
         lines.value("sigma", degrees(heading.sigma_rad));
         lines.value("sigma of pitch", degrees(heading.pitch_sigma_rad));
+        let lasting = heading.sigma_correlated_rad;
+        let lasting = (lasting > 0.0).then(|| degrees(lasting));
+        lines.value("lasting errors", lasts(lasting, heading.correlation_s));
         lines.value("mounting offset", degrees(heading.mounting_offset_rad));
         lines.value("grid convergence", degrees(heading.grid_convergence_rad));
         lines.value("loss", loss(heading.loss));
@@ -81,11 +85,7 @@ fn describe_position(lines: &mut Lines, log: &PositionLog, settings: &PositionSe
     if let Observations::Polar(station) = &log.observations {
         describe_polar(lines, station);
     } else {
-        let s = &settings.sigma_m;
-        let sigma = match s.x == s.y && s.y == s.z {
-            true => millimetres(s.x),
-            false => format!("{} mm (east, north, up)", vector(&(s * 1e3))),
-        };
+        let sigma = sigma_of_axes(&settings.sigma_m);
         lines.value("sigma", format!("{sigma} if the log has none"));
         if log.observations == Observations::Cartesian && settings.kind == PositionKind::Prism {
             lines.value("observations", "coordinates");
@@ -94,9 +94,27 @@ fn describe_position(lines: &mut Lines, log: &PositionLog, settings: &PositionSe
             lines.value("station", format!("{} m", vector(station)));
         }
     }
+    let lasting = (settings.sigma_correlated_m.amax() > 0.0)
+        .then(|| sigma_of_axes(&settings.sigma_correlated_m));
+    lines.value("lasting errors", lasts(lasting, settings.correlation_s));
     let lever_arm = vector(&settings.lever_arm_m);
     lines.value("lever arm in the body", format!("{lever_arm} m"));
     lines.value("loss", loss(settings.loss));
+}
+
+fn sigma_of_axes(sigma_m: &Vec3) -> String {
+    match sigma_m.x == sigma_m.y && sigma_m.y == sigma_m.z {
+        true => millimetres(sigma_m.x),
+        false => format!("{} mm (east, north, up)", vector(&(sigma_m * 1e3))),
+    }
+}
+
+/// The sigma of errors that last, and how long.
+fn lasts(sigma: Option<String>, correlation_s: f64) -> String {
+    sigma.map_or_else(
+        || "none".to_owned(),
+        |sigma| format!("{sigma} over {} s (correlation time)", short(correlation_s)),
+    )
 }
 
 fn describe_polar(lines: &mut Lines, station: &TotalStation) {
@@ -155,7 +173,7 @@ pub(super) fn describe_limits(lines: &mut Lines, limits: &PoseLimits) {
     }
 }
 
-pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile) {
+pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile, correlation_s: f64) {
     lines.section("trajectory");
     lines.file("file", &poses.path);
     lines.offset(poses.time_offset_s);
@@ -171,5 +189,9 @@ pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile) {
     lines.value(
         "sigma of rotations",
         else_unknown(poses.sigma_rotation_rad.map(degrees)),
+    );
+    lines.value(
+        "errors last",
+        format!("{} s (correlation time)", short(correlation_s)),
     );
 }

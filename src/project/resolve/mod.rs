@@ -8,31 +8,37 @@ mod settings;
 mod table;
 
 pub(super) use positions::arcsec_to_radians;
+pub(super) use scanners::{TIME_OFFSET, scanners};
 
 use std::path::Path;
 
 use super::checked::{Project, Reference};
 use super::source::Source;
+use super::written::Written;
 use crate::error::Result;
 use table::Table;
 
 /// Reads a project file, checks it and converts it to SI units.
 pub(super) fn read(path: &Path) -> Result<Project> {
     let source = &Source::read(path)?;
-    let written = &source.written()?;
+    let written: &Written = &source.parsed()?;
     let frame = Table::new(source, "frame");
+    let (drives, evaluations) = scanners::other_drives(source, written)?;
     Ok(Project {
         path: source.path.clone(),
         axes: written.frame.body.unwrap_or_default(),
         origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
         motion: motion::motion(source, written)?,
         limits: motion::limits(source, written)?,
-        scanners: scanners::scanners(source, &written.scanner)?,
+        scanners: scanners(source, &written.scanner)?,
         reference: written.reference.as_ref().map(|reference| Reference {
             path: source.absolute(&reference.file),
         }),
         calibration: settings::calibration(source, &written.calibration)?,
+        is_joint: settings::is_joint(source, written)?,
+        joint: settings::joint(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,
-        evaluations: scanners::evaluations(source, &written.evaluation)?,
+        drives,
+        evaluations,
     })
 }

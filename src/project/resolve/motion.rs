@@ -115,6 +115,7 @@ fn logs(
         .transpose()?;
     let of_poses = [
         ("time_offset_s", trajectory.time_offset_s.is_some()),
+        ("correlation_s", trajectory.correlation_s.is_some()),
         ("sigma_position_m", trajectory.sigma_position_m.is_some()),
         (
             "sigma_rotation_deg",
@@ -163,10 +164,16 @@ fn heading(source: &Source, all: &Written) -> Result<HeadingSettings> {
     let heading = all.heading.clone().unwrap_or_default();
     let sigma_deg = table.positive("sigma_deg", heading.sigma_deg.unwrap_or(0.7))?;
     let pitch_deg = heading.sigma_pitch_deg.unwrap_or(sigma_deg);
+    let correlated_deg = heading.sigma_correlated_deg;
+    let correlated = ("sigma_correlated_deg", correlated_deg.is_some());
     let convergence_deg = all.frame.grid_convergence_deg;
     Ok(HeadingSettings {
         sigma_rad: sigma_deg.to_radians(),
         pitch_sigma_rad: table.positive("sigma_pitch_deg", pitch_deg)?.to_radians(),
+        sigma_correlated_rad: table
+            .not_negative("sigma_correlated_deg", correlated_deg.unwrap_or(0.0))?
+            .to_radians(),
+        correlation_s: table.correlation(correlated, heading.correlation_s)?,
         mounting_offset_rad: table
             .finite("mounting_offset_deg", heading.mounting_offset_deg)?
             .to_radians(),

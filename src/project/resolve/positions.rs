@@ -95,6 +95,21 @@ fn sigmas(table: &Table<'_>, given: Option<Numbers>, default: [f64; 3]) -> Resul
     Ok(values.into())
 }
 
+/// Standard deviations and correlation time of the lasting part of the errors.
+fn lasting(
+    table: &Table<'_>,
+    sigma_m: Option<Numbers>,
+    correlation_s: Option<f64>,
+) -> Result<(Vec3, f64)> {
+    let key = "sigma_correlated_m";
+    let Numbers(values) = sigma_m.unwrap_or(Numbers([0.0; 3]));
+    for value in values {
+        table.not_negative(key, value)?;
+    }
+    let correlation_s = table.correlation((key, sigma_m.is_some()), correlation_s)?;
+    Ok((values.into(), correlation_s))
+}
+
 fn gnss(
     table: &Table<'_>,
     gnss: &written::Gnss,
@@ -109,10 +124,14 @@ fn gnss(
         time_offset_s,
         observations: Observations::Cartesian,
     };
+    let (sigma_correlated_m, correlation_s) =
+        lasting(table, gnss.sigma_correlated_m, gnss.correlation_s)?;
     let settings = PositionSettings {
         name,
         kind: PositionKind::Gnss,
         sigma_m: sigmas(table, gnss.sigma_m, GNSS_SIGMA_M)?,
+        sigma_correlated_m,
+        correlation_s,
         lever_arm_m: table.vector("lever_arm_m", gnss.lever_arm_m)?,
         station_m: None,
         loss: gnss.loss.unwrap_or_default(),
@@ -146,10 +165,14 @@ fn prism(
         time_offset_s,
         observations,
     };
+    let (sigma_correlated_m, correlation_s) =
+        lasting(table, prism.sigma_correlated_m, prism.correlation_s)?;
     let settings = PositionSettings {
         name,
         kind: PositionKind::Prism,
         sigma_m,
+        sigma_correlated_m,
+        correlation_s,
         lever_arm_m: table.vector("lever_arm_m", prism.lever_arm_m)?,
         station_m,
         loss: prism.loss.unwrap_or_default(),

@@ -1,16 +1,22 @@
-//! Scanners and evaluations, and checks of their names.
+//! Scanners and other drives, and checks of their names.
 
 use super::table::Table;
 use crate::calibration::PARAMETER_NAMES;
 use crate::error::Result;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation};
-use crate::project::checked::{Evaluation, Scanner};
+use crate::project::checked::{OtherDrive, Scanner};
 use crate::project::source::{Source, nearest};
-use crate::project::written;
+use crate::project::written::{self, Written};
+
+/// What of a scanner can be estimated besides its mounting.
+pub(in crate::project) const TIME_OFFSET: &str = "time_offset";
 
 /// The scanners, with unique names.
-pub(super) fn scanners(source: &Source, written: &[written::Scanner]) -> Result<Vec<Scanner>> {
+pub(in crate::project) fn scanners(
+    source: &Source,
+    written: &[written::Scanner],
+) -> Result<Vec<Scanner>> {
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
     written
@@ -45,6 +51,22 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
             }
         }
     }
+    let mut estimate_time_offset = false;
+    for name in scanner.estimate.iter().flatten() {
+        if name != TIME_OFFSET {
+            return Err(table.error(
+                "estimate",
+                format!("the unknown constant `{name}`"),
+                &format!(
+                    "`{TIME_OFFSET}`; parameters of the mounting are estimated unless `fixed`"
+                ),
+            ));
+        }
+        if estimate_time_offset {
+            return Err(table.error("estimate", format!("`{name}` twice"), "each constant once"));
+        }
+        estimate_time_offset = true;
+    }
     Ok(Scanner {
         name: scanner.name.clone(),
         profiles: scanner
@@ -54,24 +76,42 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
             .map(|file| source.absolute(file))
             .collect(),
         time_offset_s: table.finite("time_offset_s", scanner.time_offset_s)?,
+        estimate_time_offset,
         body_from_scanner: BodyFromScanner::new(rotation, translation_m),
         convention,
         fixed,
     })
 }
 
-/// The evaluations, with unique names.
-pub(super) fn evaluations(
+/// The drives that are adjusted with this one and those that are evaluated, with unique names.
+pub(super) fn other_drives(
     source: &Source,
-    written: &[written::Evaluation],
-) -> Result<Vec<Evaluation>> {
-    let names: Vec<&str> = written.iter().map(|e| e.name.as_str()).collect();
-    check_names(source, "evaluation", &names)?;
-    let evaluation = |evaluation: &written::Evaluation| Evaluation {
-        name: evaluation.name.clone(),
-        project: source.absolute(&evaluation.project),
+    written: &Written,
+) -> Result<(Vec<OtherDrive>, Vec<OtherDrive>)> {
+    let (drives, evaluations) = (&written.drive, &written.evaluation);
+    for (array, others) in [("drive", drives), ("evaluation", evaluations)] {
+        let names: Vec<&str> = others.iter().map(|other| other.name.as_str()).collect();
+        check_names(source, array, &names)?;
+    }
+    for (index, evaluation) in evaluations.iter().enumerate() {
+        let name = evaluation.name.to_lowercase();
+        if drives.iter().any(|drive| drive.name.to_lowercase() == name) {
+            let table = Table {
+                index: Some(index),
+                ..Table::new(source, "evaluation")
+            };
+            let found = format!("the name {:?}, which is that of a drive", evaluation.name);
+            return Err(table.error("name", found, "a unique name"));
+        }
+    }
+    let checked = |others: &[written::OtherDrive]| {
+        let others = others.iter().map(|other| OtherDrive {
+            name: other.name.clone(),
+            project: source.absolute(&other.project),
+        });
+        others.collect()
     };
-    Ok(written.iter().map(evaluation).collect())
+    Ok((checked(drives), checked(evaluations)))
 }
 
 /// Names become file names and keys of the result: they must be valid for both, and unique even in

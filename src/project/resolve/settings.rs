@@ -1,11 +1,12 @@
-//! Settings of calibration and comparison.
+//! Settings of calibration, joint adjustment and comparison.
 
 use super::table::Table;
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::error::Result;
-use crate::project::source::Source;
-use crate::project::written;
+use crate::joint::{JointSettings, ReferenceSigma};
+use crate::project::source::{Source, Step};
+use crate::project::written::{self, Method, Written};
 
 /// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
 const MAX_NEIGHBOURS: usize = 1000;
@@ -31,20 +32,11 @@ pub(super) fn calibration(
             "at least one size, each smaller than the one before",
         ));
     }
-    let at_least = |key, value: usize, least: usize, why: &str| {
-        if value >= least {
-            return Ok(value);
-        }
-        Err(table.error(
-            key,
-            format!("{key} = {value}"),
-            &format!("{least} or more{why}"),
-        ))
-    };
     Ok(CalibrationSettings {
         voxel_sizes_m,
         neighbours: {
             let neighbours = at_least(
+                &table,
                 "neighbours",
                 written.neighbours.unwrap_or(default.neighbours),
                 4,
@@ -61,8 +53,9 @@ pub(super) fn calibration(
             }
             neighbours
         },
-        method: written.method.unwrap_or(default.method),
+        method: written.method.unwrap_or_default().of_second_step(),
         max_iterations: at_least(
+            &table,
             "max_iterations",
             written.max_iterations.unwrap_or(default.max_iterations),
             1,
@@ -73,6 +66,91 @@ pub(super) fn calibration(
             written.pass_gap_s.unwrap_or(default.pass_gap_s),
         )?,
     })
+}
+
+/// Whether trajectory and mountings are adjusted jointly, with nothing that only the joint
+/// adjustment can do if they are not: it would be left out silently.
+pub(super) fn is_joint(source: &Source, written: &Written) -> Result<bool> {
+    if written.calibration.method.unwrap_or_default() == Method::Joint {
+        return Ok(true);
+    }
+    let estimates = |scanner: &written::Scanner| scanner.estimate.iter().flatten().count() > 0;
+    let without = "without the joint adjustment";
+    let expected = "calibration.method = \"joint\" (the default)";
+    if let Some(index) = written.scanner.iter().position(estimates) {
+        let table = Table {
+            index: Some(index),
+            ..Table::new(source, "scanner")
+        };
+        return Err(table.error("estimate", format!("estimate {without}"), expected));
+    }
+    if !written.drive.is_empty() {
+        return Err(source.error(
+            &[Step::Key("drive")],
+            format!("[[drive]] {without}"),
+            expected,
+        ));
+    }
+    Ok(false)
+}
+
+/// Lengths and times above 0, standard deviations that may be 0.
+pub(super) fn joint(source: &Source, written: &Written) -> Result<JointSettings> {
+    let table = Table::new(source, "joint");
+    let default = JointSettings::default();
+    let surfel_m = written.joint.surfel_m;
+    let correlation_s = written.trajectory.as_ref().and_then(|t| t.correlation_s);
+    Ok(JointSettings {
+        surfel_m: surfel_m
+            .map(|size| table.positive("surfel_m", size))
+            .transpose()?,
+        max_iterations: at_least(
+            &table,
+            "max_iterations",
+            written
+                .joint
+                .max_iterations
+                .unwrap_or(default.max_iterations),
+            1,
+            "",
+        )?,
+        reference: reference_sigma(source, written.reference.as_ref())?,
+        correlation_s: Table::new(source, "trajectory").positive(
+            "correlation_s",
+            correlation_s.unwrap_or(default.correlation_s),
+        )?,
+    })
+}
+
+fn reference_sigma(
+    source: &Source,
+    written: Option<&written::Reference>,
+) -> Result<ReferenceSigma> {
+    let default = ReferenceSigma::default();
+    let Some(reference) = written else {
+        return Ok(default);
+    };
+    let table = Table::new(source, "reference");
+    let sigma = |key, value: Option<f64>| value.map(|x| table.not_negative(key, x)).transpose();
+    let shift_m = sigma("sigma_m", reference.sigma_m)?;
+    let tilt_deg = sigma("sigma_deg", reference.sigma_deg)?;
+    Ok(ReferenceSigma {
+        shift_m: shift_m.unwrap_or(default.shift_m),
+        tilt_rad: tilt_deg.map_or(default.tilt_rad, f64::to_radians),
+        assumed: shift_m.is_none() && tilt_deg.is_none(),
+        surface_m: sigma("sigma_surface_m", reference.sigma_surface_m)?,
+    })
+}
+
+fn at_least(table: &Table<'_>, key: &str, value: usize, least: usize, why: &str) -> Result<usize> {
+    if value >= least {
+        return Ok(value);
+    }
+    Err(table.error(
+        key,
+        format!("{key} = {value}"),
+        &format!("{least} or more{why}"),
+    ))
 }
 
 /// Lengths above 0.

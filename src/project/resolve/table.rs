@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::project::checked::LogFile;
 use crate::project::source::{Source, Step};
+use crate::trajectory::SENSOR_CORRELATION_S;
 
 /// One table of the file, for errors that name its keys.
 pub(super) struct Table<'a> {
@@ -57,6 +58,25 @@ impl<'a> Table<'a> {
 
     pub fn not_negative(&self, key: &str, value: f64) -> Result<f64> {
         self.number(key, value, |x| x >= 0.0, "0 or a number above 0")
+    }
+
+    /// The correlation time of the lasting part of a sensor's errors, if the key of its sigma is
+    /// given.
+    pub fn correlation(
+        &self,
+        (sigma, given): (&str, bool),
+        correlation_s: Option<f64>,
+    ) -> Result<f64> {
+        let key = "correlation_s";
+        match correlation_s {
+            None => Ok(SENSOR_CORRELATION_S),
+            Some(seconds) if given => self.positive(key, seconds),
+            Some(_) => Err(self.error(
+                key,
+                format!("{key} without {sigma}"),
+                &format!("both: `{sigma}` is the standard deviation of the errors that last"),
+            )),
+        }
     }
 
     pub fn vector(&self, key: &str, values: [f64; 3]) -> Result<Vec3> {

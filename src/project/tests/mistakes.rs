@@ -1,7 +1,7 @@
-use super::{EXAMPLE, Motion, POSES, Project, SEVERAL, folder, read, write};
+use super::{EXAMPLE, Motion, POSES, Project, SEVERAL, folder, read};
 
 /// The message for `text`, without the folder, so that it starts with `project.toml`.
-fn message(text: &str) -> String {
+pub(super) fn message(text: &str) -> String {
     let message = read(text).unwrap_err().to_string();
     let start = message.find("project.toml").unwrap();
     message[start..].to_owned()
@@ -371,63 +371,5 @@ fn text_that_is_not_utf8_is_named() {
     assert!(
         error.contains("byte 8: found bytes that are not UTF-8"),
         "{error}"
-    );
-}
-
-#[test]
-fn missing_files_are_named_with_key_line_and_path() {
-    let folder = folder();
-    let drive_1 = folder.path().join("drive-1");
-    let drive_2 = folder.path().join("drive-2");
-    for drive in [&drive_1, &drive_2] {
-        std::fs::create_dir(drive).unwrap();
-    }
-    let path = write(&drive_1, EXAMPLE);
-    let missing = || {
-        let checked = Project::read(&path).unwrap().check_files();
-        checked.map_err(|error| error.to_string())
-    };
-    for (file, expected) in [
-        ("imu.csv", "line 8: found imu.file = "),
-        ("prism.csv", "line 15: found prism.file = "),
-        ("heading.csv", "line 20: found heading.file = "),
-        ("left.bin", "line 29: found scanner[0].profiles"),
-        ("tls.laz", "line 36: found reference.file = "),
-    ] {
-        let message = missing().unwrap_err();
-        assert!(
-            message.contains(expected) && message.contains(file),
-            "{message}"
-        );
-        assert!(message.contains("no such file"), "{message}");
-        std::fs::write(drive_1.join(file), "").unwrap();
-        std::fs::write(drive_2.join(file), "").unwrap();
-    }
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("line 44: found evaluation[0].project = "),
-        "{message}"
-    );
-
-    // The other drive is checked as well, but not the drives that it references.
-    write(&drive_2, EXAMPLE);
-    assert_eq!(missing(), Ok(()));
-    write(&drive_2, &EXAMPLE.replace("\"left\"", "\"rear\""));
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("line 44: found an evaluation with the scanner \"rear\", which this"),
-        "{message}"
-    );
-    write(&drive_2, &EXAMPLE.replace("FRD", "FLU"));
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("other body axes (Flu instead of Frd)"),
-        "{message}"
-    );
-    write(&drive_2, &EXAMPLE.replace("left.bin", "elsewhere.bin"));
-    let message = missing().unwrap_err();
-    assert!(
-        message.contains("drive-2/project.toml, line 29"),
-        "{message}"
     );
 }

@@ -1,3 +1,5 @@
+mod files;
+mod joint;
 mod mistakes;
 
 use std::path::{Path, PathBuf};
@@ -388,7 +390,7 @@ fn the_project_of_the_readme_is_understood() {
 
 #[test]
 fn the_readme_names_every_key_with_its_default() {
-    for text in [EXAMPLE, UNUSUAL, POSES, SEVERAL] {
+    for text in [EXAMPLE, UNUSUAL, POSES, SEVERAL, joint::JOINT] {
         let printed = read(text).unwrap().to_toml().unwrap();
         for line in printed.lines() {
             if let Some((key, _)) = line.split_once(" = ") {
@@ -398,6 +400,7 @@ fn the_readme_names_every_key_with_its_default() {
     }
     let calibration = CalibrationSettings::default();
     let comparison = ComparisonSettings::default();
+    let joint = crate::joint::JointSettings::default();
     for row in [
         format!("| `calibration.neighbours` | {} |", calibration.neighbours),
         format!(
@@ -405,6 +408,13 @@ fn the_readme_names_every_key_with_its_default() {
             calibration.max_iterations
         ),
         format!("| `calibration.pass_gap_s` | {} |", calibration.pass_gap_s),
+        format!("| `joint.max_iterations` | {} |", joint.max_iterations),
+        format!("| `trajectory.correlation_s` | {} |", joint.correlation_s),
+        format!(
+            "| `reference.sigma_m`, `reference.sigma_deg` | {}, {} |",
+            joint.reference.shift_m,
+            joint.reference.tilt_rad.to_degrees()
+        ),
         format!(
             "| {}, {:?}, {}, {}, {} | M3C2",
             comparison.core_spacing_m,

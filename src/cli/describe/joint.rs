@@ -1,0 +1,44 @@
+//! Description of the joint adjustment and of what only it uses.
+
+use super::lines::{Lines, degrees, millimetres};
+use crate::project::Project;
+
+pub(super) fn describe(lines: &mut Lines, project: &Project) {
+    let settings = &project.joint;
+    lines.section("joint adjustment");
+    let finest = project.calibration.voxel_sizes_m.last();
+    let size = millimetres(settings.surfel_size_m(finest.copied().unwrap_or_default()));
+    let why = match settings.surfel_m {
+        Some(_) => "",
+        None => " (ten times the finest voxel)",
+    };
+    lines.value("size of surfels", format!("{size}{why}"));
+    lines.value("iterations", format!("at most {}", settings.max_iterations));
+}
+
+/// How far off the whole reference may be; assumptions only where they are used.
+pub(super) fn describe_reference(lines: &mut Lines, project: &Project) {
+    let sigma = &project.joint.reference;
+    if project.is_joint || !sigma.assumed {
+        let assumed = if sigma.assumed { " (assumed)" } else { "" };
+        let shift = millimetres(sigma.shift_m);
+        lines.value("sigma of its shift", format!("{shift}{assumed}"));
+        let tilt = degrees(sigma.tilt_rad);
+        lines.value("sigma of its tilt", format!("{tilt}{assumed}"));
+    }
+    if let Some(sigma_m) = sigma.surface_m {
+        lines.value("sigma of its surface", millimetres(sigma_m));
+    }
+}
+
+/// The step of a run, if there is one adjustment.
+pub(super) fn step(project: &Project) -> Option<String> {
+    let drives = project.drives.iter().map(|drive| drive.name.as_str());
+    let drives: Vec<&str> = drives.collect();
+    let with = match drives.is_empty() {
+        true => String::new(),
+        false => format!(", together with {}", drives.join(", ")),
+    };
+    let step = format!("adjust trajectory and mountings in one{with}");
+    project.is_joint.then_some(step)
+}

@@ -1,0 +1,33 @@
+//! `boresight georeference`
+
+use std::path::PathBuf;
+
+use super::context::{Context, ProjectArguments, out_folder};
+use crate::error::Result;
+use crate::pipeline::{self, Outcome, Placement};
+use crate::project::Project;
+
+/// Georeference the profiles of a project with its mountings and poses, or with those of a run
+#[derive(Debug, clap::Args)]
+pub(super) struct Georeference {
+    #[command(flatten)]
+    on: ProjectArguments,
+    /// Mountings instead of the project's: a `calibration.toml` of `run` or `calibrate`
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// Poses instead of estimating them: a trajectory file, such as the adjusted poses of `run`
+    #[arg(long, value_name = "FILE")]
+    trajectory: Option<PathBuf>,
+}
+
+impl Georeference {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let project = Project::read(&self.on.project)?;
+        let (calibration, trajectory) = (self.calibration.as_deref(), self.trajectory.as_deref());
+        let placement = Placement::new(&project, calibration, trajectory)?;
+        let out = out_folder(&self.on.out, &self.on.project);
+        context.logged(&out, placement.inputs(), |options| {
+            pipeline::georeference(&placement, options, &context.terminal)
+        })
+    }
+}

@@ -1,0 +1,143 @@
+//! Clouds placed with given mountings and poses.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::commands::files_in;
+use super::job::Job;
+use super::outcome::{Options, Outcome};
+use super::{clouds, stages};
+use crate::error::{Error, Location, Result};
+use crate::progress::Progress;
+use crate::project::{Motion, Project};
+
+/// A project with the mountings and poses that place its points: its own, or those that an earlier
+/// run found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placement {
+    project: Project,
+    inputs: Vec<PathBuf>,
+    calibration: Option<PathBuf>,
+    /// What was decided about them, for the log.
+    remarks: Vec<String>,
+}
+
+impl Placement {
+    /// Reads the mountings of `calibration`, and checks that every file exists that places points.
+    /// The poses come from `trajectory`. Without either, the project's own are used.
+    ///
+    /// # Errors
+    /// A missing file; see [`Project::with_calibration`].
+    pub fn new(
+        project: &Project,
+        calibration: Option<&Path>,
+        trajectory: Option<&Path>,
+    ) -> Result<Self> {
+        let mut inputs = project.inputs();
+        inputs.extend(
+            calibration
+                .into_iter()
+                .chain(trajectory)
+                .map(Path::to_owned),
+        );
+        let mut placed = project.clone();
+        if let Some(path) = calibration {
+            placed = placed.with_calibration(path)?;
+        }
+        if let Some(path) = trajectory {
+            check_poses(path)?;
+            placed = placed.with_trajectory(path)?;
+        }
+        placed.check_files()?;
+        let offsets = project.scanners.iter().zip(&placed.scanners);
+        let remarks = offsets
+            .filter(|(own, used)| own.time_offset_s != used.time_offset_s)
+            .map(|(own, used)| {
+                format!(
+                    "scanner `{}`: the time offset is {} s, as in the calibration, not {} s, as in \
+                     the project",
+                    used.name, used.time_offset_s, own.time_offset_s
+                )
+            })
+            .collect();
+        Ok(Self {
+            project: placed,
+            inputs,
+            calibration: calibration.map(Path::to_owned),
+            remarks,
+        })
+    }
+
+    /// Every file of the project, and those that were given besides it.
+    pub fn inputs(&self) -> &[PathBuf] {
+        &self.inputs
+    }
+
+    /// The files with the mountings and with the poses, or with the logs of the poses.
+    fn sources(&self) -> [&Path; 2] {
+        let own = &self.project.path;
+        let poses = match &self.project.motion {
+            Motion::Logs(_) => own,
+            Motion::Poses(poses) => &poses.path,
+        };
+        [self.calibration.as_ref().unwrap_or(own), poses]
+    }
+
+    /// `placed with the mountings of …, on the poses of …`
+    fn description(&self) -> String {
+        let [mountings, poses] = self.sources();
+        let mountings = match &self.calibration {
+            Some(_) => format!("the mountings of {}", mountings.display()),
+            None => "the project's mountings".to_owned(),
+        };
+        let poses = match &self.project.motion {
+            Motion::Logs(_) => "the trajectory estimated from its logs".to_owned(),
+            Motion::Poses(_) => format!("the poses of {}", poses.display()),
+        };
+        format!("placed with {mountings}, on {poses}")
+    }
+}
+
+/// Checked before the files of the project, as the file is named by no key of it.
+fn check_poses(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        let expected = "a file of poses, such as `trajectory.csv` in it";
+        return Err(Error::format(path, Location::Whole, "a folder", expected));
+    }
+    let opened = File::open(path).map(drop);
+    opened.map_err(|source| Error::io(path, source))
+}
+
+/// Georeferences the profiles.
+///
+/// # Errors
+/// Errors of the stages.
+pub fn georeference(
+    placement: &Placement,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
+    let project = &placement.project;
+    let names = clouds::names(project);
+    let mut job = Job::new(&options.out, placement.inputs(), &names, progress)?;
+    for remark in &placement.remarks {
+        progress.say(remark);
+    }
+    let poses = stages::poses(project, progress)?;
+    let mountings = stages::initial_poses(project);
+    clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
+    job.commit()?;
+    let files = files_in(&options.out, names);
+    let [mountings_from, poses_from] = placement.sources();
+    Ok(Outcome {
+        result: json!({
+            "clouds": files,
+            "mountings_from": mountings_from,
+            "poses_from": poses_from,
+        }),
+        summary: format!("{} clouds, {}", files.len(), placement.description()),
+        files,
+    })
+}

@@ -1,0 +1,56 @@
+//! A project with what an earlier run found.
+
+use std::path::Path;
+
+use super::checked::{Motion, PosesFile, Project};
+use super::resolve;
+use super::source::Source;
+use super::written::Mountings;
+use crate::error::{Error, Location, Result};
+
+/// See [`Project::with_calibration`].
+pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project> {
+    if path.is_dir() {
+        let expected = "a file of [[scanner]] tables, such as `calibration.toml` in it";
+        return Err(Error::format(path, Location::Whole, "a folder", expected));
+    }
+    let source = &Source::read(path)?;
+    let written: Mountings = source.parsed()?;
+    let found = resolve::scanners(source, &written.scanner)?;
+    let mut project = project.clone();
+    for scanner in &mut project.scanners {
+        let Some(same) = found.iter().find(|found| found.name == scanner.name) else {
+            let names: Vec<String> = found.iter().map(|s| format!("`{}`", s.name)).collect();
+            let only = match names.is_empty() {
+                true => "no scanners".to_owned(),
+                false => format!("only {}", names.join(", ")),
+            };
+            return Err(source.error(
+                &[],
+                format!("{only}, not `{}`", scanner.name),
+                &format!(
+                    "a [[scanner]] table for every scanner of {}",
+                    project.path.display()
+                ),
+            ));
+        };
+        scanner.body_from_scanner = same.body_from_scanner;
+        scanner.convention = same.convention;
+        scanner.time_offset_s = same.time_offset_s;
+    }
+    Ok(project)
+}
+
+/// See [`Project::with_trajectory`].
+pub(super) fn with_trajectory(project: &Project, path: &Path) -> Result<Project> {
+    let path = std::path::absolute(path).map_err(|source| Error::io(path, source))?;
+    Ok(Project {
+        motion: Motion::Poses(PosesFile {
+            path,
+            time_offset_s: 0.0,
+            sigma_position_m: None,
+            sigma_rotation_rad: None,
+        }),
+        ..project.clone()
+    })
+}
