@@ -1,5 +1,7 @@
 //! The twin: its files, its truth and its promises.
 
+mod golden;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
