@@ -1,9 +1,10 @@
 //! The paper's field, robot and drives.
 
-use super::scenario::{
-    BoardSettings, DeformationSettings, DriveSettings, Field, HeadingSettings, ImuSettings,
-    MotionSettings, Pass, PrismSettings, ProfileSettings, ReferenceSettings, ScannerSettings,
-    Scenario, SoilSettings,
+use super::field::{BoardSettings, DriveSettings, Field, MotionSettings, Pass, SoilSettings};
+use super::scenario::Scenario;
+use super::sensors::{
+    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
+    ReferenceSettings, ScannerSettings,
 };
 use crate::geometry::BodyAxes;
 

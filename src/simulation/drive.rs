@@ -2,8 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::field::{DriveSettings, MotionSettings};
 use super::route::{Piece, Waypoint, shortest};
-use super::scenario::{DriveSettings, MotionSettings, Scenario};
+use super::scenario::Scenario;
 use super::scene::Scene;
 use super::spline::Spline;
 use crate::geometry::{BodyAxes, Rotation, Vec3, WorldFromBody};

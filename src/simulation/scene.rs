@@ -1,6 +1,7 @@
 //! Surfaces on the field: rough soil and tilted boards.
 
-use super::scenario::{BoardSettings, Scenario};
+use super::field::BoardSettings;
+use super::scenario::Scenario;
 use super::soil::Soil;
 use crate::geometry::Vec3;
 

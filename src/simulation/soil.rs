@@ -3,8 +3,8 @@
 use rand::RngExt;
 use rayon::prelude::*;
 
+use super::field::{Field, SoilSettings};
 use super::random::{Purpose, stream};
-use super::scenario::{Field, SoilSettings};
 use crate::geometry::Vec3;
 
 /// Cells along one side of a tile.
