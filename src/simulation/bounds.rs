@@ -18,7 +18,9 @@ impl Scenario {
         const LENGTH: (f64, f64) = (0.01, 100.0);
         const COORDINATE: (f64, f64) = (-1e4, 1e4);
         const RATE: (f64, f64) = (0.01, 1e4);
-        let (motion, imu, prism) = (&self.motion, &self.imu, &self.prism);
+        const LATENCY: (f64, f64) = (-10.0, 10.0);
+        let (motion, imu) = (&self.motion, &self.imu);
+        let (prism, heading) = (&self.prism, &self.heading);
         let (profiles, reference, bend) = (&self.profiles, &self.reference, &self.deformation);
         let mut bounds = vec![
             ("gravity_m_s2", self.gravity_m_s2, (0.1, 100.0)),
@@ -58,15 +60,26 @@ impl Scenario {
             ("imu.accel_bias_sigma_m_s2", imu.accel_bias_sigma_m_s2, ANY),
             ("prism.rate_hz", prism.rate_hz, RATE),
             ("prism.sigma_m", prism.sigma_m, ANY),
-            ("prism.latency_s", prism.latency_s, (-10.0, 10.0)),
+            ("prism.latency_s", prism.latency_s, LATENCY),
             ("prism.incidence_bias_m", prism.incidence_bias_m, COORDINATE),
-            ("heading.rate_hz", self.heading.rate_hz, RATE),
-            ("heading.sigma_deg", self.heading.sigma_deg, ANY),
+            ("prism.sigma_correlated_m", prism.sigma_correlated_m, ANY),
+            ("prism.correlation_s", prism.correlation_s, POSITIVE),
+            ("prism.outlier_share", prism.outlier_share, SHARE),
+            ("prism.outlier_m", prism.outlier_m, ANY),
+            ("heading.rate_hz", heading.rate_hz, RATE),
+            ("heading.sigma_deg", heading.sigma_deg, ANY),
             (
                 "heading.mounting_offset_deg",
-                self.heading.mounting_offset_deg,
-                (-360.0, 360.0),
+                heading.mounting_offset_deg,
+                ANGLE,
             ),
+            ("heading.latency_s", heading.latency_s, LATENCY),
+            (
+                "heading.sigma_correlated_deg",
+                heading.sigma_correlated_deg,
+                ANY,
+            ),
+            ("heading.correlation_s", heading.correlation_s, POSITIVE),
             ("profiles.rate_hz", profiles.rate_hz, RATE),
             ("profiles.fan_deg", profiles.fan_deg, (1.0, 170.0)),
             ("profiles.grazing_deg", profiles.grazing_deg, (0.0, 90.0)),
@@ -125,6 +138,7 @@ impl Scenario {
         ));
         bounds.extend(each("prism.lever_arm_m", &prism.lever_arm_m, COORDINATE));
         bounds.extend(each("prism.station_m", &prism.station_m, COORDINATE));
+        bounds.extend(each("prism.lost_s", prism.lost_s.as_flattened(), ANY));
         bounds.extend(each("profiles.range_m", &profiles.range_m, LENGTH));
         bounds.extend(each("profiles.sigma_m", &profiles.sigma_m, ANY));
         bounds.extend(each("reference.offset_m", &reference.offset_m, COORDINATE));
@@ -149,6 +163,7 @@ impl Scenario {
             ));
             let initial = &scanner.initial_rotation_deg;
             bounds.extend(each("scanners.initial_rotation_deg", initial, ANGLE));
+            bounds.push(("scanners.latency_s", scanner.latency_s, LATENCY));
         }
         for pass in self.drives.iter().flat_map(|drive| &drive.passes) {
             bounds.push(("drives.passes.heading_deg", pass.heading_deg, ANGLE));

@@ -49,6 +49,9 @@ impl Scenario {
         if self.profiles.range_m[1] <= self.profiles.range_m[0] {
             return refuse("profiles.range_m is empty");
         }
+        if let Some([from, to]) = self.prism.lost_s.iter().find(|[from, to]| from >= to) {
+            return refuse(format!("prism.lost_s from {from} to {to} is empty"));
+        }
         self.check_boards()?;
         self.check_scanners()?;
         self.check_drives()?;

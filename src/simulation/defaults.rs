@@ -58,6 +58,7 @@ impl Default for Scenario {
                     rotation_deg: [-143.769, -0.369, 89.833],
                     initial_translation_m: [1.2, -0.5, 0.5],
                     initial_rotation_deg: [-145.0, 0.0, 90.0],
+                    latency_s: 0.0,
                 },
                 ScannerSettings {
                     name: "right".into(),
@@ -65,6 +66,7 @@ impl Default for Scenario {
                     rotation_deg: [144.396, -0.346, 91.705],
                     initial_translation_m: [1.2, 0.65, 0.5],
                     initial_rotation_deg: [145.0, 0.0, 90.0],
+                    latency_s: 0.0,
                 },
             ],
             file: None,
@@ -153,6 +155,11 @@ impl Default for PrismSettings {
             latency_s: 0.0,
             incidence_bias_m: 0.0,
             station_m: [-9.0, -7.0, 1.7],
+            sigma_correlated_m: 0.0,
+            correlation_s: 20.0,
+            lost_s: Vec::new(),
+            outlier_share: 0.0,
+            outlier_m: 0.3,
         }
     }
 }
@@ -163,6 +170,9 @@ impl Default for HeadingSettings {
             rate_hz: 5.0,
             sigma_deg: 0.7,
             mounting_offset_deg: 0.0,
+            latency_s: 0.0,
+            sigma_correlated_deg: 0.0,
+            correlation_s: 30.0,
         }
     }
 }

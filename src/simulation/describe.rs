@@ -1,8 +1,9 @@
-//! The text files of a simulated campaign: projects, true mountings, scene, scenario.
+//! The text files of a simulated campaign: projects, true mountings, scene, errors, scenario.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use super::drive::Drive;
 use super::scenario::Scenario;
 use super::scene::Scene;
 use crate::error::{Error, Result};
@@ -19,16 +20,23 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).map_err(|e| Error::io(path, e))
 }
 
-/// Writes the project, true mounting and scene of one drive.
+/// Writes the project, true mounting, scene and errors of one drive.
 pub(super) fn write_texts(
     scenario: &Scenario,
     scene: &Scene,
+    drive: &Drive,
     index: usize,
     at: &dyn Fn(&str) -> PathBuf,
 ) -> Result<()> {
     write_text(&at("project.toml"), &project(scenario, index))?;
     write_text(&at("truth/mounting.toml"), &mounting(scenario))?;
-    write_text(&at("truth/scene.toml"), &scene_text(scenario, scene, index))
+    write_text(&at("truth/scene.toml"), &scene_text(scenario, scene, index))?;
+    let errors = errors(scenario, drive.span_s.0);
+    if errors.is_empty() {
+        return Ok(());
+    }
+    let text = format!("# Errors of the sensors that the project does not tell.\n{errors}");
+    write_text(&at("truth/errors.toml"), &text)
 }
 
 /// The scenario with every value.
@@ -89,6 +97,62 @@ fn mounting(scenario: &Scenario) -> String {
         text += &scanner_table(&scanner.name, None, &truth, 10);
     }
     text
+}
+
+/// What the logs of a drive that starts at `start_s` suffer from beyond white noise.
+fn errors(scenario: &Scenario, start_s: f64) -> String {
+    let (prism, heading) = (&scenario.prism, &scenario.heading);
+    let mut keys = latency(prism.latency_s);
+    if prism.incidence_bias_m != 0.0 {
+        keys += &format!("incidence_bias_m = {:?}\n", prism.incidence_bias_m);
+    }
+    if prism.sigma_correlated_m != 0.0 {
+        keys += &format!(
+            "sigma_correlated_m = {:?}\ncorrelation_s = {:?}\n",
+            prism.sigma_correlated_m, prism.correlation_s
+        );
+    }
+    if !prism.lost_s.is_empty() {
+        let spans = prism.lost_s.iter();
+        let spans: Vec<_> = spans.map(|span| span.map(|s| start_s + s)).collect();
+        keys += &format!("# In the time of the trajectory.\nlost_s = {spans:?}\n");
+    }
+    if prism.outlier_share != 0.0 {
+        keys += &format!(
+            "outlier_share = {:?}\noutlier_m = {:?}\n",
+            prism.outlier_share, prism.outlier_m
+        );
+    }
+    let mut text = table("[prism]", &keys);
+    let mut keys = latency(heading.latency_s);
+    if heading.sigma_correlated_deg != 0.0 {
+        keys += &format!(
+            "sigma_correlated_deg = {:?}\ncorrelation_s = {:?}\n",
+            heading.sigma_correlated_deg, heading.correlation_s
+        );
+    }
+    text += &table("[heading]", &keys);
+    for scanner in scenario.scanners.iter().filter(|s| s.latency_s != 0.0) {
+        let keys = format!("name = {:?}\n{}", scanner.name, latency(scanner.latency_s));
+        text += &table("[[scanner]]", &keys);
+    }
+    text
+}
+
+/// How late time stamps are, unless they are right.
+fn latency(latency_s: f64) -> String {
+    if latency_s == 0.0 {
+        return String::new();
+    }
+    format!("latency_s = {latency_s:?}\n")
+}
+
+/// A table with these keys, unless there are none.
+fn table(header: &str, keys: &str) -> String {
+    if keys.is_empty() {
+        return String::new();
+    }
+    format!("\n{header}\n{keys}")
 }
 
 fn scanner_table(

@@ -43,6 +43,19 @@ pub struct PrismSettings {
     pub incidence_bias_m: f64,
     /// Position of the total station, metres.
     pub station_m: [f64; 3],
+    /// Standard deviation of an error of each coordinate that fades within `correlation_s`, metres;
+    /// zero for none. It adds to the white noise.
+    pub sigma_correlated_m: f64,
+    /// Time after which the autocovariance of this error (a first-order Gauss-Markov process) has
+    /// fallen to 1/e, seconds.
+    pub correlation_s: f64,
+    /// Spans of the drive without positions, because the total station has lost the prism: from and
+    /// to, seconds from the drive's start.
+    pub lost_s: Vec<[f64; 2]>,
+    /// Share of positions that are outliers.
+    pub outlier_share: f64,
+    /// Displacement of an outlier, in a random direction, metres.
+    pub outlier_m: f64,
 }
 
 /// Heading antennas.
@@ -55,6 +68,14 @@ pub struct HeadingSettings {
     pub sigma_deg: f64,
     /// Heading of the body minus that of the antennas, degrees.
     pub mounting_offset_deg: f64,
+    /// Delay of the time stamps of headings, seconds.
+    pub latency_s: f64,
+    /// Standard deviation of an error that fades within `correlation_s`, degrees; zero for none. It
+    /// adds to the white noise.
+    pub sigma_correlated_deg: f64,
+    /// Time after which the autocovariance of this error (a first-order Gauss-Markov process) has
+    /// fallen to 1/e, seconds.
+    pub correlation_s: f64,
 }
 
 /// The profile scanners: datasheet of the Gocator 2490.
@@ -95,6 +116,9 @@ pub struct ScannerSettings {
     pub initial_translation_m: [f64; 3],
     /// Initial rotation for the calibration, `bonn`.
     pub initial_rotation_deg: [f64; 3],
+    /// Delay of the time stamps of its points, seconds.
+    #[serde(default)]
+    pub latency_s: f64,
 }
 
 /// The reference cloud by terrestrial laser scanning.
