@@ -26,6 +26,9 @@ impl Scenario {
             ("gravity_m_s2", self.gravity_m_s2, (0.1, 100.0)),
             ("field.margin_m", self.field.margin_m, (0.0, 100.0)),
             ("soil.cell_m", self.soil.cell_m, (1e-3, 1.0)),
+            ("soil.clod_height_m", self.soil.clod_height_m, (0.0, 1.0)),
+            ("soil.clod_size_m", self.soil.clod_size_m, LENGTH),
+            ("soil.clod_cover", self.soil.clod_cover, (0.0, 0.95)),
             ("motion.scan_speed_m_s", motion.scan_speed_m_s, SPEED),
             ("motion.transit_speed_m_s", motion.transit_speed_m_s, SPEED),
             ("motion.rest_s", motion.rest_s, (1.0, 1e4)),
@@ -147,6 +150,7 @@ impl Scenario {
             bounds.push(("boards.azimuth_deg", board.azimuth_deg, (-360.0, 360.0)));
             bounds.extend(each("boards.center_m", &board.center_m, (-1e3, 1e3)));
             bounds.extend(each("boards.size_m", &board.size_m, LENGTH));
+            bounds.extend(each("boards.moved_m", &board.moved_m, (-100.0, 100.0)));
         }
         for scanner in &self.scanners {
             bounds.extend(each(

@@ -40,6 +40,12 @@ impl Scenario {
         if area / (soil.cell_m * soil.cell_m) > 5e7 {
             return refuse("the field has more than 50 million cells of soil.cell_m");
         }
+        if soil.clod_height_m > 0.0 && soil.clod_size_m < 2.0 * soil.cell_m {
+            return refuse(format!(
+                "soil.clod_size_m is {}, less than two cells of {} m",
+                soil.clod_size_m, soil.cell_m
+            ));
+        }
         if !(2..=10_000).contains(&self.profiles.width) {
             return refuse(format!(
                 "profiles.width is {}, not 2 to 10000",

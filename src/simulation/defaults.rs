@@ -20,6 +20,7 @@ impl Default for Scenario {
             tilt_deg,
             azimuth_deg,
             size_m: [1.0, 1.0],
+            moved_m: [0.0; 3],
         };
         let drive = |passes: &[(f64, &[usize])]| DriveSettings {
             passes: passes
@@ -110,6 +111,9 @@ impl Default for SoilSettings {
             cell_m: 0.01,
             wavelengths_m: vec![2.6, 1.3, 0.7, 0.3, 0.12, 0.06, 0.03],
             sigmas_m: vec![0.016, 0.008, 0.004, 0.004, 0.003, 0.003, 0.0025],
+            clod_height_m: 0.0,
+            clod_size_m: 0.06,
+            clod_cover: 0.2,
         }
     }
 }

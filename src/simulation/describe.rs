@@ -179,16 +179,35 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
         "# The field extends from the origin to size_m (east, north).\n[field]\nsize_m = {:?}\n",
         scene.size_m
     );
+    let soil = &scenario.soil;
+    if soil.clod_height_m != 0.0 {
+        text += &table(
+            "[soil]",
+            &format!(
+                "clod_height_m = {:?}\nclod_size_m = {:?}\nclod_cover = {:?}\n",
+                soil.clod_height_m, soil.clod_size_m, soil.clod_cover
+            ),
+        );
+    }
     for (board, settings) in scene.boards.iter().zip(&scenario.boards) {
         let [a, b] = board.half_m;
         let corners = [(a, b), (-a, b), (-a, -b), (a, -b)]
             .map(|(u, v)| list(&board.point_m(u, v), 9))
             .join(", ");
+        let moved = Vec3::from(settings.moved_m);
+        let moved = if moved == Vec3::zeros() {
+            String::new()
+        } else {
+            format!(
+                "# The reference saw it before it was moved by this.\nmoved_m = {}\n",
+                list(&moved, 9)
+            )
+        };
         // Writing to a string cannot fail.
         let _ = write!(
             text,
             "\n[[board]]\ncenter_m = {}\nnormal = {}\ntilt_deg = {:?}\nazimuth_deg = {:?}\n\
-             corners_m = [{corners}]\n",
+             corners_m = [{corners}]\n{moved}",
             list(&board.center_m, 9),
             list(&board.normal, 12),
             settings.tilt_deg,

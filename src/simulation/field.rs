@@ -22,6 +22,13 @@ pub struct SoilSettings {
     pub wavelengths_m: Vec<f64>,
     /// Standard deviation of the height at each wavelength, metres.
     pub sigmas_m: Vec<f64>,
+    /// Mean height of clods, metres; zero for none. They lie on the relief, at random and of random
+    /// sizes, and wheels crush them.
+    pub clod_height_m: f64,
+    /// Mean diameter of clods, metres.
+    pub clod_size_m: f64,
+    /// Share of the ground that clods cover.
+    pub clod_cover: f64,
 }
 
 /// A board.
@@ -36,6 +43,10 @@ pub struct BoardSettings {
     pub azimuth_deg: f64,
     /// Length along the level and the sloping edge, metres.
     pub size_m: [f64; 2],
+    /// East, north, up by which it stands elsewhere during the drives than the reference has seen
+    /// it, metres.
+    #[serde(default)]
+    pub moved_m: [f64; 3],
 }
 
 /// Motion of the robot.

@@ -6,6 +6,7 @@
 mod aiding;
 mod bounds;
 mod check;
+mod clods;
 mod defaults;
 mod deformation;
 mod describe;

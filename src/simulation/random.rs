@@ -28,6 +28,8 @@ pub enum Purpose {
     PrismOutlier,
     /// Correlated error of the heading on one drive.
     HeadingCorrelated,
+    /// Clods on the soil.
+    Clods,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.

@@ -4,7 +4,7 @@ use rand::RngExt;
 
 use super::random::{Purpose, normal3, stream};
 use super::scenario::Scenario;
-use super::scene::Scene;
+use super::scene::{Board, Scene};
 use crate::geometry::Vec3;
 
 /// The reference cloud in strips, which can be generated in any order.
@@ -13,6 +13,8 @@ pub struct Reference<'a> {
     scenario: &'a Scenario,
     scene: &'a Scene,
     soil_rows: usize,
+    /// Where they stood when they were scanned.
+    boards: Vec<Board>,
     board_rows: Vec<usize>,
 }
 
@@ -21,15 +23,16 @@ impl<'a> Reference<'a> {
     pub fn new(scenario: &'a Scenario, scene: &'a Scene) -> Self {
         let rows = |length: f64, spacing: f64| (length / spacing).round().max(1.0) as usize;
         let settings = &scenario.reference;
+        let boards: Vec<Board> = scenario.boards.iter().map(Board::new).collect();
         Self {
             scenario,
             scene,
             soil_rows: rows(scene.size_m[1], settings.soil_spacing_m),
-            board_rows: scene
-                .boards
+            board_rows: boards
                 .iter()
                 .map(|board| rows(2.0 * board.half_m[1], settings.board_spacing_m))
                 .collect(),
+            boards,
         }
     }
 
@@ -48,10 +51,7 @@ impl<'a> Reference<'a> {
         let (surface, row) = self.locate(index);
         let (length, spacing) = match surface {
             None => (self.scene.size_m[0], settings.soil_spacing_m),
-            Some(b) => (
-                2.0 * self.scene.boards[b].half_m[0],
-                settings.board_spacing_m,
-            ),
+            Some(b) => (2.0 * self.boards[b].half_m[0], settings.board_spacing_m),
         };
         let columns = (length / spacing).round().max(1.0) as usize;
         for column in 0..columns {
@@ -61,18 +61,13 @@ impl<'a> Reference<'a> {
             let exact = match surface {
                 None => {
                     let y = across * self.scene.size_m[1] / self.soil_rows as f64;
-                    if self
-                        .scene
-                        .boards
-                        .iter()
-                        .any(|board| board.covers(along, y, 0.0))
-                    {
+                    if self.boards.iter().any(|board| board.covers(along, y, 0.0)) {
                         continue;
                     }
                     Vec3::new(along, y, self.scene.soil.height_m(along, y))
                 }
                 Some(b) => {
-                    let board = &self.scene.boards[b];
+                    let board = &self.boards[b];
                     let v = across * 2.0 * board.half_m[1] / self.board_rows[b] as f64;
                     board.point_m(along - board.half_m[0], v - board.half_m[1])
                 }

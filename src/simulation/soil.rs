@@ -3,6 +3,7 @@
 use rand::RngExt;
 use rayon::prelude::*;
 
+use super::clods::{self, Raster};
 use super::field::{Field, SoilSettings};
 use super::random::{Purpose, stream};
 use crate::geometry::Vec3;
@@ -14,7 +15,8 @@ const TILE: usize = 8;
 const LATTICE: usize = 256;
 
 /// A height field: a biquadratic B-spline over a fine grid of heights, continuously
-/// differentiable. The heights are a sum of smooth noise from metres down to centimetres.
+/// differentiable. The heights are a sum of smooth noise from metres down to centimetres, with clods
+/// on it.
 #[derive(Debug, Clone)]
 pub struct Soil {
     waves: Vec<Wave>,
@@ -94,18 +96,25 @@ impl Soil {
             cells.div_ceil(TILE) * TILE
         };
         let (columns, rows) = (count(field.size_m[0]) + 2, count(field.size_m[1]) + 2);
-        let control: Vec<f32> = (0..rows)
+        let mut control: Vec<f32> = (0..rows)
             .into_par_iter()
             .flat_map_iter(|j| {
                 let waves = &waves;
                 (0..columns).map(move |i| {
-                    // Control point i is centred half a cell before grid line i.
                     let x = origin[0] + (i as f64 - 0.5) * cell;
                     let y = origin[1] + (j as f64 - 0.5) * cell;
                     waves.iter().map(|wave| wave.height_m(x, y)).sum::<f64>() as f32
                 })
             })
             .collect();
+        // Control point i is centred half a cell before grid line i.
+        let centred = Raster {
+            first_m: origin.map(|o| o - 0.5 * cell),
+            cell_m: cell,
+            columns,
+            rows,
+        };
+        clods::add(&mut control, &centred, seed, settings);
         let mut soil = Self {
             waves,
             origin,

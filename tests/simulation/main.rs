@@ -1,6 +1,7 @@
 //! The twin: its files, its truth and its promises.
 
 mod errors;
+mod field;
 mod golden;
 
 use std::collections::BTreeMap;
