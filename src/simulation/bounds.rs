@@ -1,5 +1,6 @@
 //! Bounds of the numbers of a scenario.
 
+use super::field::Pass;
 use super::scenario::Scenario;
 
 /// Coordinates on the robot, metres.
@@ -109,6 +110,12 @@ impl Scenario {
                 (1e-4, 1.0),
             ),
             ("reference.sigma_m", reference.sigma_m, ANY),
+            ("reference.surface_error_m", reference.surface_error_m, ANY),
+            (
+                "reference.surface_error_scale_m",
+                reference.surface_error_scale_m,
+                LENGTH,
+            ),
             (
                 "deformation.rotation_deg_per_deg",
                 bend.rotation_deg_per_deg,
@@ -170,7 +177,19 @@ impl Scenario {
             bounds.push(("scanners.latency_s", scanner.latency_s, LATENCY));
         }
         for pass in self.drives.iter().flat_map(|drive| &drive.passes) {
-            bounds.push(("drives.passes.heading_deg", pass.heading_deg, ANGLE));
+            match pass {
+                Pass::Board { heading_deg, .. } => {
+                    bounds.push(("drives.passes.heading_deg", *heading_deg, ANGLE));
+                }
+                Pass::Line { from_m, to_m } => {
+                    for axis in 0..2 {
+                        let margin = self.field.margin_m;
+                        let on_ground = (-margin, self.field.size_m[axis] + margin);
+                        bounds.push(("drives.passes.from_m", from_m[axis], on_ground));
+                        bounds.push(("drives.passes.to_m", to_m[axis], on_ground));
+                    }
+                }
+            }
         }
         bounds
     }

@@ -1,5 +1,6 @@
 //! Checks that a scenario can be simulated.
 
+use super::field::Pass;
 use super::scenario::Scenario;
 use crate::error::{Error, Result};
 
@@ -136,13 +137,23 @@ impl Scenario {
                     drive.passes.len()
                 ));
             }
-            if let Some(pass) = drive.passes.iter().find(|p| p.board >= self.boards.len()) {
-                return refuse(format!(
-                    "drive {} passes board {}, but boards are numbered 0 to {}",
-                    d + 1,
-                    pass.board,
-                    self.boards.len() as i64 - 1
-                ));
+            for pass in &drive.passes {
+                match *pass {
+                    Pass::Board { board, .. } if board >= self.boards.len() => {
+                        return refuse(format!(
+                            "drive {} passes board {board}, but boards are numbered 0 to {}",
+                            d + 1,
+                            self.boards.len() as i64 - 1
+                        ));
+                    }
+                    Pass::Line { from_m, to_m } if from_m == to_m => {
+                        return refuse(format!(
+                            "a pass of drive {} begins and ends at {from_m:?}",
+                            d + 1
+                        ));
+                    }
+                    _ => {}
+                }
             }
         }
         Ok(())

@@ -26,7 +26,9 @@ impl Default for Scenario {
             passes: passes
                 .iter()
                 .flat_map(|&(heading_deg, boards)| {
-                    boards.iter().map(move |&board| Pass { board, heading_deg })
+                    boards
+                        .iter()
+                        .map(move |&board| Pass::Board { board, heading_deg })
                 })
                 .collect(),
         };
@@ -204,6 +206,8 @@ impl Default for ReferenceSettings {
             soil_spacing_m: 0.006,
             sigma_m: 0.0005,
             offset_m: [0.0; 3],
+            surface_error_m: 0.0,
+            surface_error_scale_m: 0.3,
         }
     }
 }

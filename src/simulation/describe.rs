@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::drive::Drive;
+use super::field::Pass;
 use super::scenario::Scenario;
 use super::scene::Scene;
 use crate::error::{Error, Result};
@@ -35,7 +36,7 @@ pub(super) fn write_texts(
     if errors.is_empty() {
         return Ok(());
     }
-    let text = format!("# Errors of the sensors that the project does not tell.\n{errors}");
+    let text = format!("# Errors that the project does not tell.\n{errors}");
     write_text(&at("truth/errors.toml"), &text)
 }
 
@@ -99,7 +100,8 @@ fn mounting(scenario: &Scenario) -> String {
     text
 }
 
-/// What the logs of a drive that starts at `start_s` suffer from beyond white noise.
+/// What the logs of a drive that starts at `start_s` and the reference suffer from beyond white
+/// noise.
 fn errors(scenario: &Scenario, start_s: f64) -> String {
     let (prism, heading) = (&scenario.prism, &scenario.heading);
     let mut keys = latency(prism.latency_s);
@@ -136,7 +138,18 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
         let keys = format!("name = {:?}\n{}", scanner.name, latency(scanner.latency_s));
         text += &table("[[scanner]]", &keys);
     }
-    text
+    let reference = &scenario.reference;
+    let mut keys = String::new();
+    if reference.offset_m != [0.0; 3] {
+        keys += &format!("offset_m = {:?}\n", reference.offset_m);
+    }
+    if reference.surface_error_m != 0.0 {
+        keys += &format!(
+            "surface_error_m = {:?}\nsurface_error_scale_m = {:?}\n",
+            reference.surface_error_m, reference.surface_error_scale_m
+        );
+    }
+    text + &table("[reference]", &keys)
 }
 
 /// How late time stamps are, unless they are right.
@@ -215,11 +228,14 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
         );
     }
     for pass in &scenario.drives[index].passes {
-        let _ = write!(
-            text,
-            "\n[[pass]]\nboard = {}\nheading_deg = {:?}\n",
-            pass.board, pass.heading_deg
-        );
+        text += &match pass {
+            Pass::Board { board, heading_deg } => {
+                format!("\n[[pass]]\nboard = {board}\nheading_deg = {heading_deg:?}\n")
+            }
+            Pass::Line { from_m, to_m } => {
+                format!("\n[[pass]]\nfrom_m = {from_m:?}\nto_m = {to_m:?}\n")
+            }
+        };
     }
     text
 }

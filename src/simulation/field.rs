@@ -77,16 +77,66 @@ pub struct MotionSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSettings {
-    /// Passes over boards in order.
+    /// Straight passes in order.
     pub passes: Vec<Pass>,
 }
 
-/// One straight pass over a board.
+/// One straight pass of the profile scanners: with the keys `board` and `heading_deg`, or with
+/// `from_m` and `to_m`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Pass {
-    /// Index of the board.
-    pub board: usize,
-    /// Heading, degrees clockwise from north.
-    pub heading_deg: f64,
+#[serde(try_from = "PassKeys", into = "PassKeys")]
+pub enum Pass {
+    /// Over the centre of a board, from edge to edge.
+    Board {
+        /// Index of the board.
+        board: usize,
+        /// Heading, degrees clockwise from north.
+        heading_deg: f64,
+    },
+    /// Over the ground.
+    Line {
+        /// Where it begins: east, north, metres.
+        from_m: [f64; 2],
+        /// Where it ends: east, north, metres.
+        to_m: [f64; 2],
+    },
+}
+
+/// A pass as written.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct PassKeys {
+    board: Option<usize>,
+    heading_deg: Option<f64>,
+    from_m: Option<[f64; 2]>,
+    to_m: Option<[f64; 2]>,
+}
+
+impl TryFrom<PassKeys> for Pass {
+    type Error = &'static str;
+
+    fn try_from(keys: PassKeys) -> Result<Self, Self::Error> {
+        match (keys.board, keys.heading_deg, keys.from_m, keys.to_m) {
+            (Some(board), Some(heading_deg), None, None) => Ok(Self::Board { board, heading_deg }),
+            (None, None, Some(from_m), Some(to_m)) => Ok(Self::Line { from_m, to_m }),
+            _ => Err("a pass has either board and heading_deg or from_m and to_m"),
+        }
+    }
+}
+
+impl From<Pass> for PassKeys {
+    fn from(pass: Pass) -> Self {
+        match pass {
+            Pass::Board { board, heading_deg } => Self {
+                board: Some(board),
+                heading_deg: Some(heading_deg),
+                ..Self::default()
+            },
+            Pass::Line { from_m, to_m } => Self {
+                from_m: Some(from_m),
+                to_m: Some(to_m),
+                ..Self::default()
+            },
+        }
+    }
 }

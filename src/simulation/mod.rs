@@ -13,6 +13,7 @@ mod describe;
 mod drive;
 mod field;
 mod inertial;
+mod presets;
 mod profiler;
 mod random;
 mod reference;
@@ -22,6 +23,7 @@ mod scene;
 mod sensors;
 mod soil;
 mod spline;
+mod wave;
 mod write;
 
 pub use aiding::{simulate_heading, simulate_prism};

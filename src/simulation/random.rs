@@ -30,6 +30,8 @@ pub enum Purpose {
     HeadingCorrelated,
     /// Clods on the soil.
     Clods,
+    /// Smooth error of the reference.
+    ReferenceSurface,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.

@@ -5,6 +5,7 @@ use rand::RngExt;
 use super::random::{Purpose, normal3, stream};
 use super::scenario::Scenario;
 use super::scene::{Board, Scene};
+use super::wave::Wave;
 use crate::geometry::Vec3;
 
 /// The reference cloud in strips, which can be generated in any order.
@@ -16,6 +17,7 @@ pub struct Reference<'a> {
     /// Where they stood when they were scanned.
     boards: Vec<Board>,
     board_rows: Vec<usize>,
+    surface_error: Option<Wave>,
 }
 
 impl<'a> Reference<'a> {
@@ -33,6 +35,13 @@ impl<'a> Reference<'a> {
                 .map(|board| rows(2.0 * board.half_m[1], settings.board_spacing_m))
                 .collect(),
             boards,
+            surface_error: (settings.surface_error_m > 0.0).then(|| {
+                Wave::new(
+                    stream(scenario.seed, Purpose::ReferenceSurface, 0, 0),
+                    settings.surface_error_scale_m,
+                    settings.surface_error_m,
+                )
+            }),
         }
     }
 
@@ -58,21 +67,28 @@ impl<'a> Reference<'a> {
             let along = (column as f64 + rng.random::<f64>()) * length / columns as f64;
             let across = row as f64 + rng.random::<f64>();
             let noise = normal3(&mut rng) * settings.sigma_m;
-            let exact = match surface {
+            let (exact, normal) = match surface {
                 None => {
                     let y = across * self.scene.size_m[1] / self.soil_rows as f64;
                     if self.boards.iter().any(|board| board.covers(along, y, 0.0)) {
                         continue;
                     }
-                    Vec3::new(along, y, self.scene.soil.height_m(along, y))
+                    let (height, [gx, gy]) = self.scene.soil.height_and_gradient(along, y);
+                    let normal = Vec3::new(-gx, -gy, 1.0).normalize();
+                    (Vec3::new(along, y, height), normal)
                 }
                 Some(b) => {
                     let board = &self.boards[b];
                     let v = across * 2.0 * board.half_m[1] / self.board_rows[b] as f64;
-                    board.point_m(along - board.half_m[0], v - board.half_m[1])
+                    let point = board.point_m(along - board.half_m[0], v - board.half_m[1]);
+                    (point, board.normal)
                 }
             };
-            points.push(exact + noise + offset);
+            let mut point = exact + noise + offset;
+            if let Some(error) = &self.surface_error {
+                point += normal * error.at(exact.x, exact.y);
+            }
+            points.push(point);
         }
         points
     }

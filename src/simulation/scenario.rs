@@ -57,25 +57,7 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// The paper's field and three drives, with rates reduced so that it takes seconds.
-    pub fn demo() -> Self {
-        Self::default()
-    }
-
-    /// The paper's rates: gigabytes of profiles.
-    pub fn full() -> Self {
-        let mut scenario = Self {
-            name: "full".into(),
-            ..Self::default()
-        };
-        scenario.profiles.rate_hz = 200.0;
-        scenario.profiles.width = 1920;
-        scenario.reference.board_spacing_m = 0.001;
-        scenario.reference.soil_spacing_m = 0.001;
-        scenario
-    }
-
-    /// The preset of this name (`demo`, `full`) or the file at this path.
+    /// The preset of this name (`demo`, `full`, `plain`) or the file at this path.
     ///
     /// # Errors
     /// Neither a preset nor a readable file; unknown keys; invalid values.
@@ -83,6 +65,7 @@ impl Scenario {
         match name_or_path {
             "demo" => return Ok(Self::demo()),
             "full" => return Ok(Self::full()),
+            "plain" => return Ok(Self::plain()),
             _ => {}
         }
         let path = Path::new(name_or_path);
@@ -91,7 +74,7 @@ impl Scenario {
                 path,
                 Location::Whole,
                 "neither a file nor a scenario of this name",
-                "`demo`, `full` or a scenario file",
+                "`demo`, `full`, `plain` or a scenario file",
             ),
             _ => Error::io(path, e),
         })?;

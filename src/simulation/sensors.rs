@@ -133,6 +133,11 @@ pub struct ReferenceSettings {
     pub sigma_m: f64,
     /// Error of the registration, added to all points, metres.
     pub offset_m: [f64; 3],
+    /// Standard deviation of an error along the surface's normal that is smooth over
+    /// `surface_error_scale_m`, metres; zero for none.
+    pub surface_error_m: f64,
+    /// Wavelength of this error in plan view, metres.
+    pub surface_error_scale_m: f64,
 }
 
 /// Deformation of the mountings by gravity, by acceleration and with time.
