@@ -1,7 +1,9 @@
 //! Measurements of the total station and the heading antennas.
 
+use rand::RngExt;
+
 use super::drive::Drive;
-use super::random::{Purpose, normal, normal3, stream};
+use super::random::{Correlated, Purpose, normal, normal3, stream};
 use super::scenario::Scenario;
 use crate::geometry::{Vec3, heading};
 use crate::sensor::{HeadingFix, PositionFix};
@@ -12,12 +14,20 @@ const FACETS: f64 = 6.0;
 /// Positions of the prism, at their own times.
 pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<PositionFix> {
     let settings = &scenario.prism;
-    let mut rng = stream(scenario.seed, Purpose::Prism, drive_index as u64, 0);
+    let stream_of = |purpose| stream(scenario.seed, purpose, drive_index as u64, 0);
+    let mut rng = stream_of(Purpose::Prism);
+    let mut outliers = stream_of(Purpose::PrismOutlier);
+    let mut correlated = Correlated::<3>::new(
+        stream_of(Purpose::PrismCorrelated),
+        settings.sigma_correlated_m,
+        settings.correlation_s,
+    );
     let lever_arm = scenario.lever_arm_m();
     let up = scenario.body.up();
     ticks(drive.span_s, settings.rate_hz, 0.0137)
-        .map(|time_s| {
-            let body = drive.at(time_s - settings.latency_s).world_from_body;
+        .filter_map(|time_s| {
+            let measured_s = time_s - settings.latency_s;
+            let body = drive.at(measured_s).world_from_body;
             let prism = body.translation_m + body.rotation * lever_arm;
             let sight = prism - Vec3::from(settings.station_m);
             // Direction in which the line of sight enters the prism, about its axis.
@@ -27,8 +37,18 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
             let along = sight.normalize();
             let across = Vec3::z().cross(&along);
             let bias = (along * angle.cos() + across * angle.sin()) * settings.incidence_bias_m;
-            let position_m = prism + bias + normal3(&mut rng) * settings.sigma_m;
-            PositionFix::with_sigma(time_s, position_m, None)
+            // Drawn for every position, so that none depends on whether others are lost.
+            let noise = normal3(&mut rng) * settings.sigma_m + Vec3::from(correlated.at(time_s));
+            let is_outlier = outliers.random::<f64>() < settings.outlier_share;
+            let displacement = normal3(&mut outliers).normalize() * settings.outlier_m;
+            let mut position_m = prism + bias + noise;
+            if is_outlier {
+                position_m += displacement;
+            }
+            let elapsed_s = measured_s - drive.span_s.0;
+            let lost = |&[from, to]: &[f64; 2]| (from..=to).contains(&elapsed_s);
+            let is_lost = settings.lost_s.iter().any(lost);
+            (!is_lost).then(|| PositionFix::with_sigma(time_s, position_m, None))
         })
         .collect()
 }
@@ -36,11 +56,19 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
 /// Headings of the antennas, clockwise from north, in (−π, π].
 pub fn simulate_heading(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<HeadingFix> {
     let settings = &scenario.heading;
-    let mut rng = stream(scenario.seed, Purpose::Heading, drive_index as u64, 0);
+    let stream_of = |purpose| stream(scenario.seed, purpose, drive_index as u64, 0);
+    let mut rng = stream_of(Purpose::Heading);
+    let mut correlated = Correlated::<1>::new(
+        stream_of(Purpose::HeadingCorrelated),
+        settings.sigma_correlated_deg,
+        settings.correlation_s,
+    );
     ticks(drive.span_s, settings.rate_hz, 0.0061)
         .map(|time_s| {
-            let truth = heading::heading_rad(&drive.at(time_s).world_from_body.rotation);
-            let error = normal(&mut rng) * settings.sigma_deg - settings.mounting_offset_deg;
+            let body = drive.at(time_s - settings.latency_s).world_from_body;
+            let truth = heading::heading_rad(&body.rotation);
+            let [slow] = correlated.at(time_s);
+            let error = normal(&mut rng) * settings.sigma_deg - settings.mounting_offset_deg + slow;
             HeadingFix::new(time_s, heading::wrap(truth + error.to_radians()), None)
         })
         .collect()

@@ -1,9 +1,10 @@
 //! The paper's field, robot and drives.
 
-use super::scenario::{
-    BoardSettings, DeformationSettings, DriveSettings, Field, HeadingSettings, ImuSettings,
-    MotionSettings, Pass, PrismSettings, ProfileSettings, ReferenceSettings, ScannerSettings,
-    Scenario, SoilSettings,
+use super::field::{BoardSettings, DriveSettings, Field, MotionSettings, Pass, SoilSettings};
+use super::scenario::Scenario;
+use super::sensors::{
+    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
+    ReferenceSettings, ScannerSettings,
 };
 use crate::geometry::BodyAxes;
 
@@ -19,12 +20,15 @@ impl Default for Scenario {
             tilt_deg,
             azimuth_deg,
             size_m: [1.0, 1.0],
+            moved_m: [0.0; 3],
         };
         let drive = |passes: &[(f64, &[usize])]| DriveSettings {
             passes: passes
                 .iter()
                 .flat_map(|&(heading_deg, boards)| {
-                    boards.iter().map(move |&board| Pass { board, heading_deg })
+                    boards
+                        .iter()
+                        .map(move |&board| Pass::Board { board, heading_deg })
                 })
                 .collect(),
         };
@@ -57,6 +61,7 @@ impl Default for Scenario {
                     rotation_deg: [-143.769, -0.369, 89.833],
                     initial_translation_m: [1.2, -0.5, 0.5],
                     initial_rotation_deg: [-145.0, 0.0, 90.0],
+                    latency_s: 0.0,
                 },
                 ScannerSettings {
                     name: "right".into(),
@@ -64,6 +69,7 @@ impl Default for Scenario {
                     rotation_deg: [144.396, -0.346, 91.705],
                     initial_translation_m: [1.2, 0.65, 0.5],
                     initial_rotation_deg: [145.0, 0.0, 90.0],
+                    latency_s: 0.0,
                 },
             ],
             file: None,
@@ -107,6 +113,9 @@ impl Default for SoilSettings {
             cell_m: 0.01,
             wavelengths_m: vec![2.6, 1.3, 0.7, 0.3, 0.12, 0.06, 0.03],
             sigmas_m: vec![0.016, 0.008, 0.004, 0.004, 0.003, 0.003, 0.0025],
+            clod_height_m: 0.0,
+            clod_size_m: 0.06,
+            clod_cover: 0.2,
         }
     }
 }
@@ -152,6 +161,11 @@ impl Default for PrismSettings {
             latency_s: 0.0,
             incidence_bias_m: 0.0,
             station_m: [-9.0, -7.0, 1.7],
+            sigma_correlated_m: 0.0,
+            correlation_s: 20.0,
+            lost_s: Vec::new(),
+            outlier_share: 0.0,
+            outlier_m: 0.3,
         }
     }
 }
@@ -162,6 +176,9 @@ impl Default for HeadingSettings {
             rate_hz: 5.0,
             sigma_deg: 0.7,
             mounting_offset_deg: 0.0,
+            latency_s: 0.0,
+            sigma_correlated_deg: 0.0,
+            correlation_s: 30.0,
         }
     }
 }
@@ -189,6 +206,8 @@ impl Default for ReferenceSettings {
             soil_spacing_m: 0.006,
             sigma_m: 0.0005,
             offset_m: [0.0; 3],
+            surface_error_m: 0.0,
+            surface_error_scale_m: 0.3,
         }
     }
 }

@@ -1,8 +1,10 @@
-//! The text files of a simulated campaign: projects, true mountings, scene, scenario.
+//! The text files of a simulated campaign: projects, true mountings, scene, errors, scenario.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use super::drive::Drive;
+use super::field::Pass;
 use super::scenario::Scenario;
 use super::scene::Scene;
 use crate::error::{Error, Result};
@@ -19,16 +21,23 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).map_err(|e| Error::io(path, e))
 }
 
-/// Writes the project, true mounting and scene of one drive.
+/// Writes the project, true mounting, scene and errors of one drive.
 pub(super) fn write_texts(
     scenario: &Scenario,
     scene: &Scene,
+    drive: &Drive,
     index: usize,
     at: &dyn Fn(&str) -> PathBuf,
 ) -> Result<()> {
     write_text(&at("project.toml"), &project(scenario, index))?;
     write_text(&at("truth/mounting.toml"), &mounting(scenario))?;
-    write_text(&at("truth/scene.toml"), &scene_text(scenario, scene, index))
+    write_text(&at("truth/scene.toml"), &scene_text(scenario, scene, index))?;
+    let errors = errors(scenario, drive.span_s.0);
+    if errors.is_empty() {
+        return Ok(());
+    }
+    let text = format!("# Errors that the project does not tell.\n{errors}");
+    write_text(&at("truth/errors.toml"), &text)
 }
 
 /// The scenario with every value.
@@ -91,6 +100,74 @@ fn mounting(scenario: &Scenario) -> String {
     text
 }
 
+/// What the logs of a drive that starts at `start_s` and the reference suffer from beyond white
+/// noise.
+fn errors(scenario: &Scenario, start_s: f64) -> String {
+    let (prism, heading) = (&scenario.prism, &scenario.heading);
+    let mut keys = latency(prism.latency_s);
+    if prism.incidence_bias_m != 0.0 {
+        keys += &format!("incidence_bias_m = {:?}\n", prism.incidence_bias_m);
+    }
+    if prism.sigma_correlated_m != 0.0 {
+        keys += &format!(
+            "sigma_correlated_m = {:?}\ncorrelation_s = {:?}\n",
+            prism.sigma_correlated_m, prism.correlation_s
+        );
+    }
+    if !prism.lost_s.is_empty() {
+        let spans = prism.lost_s.iter();
+        let spans: Vec<_> = spans.map(|span| span.map(|s| start_s + s)).collect();
+        keys += &format!("# In the time of the trajectory.\nlost_s = {spans:?}\n");
+    }
+    if prism.outlier_share != 0.0 {
+        keys += &format!(
+            "outlier_share = {:?}\noutlier_m = {:?}\n",
+            prism.outlier_share, prism.outlier_m
+        );
+    }
+    let mut text = table("[prism]", &keys);
+    let mut keys = latency(heading.latency_s);
+    if heading.sigma_correlated_deg != 0.0 {
+        keys += &format!(
+            "sigma_correlated_deg = {:?}\ncorrelation_s = {:?}\n",
+            heading.sigma_correlated_deg, heading.correlation_s
+        );
+    }
+    text += &table("[heading]", &keys);
+    for scanner in scenario.scanners.iter().filter(|s| s.latency_s != 0.0) {
+        let keys = format!("name = {:?}\n{}", scanner.name, latency(scanner.latency_s));
+        text += &table("[[scanner]]", &keys);
+    }
+    let reference = &scenario.reference;
+    let mut keys = String::new();
+    if reference.offset_m != [0.0; 3] {
+        keys += &format!("offset_m = {:?}\n", reference.offset_m);
+    }
+    if reference.surface_error_m != 0.0 {
+        keys += &format!(
+            "surface_error_m = {:?}\nsurface_error_scale_m = {:?}\n",
+            reference.surface_error_m, reference.surface_error_scale_m
+        );
+    }
+    text + &table("[reference]", &keys)
+}
+
+/// How late time stamps are, unless they are right.
+fn latency(latency_s: f64) -> String {
+    if latency_s == 0.0 {
+        return String::new();
+    }
+    format!("latency_s = {latency_s:?}\n")
+}
+
+/// A table with these keys, unless there are none.
+fn table(header: &str, keys: &str) -> String {
+    if keys.is_empty() {
+        return String::new();
+    }
+    format!("\n{header}\n{keys}")
+}
+
 fn scanner_table(
     name: &str,
     profiles: Option<&str>,
@@ -115,16 +192,35 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
         "# The field extends from the origin to size_m (east, north).\n[field]\nsize_m = {:?}\n",
         scene.size_m
     );
+    let soil = &scenario.soil;
+    if soil.clod_height_m != 0.0 {
+        text += &table(
+            "[soil]",
+            &format!(
+                "clod_height_m = {:?}\nclod_size_m = {:?}\nclod_cover = {:?}\n",
+                soil.clod_height_m, soil.clod_size_m, soil.clod_cover
+            ),
+        );
+    }
     for (board, settings) in scene.boards.iter().zip(&scenario.boards) {
         let [a, b] = board.half_m;
         let corners = [(a, b), (-a, b), (-a, -b), (a, -b)]
             .map(|(u, v)| list(&board.point_m(u, v), 9))
             .join(", ");
+        let moved = Vec3::from(settings.moved_m);
+        let moved = if moved == Vec3::zeros() {
+            String::new()
+        } else {
+            format!(
+                "# The reference saw it before it was moved by this.\nmoved_m = {}\n",
+                list(&moved, 9)
+            )
+        };
         // Writing to a string cannot fail.
         let _ = write!(
             text,
             "\n[[board]]\ncenter_m = {}\nnormal = {}\ntilt_deg = {:?}\nazimuth_deg = {:?}\n\
-             corners_m = [{corners}]\n",
+             corners_m = [{corners}]\n{moved}",
             list(&board.center_m, 9),
             list(&board.normal, 12),
             settings.tilt_deg,
@@ -132,11 +228,14 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
         );
     }
     for pass in &scenario.drives[index].passes {
-        let _ = write!(
-            text,
-            "\n[[pass]]\nboard = {}\nheading_deg = {:?}\n",
-            pass.board, pass.heading_deg
-        );
+        text += &match pass {
+            Pass::Board { board, heading_deg } => {
+                format!("\n[[pass]]\nboard = {board}\nheading_deg = {heading_deg:?}\n")
+            }
+            Pass::Line { from_m, to_m } => {
+                format!("\n[[pass]]\nfrom_m = {from_m:?}\nto_m = {to_m:?}\n")
+            }
+        };
     }
     text
 }

@@ -2,8 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::field::{DriveSettings, MotionSettings, Pass};
 use super::route::{Piece, Waypoint, shortest};
-use super::scenario::{DriveSettings, MotionSettings, Scenario};
+use super::scenario::Scenario;
 use super::scene::Scene;
 use super::spline::Spline;
 use crate::geometry::{BodyAxes, Rotation, Vec3, WorldFromBody};
@@ -159,15 +160,7 @@ impl Route {
             driven
         };
         for pass in &drive.passes {
-            let board = &scenario.boards[pass.board];
-            // Half the board's extent along the pass in plan view, with a margin.
-            let (sin, cos) = (pass.heading_deg - board.azimuth_deg)
-                .to_radians()
-                .sin_cos();
-            let slope = board.tilt_deg.to_radians().cos();
-            let [level, sloping] = board.size_m;
-            let half = 0.5 * (level * sin.abs() + sloping * slope * cos.abs()) + 0.08;
-            let center = Waypoint::heading(board.center_m[0], board.center_m[1], pass.heading_deg);
+            let (center, half) = centre_and_half(scenario, pass);
             let enter = center.along(0.0, -ahead - half);
             let mut from = 0.0;
             match at {
@@ -259,6 +252,31 @@ impl Route {
             motion.scan_speed_m_s
         } else {
             motion.transit_speed_m_s
+        }
+    }
+}
+
+/// The waypoint in the middle of a pass, and half the pass's length, metres.
+fn centre_and_half(scenario: &Scenario, pass: &Pass) -> (Waypoint, f64) {
+    match *pass {
+        Pass::Board { board, heading_deg } => {
+            let board = &scenario.boards[board];
+            // Half the board's extent along the pass in plan view, with a margin.
+            let (sin, cos) = (heading_deg - board.azimuth_deg).to_radians().sin_cos();
+            let slope = board.tilt_deg.to_radians().cos();
+            let [level, sloping] = board.size_m;
+            let half = 0.5 * (level * sin.abs() + sloping * slope * cos.abs()) + 0.08;
+            let center = Waypoint::heading(board.center_m[0], board.center_m[1], heading_deg);
+            (center, half)
+        }
+        Pass::Line { from_m, to_m } => {
+            let (dx, dy) = (to_m[0] - from_m[0], to_m[1] - from_m[1]);
+            let center = Waypoint {
+                x: from_m[0] + 0.5 * dx,
+                y: from_m[1] + 0.5 * dy,
+                yaw: dy.atan2(dx),
+            };
+            (center, 0.5 * dx.hypot(dy))
         }
     }
 }

@@ -4,32 +4,39 @@
 //! be validated with it.
 
 mod aiding;
+mod bounds;
 mod check;
+mod clods;
 mod defaults;
 mod deformation;
 mod describe;
 mod drive;
+mod field;
 mod inertial;
+mod presets;
 mod profiler;
 mod random;
 mod reference;
 mod route;
 mod scenario;
 mod scene;
+mod sensors;
 mod soil;
 mod spline;
+mod wave;
 mod write;
 
 pub use aiding::{simulate_heading, simulate_prism};
 pub use deformation::Mountings;
 pub use drive::{BodyState, Drive};
+pub use field::{BoardSettings, DriveSettings, Field, MotionSettings, Pass, SoilSettings};
 pub use inertial::{Inertial, simulate_imu};
 pub use profiler::{Profile, Profiler, Ray};
 pub use reference::Reference;
-pub use scenario::{
-    BoardSettings, DeformationSettings, DriveSettings, Field, HeadingSettings, ImuSettings,
-    MotionSettings, Pass, PrismSettings, ProfileSettings, ReferenceSettings, ScannerSettings,
-    Scenario, SoilSettings,
-};
+pub use scenario::Scenario;
 pub use scene::{Board, Hit, Scene, Surface};
+pub use sensors::{
+    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
+    ReferenceSettings, ScannerSettings,
+};
 pub use write::{SimulatedDrive, SimulatedFiles, simulate};

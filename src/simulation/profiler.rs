@@ -13,7 +13,7 @@ use crate::geometry::Vec3;
 /// One profile: for each ray x, z in the scanner frame (m) and the intensity, or `None`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// Seconds.
+    /// Time stamp, seconds.
     pub time_s: f64,
     /// The rays from one side of the fan to the other.
     pub points: Vec<Option<(f64, f64, u8)>>,
@@ -77,7 +77,7 @@ impl<'a> Profiler<'a> {
         self.count
     }
 
-    /// Time of a profile. The scanners fire in turn, so that none sees another's laser line.
+    /// True time of a profile, which its time stamp exceeds by the scanner's latency. The scanners fire in turn, so that none sees another's laser line.
     pub fn time_s(&self, scanner: usize, index: usize) -> f64 {
         let turn = scanner as f64 / self.scenario.scanners.len() as f64;
         self.start_s + (index as f64 + turn) / self.scenario.profiles.rate_hz
@@ -160,7 +160,7 @@ impl<'a> Profiler<'a> {
             })
             .collect();
         Profile {
-            time_s: self.time_s(scanner, index),
+            time_s: self.time_s(scanner, index) + self.scenario.scanners[scanner].latency_s,
             points,
         }
     }

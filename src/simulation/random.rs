@@ -22,6 +22,16 @@ pub enum Purpose {
     Profile,
     /// One strip of the reference.
     Reference,
+    /// Correlated error of the prism on one drive.
+    PrismCorrelated,
+    /// Outliers of the prism on one drive.
+    PrismOutlier,
+    /// Correlated error of the heading on one drive.
+    HeadingCorrelated,
+    /// Clods on the soil.
+    Clods,
+    /// Smooth error of the reference.
+    ReferenceSurface,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.
@@ -34,6 +44,42 @@ pub fn stream(seed: u64, purpose: Purpose, group: u64, index: u64) -> ChaCha8Rng
         slot.copy_from_slice(&value.to_le_bytes());
     }
     ChaCha8Rng::from_seed(key)
+}
+
+/// A stationary first-order Gauss-Markov process of several independent coordinates.
+#[derive(Debug, Clone)]
+pub struct Correlated<const N: usize> {
+    rng: ChaCha8Rng,
+    sigma: f64,
+    correlation_s: f64,
+    last: Option<(f64, [f64; N])>,
+}
+
+impl<const N: usize> Correlated<N> {
+    /// The process with this standard deviation, whose autocovariance is σ² exp(−Δt / correlation).
+    pub fn new(rng: ChaCha8Rng, sigma: f64, correlation_s: f64) -> Self {
+        Self {
+            rng,
+            sigma,
+            correlation_s,
+            last: None,
+        }
+    }
+
+    /// Its value at `time_s`, which must not decrease.
+    pub fn at(&mut self, time_s: f64) -> [f64; N] {
+        let value = match self.last {
+            None => std::array::from_fn(|_| self.sigma * normal(&mut self.rng)),
+            Some((last_s, last)) => {
+                // Exact for any interval: the variance stays σ².
+                let kept = (-(time_s - last_s) / self.correlation_s).exp();
+                let fresh = self.sigma * (1.0 - kept * kept).sqrt();
+                last.map(|x| kept * x + fresh * normal(&mut self.rng))
+            }
+        };
+        self.last = Some((time_s, value));
+        value
+    }
 }
 
 /// One number of the standard normal distribution.

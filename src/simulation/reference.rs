@@ -4,7 +4,8 @@ use rand::RngExt;
 
 use super::random::{Purpose, normal3, stream};
 use super::scenario::Scenario;
-use super::scene::Scene;
+use super::scene::{Board, Scene};
+use super::wave::Wave;
 use crate::geometry::Vec3;
 
 /// The reference cloud in strips, which can be generated in any order.
@@ -13,7 +14,10 @@ pub struct Reference<'a> {
     scenario: &'a Scenario,
     scene: &'a Scene,
     soil_rows: usize,
+    /// Where they stood when they were scanned.
+    boards: Vec<Board>,
     board_rows: Vec<usize>,
+    surface_error: Option<Wave>,
 }
 
 impl<'a> Reference<'a> {
@@ -21,15 +25,23 @@ impl<'a> Reference<'a> {
     pub fn new(scenario: &'a Scenario, scene: &'a Scene) -> Self {
         let rows = |length: f64, spacing: f64| (length / spacing).round().max(1.0) as usize;
         let settings = &scenario.reference;
+        let boards: Vec<Board> = scenario.boards.iter().map(Board::new).collect();
         Self {
             scenario,
             scene,
             soil_rows: rows(scene.size_m[1], settings.soil_spacing_m),
-            board_rows: scene
-                .boards
+            board_rows: boards
                 .iter()
                 .map(|board| rows(2.0 * board.half_m[1], settings.board_spacing_m))
                 .collect(),
+            boards,
+            surface_error: (settings.surface_error_m > 0.0).then(|| {
+                Wave::new(
+                    stream(scenario.seed, Purpose::ReferenceSurface, 0, 0),
+                    settings.surface_error_scale_m,
+                    settings.surface_error_m,
+                )
+            }),
         }
     }
 
@@ -48,36 +60,35 @@ impl<'a> Reference<'a> {
         let (surface, row) = self.locate(index);
         let (length, spacing) = match surface {
             None => (self.scene.size_m[0], settings.soil_spacing_m),
-            Some(b) => (
-                2.0 * self.scene.boards[b].half_m[0],
-                settings.board_spacing_m,
-            ),
+            Some(b) => (2.0 * self.boards[b].half_m[0], settings.board_spacing_m),
         };
         let columns = (length / spacing).round().max(1.0) as usize;
         for column in 0..columns {
             let along = (column as f64 + rng.random::<f64>()) * length / columns as f64;
             let across = row as f64 + rng.random::<f64>();
             let noise = normal3(&mut rng) * settings.sigma_m;
-            let exact = match surface {
+            let (exact, normal) = match surface {
                 None => {
                     let y = across * self.scene.size_m[1] / self.soil_rows as f64;
-                    if self
-                        .scene
-                        .boards
-                        .iter()
-                        .any(|board| board.covers(along, y, 0.0))
-                    {
+                    if self.boards.iter().any(|board| board.covers(along, y, 0.0)) {
                         continue;
                     }
-                    Vec3::new(along, y, self.scene.soil.height_m(along, y))
+                    let (height, [gx, gy]) = self.scene.soil.height_and_gradient(along, y);
+                    let normal = Vec3::new(-gx, -gy, 1.0).normalize();
+                    (Vec3::new(along, y, height), normal)
                 }
                 Some(b) => {
-                    let board = &self.scene.boards[b];
+                    let board = &self.boards[b];
                     let v = across * 2.0 * board.half_m[1] / self.board_rows[b] as f64;
-                    board.point_m(along - board.half_m[0], v - board.half_m[1])
+                    let point = board.point_m(along - board.half_m[0], v - board.half_m[1]);
+                    (point, board.normal)
                 }
             };
-            points.push(exact + noise + offset);
+            let mut point = exact + noise + offset;
+            if let Some(error) = &self.surface_error {
+                point += normal * error.at(exact.x, exact.y);
+            }
+            points.push(point);
         }
         points
     }

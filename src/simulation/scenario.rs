@@ -1,9 +1,14 @@
-//! The scenario: every number of the twin, with defaults.
+//! The scenario: every number of the twin.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::field::{BoardSettings, DriveSettings, Field, MotionSettings, SoilSettings};
+use super::sensors::{
+    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
+    ReferenceSettings, ScannerSettings,
+};
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Rotation, Vec3};
@@ -51,231 +56,8 @@ pub struct Scenario {
     pub file: Option<PathBuf>,
 }
 
-/// Size of the field.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Field {
-    /// East and north, metres; one corner is the origin of the world.
-    pub size_m: [f64; 2],
-    /// Ground beyond the field on each side, for turning, metres.
-    pub margin_m: f64,
-}
-
-/// Relief of the soil.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SoilSettings {
-    /// Spacing of the height grid, metres.
-    pub cell_m: f64,
-    /// Wavelengths from undulation to crumbs, metres.
-    pub wavelengths_m: Vec<f64>,
-    /// Standard deviation of the height at each wavelength, metres.
-    pub sigmas_m: Vec<f64>,
-}
-
-/// A board.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BoardSettings {
-    /// Centre: east, north, up, metres.
-    pub center_m: [f64; 3],
-    /// Tilt against the horizon, degrees.
-    pub tilt_deg: f64,
-    /// Direction of the inclination of the normal, degrees clockwise from north.
-    pub azimuth_deg: f64,
-    /// Length along the level and the sloping edge, metres.
-    pub size_m: [f64; 2],
-}
-
-/// Motion of the robot.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MotionSettings {
-    /// Speed over boards, m/s.
-    pub scan_speed_m_s: f64,
-    /// Speed between boards, m/s.
-    pub transit_speed_m_s: f64,
-    /// Rest before the drive, seconds.
-    pub rest_s: f64,
-    /// Tightest turn, metres.
-    pub turn_radius_m: f64,
-    /// Height of the IMU above ground, metres.
-    pub imu_height_m: f64,
-    /// Distance between the axles and between left and right wheels, metres.
-    pub wheelbase_track_m: [f64; 2],
-    /// Shortest wavelength of the ground that the wheels follow, metres.
-    pub wheel_wavelength_m: f64,
-    /// Natural frequency of the suspension, Hz.
-    pub suspension_hz: f64,
-    /// Damping ratio of the suspension.
-    pub suspension_damping: f64,
-}
-
-/// The IMU: datasheet of the SBG Ellipse-D.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ImuSettings {
-    /// Samples per second.
-    pub rate_hz: f64,
-    /// Angle random walk, °/√h.
-    pub gyro_noise_deg_sqrt_h: f64,
-    /// Velocity random walk, µg/√Hz.
-    pub accel_noise_ug_sqrt_hz: f64,
-    /// Gyro bias instability, °/h.
-    pub gyro_bias_instability_deg_h: f64,
-    /// Accelerometer bias instability, µg.
-    pub accel_bias_instability_ug: f64,
-    /// Time in which a bias random walk reaches the instability, seconds.
-    pub bias_time_s: f64,
-    /// Standard deviation of each axis's initial bias, rad/s.
-    pub gyro_bias_sigma_rad_s: f64,
-    /// Standard deviation of each axis's initial bias, m/s².
-    pub accel_bias_sigma_m_s2: f64,
-    /// False for an ideal IMU.
-    pub noise: bool,
-}
-
-/// Prism and total station.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PrismSettings {
-    /// Positions per second.
-    pub rate_hz: f64,
-    /// White noise of each coordinate, metres.
-    pub sigma_m: f64,
-    /// The prism in the body (FRD), metres.
-    pub lever_arm_m: [f64; 3],
-    /// Delay of the time stamps of positions, seconds.
-    pub latency_s: f64,
-    /// Amplitude of an error that depends on the direction in which the line of sight enters the
-    /// prism, metres.
-    pub incidence_bias_m: f64,
-    /// Position of the total station, metres.
-    pub station_m: [f64; 3],
-}
-
-/// Heading antennas.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HeadingSettings {
-    /// Headings per second.
-    pub rate_hz: f64,
-    /// White noise, degrees.
-    pub sigma_deg: f64,
-    /// Heading of the body minus that of the antennas, degrees.
-    pub mounting_offset_deg: f64,
-}
-
-/// The profile scanners: datasheet of the Gocator 2490.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ProfileSettings {
-    /// Profiles per second.
-    pub rate_hz: f64,
-    /// Rays per profile.
-    pub width: usize,
-    /// Opening of the fan, degrees.
-    pub fan_deg: f64,
-    /// Nearest and farthest distance along the fan's axis, metres.
-    pub range_m: [f64; 2],
-    /// Noise at the nearest and farthest distance, linear between, metres.
-    pub sigma_m: [f64; 2],
-    /// Angle of incidence beyond which there is no return, degrees.
-    pub grazing_deg: f64,
-    /// Share of points lost at random.
-    pub dropout: f64,
-    /// Difference of neighbouring ranges above which they form an edge, metres.
-    pub edge_m: f64,
-    /// Share of points at edges that are lost, and share that lie between both sides.
-    pub edge_lost_flying: [f64; 2],
-}
-
-/// The reference cloud by terrestrial laser scanning.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ReferenceSettings {
-    /// Spacing on the boards, metres.
-    pub board_spacing_m: f64,
-    /// Spacing on the soil, metres.
-    pub soil_spacing_m: f64,
-    /// Noise of each coordinate, metres.
-    pub sigma_m: f64,
-    /// Error of the registration, added to all points, metres.
-    pub offset_m: [f64; 3],
-}
-
-/// Deformation of the mountings by gravity, by acceleration and with time.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DeformationSettings {
-    /// Off: the mountings are rigid.
-    pub enabled: bool,
-    /// Rotation of a scanner per degree of roll or pitch, degrees.
-    pub rotation_deg_per_deg: f64,
-    /// Shift of a scanner per degree of roll or pitch, metres.
-    pub shift_m_per_deg: f64,
-    /// Shift of a scanner per 1 m/s² of acceleration, metres.
-    pub shift_m_per_m_s2: f64,
-    /// Rotation accumulated over a drive, degrees.
-    pub drift_deg: f64,
-    /// Shift accumulated over a drive, metres.
-    pub drift_m: f64,
-}
-
-/// A scanner's mounting.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ScannerSettings {
-    /// Name.
-    pub name: String,
-    /// True position in the body (FRD), metres.
-    pub translation_m: [f64; 3],
-    /// True rotation body_from_scanner, degrees, `bonn`.
-    pub rotation_deg: [f64; 3],
-    /// Initial position for the calibration.
-    pub initial_translation_m: [f64; 3],
-    /// Initial rotation for the calibration, `bonn`.
-    pub initial_rotation_deg: [f64; 3],
-}
-
-/// A drive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DriveSettings {
-    /// Passes over boards in order.
-    pub passes: Vec<Pass>,
-}
-
-/// One straight pass over a board.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Pass {
-    /// Index of the board.
-    pub board: usize,
-    /// Heading, degrees clockwise from north.
-    pub heading_deg: f64,
-}
-
 impl Scenario {
-    /// The paper's field and three drives, with rates reduced so that it takes seconds.
-    pub fn demo() -> Self {
-        Self::default()
-    }
-
-    /// The paper's rates: gigabytes of profiles.
-    pub fn full() -> Self {
-        let mut scenario = Self {
-            name: "full".into(),
-            ..Self::default()
-        };
-        scenario.profiles.rate_hz = 200.0;
-        scenario.profiles.width = 1920;
-        scenario.reference.board_spacing_m = 0.001;
-        scenario.reference.soil_spacing_m = 0.001;
-        scenario
-    }
-
-    /// The preset of this name (`demo`, `full`) or the file at this path.
+    /// The preset of this name (`demo`, `full`, `plain`) or the file at this path.
     ///
     /// # Errors
     /// Neither a preset nor a readable file; unknown keys; invalid values.
@@ -283,6 +65,7 @@ impl Scenario {
         match name_or_path {
             "demo" => return Ok(Self::demo()),
             "full" => return Ok(Self::full()),
+            "plain" => return Ok(Self::plain()),
             _ => {}
         }
         let path = Path::new(name_or_path);
@@ -291,7 +74,7 @@ impl Scenario {
                 path,
                 Location::Whole,
                 "neither a file nor a scenario of this name",
-                "`demo`, `full` or a scenario file",
+                "`demo`, `full`, `plain` or a scenario file",
             ),
             _ => Error::io(path, e),
         })?;

@@ -1,6 +1,7 @@
 //! Surfaces on the field: rough soil and tilted boards.
 
-use super::scenario::{BoardSettings, Scenario};
+use super::field::BoardSettings;
+use super::scenario::Scenario;
 use super::soil::Soil;
 use crate::geometry::Vec3;
 
@@ -18,7 +19,8 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board with this tilt against the horizon, its normal inclined towards the azimuth.
+    /// The board as the reference has seen it: with this tilt against the horizon, its normal
+    /// inclined towards the azimuth.
     pub fn new(settings: &BoardSettings) -> Self {
         let azimuth = settings.azimuth_deg.to_radians();
         let (st, ct) = settings.tilt_deg.to_radians().sin_cos();
@@ -30,6 +32,15 @@ impl Board {
             normal,
             edges: [level, normal.cross(&level)],
             half_m: settings.size_m.map(|s| 0.5 * s),
+        }
+    }
+
+    /// The board as it stands during the drives.
+    pub fn moved(settings: &BoardSettings) -> Self {
+        let seen = Self::new(settings);
+        Self {
+            center_m: seen.center_m + Vec3::from(settings.moved_m),
+            ..seen
         }
     }
 
@@ -89,12 +100,12 @@ pub struct Hit {
     pub surface: Surface,
 }
 
-/// The field.
+/// The field during the drives.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// The ground.
     pub soil: Soil,
-    /// The boards.
+    /// The boards where they stand then.
     pub boards: Vec<Board>,
     /// The field extends from the origin to this corner (east, north), metres.
     pub size_m: [f64; 2],
@@ -105,7 +116,7 @@ impl Scene {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             soil: Soil::new(scenario.seed, &scenario.field, &scenario.soil),
-            boards: scenario.boards.iter().map(Board::new).collect(),
+            boards: scenario.boards.iter().map(Board::moved).collect(),
             size_m: scenario.field.size_m,
         }
     }
@@ -250,6 +261,7 @@ mod tests {
             tilt_deg: 30.0,
             azimuth_deg: 90.0,
             size_m: [1.0, 1.0],
+            moved_m: [0.0; 3],
         });
         assert!((board.normal - Vec3::new(0.5, 0.0, 0.75f64.sqrt())).norm() < 1e-12);
         // Half a metre along the slope is 0.433 m in plan view.

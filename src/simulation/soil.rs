@@ -1,20 +1,19 @@
 //! Rough soil as a height field, and its intersection with rays.
 
-use rand::RngExt;
 use rayon::prelude::*;
 
+use super::clods::{self, Raster};
+use super::field::{Field, SoilSettings};
 use super::random::{Purpose, stream};
-use super::scenario::{Field, SoilSettings};
+use super::wave::Wave;
 use crate::geometry::Vec3;
 
 /// Cells along one side of a tile.
 const TILE: usize = 8;
 
-/// Side of the table of lattice values; relief repeats after half as many wavelengths.
-const LATTICE: usize = 256;
-
 /// A height field: a biquadratic B-spline over a fine grid of heights, continuously
-/// differentiable. The heights are a sum of smooth noise from metres down to centimetres.
+/// differentiable. The heights are a sum of smooth noise from metres down to centimetres, with clods
+/// on it.
 #[derive(Debug, Clone)]
 pub struct Soil {
     waves: Vec<Wave>,
@@ -28,53 +27,11 @@ pub struct Soil {
     highest: f64,
 }
 
-/// Noise of one wavelength: values on a lattice, smoothly interpolated.
-#[derive(Debug, Clone)]
-struct Wave {
-    length_m: f64,
-    values: Vec<f64>,
-}
-
 /// Bounds for rays over a square of cells.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tile {
     highest: f64,
     slope: f64,
-}
-
-impl Wave {
-    fn new(seed: u64, index: u64, length_m: f64, sigma_m: f64) -> Self {
-        let mut rng = stream(seed, Purpose::Soil, index, 0);
-        // Uniform on ±√3 has unit variance; smooth interpolation keeps about half of it.
-        let values = (0..LATTICE * LATTICE)
-            .map(|_| rng.random_range(-1.0..1.0) * 6f64.sqrt() * sigma_m)
-            .collect();
-        Self { length_m, values }
-    }
-
-    fn height_m(&self, x: f64, y: f64) -> f64 {
-        // Half a wavelength between lattice points; rotated so that lattices do not align.
-        let (s, c) = self.length_m.sin_cos();
-        let (u, v) = (
-            2.0 * (c * x + s * y) / self.length_m,
-            2.0 * (c * y - s * x) / self.length_m,
-        );
-        let (iu, iv) = (u.floor(), v.floor());
-        let (wu, wv) = (fade(u - iu), fade(v - iv));
-        let at = |di: i64, dj: i64| {
-            let i = (iu as i64 + di).rem_euclid(LATTICE as i64) as usize;
-            let j = (iv as i64 + dj).rem_euclid(LATTICE as i64) as usize;
-            self.values[j * LATTICE + i]
-        };
-        let low = at(0, 0) + wu * (at(1, 0) - at(0, 0));
-        let high = at(0, 1) + wu * (at(1, 1) - at(0, 1));
-        low + wv * (high - low)
-    }
-}
-
-/// 6 f⁵ − 15 f⁴ + 10 f³.
-fn fade(f: f64) -> f64 {
-    f * f * f * (f * (f * 6.0 - 15.0) + 10.0)
 }
 
 impl Soil {
@@ -85,7 +42,9 @@ impl Soil {
             .iter()
             .zip(&settings.sigmas_m)
             .enumerate()
-            .map(|(i, (&length, &sigma))| Wave::new(seed, i as u64, length, sigma))
+            .map(|(i, (&length, &sigma))| {
+                Wave::new(stream(seed, Purpose::Soil, i as u64, 0), length, sigma)
+            })
             .collect();
         let cell = settings.cell_m;
         let origin = [-field.margin_m, -field.margin_m];
@@ -94,18 +53,25 @@ impl Soil {
             cells.div_ceil(TILE) * TILE
         };
         let (columns, rows) = (count(field.size_m[0]) + 2, count(field.size_m[1]) + 2);
-        let control: Vec<f32> = (0..rows)
+        let mut control: Vec<f32> = (0..rows)
             .into_par_iter()
             .flat_map_iter(|j| {
                 let waves = &waves;
                 (0..columns).map(move |i| {
-                    // Control point i is centred half a cell before grid line i.
                     let x = origin[0] + (i as f64 - 0.5) * cell;
                     let y = origin[1] + (j as f64 - 0.5) * cell;
-                    waves.iter().map(|wave| wave.height_m(x, y)).sum::<f64>() as f32
+                    waves.iter().map(|wave| wave.at(x, y)).sum::<f64>() as f32
                 })
             })
             .collect();
+        // Control point i is centred half a cell before grid line i.
+        let centred = Raster {
+            first_m: origin.map(|o| o - 0.5 * cell),
+            cell_m: cell,
+            columns,
+            rows,
+        };
+        clods::add(&mut control, &centred, seed, settings);
         let mut soil = Self {
             waves,
             origin,
@@ -159,7 +125,7 @@ impl Soil {
         self.waves
             .iter()
             .filter(|wave| wave.length_m >= shortest_m)
-            .map(|wave| wave.height_m(x, y))
+            .map(|wave| wave.at(x, y))
             .sum()
     }
 

@@ -56,8 +56,8 @@ pub struct SimulatedDrive {
 }
 
 /// Simulates the scenario and writes it into the folder `out`: `drive-1`, `drive-2`, … with logs,
-/// recordings and `project.toml`, each with a folder `truth` of trajectory, mounting and scene;
-/// next to them `tls.laz` and `scenario.toml`. The same scenario gives the same bytes for any
+/// recordings and `project.toml`, each with a folder `truth` of trajectory, mounting, scene and, if
+/// there are any, errors that the project does not tell; next to them `tls.laz` and `scenario.toml`. The same scenario gives the same bytes for any
 /// number of threads. Memory is bounded for any number of points.
 ///
 /// # Errors
@@ -78,7 +78,7 @@ pub fn simulate(
         let name = describe::drive_name(index);
         let at = |file: &str| staging.path(&format!("{name}/{file}"));
         write_logs(scenario, &drive, index, &at)?;
-        describe::write_texts(scenario, &scene, index, &at)?;
+        describe::write_texts(scenario, &scene, &drive, index, &at)?;
         let (profiles, points) = write_profiles(scenario, &scene, &drive, index, &at, progress)?;
         let folder = out.join(&name);
         drives.push(SimulatedDrive {

@@ -1,5 +1,9 @@
 //! The twin: its files, its truth and its promises.
 
+mod errors;
+mod field;
+mod golden;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -282,6 +286,18 @@ fn a_scenario_may_name_only_what_differs_and_nothing_unknown() {
         ("[imu]\nrate_hz = -5.0\n", "imu.rate_hz is -5"),
         ("[profiles]\nwidth = 1\n", "profiles.width is 1"),
         ("[prism]\nrate_hz = nan\n", "prism.rate_hz is NaN"),
+        (
+            "[prism]\nlost_s = [[5.0, 4.0]]\n",
+            "prism.lost_s from 5 to 4",
+        ),
+        (
+            "[prism]\noutlier_share = 1.5\n",
+            "prism.outlier_share is 1.5",
+        ),
+        (
+            "[heading]\ncorrelation_s = 0.0\n",
+            "heading.correlation_s is 0",
+        ),
         (
             "[[drives]]\npasses = [{board = 9, heading_deg = 0.0}]\n",
             "board 9",

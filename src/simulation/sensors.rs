@@ -1,0 +1,159 @@
+//! Keys of a scenario: the sensors on the robot and the reference.
+
+use serde::{Deserialize, Serialize};
+
+/// The IMU: datasheet of the SBG Ellipse-D.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImuSettings {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Angle random walk, °/√h.
+    pub gyro_noise_deg_sqrt_h: f64,
+    /// Velocity random walk, µg/√Hz.
+    pub accel_noise_ug_sqrt_hz: f64,
+    /// Gyro bias instability, °/h.
+    pub gyro_bias_instability_deg_h: f64,
+    /// Accelerometer bias instability, µg.
+    pub accel_bias_instability_ug: f64,
+    /// Time in which a bias random walk reaches the instability, seconds.
+    pub bias_time_s: f64,
+    /// Standard deviation of each axis's initial bias, rad/s.
+    pub gyro_bias_sigma_rad_s: f64,
+    /// Standard deviation of each axis's initial bias, m/s².
+    pub accel_bias_sigma_m_s2: f64,
+    /// False for an ideal IMU.
+    pub noise: bool,
+}
+
+/// Prism and total station.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PrismSettings {
+    /// Positions per second.
+    pub rate_hz: f64,
+    /// White noise of each coordinate, metres.
+    pub sigma_m: f64,
+    /// The prism in the body (FRD), metres.
+    pub lever_arm_m: [f64; 3],
+    /// Delay of the time stamps of positions, seconds.
+    pub latency_s: f64,
+    /// Amplitude of an error that depends on the direction in which the line of sight enters the
+    /// prism, metres.
+    pub incidence_bias_m: f64,
+    /// Position of the total station, metres.
+    pub station_m: [f64; 3],
+    /// Standard deviation of an error of each coordinate that fades within `correlation_s`, metres;
+    /// zero for none. It adds to the white noise.
+    pub sigma_correlated_m: f64,
+    /// Time after which the autocovariance of this error (a first-order Gauss-Markov process) has
+    /// fallen to 1/e, seconds.
+    pub correlation_s: f64,
+    /// Spans of the drive without positions, because the total station has lost the prism: from and
+    /// to, seconds from the drive's start.
+    pub lost_s: Vec<[f64; 2]>,
+    /// Share of positions that are outliers.
+    pub outlier_share: f64,
+    /// Displacement of an outlier, in a random direction, metres.
+    pub outlier_m: f64,
+}
+
+/// Heading antennas.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct HeadingSettings {
+    /// Headings per second.
+    pub rate_hz: f64,
+    /// White noise, degrees.
+    pub sigma_deg: f64,
+    /// Heading of the body minus that of the antennas, degrees.
+    pub mounting_offset_deg: f64,
+    /// Delay of the time stamps of headings, seconds.
+    pub latency_s: f64,
+    /// Standard deviation of an error that fades within `correlation_s`, degrees; zero for none. It
+    /// adds to the white noise.
+    pub sigma_correlated_deg: f64,
+    /// Time after which the autocovariance of this error (a first-order Gauss-Markov process) has
+    /// fallen to 1/e, seconds.
+    pub correlation_s: f64,
+}
+
+/// The profile scanners: datasheet of the Gocator 2490.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProfileSettings {
+    /// Profiles per second.
+    pub rate_hz: f64,
+    /// Rays per profile.
+    pub width: usize,
+    /// Opening of the fan, degrees.
+    pub fan_deg: f64,
+    /// Nearest and farthest distance along the fan's axis, metres.
+    pub range_m: [f64; 2],
+    /// Noise at the nearest and farthest distance, linear between, metres.
+    pub sigma_m: [f64; 2],
+    /// Angle of incidence beyond which there is no return, degrees.
+    pub grazing_deg: f64,
+    /// Share of points lost at random.
+    pub dropout: f64,
+    /// Difference of neighbouring ranges above which they form an edge, metres.
+    pub edge_m: f64,
+    /// Share of points at edges that are lost, and share that lie between both sides.
+    pub edge_lost_flying: [f64; 2],
+}
+
+/// A scanner's mounting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScannerSettings {
+    /// Name.
+    pub name: String,
+    /// True position in the body (FRD), metres.
+    pub translation_m: [f64; 3],
+    /// True rotation body_from_scanner, degrees, `bonn`.
+    pub rotation_deg: [f64; 3],
+    /// Initial position for the calibration.
+    pub initial_translation_m: [f64; 3],
+    /// Initial rotation for the calibration, `bonn`.
+    pub initial_rotation_deg: [f64; 3],
+    /// Delay of the time stamps of its points, seconds.
+    #[serde(default)]
+    pub latency_s: f64,
+}
+
+/// The reference cloud by terrestrial laser scanning.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReferenceSettings {
+    /// Spacing on the boards, metres.
+    pub board_spacing_m: f64,
+    /// Spacing on the soil, metres.
+    pub soil_spacing_m: f64,
+    /// Noise of each coordinate, metres.
+    pub sigma_m: f64,
+    /// Error of the registration, added to all points, metres.
+    pub offset_m: [f64; 3],
+    /// Standard deviation of an error along the surface's normal that is smooth over
+    /// `surface_error_scale_m`, metres; zero for none.
+    pub surface_error_m: f64,
+    /// Wavelength of this error in plan view, metres.
+    pub surface_error_scale_m: f64,
+}
+
+/// Deformation of the mountings by gravity, by acceleration and with time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeformationSettings {
+    /// Off: the mountings are rigid.
+    pub enabled: bool,
+    /// Rotation of a scanner per degree of roll or pitch, degrees.
+    pub rotation_deg_per_deg: f64,
+    /// Shift of a scanner per degree of roll or pitch, metres.
+    pub shift_m_per_deg: f64,
+    /// Shift of a scanner per 1 m/s² of acceleration, metres.
+    pub shift_m_per_m_s2: f64,
+    /// Rotation accumulated over a drive, degrees.
+    pub drift_deg: f64,
+    /// Shift accumulated over a drive, metres.
+    pub drift_m: f64,
+}

@@ -1,0 +1,171 @@
+//! Errors of the logs that a scenario may switch on.
+
+use boresight::geometry::{Vec3, heading};
+use boresight::progress::Silent;
+use boresight::sensor::PositionFix;
+use boresight::simulation::{
+    Drive, Profiler, Scenario, Scene, simulate, simulate_heading, simulate_prism,
+};
+
+use super::small;
+
+/// A drive of so many passes, and its scene.
+fn short(scenario: &mut Scenario, passes: usize) -> (Scene, Drive) {
+    scenario.drives.truncate(1);
+    scenario.drives[0].passes.truncate(passes);
+    let scene = Scene::new(scenario);
+    let drive = Drive::new(scenario, &scene, 0, 100.0);
+    (scene, drive)
+}
+
+/// Mean of products of values that are `lag` apart.
+fn autocovariance(values: &[f64], lag: usize) -> f64 {
+    let pairs = values.iter().zip(&values[lag..]);
+    pairs.map(|(a, b)| a * b).sum::<f64>() / (values.len() - lag) as f64
+}
+
+/// Autocovariances at these lags against σ² exp(−lag / correlation), both in steps.
+///
+/// A mean over `n` values of a process with correlation length τ scatters by σ² √(2 τ / n).
+fn assert_gauss_markov(values: &[f64], sigma: f64, correlation: f64) {
+    let scatter = sigma * sigma * (2.0 * correlation / values.len() as f64).sqrt();
+    for share in [0.0, 0.5, 1.0, 2.0] {
+        let lag = (share * correlation) as usize;
+        let found = autocovariance(values, lag);
+        let expected = sigma * sigma * (-(lag as f64) / correlation).exp();
+        assert!(
+            (found - expected).abs() < 4.0 * scatter,
+            "{lag}: {found:e}, not {expected:e}"
+        );
+    }
+}
+
+#[test]
+fn correlated_errors_fade_exponentially_and_leave_the_white_noise() {
+    let mut scenario = small();
+    // Some thousand correlation lengths in a drive of half a minute.
+    scenario.prism.rate_hz = 1000.0;
+    scenario.heading.rate_hz = 1000.0;
+    let (_, drive) = short(&mut scenario, 1);
+    let mut with = scenario.clone();
+    (with.prism.sigma_correlated_m, with.prism.correlation_s) = (0.003, 0.02);
+    (
+        with.heading.sigma_correlated_deg,
+        with.heading.correlation_s,
+    ) = (0.5, 0.05);
+
+    let white = simulate_prism(&scenario, &drive, 0);
+    let both = simulate_prism(&with, &drive, 0);
+    for axis in 0..3 {
+        let fixes = white.iter().zip(&both);
+        let added: Vec<f64> = fixes
+            .map(|(a, b)| b.position_m[axis] - a.position_m[axis])
+            .collect();
+        assert_gauss_markov(&added, 0.003, 20.0);
+    }
+    let white = simulate_heading(&scenario, &drive, 0);
+    let both = simulate_heading(&with, &drive, 0);
+    let fixes = white.iter().zip(&both);
+    let added = fixes.map(|(a, b)| heading::wrap(b.heading_rad - a.heading_rad).to_degrees());
+    assert_gauss_markov(&added.collect::<Vec<_>>(), 0.5, 50.0);
+}
+
+#[test]
+fn late_stamps_belong_to_what_was_measured_earlier() {
+    let mut scenario = small();
+    // With a turn between the passes.
+    let (scene, drive) = short(&mut scenario, 3);
+    let mut late = scenario.clone();
+    late.scanners[1].latency_s = 0.02;
+    let (on_time, behind) = (
+        Profiler::new(&scenario, &scene, &drive, 0),
+        Profiler::new(&late, &scene, &drive, 0),
+    );
+    for (scanner, latency_s) in [(0, 0.0), (1, 0.02)] {
+        let (a, b) = (on_time.profile(scanner, 40), behind.profile(scanner, 40));
+        assert_eq!(a.points, b.points);
+        assert!((b.time_s - a.time_s - latency_s).abs() < 1e-9);
+    }
+
+    late.heading.sigma_deg = 0.0;
+    late.heading.latency_s = 0.4;
+    let mut turned = 0.0f64;
+    for fix in simulate_heading(&late, &drive, 0) {
+        let at = |time_s| heading::heading_rad(&drive.at(time_s).world_from_body.rotation);
+        assert!(heading::wrap(fix.heading_rad - at(fix.time_s - 0.4)).abs() < 1e-12);
+        turned = turned.max(heading::wrap(fix.heading_rad - at(fix.time_s)).abs());
+    }
+    assert!(turned > 0.01, "{turned}");
+}
+
+#[test]
+fn a_lost_prism_has_no_positions_and_the_others_stay() {
+    let mut scenario = small();
+    let (_, drive) = short(&mut scenario, 1);
+    let all = simulate_prism(&scenario, &drive, 0);
+    scenario.prism.lost_s = vec![[3.0, 5.5], [10.0, 12.0]];
+    let seen = simulate_prism(&scenario, &drive, 0);
+    let is_seen = |fix: &PositionFix| {
+        let elapsed_s = fix.time_s - 100.0;
+        !(3.0..=5.5).contains(&elapsed_s) && !(10.0..=12.0).contains(&elapsed_s)
+    };
+    let expected: Vec<_> = all.into_iter().filter(is_seen).collect();
+    assert_eq!(seen, expected);
+}
+
+#[test]
+fn outliers_are_displaced_by_their_length_in_all_directions() {
+    let mut scenario = small();
+    scenario.prism.rate_hz = 100.0;
+    let (_, drive) = short(&mut scenario, 1);
+    let clean = simulate_prism(&scenario, &drive, 0);
+    (scenario.prism.outlier_share, scenario.prism.outlier_m) = (0.05, 0.2);
+    let (mut outliers, mut sum) = (0.0, Vec3::zeros());
+    for (a, b) in clean.iter().zip(simulate_prism(&scenario, &drive, 0)) {
+        let displacement = b.position_m - a.position_m;
+        if displacement.norm() > 0.0 {
+            assert!((displacement.norm() - 0.2).abs() < 1e-9);
+            outliers += 1.0;
+            sum += displacement / 0.2;
+        }
+    }
+    let expected = 0.05 * clean.len() as f64;
+    // Binomial within four standard deviations; the sum of n unit vectors is √n long.
+    assert!(
+        (outliers - expected).abs() < 4.0 * expected.sqrt(),
+        "{outliers}, not {expected}"
+    );
+    assert!(sum.norm() < 3.0 * outliers.sqrt(), "{sum}");
+}
+
+#[test]
+fn the_truth_tells_the_errors_that_the_project_does_not() {
+    let mut scenario = small();
+    short(&mut scenario, 1);
+    scenario.profiles.rate_hz = 0.5;
+    scenario.prism.lost_s = vec![[3.0, 5.5]];
+    scenario.scanners[1].latency_s = 0.02;
+    let folder = tempfile::tempdir().unwrap();
+    simulate(&scenario, folder.path(), &Silent).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("drive-1/truth/errors.toml")).unwrap();
+    let errors: toml::Table = text.parse().unwrap();
+    let imu = std::fs::read_to_string(folder.path().join("drive-1/imu.csv")).unwrap();
+    let start_s: f64 = imu
+        .lines()
+        .nth(1)
+        .unwrap()
+        .split(',')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap();
+    assert_eq!(
+        errors["prism"]["lost_s"][0][1].as_float(),
+        Some(start_s + 5.5)
+    );
+    assert_eq!(errors["scanner"][0]["name"].as_str(), Some("right"));
+    assert_eq!(errors["scanner"][0]["latency_s"].as_float(), Some(0.02));
+    assert!(!errors.contains_key("heading"));
+    let text = std::fs::read_to_string(folder.path().join("scenario.toml")).unwrap();
+    assert_eq!(toml::from_str::<Scenario>(&text).unwrap(), scenario);
+}

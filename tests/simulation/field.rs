@@ -1,0 +1,181 @@
+//! What else a scenario may put on the field.
+
+use boresight::geometry::Vec3;
+use boresight::simulation::{Drive, Pass, Profiler, Reference, Scenario, Scene, Surface};
+
+use super::small;
+
+#[test]
+fn a_moved_board_is_scanned_where_it_stands_and_surveyed_where_it_stood() {
+    let surveyed = small();
+    let mut scenario = small();
+    scenario.boards[0].moved_m = [0.02, -0.01, 0.015];
+    let scene = Scene::new(&scenario);
+    let drive = Drive::new(&scenario, &scene, 0, 0.0);
+    let profiler = Profiler::new(&scenario, &scene, &drive, 0);
+    let stood = Scene::new(&surveyed).boards.swap_remove(0);
+    let shift_m = stood.normal.dot(&Vec3::from(scenario.boards[0].moved_m));
+    let mut hits = 0;
+    for k in 0..profiler.count() {
+        for (scanner, mounting) in scenario.true_mountings().into_iter().enumerate() {
+            let pose = drive.at(profiler.time_s(scanner, k)).world_from_body * mounting;
+            for ray in profiler.ideal(scanner, k).iter().flatten() {
+                if ray.hit.surface == Surface::Board(0) {
+                    let [_, _, above_m] = stood.coordinates_m(&pose.map(&ray.point_m));
+                    assert!((above_m - shift_m).abs() < 1e-9);
+                    hits += 1;
+                }
+            }
+        }
+    }
+    assert!(hits > 1000, "{hits}");
+
+    let reference = Reference::new(&scenario, &scene);
+    // After 120 strips of soil come those of the first board.
+    let unmoved = Reference::new(&surveyed, &scene);
+    assert_eq!(reference.strip(130), unmoved.strip(130));
+    let points = (0..reference.strips()).flat_map(|k| reference.strip(k));
+    let on_board = points.filter(|p| {
+        let [u, v, w] = stood.coordinates_m(p);
+        u.abs() < 0.5 && v.abs() < 0.5 && w.abs() < 0.003
+    });
+    // One square metre at 2 cm.
+    assert!(on_board.count() > 2300);
+}
+
+#[test]
+fn clods_are_part_of_the_ground_that_both_see_and_wheels_do_not_feel() {
+    let plain = small();
+    let mut cloddy = small();
+    cloddy.soil.clod_height_m = 0.02;
+    let (flat, rough) = (Scene::new(&plain), Scene::new(&cloddy));
+    let drives = [(&plain, &flat), (&cloddy, &rough)]
+        .map(|(scenario, scene)| Drive::new(scenario, scene, 0, 0.0));
+    assert_eq!(drives[0].at(30.0), drives[1].at(30.0));
+    let profiler = Profiler::new(&cloddy, &rough, &drives[1], 0);
+    let (mut soil, mut raised) = (0.0, 0.0);
+    for k in 0..profiler.count() {
+        let pose = drives[1].at(profiler.time_s(0, k)).world_from_body * cloddy.true_mountings()[0];
+        for ray in profiler.ideal(0, k).iter().flatten() {
+            if ray.hit.surface == Surface::Soil {
+                let point = pose.map(&ray.point_m);
+                assert!(rough.distance_m(&point) < 1e-5);
+                soil += 1.0;
+                raised += f64::from(u8::from(
+                    point.z - flat.soil.height_m(point.x, point.y) > 0.005,
+                ));
+            }
+        }
+    }
+    // A fifth of the ground, less the rims of the clods, more what hides behind them.
+    let share = raised / soil;
+    assert!(soil > 10_000.0 && (0.14..0.3).contains(&share), "{share}");
+    let reference = Reference::new(&cloddy, &rough);
+    for point in reference.strip(30) {
+        // Six standard deviations, and on the steepest rim their share along the slope.
+        assert!(rough.distance_m(&point) < 0.003 + 0.003);
+    }
+}
+
+#[test]
+fn passes_of_the_plain_field_see_the_ground_in_both_directions() {
+    let scenario = Scenario::load("plain").unwrap();
+    scenario.check().unwrap();
+    let scene = Scene::new(&scenario);
+    let drive = Drive::new(&scenario, &scene, 0, 0.0);
+    let profiler = Profiler::new(&scenario, &scene, &drive, 0);
+    // Cells of 5 cm between the ends of the passes: seen heading west, seen heading east.
+    let mut cells = vec![[false; 2]; 100 * 60];
+    let mut straight = 0;
+    for k in (0..profiler.count()).step_by(5) {
+        for (scanner, mounting) in scenario.true_mountings().into_iter().enumerate() {
+            let state = drive.at(profiler.time_s(scanner, k));
+            let speed = state.velocity_m_s;
+            // Elsewhere the robot turns.
+            if speed.y.abs() > 0.02 || speed.norm() > 0.13 {
+                continue;
+            }
+            straight += 1;
+            for ray in profiler.ideal(scanner, k).iter().flatten() {
+                let p = (state.world_from_body * mounting).map(&ray.point_m);
+                let (i, j) = ((p.x - 1.25) / 0.05, (p.y - 1.5) / 0.05);
+                if (0.0..100.0).contains(&i) && (0.0..60.0).contains(&j) {
+                    cells[j as usize * 100 + i as usize][usize::from(speed.x > 0.0)] = true;
+                }
+            }
+        }
+    }
+    let both = cells.iter().filter(|c| c[0] && c[1]).count() as f64 / cells.len() as f64;
+    println!(
+        "{:.0} s, {straight} profiles, both {both:.3}",
+        drive.span_s.1
+    );
+    assert!(both > 0.95, "{both}");
+}
+
+#[test]
+fn the_scanners_pass_from_place_to_place() {
+    let mut scenario = small();
+    let (from_m, to_m) = ([2.0, 1.0], [4.0, 2.5]);
+    scenario.drives.truncate(1);
+    scenario.drives[0].passes = vec![Pass::Line { from_m, to_m }];
+    let scene = Scene::new(&scenario);
+    let drive = Drive::new(&scenario, &scene, 0, 0.0);
+    let mountings = scenario.true_mountings();
+    // Ahead of the IMU as far as the scanners.
+    let ahead_m = (mountings[0].translation_m.x + mountings[1].translation_m.x) / 2.0;
+    let times_s = (0..(drive.span_s.1 * 100.0) as usize).map(|k| k as f64 * 0.01);
+    let track: Vec<_> = times_s
+        .map(|time_s| {
+            let state = drive.at(time_s);
+            (
+                state.world_from_body.map(&(Vec3::x() * ahead_m)),
+                state.velocity_m_s.norm(),
+            )
+        })
+        .collect();
+    for [east, north] in [from_m, to_m] {
+        let distance = |p: &Vec3| (p.x - east).hypot(p.y - north);
+        let nearest = track
+            .iter()
+            .min_by(|a, b| distance(&a.0).total_cmp(&distance(&b.0)));
+        let (point, speed) = nearest.unwrap();
+        // The robot rolls and pitches.
+        assert!(distance(point) < 0.05, "{point}");
+        assert!((speed - 0.1).abs() < 0.05, "{speed}");
+    }
+}
+
+#[test]
+fn the_smooth_error_of_the_reference_is_along_normals_and_as_large_as_said() {
+    let exact = small();
+    let mut scenario = small();
+    scenario.reference.surface_error_m = 0.0004;
+    let scene = Scene::new(&scenario);
+    let points = |scenario: &Scenario| -> Vec<Vec3> {
+        let reference = Reference::new(scenario, &scene);
+        (0..reference.strips())
+            .flat_map(|k| reference.strip(k))
+            .collect()
+    };
+    let pairs: Vec<(Vec3, Vec3)> = points(&exact).into_iter().zip(points(&scenario)).collect();
+    let added = pairs.iter().map(|(a, b)| (b - a).norm());
+    let rms = (added.map(|d| d * d).sum::<f64>() / pairs.len() as f64).sqrt();
+    // Some 500 patches of 0.3 m, each with its own error.
+    assert!((rms / 0.0004 - 1.0).abs() < 0.15, "{rms}");
+    // On a board neighbours differ by little, and all errors are along its normal.
+    let board = &scene.boards[3];
+    let on_board: Vec<_> = pairs
+        .iter()
+        .filter(|(a, _)| board.coordinates_m(a)[2].abs() < 0.003 && board.covers(a.x, a.y, 0.0))
+        .collect();
+    assert!(on_board.len() > 2300);
+    let along = |(a, b): &(Vec3, Vec3)| (b - a).dot(&board.normal);
+    for pair in on_board.windows(2) {
+        let (a, b) = (pair[0], pair[1]);
+        assert!((along(a).abs() - (a.1 - a.0).norm()).abs() < 1e-9);
+        // A slope of two standard deviations within a quarter wavelength is exceeded rarely.
+        let apart = (a.0 - b.0).norm();
+        assert!((along(a) - along(b)).abs() < 0.0004 * 6.0 * apart / 0.075);
+    }
+}
