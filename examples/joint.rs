@@ -120,7 +120,9 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
     let error = nalgebra::DVector::from_iterator(
         12,
         (0..2).flat_map(|i| {
-            let (turn, shift) = joint.mountings[i].body_from_scanner.perturbation_from(&drive.truth[i]);
+            let (turn, shift) = joint.mountings[i]
+                .body_from_scanner
+                .perturbation_from(&drive.truth[i]);
             [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
         }),
     );
@@ -128,7 +130,10 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
         .map(|i| format!("{:.2}", error[i] / joint.covariance[(i, i)].sqrt()))
         .collect();
     let square = error.dot(&joint.covariance.clone().cholesky().unwrap().solve(&error));
-    println!("seed {seed} normalised {} chi-square {square:.1}", normalised.join(" "));
+    println!(
+        "seed {seed} normalised {} chi-square {square:.1}",
+        normalised.join(" ")
+    );
     // The right scanner in the frame of the left: its error and covariance, in body axes.
     let arm = drive.truth[1].translation_m - drive.truth[0].translation_m;
     let mut relative = nalgebra::DMatrix::<f64>::zeros(6, 12);
@@ -147,19 +152,34 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
     });
     for k in 0..12 {
         let v = spread.eigenvectors.column(k);
-        let e: f64 = (0..12).map(|i| v[i] * error[i] / joint.covariance[(i, i)].sqrt()).sum();
+        let e: f64 = (0..12)
+            .map(|i| v[i] * error[i] / joint.covariance[(i, i)].sqrt())
+            .sum();
         let parts: Vec<String> = v.iter().map(|x| format!("{x:.2}")).collect();
-        println!("   eigen {:.2e} normalised {:.2}: {}", spread.eigenvalues[k], e / spread.eigenvalues[k].sqrt(), parts.join(" "));
+        println!(
+            "   eigen {:.2e} normalised {:.2}: {}",
+            spread.eigenvalues[k],
+            e / spread.eigenvalues[k].sqrt(),
+            parts.join(" ")
+        );
     }
     let error = &relative * error;
     let covariance = &relative * &joint.covariance * relative.transpose();
     let sigma = |i: usize| covariance[(i, i)].sqrt();
     println!(
         "relative {:.3} {:.3} {:.3} mm {:.4} {:.4} {:.4} deg, sigmas {:.1} {:.1} {:.1} {:.1} {:.1} {:.1}",
-        error[0] * 1e3, error[1] * 1e3, error[2] * 1e3,
-        error[3].to_degrees(), error[4].to_degrees(), error[5].to_degrees(),
-        error[0] / sigma(0), error[1] / sigma(1), error[2] / sigma(2),
-        error[3] / sigma(3), error[4] / sigma(4), error[5] / sigma(5)
+        error[0] * 1e3,
+        error[1] * 1e3,
+        error[2] * 1e3,
+        error[3].to_degrees(),
+        error[4].to_degrees(),
+        error[5].to_degrees(),
+        error[0] / sigma(0),
+        error[1] / sigma(1),
+        error[2] / sigma(2),
+        error[3] / sigma(3),
+        error[4] / sigma(4),
+        error[5] / sigma(5)
     );
     let error = |poses: &boresight::trajectory::Trajectory| {
         let (mut sum, mut count) = (0.0, 0.0);

@@ -78,7 +78,11 @@ pub fn adjust(
         let last = round + 1 == MISFITS_M.len();
         let mut passes = 0;
         loop {
-            let most = if last { settings.max_iterations } else { ROUND_ITERATIONS };
+            let most = if last {
+                settings.max_iterations
+            } else {
+                ROUND_ITERATIONS
+            };
             let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
             iterations += ended.iterations;
             problem.factorise(&state).ok_or_else(not_determined)?;
@@ -205,4 +209,3 @@ fn tests(groups: &Groups, found: &[Component]) -> Vec<GroupTest> {
         .map(|(name, component)| GroupTest::new(name, component))
         .collect()
 }
-

@@ -86,7 +86,10 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
         let root = row.weight.sqrt();
         let mut trace = 0.0;
         for (probe, side) in sides.chunks_exact(unknowns).enumerate() {
-            let terms = places.iter().zip(row.by).map(|(place, by)| side[*place] * by);
+            let terms = places
+                .iter()
+                .zip(row.by)
+                .map(|(place, by)| side[*place] * by);
             trace += sign(probe, number) * root * terms.sum::<f64>();
         }
         let component = &mut found[row.group];
@@ -112,4 +115,3 @@ pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
     }
     largest
 }
-

@@ -1,6 +1,5 @@
 //! The adjustment as a sparse least-squares problem.
 
-
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -12,8 +11,8 @@ use super::scan::{self, ScanBlocks, Seen};
 use super::settings::JointSettings;
 use super::surfel::{Association, ScanRow};
 use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
-use crate::calibration::parameters::{change, euler_jacobian_body, moved};
 use crate::calibration::Mounting;
+use crate::calibration::parameters::{change, euler_jacobian_body, moved};
 use crate::geometry::{BodyFromScanner, Vec3};
 
 /// Steps per task.
@@ -143,9 +142,20 @@ impl<'a> JointProblem<'a> {
     }
 
     fn damping_sigma(&self, state: &State) -> Vec<f64> {
-        let mut all: Vec<f64> = state.motions.iter().flat_map(|m| m.damping_sigma()).collect();
-        all.extend(SURFEL_SIGMA.map(|s| 0.1 * s).repeat(self.found.surfels.len()));
-        all.resize(all.len() + self.found.patches, self.surface_m.max(LEAST_SIGMA_M));
+        let mut all: Vec<f64> = state
+            .motions
+            .iter()
+            .flat_map(|m| m.damping_sigma())
+            .collect();
+        all.extend(
+            SURFEL_SIGMA
+                .map(|s| 0.1 * s)
+                .repeat(self.found.surfels.len()),
+        );
+        all.resize(
+            all.len() + self.found.patches,
+            self.surface_m.max(LEAST_SIGMA_M),
+        );
         all.resize(self.system.unknowns(), START_SIGMA);
         all
     }
@@ -252,7 +262,11 @@ impl<'a> JointProblem<'a> {
             for i in 0..3 {
                 let floor = if i == 0 { LEAST_SIGMA_M } else { 0.0 };
                 let w = 1.0 / (prior.sigma[i].hypot(floor) * self.groups.scale[group]);
-                let patch = if i == 0 { state.patches[prior.patch as usize] } else { 0.0 };
+                let patch = if i == 0 {
+                    state.patches[prior.patch as usize]
+                } else {
+                    0.0
+                };
                 let terms = of_error[i].iter().zip(&state.reference);
                 let moved: f64 = terms.map(|(a, b)| a * b).sum::<f64>() + patch;
                 let mut by = [0.0; 3];
@@ -320,8 +334,7 @@ impl<'a> JointProblem<'a> {
         };
         let count = 6 * state.mountings.len();
         for (scanner, mounting) in state.mountings.iter().enumerate() {
-            let angles =
-                euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
+            let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
             for parameter in 0..6 {
                 let mut direction = vec![0.0; count];
                 let place = 6 * scanner;
@@ -350,10 +363,7 @@ impl<'a> JointProblem<'a> {
 
     /// Assembles the normal equations at a state.
     fn assemble(&mut self, state: &State) {
-        let mut system = std::mem::replace(
-            &mut self.system,
-            BlockPattern::new(vec![1]).analyse(1),
-        );
+        let mut system = std::mem::replace(&mut self.system, BlockPattern::new(vec![1]).analyse(1));
         system.zero();
         let sizes = &self.layout.sizes;
         self.visit(state, |batch| {
@@ -442,10 +452,16 @@ impl<'a> JointProblem<'a> {
         }
         if !next.patches.is_empty() {
             let patches = of(layout.first_patch, next.patches.len());
-            next.patches.iter_mut().zip(patches).for_each(|(x, d)| *x += d);
+            next.patches
+                .iter_mut()
+                .zip(patches)
+                .for_each(|(x, d)| *x += d);
         }
         if let Some(block) = layout.reference {
-            next.reference.iter_mut().zip(of(block, 6)).for_each(|(x, d)| *x += d);
+            next.reference
+                .iter_mut()
+                .zip(of(block, 6))
+                .for_each(|(x, d)| *x += d);
         }
         next
     }
@@ -493,7 +509,11 @@ impl LeastSquares for JointProblem<'_> {
     fn step(&mut self, state: &State, damping: f64) -> Option<State> {
         self.assemble(state);
         let diagonal: Vec<f64> = match damping > 0.0 {
-            true => self.damping_sigma.iter().map(|s| damping / (s * s)).collect(),
+            true => self
+                .damping_sigma
+                .iter()
+                .map(|s| damping / (s * s))
+                .collect(),
             false => Vec::new(),
         };
         let factor = self.system.factorise(&diagonal).ok()?;
@@ -517,4 +537,3 @@ impl LeastSquares for JointProblem<'_> {
         self.decrement
     }
 }
-

@@ -171,21 +171,3 @@ pub fn rows(
         batch.touch(blocks.mountings[scanner], &mean.by_mounting.map(|x| x * w));
     }
 }
-
-/// The cost of the rows of a step, without derivatives.
-pub fn residuals(
-    seen: &Seen<'_>,
-    motion: &dyn Motion,
-    step: usize,
-    mut visit: impl FnMut(&ScanRow, f64),
-) {
-    let rows = seen.rows.of_step(step);
-    if rows.is_empty() {
-        return;
-    }
-    let poses = motion.poses(step);
-    let scans = StepScans::new(seen, &poses);
-    for row in rows {
-        visit(row, scans.mean(row, seen.rows.points_of(row)).residual_m);
-    }
-}

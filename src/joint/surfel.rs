@@ -141,7 +141,6 @@ impl Sums {
 /// The reference's points in voxels of the surfels' size.
 #[derive(Debug, Clone, Default)]
 pub struct ReferenceCells {
-    size_m: f64,
     cells: VoxelMap<VoxelKey, Sums>,
 }
 
@@ -158,12 +157,7 @@ impl ReferenceCells {
             let centre = centre_of(&key, size_m);
             cells.entry(key).or_default().add(&(point - centre));
         }
-        Self { size_m, cells }
-    }
-
-    /// Whether there is a reference.
-    pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
+        Self { cells }
     }
 }
 
@@ -377,7 +371,12 @@ fn fit(
     let eigen = tensor.eigen();
     let width_m = eigen.values.y.sqrt();
     let roughness_m = eigen.values.z.sqrt();
-    let allowed_m = MAX_THICKNESS * width_m + if reference.is_some() { 0.0 } else { gates.misfit_m };
+    let allowed_m = MAX_THICKNESS * width_m
+        + if reference.is_some() {
+            0.0
+        } else {
+            gates.misfit_m
+        };
     if width_m < MIN_WIDTH * gates.size_m || roughness_m > allowed_m {
         return None;
     }
@@ -387,7 +386,10 @@ fn fit(
         centre_m: tensor.mean,
         axes: [axis(2), axis(0), axis(1)],
         roughness_m,
-        class: CLASSES_M.iter().position(|most| roughness_m <= *most).unwrap_or(0),
+        class: CLASSES_M
+            .iter()
+            .position(|most| roughness_m <= *most)
+            .unwrap_or(0),
         prior: reference.map(|_| ReferencePlane {
             sigma: [
                 roughness_m / sums.count.sqrt(),
@@ -414,8 +416,12 @@ fn rows_of(
             let of = &surfels[surfel as usize];
             let distance_m = of.axes[0].dot(&(point.world_m - of.centre_m));
             let sigma_m = of.roughness_m.hypot(gates.misfit_m);
-            (distance_m.abs() < GATE_SIGMAS * sigma_m)
-                .then_some((point.step, surfel, scanner as u32, point.point))
+            (distance_m.abs() < GATE_SIGMAS * sigma_m).then_some((
+                point.step,
+                surfel,
+                scanner as u32,
+                point.point,
+            ))
         });
         seen.par_extend(found);
     }

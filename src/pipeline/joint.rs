@@ -5,8 +5,7 @@ use crate::calibration::{Mounting, ScannerSample};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::joint::{
-    self,
-    ChainMotion, CorrectedPoses, Joint, JointDrive, JointInput, JointSettings, Scans, adjust,
+    self, ChainMotion, CorrectedPoses, Joint, JointDrive, JointInput, JointSettings, Scans, adjust,
 };
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
@@ -21,21 +20,22 @@ pub struct Drive<'a> {
 
 impl<'a> Drive<'a> {
     fn joint(&self) -> Result<JointDrive<'a>> {
-        let motion: Box<dyn joint::motion::Motion> = match (&self.poses.covariance, &self.project.motion) {
-            (Some(covariance), Motion::Logs(logs)) => {
-                let names = logs.settings.positions.iter().map(|p| p.name.clone());
-                Box::new(ChainMotion::new(covariance, names.collect(), &[]))
-            }
-            _ => {
-                let motion = CorrectedPoses::new(&self.poses.trajectory, 5.0);
-                Box::new(motion.ok_or_else(|| {
-                    Error::data(
-                        "poses without standard deviations",
-                        "give sigma_position_m and sigma_rotation_deg in [trajectory]",
-                    )
-                })?)
-            }
-        };
+        let motion: Box<dyn joint::motion::Motion> =
+            match (&self.poses.covariance, &self.project.motion) {
+                (Some(covariance), Motion::Logs(logs)) => {
+                    let names = logs.settings.positions.iter().map(|p| p.name.clone());
+                    Box::new(ChainMotion::new(covariance, names.collect(), &[]))
+                }
+                _ => {
+                    let motion = CorrectedPoses::new(&self.poses.trajectory, 5.0);
+                    Box::new(motion.ok_or_else(|| {
+                        Error::data(
+                            "poses without standard deviations",
+                            "give sigma_position_m and sigma_rotation_deg in [trajectory]",
+                        )
+                    })?)
+                }
+            };
         Ok(JointDrive {
             name: self.name.clone(),
             motion,

@@ -13,6 +13,5 @@ mod system;
 mod tests;
 
 pub use factor::SparseFactor;
-pub use inverse::SelectedInverse;
 pub use pattern::BlockPattern;
-pub use system::{NotPositiveBlock, Slot, SparseSystem};
+pub use system::SparseSystem;

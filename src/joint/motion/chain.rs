@@ -10,11 +10,11 @@ use super::{ConstantValue, Motion, Places};
 use crate::adjustment::{ChainProblem, ChainStep, NODE, Rows, SEGMENT, STEP};
 use crate::joint::row::RowBatch;
 use crate::sensor::PoseRecord;
+use crate::trajectory::PosteriorCovariance;
 use crate::trajectory::graph::{Graph, Source};
 use crate::trajectory::imu_series::{ImuSeries, SAME_INSTANT_S};
 use crate::trajectory::recovery::Recovery;
 use crate::trajectory::states::{NodeState, State};
-use crate::trajectory::PosteriorCovariance;
 
 /// The part of a sensor's error that is correlated in time.
 #[derive(Debug, Clone, PartialEq)]
@@ -213,7 +213,11 @@ struct ErrorRows<'a> {
 impl ErrorRows<'_> {
     fn residual(&self, row: usize) -> f64 {
         let errors = (0..self.process.dimension()).map(|d| self.process.at(self.time_s, d));
-        self.whitener(row).iter().zip(errors).map(|(w, e)| w * e).sum()
+        self.whitener(row)
+            .iter()
+            .zip(errors)
+            .map(|(w, e)| w * e)
+            .sum()
     }
 
     fn whitener(&self, row: usize) -> Vec<f64> {
@@ -322,7 +326,11 @@ impl Motion for ChainMotion {
         moved.state = self.graph.retracted(&self.state, &step);
         for process in moved.correlated.iter_mut().flatten() {
             let (step, rest) = errors.split_at(process.value.len());
-            process.value.iter_mut().zip(step).for_each(|(x, d)| *x += d);
+            process
+                .value
+                .iter_mut()
+                .zip(step)
+                .for_each(|(x, d)| *x += d);
             errors = rest;
         }
         Box::new(moved)

@@ -44,7 +44,9 @@ impl CorrectedPoses {
         }
         let sigma = squares.map(|square| (square / poses.len() as f64).sqrt());
         let span_s = trajectory.span_s();
-        let count = ((span_s.1 - span_s.0) * KNOTS / correlation_s).ceil().max(1.0);
+        let count = ((span_s.1 - span_s.0) * KNOTS / correlation_s)
+            .ceil()
+            .max(1.0);
         let knot = |k: usize| span_s.0 + (span_s.1 - span_s.0) * k as f64 / count;
         let knot_s = (0..=count as usize).map(knot).collect();
         Some(Self {
@@ -56,10 +58,7 @@ impl CorrectedPoses {
     /// The correction (δφ, δp) at a time.
     fn correction(&self, time_s: f64) -> (Vec3, Vec3) {
         let at = |component: usize| self.process.at(time_s, component);
-        (
-            Vec3::from_fn(|i, _| at(i)),
-            Vec3::from_fn(|i, _| at(3 + i)),
-        )
+        (Vec3::from_fn(|i, _| at(i)), Vec3::from_fn(|i, _| at(3 + i)))
     }
 
     fn corrected(&self, pose: &PoseRecord) -> PoseRecord {
@@ -174,7 +173,8 @@ impl Motion for CorrectedPoses {
                 let (v, w) = (1.0 - u, u);
                 let all = a * (v * v) + b * (w * w) + (&c + c.transpose()) * (v * w);
                 let world = record.world_from_body.rotation.to_rotation_matrix();
-                let turn = world.matrix() * all.fixed_view::<3, 3>(0, 0) * world.matrix().transpose();
+                let turn =
+                    world.matrix() * all.fixed_view::<3, 3>(0, 0) * world.matrix().transpose();
                 let root = |x: f64| x.max(0.0).sqrt();
                 record.sigma = Some(PoseSigma {
                     position_m: Vec3::from_fn(|i, _| root(all[(3 + i, 3 + i)])),
