@@ -9,7 +9,7 @@ mod adjust;
 mod constancy;
 mod cost;
 mod input;
-mod observability;
+pub(crate) mod observability;
 mod paper;
 pub(crate) mod parameters;
 mod result;

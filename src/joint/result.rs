@@ -1,8 +1,10 @@
 //! What the adjustment found.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::components::Component;
+use super::motion::PositionBlocks;
+use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::Mounting;
 use crate::geometry::BodyFromScanner;
@@ -27,6 +29,10 @@ pub struct Joint {
     pub reference: Option<([f64; 6], [f64; 6])>,
     /// Standard deviation of the reference's errors over some decimetres, metres.
     pub surface_m: f64,
+    /// Regions in which scans and reference disagree.
+    pub regions: Vec<Region>,
+    /// Directions of the mountings that nothing determines: they are held at their start values.
+    pub held: Vec<DVector<f64>>,
     /// The residuals of each group.
     pub groups: Vec<GroupTest>,
     /// Why it stopped.
@@ -48,6 +54,10 @@ pub struct AdjustedDrive {
     pub name: String,
     /// The poses with standard deviations.
     pub trajectory: Trajectory,
+    /// Name of the group of its IMU.
+    pub imu: String,
+    /// Residuals of its position sensors in blocks of time.
+    pub positions: Vec<PositionBlocks>,
 }
 
 /// The residuals of a group of observations.
