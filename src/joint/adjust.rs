@@ -8,7 +8,7 @@ use super::input::{JointInput, Scans};
 use super::layout::Groups;
 use super::model::BLOCKS_S;
 use super::problem::{JointProblem, State};
-use super::result::{AdjustedDrive, GroupTest, Joint};
+use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove};
 use super::settings::JointSettings;
 use super::surfel::{Association, Gates, ReferenceCells, associate};
 use crate::adjustment::{DampingRule, Ended, levenberg_marquardt};
@@ -250,9 +250,22 @@ fn conclude(
         let first = layout.first_motion[index];
         let of = |a: usize, b: usize| block(first + a, first + b);
         let records = state.motions[index].records(Some(&of));
+        let before = drive.motion.records(None);
+        let moved = records.iter().zip(&before).map(|(after, before)| {
+            let (turn_rad, shift_m) = after
+                .world_from_body
+                .perturbation_from(&before.world_from_body);
+            PoseMove {
+                time_s: after.time_s,
+                shift_m,
+                turn_rad,
+            }
+        });
+        let moved = moved.collect();
         Ok(AdjustedDrive {
             name: drive.name.clone(),
             trajectory: Trajectory::new(records)?,
+            moved,
             imu: problem.groups.names[problem.groups.first_motion[index]].clone(),
             positions: BLOCKS_S
                 .iter()

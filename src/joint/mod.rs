@@ -25,6 +25,6 @@ pub use input::{JointDrive, JointInput, Scans};
 pub use model::contradictions;
 pub use motion::PositionBlocks;
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
-pub use result::{AdjustedDrive, GroupTest, Joint};
+pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove};
 pub use settings::{JointSettings, ReferenceSigma};
 pub use surfel::Region;

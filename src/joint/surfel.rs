@@ -134,6 +134,25 @@ pub struct Region {
     pub surfels: usize,
 }
 
+impl Region {
+    /// Where it is and how far off, in words; `origin_m` is added to its place.
+    pub fn describe(&self, origin_m: &Vec3) -> String {
+        let place = self.centre_m + origin_m;
+        let side = if self.offset_m > 0.0 {
+            "above"
+        } else {
+            "below"
+        };
+        format!(
+            "around east {:.1}, north {:.1} m the scans lie {:.1} mm {side} the reference, and \
+             nowhere near it elsewhere: was something moved after the reference was scanned?",
+            place.x,
+            place.y,
+            1e3 * self.offset_m.abs()
+        )
+    }
+}
+
 /// What the points of one surfel add up to.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {

@@ -65,9 +65,9 @@ impl ChainMotion {
         }
     }
 
-    /// The same chain with the standard deviations of the IMU multiplied by `scale`.
-    pub fn with_imu_scale(mut self, scale: f64) -> Self {
-        Arc::make_mut(&mut self.graph).imu_scale = scale;
+    /// The same chain with the standard deviations of the IMU multiplied by `factor`.
+    pub fn with_noise_scaled(mut self, factor: f64) -> Self {
+        Arc::make_mut(&mut self.graph).imu_scale *= factor;
         self
     }
 
