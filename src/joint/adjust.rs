@@ -271,6 +271,7 @@ fn conclude(
                 .iter()
                 .flat_map(|&block_s| state.motions[index].position_blocks(block_s))
                 .collect(),
+            residuals: state.motions[index].position_residuals(),
         })
     });
     Ok(Joint {
@@ -280,6 +281,7 @@ fn conclude(
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
         reference,
+        reference_before: problem.settings.reference,
         surface_m: problem.surface_m,
         regions: problem.found.regions.clone(),
         held: problem.held.clone(),

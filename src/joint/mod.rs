@@ -23,7 +23,7 @@ mod surfel;
 pub use adjust::adjust;
 pub use input::{JointDrive, JointInput, Scans};
 pub use model::contradictions;
-pub use motion::PositionBlocks;
+pub use motion::{PositionBlocks, PositionResiduals};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove};
 pub use settings::{JointSettings, ReferenceSigma};

@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::components::Component;
-use super::motion::PositionBlocks;
+use super::motion::{PositionBlocks, PositionResiduals};
+use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
@@ -27,6 +28,8 @@ pub struct Joint {
     /// Shift (metres) and rotation vector (radians) of the reference, with standard deviations;
     /// `None` where they are taken to be zero.
     pub reference: Option<([f64; 6], [f64; 6])>,
+    /// What was known about them before.
+    pub reference_before: ReferenceSigma,
     /// Standard deviation of the reference's errors over some decimetres, metres.
     pub surface_m: f64,
     /// Regions in which scans and reference disagree.
@@ -58,6 +61,8 @@ pub struct AdjustedDrive {
     pub imu: String,
     /// Residuals of its position sensors in blocks of time.
     pub positions: Vec<PositionBlocks>,
+    /// The same residuals one by one.
+    pub residuals: Vec<PositionResiduals>,
     /// How far the adjustment moved each pose.
     pub moved: Vec<PoseMove>,
 }

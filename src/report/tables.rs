@@ -141,7 +141,7 @@ fn statistics(pairs: &[Pair]) -> String {
 /// Correlations of the mountings' parameters as a table coloured by sign and size; empty without a
 /// covariance.
 pub fn correlation(calibration: &Calibration) -> String {
-    let Some(covariance) = &calibration.covariance else {
+    let Some(correlation) = calibration.correlation() else {
         return String::new();
     };
     // Rotations are about the body's axes, whatever the Euler convention.
@@ -159,8 +159,7 @@ pub fn correlation(calibration: &Calibration) -> String {
     for (i, (scanner, name)) in labels.iter().enumerate() {
         body.push_str(&format!("<tr><th scope=\"row\">{scanner} {name}</th>"));
         for j in 0..labels.len() {
-            let variances = covariance[(i, i)] * covariance[(j, j)];
-            let value = covariance[(i, j)] / variances.sqrt();
+            let value = correlation[(i, j)];
             if !value.is_finite() {
                 body.push_str(&format!("<td class=\"none\">{DASH}</td>"));
             } else if i == j {
