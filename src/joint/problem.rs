@@ -411,7 +411,8 @@ impl<'a> JointProblem<'a> {
         self.system.gradient()
     }
 
-    fn retracted(&self, state: &State, step: &[f64]) -> State {
+    /// The state after a step of all unknowns.
+    pub fn retracted(&self, state: &State, step: &[f64]) -> State {
         let layout = &self.layout;
         let of = |block: usize, count: usize| {
             let first = self.system.offset(block);
