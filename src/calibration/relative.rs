@@ -87,10 +87,14 @@ fn derivatives(first: &BodyFromScanner, other: &BodyFromScanner) -> [Matrix6<f64
     let arm = so3::hat(&(other.translation_m - first.translation_m));
     let mut of_other = Matrix6::zeros();
     for first in [0, 3] {
-        of_other.fixed_view_mut::<3, 3>(first, first).copy_from(&turn);
+        of_other
+            .fixed_view_mut::<3, 3>(first, first)
+            .copy_from(&turn);
     }
     let mut of_first = -of_other;
-    of_first.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn * arm));
+    of_first
+        .fixed_view_mut::<3, 3>(0, 3)
+        .copy_from(&(turn * arm));
     [of_first, of_other]
 }
 
@@ -101,7 +105,9 @@ fn moved(direction: &DVector<f64>, scanner: usize, by: &[Matrix6<f64>; 2]) -> [b
         _ => LEVER_M * amount.abs(),
     };
     let all = direction.iter().enumerate();
-    let largest = all.map(|(i, amount)| metres(i, *amount)).fold(0.0, f64::max);
+    let largest = all
+        .map(|(i, amount)| metres(i, *amount))
+        .fold(0.0, f64::max);
     let part = |scanner: usize| -> SMatrix<f64, 6, 1> {
         direction.fixed_rows::<6>(6 * scanner).into_owned()
     };

@@ -28,7 +28,11 @@ fn differences(problem: &JointProblem<'_>, state: &State) -> DMatrix<f64> {
 
 #[test]
 fn survey() {
-    for (name, case) in [("full", Case::full()), ("plain", Case::plain()), ("file", Case::from_file())] {
+    for (name, case) in [
+        ("full", Case::full()),
+        ("plain", Case::plain()),
+        ("file", Case::from_file()),
+    ] {
         let input = case.input();
         let (problem, state) = case.problem(&input);
         // Off the start.
@@ -40,36 +44,53 @@ fn survey() {
         let dense = Dense::new(&problem, &state);
         println!(
             "{name}: {} unknowns {} rows {} surfels {} patches, steps {}, scan rows {}",
-            problem.unknowns(), dense.groups.len(), problem.found.surfels.len(), problem.found.patches,
-            state.motions[0].steps(), problem.found.drives[0].rows.len()
+            problem.unknowns(),
+            dense.groups.len(),
+            problem.found.surfels.len(),
+            problem.found.patches,
+            state.motions[0].steps(),
+            problem.found.drives[0].rows.len()
         );
         let numeric = differences(&problem, &state);
         println!("{:?}", t.elapsed());
         // per group and block kind
         let layout = &problem.layout;
         let kind = |b: usize| -> String {
-            if b < layout.first_surfel { format!("motion{}", layout.sizes[b]) }
-            else if b < layout.first_patch { "surfel".into() }
-            else if Some(b) == layout.reference { "reference".into() }
-            else if layout.mountings.contains(&b) { "mounting".into() }
-            else if layout.late.contains(&Some(b)) { "late".into() }
-            else if b < layout.first_constant { "patch".into() }
-            else { "constant".into() }
+            if b < layout.first_surfel {
+                format!("motion{}", layout.sizes[b])
+            } else if b < layout.first_patch {
+                "surfel".into()
+            } else if Some(b) == layout.reference {
+                "reference".into()
+            } else if layout.mountings.contains(&b) {
+                "mounting".into()
+            } else if layout.late.contains(&Some(b)) {
+                "late".into()
+            } else if b < layout.first_constant {
+                "patch".into()
+            } else {
+                "constant".into()
+            }
         };
-        let mut worst: std::collections::BTreeMap<(String, String, usize), (f64, f64)> = Default::default();
+        let mut worst: std::collections::BTreeMap<(String, String, usize), (f64, f64)> =
+            Default::default();
         for block in 0..layout.sizes.len() {
             let first = problem.offset(block);
             for j in 0..layout.sizes[block] {
                 for (row, group) in dense.groups.iter().enumerate() {
                     let (a, n) = (dense.jacobian[(row, first + j)], numeric[(row, first + j)]);
-                    let e = worst.entry((problem.groups.names[*group].clone(), kind(block), j)).or_default();
+                    let e = worst
+                        .entry((problem.groups.names[*group].clone(), kind(block), j))
+                        .or_default();
                     e.0 = e.0.max((a - n).abs());
                     e.1 = e.1.max(a.abs());
                 }
             }
         }
         for (k, (e, m)) in worst {
-            if m > 0.0 || e > 0.0 { println!("{k:?} error {e:.2e} of {m:.2e}  rel {:.1e}", e / m); }
+            if m > 0.0 || e > 0.0 {
+                println!("{k:?} error {e:.2e} of {m:.2e}  rel {:.1e}", e / m);
+            }
         }
     }
 }
