@@ -9,7 +9,7 @@ mod adjust;
 mod constancy;
 mod cost;
 mod input;
-mod observability;
+pub(crate) mod observability;
 mod paper;
 pub(crate) mod parameters;
 mod result;
@@ -83,7 +83,7 @@ pub fn calibrate(
         converged: scales.iter().all(|scale| scale.ending.is_converged()),
         covariance: match settings.method {
             Method::Paper => None,
-            Method::TwoStep => uncertainty::covariance(input, &solved),
+            Method::TwoStep | Method::Joint => uncertainty::covariance(input, &solved),
         },
         constancy: Constancy::of(&solved.state.surface, input.trajectory),
         mountings: solved.state.mountings,
@@ -120,7 +120,9 @@ fn solve_scale(
         iterations,
         costs,
     } = match settings.method {
-        Method::TwoStep => adjust::minimise(&problem, start, &observability, progress)?,
+        Method::TwoStep | Method::Joint => {
+            adjust::minimise(&problem, start, &observability, progress)?
+        }
         Method::Paper => paper::minimise(&problem, start.mountings, &observability, progress)?,
     };
     let solved = hold_unobservable_directions(&problem, &input.mountings, state);

@@ -141,6 +141,18 @@ impl Observability {
 }
 
 impl UnobservableDirection {
+    /// A direction (δp, δφ) of all mountings that an adjustment held.
+    pub(crate) fn held(direction: &DVector<f64>, mountings: &[Mounting]) -> Self {
+        let direction = direction.normalize();
+        let parameters = affected_parameters(&direction, mountings, None);
+        Self {
+            share: 0.0,
+            description: describe(&direction, &parameters, mountings),
+            parameters,
+            direction,
+        }
+    }
+
     /// Whether it moves this parameter by at least a third of its largest component, with angles of
     /// `convention`.
     pub fn moves(

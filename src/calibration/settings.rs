@@ -10,6 +10,9 @@ pub enum Method {
     /// the second of two steps, as the trajectory stays as it was estimated.
     #[default]
     TwoStep,
+    /// One adjustment with the trajectory, which starts from the result of two steps: not a method
+    /// of [`calibrate`](super::calibrate), which takes it for two steps.
+    Joint,
     /// The paper's method: numeric Jacobian of the omnivariances, one point per voxel,
     /// Gauss-Newton.
     Paper,

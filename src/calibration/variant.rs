@@ -3,6 +3,8 @@
 /// Difference from the calibration that gives the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
+    /// The mountings after the trajectory, in two steps: the start of the joint adjustment.
+    TwoStep,
     /// The same scanners without the reference.
     WithoutReference,
     /// The true poses, if they are known.

@@ -14,6 +14,8 @@ use crate::progress::Progress;
 pub enum MountingKind {
     /// The initial values of the project.
     Initial,
+    /// The result of two steps with their poses, where that of the run is another.
+    TwoStep,
     /// The result of the run.
     Final,
     /// The true mounting, with the same poses (simulation).
@@ -25,6 +27,7 @@ impl MountingKind {
     pub fn name(self) -> &'static str {
         match self {
             Self::Initial => "initial",
+            Self::TwoStep => "two steps",
             Self::Final => "calibrated",
             Self::Truth => "true mounting",
         }

@@ -1,26 +1,37 @@
 //! The adjustment: points are sorted into surfels, all unknowns are adjusted, and again with closer
 //! gates.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::components::{Component, components, rescale};
 use super::input::{JointInput, Scans};
 use super::layout::Groups;
+use super::model::BLOCKS_S;
 use super::problem::{JointProblem, State};
-use super::result::{AdjustedDrive, GroupTest, Joint};
+use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove};
 use super::settings::JointSettings;
-use super::surfel::{Gates, ReferenceCells, associate};
+use super::surfel::{Association, Gates, ReferenceCells, associate};
 use crate::adjustment::{DampingRule, Ended, levenberg_marquardt};
+use crate::calibration::observability::LEVER_M;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
-/// How far scans and reference may lie apart in each round, metres: what two steps leave, and then
-/// what an adjustment leaves.
-const MISFITS_M: [f64; 3] = [0.006, 0.001, 0.001];
-/// Edge of the patches of the reference's surface errors, metres.
-const PATCH_M: f64 = 0.3;
+/// How far scans and reference may lie apart in each round, as shares of a surfel's size: what two
+/// steps leave, and then what an adjustment leaves.
+const MISFIT_SHARES: [f64; 3] = [0.12, 0.02, 0.02];
+/// Edge of the patches of the reference's surface errors, in sizes of a surfel.
+const PATCH_SIZES: f64 = 6.0;
+/// Scales of noise have settled where they change by less than this share.
+const SETTLED_SCALE: f64 = 0.1;
+/// Times that the noise is estimated in the last round.
+const MAX_SCALINGS: usize = 3;
+/// Fewest surfels that the reference knows or that are seen twice.
+const MIN_SURFELS: usize = 50;
+/// A parameter with a larger standard deviation is not determined, metres; rotations count as what
+/// they move at [`LEVER_M`].
+const MAX_SIGMA_M: f64 = 0.010;
 /// Iterations of the rounds before the last: their points are sorted anew in any case.
 const ROUND_ITERATIONS: usize = 2;
 
@@ -55,46 +66,58 @@ pub fn adjust(
     let mut iterations = 0;
     let mut done = None;
     let mut shared = None;
-    for (round, misfit_m) in MISFITS_M.into_iter().enumerate() {
+    for (round, misfit) in MISFIT_SHARES.into_iter().enumerate() {
         progress.check()?;
         let gates = Gates {
             size_m: surfel_m,
-            misfit_m,
-            patch_m: PATCH_M,
+            misfit_m: misfit * surfel_m,
+            patch_m: PATCH_SIZES * surfel_m,
         };
+        let poses = state.poses();
         let found = associate(
             &scans,
             &state.motions,
-            &state.poses(),
+            &poses,
             &state.late_s,
             &reference,
             &gates,
         );
+        check_overlap(&found)?;
         state.shapes = vec![Vec3::zeros(); found.surfels.len()];
         state.patches = vec![0.0; found.patches];
         let begin = (&state, Vec::new(), surface_m);
-        let mut problem = JointProblem::new(input, settings, found, groups.clone(), begin);
+        let mut problem = JointProblem::new(input, settings, found, groups, begin);
         problem.judge_by(shared.as_ref());
-        let last = round + 1 == MISFITS_M.len();
-        let mut passes = 0;
+        let last = round + 1 == MISFIT_SHARES.len();
+        let most = match last {
+            true => settings.max_iterations,
+            false => ROUND_ITERATIONS,
+        };
+        let mut scalings = 0;
         loop {
-            let most = if last {
-                settings.max_iterations
-            } else {
-                ROUND_ITERATIONS
-            };
             let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
             iterations += ended.iterations;
+            if round == 0 {
+                break;
+            }
             problem.factorise(&state).ok_or_else(not_determined)?;
             let found = components(&problem, &state);
-            passes += 1;
+            scalings += 1;
             shared = problem.shared_covariance();
             problem.judge_by(shared.as_ref());
             let change = rescale(&mut problem, &found);
-            if round == 0 || passes == 3 || change < 0.1 {
-                if last {
-                    done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
+            if !last {
+                break;
+            }
+            if problem.held.is_empty() {
+                problem.held = undetermined(&problem, shared.as_ref());
+                if !problem.held.is_empty() {
+                    problem.judge_by(None);
+                    continue;
                 }
+            }
+            if scalings >= MAX_SCALINGS || change < SETTLED_SCALE {
+                done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
                 break;
             }
         }
@@ -102,6 +125,59 @@ pub fn adjust(
     }
     drop(stage);
     done.ok_or_else(not_determined)
+}
+
+/// # Errors
+/// Too little of the surface that is known or seen twice.
+fn check_overlap(found: &Association) -> Result<()> {
+    let checked = found
+        .surfels
+        .iter()
+        .filter(|surfel| surfel.is_checked)
+        .count();
+    if checked >= MIN_SURFELS {
+        return Ok(());
+    }
+    Err(Error::of(
+        Problem::TooFew,
+        format!(
+            "only {checked} patches of the surface are known or seen in several passes; the joint \
+             adjustment needs {MIN_SURFELS}"
+        ),
+        "drive several passes over the same surface, or give a reference",
+    ))
+}
+
+/// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
+/// [`MAX_SIGMA_M`]. Without a reference and with a lever arm that is estimated, the common height is
+/// one of them: its standard deviation is then that of the prior of the lever arm.
+fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Vec<DVector<f64>> {
+    let count = 6 * problem.input.mountings.len();
+    let Some(shared) = shared else {
+        return Vec::new();
+    };
+    let first = shared.nrows() - count;
+    let scale = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M };
+    // The unknowns are (δφ, δp).
+    let place = |i: usize| first + 6 * (i / 6) + (i + 3) % 6;
+    let scaled = DMatrix::from_fn(count, count, |i, j| {
+        shared[(place(i), place(j))] * scale(i) * scale(j)
+    });
+    let eigen = SymmetricEigen::new(scaled);
+    let mut found: Vec<(f64, DVector<f64>)> = (0..count)
+        .filter_map(|k| {
+            let direction = eigen.eigenvectors.column(k);
+            let sigma_m = eigen.eigenvalues[k].max(0.0).sqrt();
+            (sigma_m * direction.amax() > MAX_SIGMA_M).then(|| {
+                (
+                    sigma_m,
+                    DVector::from_fn(count, |i, _| direction[i] * scale(i)),
+                )
+            })
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().map(|(_, direction)| direction).collect()
 }
 
 fn not_determined() -> Error {
@@ -174,9 +250,27 @@ fn conclude(
         let first = layout.first_motion[index];
         let of = |a: usize, b: usize| block(first + a, first + b);
         let records = state.motions[index].records(Some(&of));
+        let before = drive.motion.records(None);
+        let moved = records.iter().zip(&before).map(|(after, before)| {
+            let (turn_rad, shift_m) = after
+                .world_from_body
+                .perturbation_from(&before.world_from_body);
+            PoseMove {
+                time_s: after.time_s,
+                shift_m,
+                turn_rad,
+            }
+        });
+        let moved = moved.collect();
         Ok(AdjustedDrive {
             name: drive.name.clone(),
             trajectory: Trajectory::new(records)?,
+            moved,
+            imu: problem.groups.names[problem.groups.first_motion[index]].clone(),
+            positions: BLOCKS_S
+                .iter()
+                .flat_map(|&block_s| state.motions[index].position_blocks(block_s))
+                .collect(),
         })
     });
     Ok(Joint {
@@ -187,6 +281,8 @@ fn conclude(
         constants: constants.collect(),
         reference,
         surface_m: problem.surface_m,
+        regions: problem.found.regions.clone(),
+        held: problem.held.clone(),
         groups: tests(&problem.groups, found),
         stop: ended.stop,
         iterations,

@@ -95,6 +95,9 @@ impl Layout {
     }
 }
 
+/// Where the scales of scans start, for each class of scatter: smooth surfaces have no strips.
+const START_SCALE: [f64; CLASSES] = [0.35, 0.5, 0.75, 0.75, 0.75, 0.75];
+
 /// The groups of observations whose noise is tested, and for scans and the reference estimated.
 #[derive(Debug, Clone)]
 pub struct Groups {
@@ -132,8 +135,12 @@ impl Groups {
         names.extend((0..CLASSES).map(|_| "reference".to_owned()));
         let surface = names.len();
         names.extend(["surface".to_owned(), "assumed".to_owned()]);
+        let mut scale = vec![1.0; names.len()];
+        for group in scale[first_scan..first_reference].chunks_exact_mut(CLASSES) {
+            group.copy_from_slice(&START_SCALE);
+        }
         Self {
-            scale: vec![1.0; names.len()],
+            scale,
             names,
             first_motion,
             first_scan,

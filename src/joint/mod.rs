@@ -11,6 +11,7 @@ mod adjust;
 mod components;
 mod input;
 mod layout;
+mod model;
 pub mod motion;
 mod problem;
 mod result;
@@ -21,6 +22,9 @@ mod surfel;
 
 pub use adjust::adjust;
 pub use input::{JointDrive, JointInput, Scans};
+pub use model::contradictions;
+pub use motion::PositionBlocks;
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
-pub use result::{AdjustedDrive, GroupTest, Joint};
+pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove};
 pub use settings::{JointSettings, ReferenceSigma};
+pub use surfel::Region;

@@ -34,7 +34,7 @@ const START_SIGMA: f64 = 0.02;
 /// the plane, beside what averages out over its points.
 const STRIP_SHARE: f64 = 0.5;
 /// Least standard deviation of a row, metres.
-const LEAST_SIGMA_M: f64 = 2e-5;
+const LEAST_SIGMA_M: f64 = 1e-5;
 
 /// Values of all unknowns.
 pub struct State {
@@ -175,15 +175,16 @@ impl<'a> JointProblem<'a> {
         self.system.offset(block)
     }
 
-    /// The group and the standard deviation of a scan row, metres: σ² = s² (λ₃/n + share² λ₃ + σ₀²).
+    /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² with
+    /// the variance v of its surfel's points.
     pub fn noise(&self, row: &ScanRow) -> (usize, f64) {
         use super::surfel::CLASSES;
         let surfel = &self.found.surfels[row.surfel as usize];
         let group = self.groups.first_scan + row.scanner as usize * CLASSES + surfel.class;
-        let variance = surfel.roughness_m.powi(2);
+        let variance = surfel.scatter_m.powi(2);
         let share = STRIP_SHARE * STRIP_SHARE + 1.0 / f64::from(row.count);
-        let square = variance * share + LEAST_SIGMA_M * LEAST_SIGMA_M;
-        (group, square.sqrt() * self.groups.scale[group])
+        let sigma_m = (variance * share).sqrt() * self.groups.scale[group];
+        (group, sigma_m.hypot(LEAST_SIGMA_M))
     }
 
     /// Visits all rows in a fixed order.

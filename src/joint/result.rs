@@ -1,11 +1,13 @@
 //! What the adjustment found.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::components::Component;
+use super::motion::PositionBlocks;
+use super::surfel::Region;
 use crate::adjustment::StopReason;
-use crate::calibration::Mounting;
-use crate::geometry::BodyFromScanner;
+use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
 /// Mountings and trajectories adjusted together.
@@ -27,6 +29,10 @@ pub struct Joint {
     pub reference: Option<([f64; 6], [f64; 6])>,
     /// Standard deviation of the reference's errors over some decimetres, metres.
     pub surface_m: f64,
+    /// Regions in which scans and reference disagree.
+    pub regions: Vec<Region>,
+    /// Directions of the mountings that nothing determines: they are held at their start values.
+    pub held: Vec<DVector<f64>>,
     /// The residuals of each group.
     pub groups: Vec<GroupTest>,
     /// Why it stopped.
@@ -48,6 +54,41 @@ pub struct AdjustedDrive {
     pub name: String,
     /// The poses with standard deviations.
     pub trajectory: Trajectory,
+    /// Name of the group of its IMU.
+    pub imu: String,
+    /// Residuals of its position sensors in blocks of time.
+    pub positions: Vec<PositionBlocks>,
+    /// How far the adjustment moved each pose.
+    pub moved: Vec<PoseMove>,
+}
+
+/// How far the adjustment moved a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseMove {
+    /// Seconds.
+    pub time_s: f64,
+    /// World, metres.
+    pub shift_m: Vec3,
+    /// Rotation vector in body axes, radians.
+    pub turn_rad: Vec3,
+}
+
+/// How the joint adjustment of a run ended.
+#[derive(Debug, Clone, Default)]
+pub struct JointReport {
+    /// What it found; `None` where it could not be made.
+    pub found: Option<Joint>,
+    /// Why its values are not those of the run, the gravest reason first; empty where they are.
+    pub refused: Vec<String>,
+    /// Run time, seconds.
+    pub seconds: f64,
+}
+
+impl JointReport {
+    /// The adjustment whose values are reported.
+    pub fn accepted(&self) -> Option<&Joint> {
+        self.found.as_ref().filter(|_| self.refused.is_empty())
+    }
 }
 
 /// The residuals of a group of observations.
@@ -81,6 +122,24 @@ impl Joint {
     /// The mountings.
     pub fn poses(&self) -> Vec<BodyFromScanner> {
         self.mountings.iter().map(|m| m.body_from_scanner).collect()
+    }
+
+    /// The mountings with their quality, as a calibration; its scales are those of two steps, where
+    /// it started.
+    pub fn calibration(&self, two_steps: &Calibration) -> Calibration {
+        let held = self.held.iter();
+        let unobservable = held.map(|d| UnobservableDirection::held(d, &self.mountings));
+        Calibration {
+            method: Method::Joint,
+            mountings: self.mountings.clone(),
+            converged: self.stop == StopReason::Converged,
+            covariance: Some(self.covariance.clone()),
+            observability: Observability {
+                shares: two_steps.observability.shares.clone(),
+                unobservable: unobservable.collect(),
+            },
+            ..two_steps.clone()
+        }
     }
 
     /// The test of a group.

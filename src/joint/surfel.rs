@@ -7,12 +7,15 @@ use super::input::Scans;
 use super::motion::Motion;
 use crate::cloud::StructureTensor;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
-use crate::geometry::{BodyFromScanner, Mat3, Vec3};
+use crate::geometry::{BodyFromScanner, Mat3, Vec3, WorldFromBody};
+use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// Fewest points that a surfel is fitted to.
 const MIN_POINTS: f64 = 12.0;
 /// Fewest rows of a surfel without a reference: three are its own.
 const MIN_ROWS: u32 = 4;
+/// Steps without a row after which a scanner is on another pass.
+const PASS_STEPS: usize = 20;
 /// Fewest points of a row.
 const MIN_ROW_POINTS: usize = 3;
 /// Least standard deviation of the points of a surfel across its narrow side, as a share of its
@@ -23,6 +26,15 @@ const MIN_WIDTH: f64 = 0.12;
 const MAX_THICKNESS: f64 = 0.4;
 /// Points farther from their surfel than this many standard deviations are not of it.
 const GATE_SIGMAS: f64 = 4.0;
+/// Points count as near a surfel, even where they are beyond its gate, within this many sizes.
+const NEAR_SIZES: f64 = 0.6;
+/// Edge of a region and least number of its surfels.
+const REGION_SIZES: f64 = 10.0;
+const MIN_REGION: usize = 12;
+/// A region is off where its median lies beyond this many standard deviations of all regions'
+/// medians, and this many sizes of a surfel.
+const REGION_SIGMAS: f64 = 6.0;
+const LEAST_REGION_SIZES: f64 = 0.03;
 /// Upper bounds of the classes of roughness, metres: within a class the noise of rows is alike.
 const CLASSES_M: [f64; 6] = [0.0004, 0.0008, 0.0016, 0.003, 0.006, f64::INFINITY];
 
@@ -39,8 +51,13 @@ pub struct Surfel {
     pub axes: [Vec3; 3],
     /// Standard deviation of the points about the plane, metres.
     pub roughness_m: f64,
-    /// Class of roughness.
+    /// Standard deviation of the scanners' points about the mean of their row, metres: noise and
+    /// roughness, without what poses do.
+    pub scatter_m: f64,
+    /// Class of this scatter.
     pub class: usize,
+    /// Whether the reference knows it, or several passes or scanners saw it.
+    pub is_checked: bool,
     /// What the reference says about (a, b, c); `None` without one.
     pub prior: Option<ReferencePlane>,
 }
@@ -102,6 +119,49 @@ pub struct Association {
     pub drives: Vec<DriveRows>,
     /// Patches of the reference's surface errors.
     pub patches: usize,
+    /// Regions in which scans and reference disagree.
+    pub regions: Vec<Region>,
+}
+
+/// A region in which scans and reference disagree, as where a board was moved.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Region {
+    /// Mean of its surfels, world, metres.
+    pub centre_m: Vec3,
+    /// How far the scans lie above the reference along its normal, which looks up, metres.
+    pub offset_m: f64,
+    /// Number of its surfels.
+    pub surfels: usize,
+}
+
+impl Region {
+    /// Where it is and how far off, in words; `origin_m` is added to its place.
+    pub fn describe(&self, origin_m: &Vec3) -> String {
+        let place = self.centre_m + origin_m;
+        let side = if self.offset_m > 0.0 {
+            "above"
+        } else {
+            "below"
+        };
+        format!(
+            "around east {:.1}, north {:.1} m the scans lie {:.1} mm {side} the reference, and \
+             nowhere near it elsewhere: was something moved after the reference was scanned?",
+            place.x,
+            place.y,
+            1e3 * self.offset_m.abs()
+        )
+    }
+}
+
+/// What the points of one surfel add up to.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    /// Squared distances of points from the mean of their row, and degrees of freedom.
+    squares_m2: f64,
+    free: f64,
+    /// Points near the surfel, and the sum of their distances: also of those beyond the gate.
+    near: f64,
+    distance_m: f64,
 }
 
 /// Sums of points about the centre of their voxel.
@@ -227,19 +287,36 @@ pub fn associate(
         }
         surfels.push(surfel);
     }
+    let mut tallies = vec![Tally::default(); surfels.len()];
     let mut drives: Vec<DriveRows> = placed
         .iter()
         .zip(scans)
         .zip(motions)
         .map(|((placed, scans), motion)| {
-            rows_of(placed, scans, motion.steps(), (&surfels, &by_key), gates)
+            rows_of(
+                placed,
+                scans,
+                motion.steps(),
+                (&surfels, &by_key),
+                gates,
+                &mut tallies,
+            )
         })
         .collect();
+    let regions = regions(&surfels, &tallies, gates);
+    for (surfel, tally) in surfels.iter_mut().zip(&tallies) {
+        if tally.free > 0.0 {
+            surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
+        }
+        let class = CLASSES_M.iter().position(|most| surfel.scatter_m <= *most);
+        surfel.class = class.unwrap_or(CLASSES - 1);
+    }
     drop_unseen(&mut surfels, &mut drives);
     Association {
         surfels,
         drives,
         patches: patches.len(),
+        regions,
     }
 }
 
@@ -252,8 +329,7 @@ fn place(
     late_s: f64,
 ) -> Vec<Placed> {
     let sample = scans.samples[scanner];
-    let mut profiles: Vec<Option<(u32, crate::geometry::WorldFromBody)>> =
-        vec![None; sample.profiles.len()];
+    let mut profiles: Vec<Option<(u32, WorldFromBody)>> = vec![None; sample.profiles.len()];
     let mut next = 0;
     while next < profiles.len() {
         let time_of = |profile: usize| sample.profiles[profile].time_s - late_s;
@@ -386,10 +462,9 @@ fn fit(
         centre_m: tensor.mean,
         axes: [axis(2), axis(0), axis(1)],
         roughness_m,
-        class: CLASSES_M
-            .iter()
-            .position(|most| roughness_m <= *most)
-            .unwrap_or(0),
+        scatter_m: roughness_m,
+        class: 0,
+        is_checked: reference.is_some(),
         prior: reference.map(|_| ReferencePlane {
             sigma: [
                 roughness_m / sums.count.sqrt(),
@@ -401,26 +476,29 @@ fn fit(
     })
 }
 
-/// The rows of a drive: its points sorted by step, surfel and scanner.
+/// The rows of a drive: its points sorted by step, surfel and scanner. Adds them to the tallies of the
+/// surfels.
 fn rows_of(
     placed: &[Vec<Placed>],
     scans: &Scans<'_>,
     steps: usize,
     (surfels, by_key): (&[Surfel], &VoxelMap<VoxelKey, u32>),
     gates: &Gates,
+    tallies: &mut [Tally],
 ) -> DriveRows {
-    let mut seen: Vec<(u32, u32, u32, u32)> = Vec::new();
+    // Step, surfel, scanner, point, and the bits of its distance from the surfel.
+    let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for (scanner, points) in placed.iter().enumerate() {
         let found = points.par_iter().filter_map(|point| {
             let surfel = *by_key.get(&voxel_key(&point.world_m, gates.size_m))?;
             let of = &surfels[surfel as usize];
             let distance_m = of.axes[0].dot(&(point.world_m - of.centre_m));
-            let sigma_m = of.roughness_m.hypot(gates.misfit_m);
-            (distance_m.abs() < GATE_SIGMAS * sigma_m).then_some((
+            (distance_m.abs() < NEAR_SIZES * gates.size_m).then_some((
                 point.step,
                 surfel,
                 scanner as u32,
                 point.point,
+                (distance_m as f32).to_bits(),
             ))
         });
         seen.par_extend(found);
@@ -430,12 +508,26 @@ fn rows_of(
         step_start: vec![0; steps + 1],
         ..DriveRows::default()
     };
-    for group in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+    let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
+    for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+        let (step, surfel, scanner, ..) = near[0];
+        let distance_m = |bits: u32| f64::from(f32::from_bits(bits));
+        let of_surfel = &mut tallies[surfel as usize];
+        of_surfel.near += near.len() as f64;
+        of_surfel.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
+        let sigma_m = surfels[surfel as usize].roughness_m.hypot(gates.misfit_m);
+        group.clear();
+        let within = |bits: u32| distance_m(bits).abs() < GATE_SIGMAS * sigma_m;
+        group.extend(near.iter().filter(|seen| within(seen.4)).copied());
         if group.len() < MIN_ROW_POINTS {
             continue;
         }
-        let (step, surfel, scanner, _) = group[0];
         let sample = scans.samples[scanner as usize];
+        let distances = || group.iter().map(|seen| distance_m(seen.4));
+        let count = group.len() as f64;
+        let mean = distances().sum::<f64>() / count;
+        of_surfel.squares_m2 += distances().map(|d| (d - mean).powi(2)).sum::<f64>();
+        of_surfel.free += count - 1.0;
         rows.step_start[step as usize + 1] += 1;
         rows.rows.push(ScanRow {
             surfel,
@@ -443,7 +535,7 @@ fn rows_of(
             first: rows.points.len() as u32,
             count: group.len() as u32,
         });
-        rows.points.extend(group.iter().map(|(.., point)| {
+        rows.points.extend(group.iter().map(|(.., point, _)| {
             let point = &sample.points[*point as usize];
             RowPoint {
                 profile: point.profile,
@@ -457,11 +549,59 @@ fn rows_of(
     rows
 }
 
+/// The regions whose scans lie off the reference by more than the others do.
+fn regions(surfels: &[Surfel], tallies: &[Tally], gates: &Gates) -> Vec<Region> {
+    let mut cells: VoxelMap<VoxelKey, Vec<(Vec3, f64)>> = VoxelMap::default();
+    for (surfel, tally) in surfels.iter().zip(tallies) {
+        if surfel.prior.is_some() && tally.near >= MIN_POINTS {
+            let up = if surfel.axes[0].z < 0.0 { -1.0 } else { 1.0 };
+            let key = voxel_key(&surfel.centre_m, REGION_SIZES * gates.size_m);
+            let offset_m = up * tally.distance_m / tally.near;
+            cells
+                .entry(key)
+                .or_default()
+                .push((surfel.centre_m, offset_m));
+        }
+    }
+    let mut keys: Vec<&VoxelKey> = cells.keys().collect();
+    keys.sort_unstable();
+    let medians: Vec<Region> = keys
+        .into_iter()
+        .map(|key| &cells[key])
+        .filter(|members| members.len() >= MIN_REGION)
+        .filter_map(|members| {
+            let count = members.len() as f64;
+            Some(Region {
+                centre_m: members.iter().map(|member| member.0).sum::<Vec3>() / count,
+                offset_m: median(members.iter().map(|member| member.1))?,
+                surfels: members.len(),
+            })
+        })
+        .collect();
+    let spread = median(medians.iter().map(|region| region.offset_m.abs()));
+    let limit_m = spread.map_or(f64::INFINITY, |m| REGION_SIGMAS * SIGMAS_PER_MAD * m);
+    let limit_m = limit_m.max(LEAST_REGION_SIZES * gates.size_m);
+    let off = |region: &Region| region.offset_m.abs() > limit_m;
+    medians.into_iter().filter(off).collect()
+}
+
 /// Leaves out surfels that nothing checks, and their rows.
 fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows]) {
     let mut seen = vec![0_u32; surfels.len()];
-    for row in drives.iter().flat_map(|drive| &drive.rows) {
-        seen[row.surfel as usize] += 1;
+    // Drive, last step and scanner that saw each.
+    let mut before = vec![None; surfels.len()];
+    for (number, drive) in drives.iter().enumerate() {
+        for step in 0..drive.step_start.len() - 1 {
+            for row in drive.of_step(step) {
+                let surfel = row.surfel as usize;
+                seen[surfel] += 1;
+                let again = before[surfel].is_some_and(|(drive, last, scanner)| {
+                    drive != number || step > last + PASS_STEPS || scanner != row.scanner
+                });
+                surfels[surfel].is_checked |= again;
+                before[surfel] = Some((number, step, row.scanner));
+            }
+        }
     }
     let needed = |surfel: &Surfel| if surfel.prior.is_some() { 1 } else { MIN_ROWS };
     let mut next = 0;

@@ -5,12 +5,13 @@ use std::path::Path;
 use super::findings::{Extras, Findings};
 use super::job::Job;
 use super::stages::Poses;
-use super::{clouds, drives, page, result, stages};
+use super::{clouds, drives, joint, page, result, stages};
 use crate::calibration::{Calibration, CalibrationSettings, Method, ScannerSample, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
 use crate::error::Result;
 use crate::geometry::{BodyFromScanner, Vec3};
+use crate::joint::JointReport;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::content::Drive;
@@ -49,22 +50,48 @@ pub fn analyse(
         stages::samples(project, &poses.trajectory, progress)
     })?;
     stages::check_reference(project, &samples, &reference)?;
-    let calibration = job.timed("calibrate", |progress| {
+    let two_steps = job.timed("calibrate", |progress| {
         let settings = &project.calibration;
         stages::calibration(project, settings, &poses, &samples, &reference, progress)
     })?;
-    let variants = calibrate_variants(project, extras, &poses, &samples, &reference, &mut job)?;
+    let joint = adjust_jointly(project, &poses, &samples, &two_steps, &reference, &mut job)?;
+    let mut variants = calibrate_variants(project, extras, &poses, &samples, &reference, &mut job)?;
     let left_out = stages::left_out(project, &samples);
     drop(samples);
-    let kept = clouds::write(project, &poses.trajectory, &calibration.poses(), &mut job)?;
-    let mountings = mountings(project, &calibration, extras);
-    let drives = drives::compare(project, poses, &reference, &mountings, kept, &mut job)?;
+    let accepted = joint.as_ref().and_then(JointReport::accepted);
+    let calibration = match accepted {
+        Some(joint) => {
+            let found = joint.calibration(&two_steps);
+            variants.insert(0, (Variant::TwoStep, two_steps));
+            found
+        }
+        None => two_steps,
+    };
+    let placed = stages::with_latencies(project, accepted);
+    let adjusted = drives::Adjusted::new(&placed, &poses, accepted)?;
+    let kept = clouds::write(
+        &placed,
+        &adjusted.trajectory,
+        &calibration.poses(),
+        &mut job,
+    )?;
+    let mountings = mountings(project, &calibration, &variants, extras);
+    let own = (poses, adjusted);
+    let drives = drives::compare(
+        &placed,
+        own,
+        &reference,
+        (&mountings, &calibration),
+        kept,
+        &mut job,
+    )?;
 
-    for warning in warnings(&calibration, &drives, left_out) {
+    for warning in warnings(&calibration, joint.as_ref(), &drives, left_out) {
         job.warn(warning);
     }
     let findings = Findings {
         calibration,
+        joint,
         variants,
         mountings,
         drives,
@@ -75,6 +102,31 @@ pub fn analyse(
     write(project, &findings, extras, &job)?;
     job.commit()?;
     Ok(findings)
+}
+
+/// Adjusts mountings and trajectories together, where the project asks for it.
+fn adjust_jointly(
+    project: &Project,
+    poses: &Poses,
+    samples: &[ScannerSample],
+    two_steps: &Calibration,
+    reference: &[Vec3],
+    job: &mut Job<'_>,
+) -> Result<Option<JointReport>> {
+    if !project.is_joint {
+        return Ok(None);
+    }
+    let name = drives::name_of(project);
+    let own = joint::Drive {
+        name: &name,
+        project,
+        poses,
+        samples,
+    };
+    let report = job.timed("adjust jointly", |progress| {
+        joint::report(&own, two_steps, reference, progress)
+    });
+    report.map(Some)
 }
 
 /// Calibrates the same drive under every other condition that `extras` and the reference allow.
@@ -121,21 +173,41 @@ fn calibrate_variants(
 fn mountings(
     project: &Project,
     calibration: &Calibration,
+    variants: &[(Variant, Calibration)],
     extras: &Extras,
 ) -> Vec<(MountingKind, Vec<BodyFromScanner>)> {
     let truth = extras.truth.as_ref().map(|truth| truth.mountings.clone());
-    let mut mountings = vec![
-        (MountingKind::Initial, stages::initial_poses(project)),
-        (MountingKind::Final, calibration.poses()),
-    ];
+    let mut mountings = vec![(MountingKind::Initial, stages::initial_poses(project))];
+    let two_steps = variants
+        .iter()
+        .find(|(variant, _)| *variant == Variant::TwoStep);
+    mountings.extend(two_steps.map(|(_, found)| (MountingKind::TwoStep, found.poses())));
+    mountings.push((MountingKind::Final, calibration.poses()));
     mountings.extend(truth.map(|truth| (MountingKind::Truth, truth)));
     mountings
 }
 
 /// Results that need attention.
-fn warnings(calibration: &Calibration, drives: &[Drive], left_out: Vec<String>) -> Vec<String> {
+fn warnings(
+    calibration: &Calibration,
+    joint: Option<&JointReport>,
+    drives: &[Drive],
+    left_out: Vec<String>,
+) -> Vec<String> {
     let missing = drives.iter().flat_map(|drive| &drive.agreements.missing);
-    let mut warnings: Vec<String> = missing.cloned().chain(left_out).collect();
+    let refused = joint.into_iter().flat_map(|joint| &joint.refused);
+    let refused = refused.map(|reason| {
+        format!("the result is that of two steps, not of the joint adjustment: {reason}")
+    });
+    let mut warnings: Vec<String> = refused.chain(missing.cloned()).chain(left_out).collect();
+    if let Some(found) = joint.and_then(|joint| joint.found.as_ref()) {
+        warnings.extend(
+            found
+                .regions
+                .iter()
+                .map(|region| region.describe(&Vec3::zeros())),
+        );
+    }
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
     }
@@ -163,7 +235,9 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
         let path = job.path("trajectory.csv");
         stages::write_trajectory(&path, &own.poses, &project.origin_m)?;
     }
-    let calibrated = stages::with_mountings(project, &findings.calibration.poses());
+    let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
+    let project_then = stages::with_latencies(project, accepted);
+    let calibrated = stages::with_mountings(&project_then, &findings.calibration.poses());
     job.write("calibration.toml", &calibrated.scanners_to_toml()?)?;
     job.write("project.toml", &project.to_toml()?)?;
     let page = report::render(&page::content(project, findings, extras));

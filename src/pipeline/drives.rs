@@ -4,13 +4,17 @@ use std::path::Path;
 
 use super::clouds::{self, KeptPoints};
 use super::job::Job;
+use super::joint;
 use super::stages::{self, Poses};
+use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::{Error, Result};
 use crate::geometry::{BodyFromScanner, Vec3};
+use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
 use crate::report::content::Drive;
+use crate::trajectory::Trajectory;
 
 /// Mountings to compare, with their kinds.
 pub type Mountings = [(MountingKind, Vec<BodyFromScanner>)];
@@ -24,6 +28,27 @@ pub fn name_of(project: &Project) -> String {
     )
 }
 
+/// The poses with which a drive's points are placed in the end.
+pub struct Adjusted {
+    /// From the joint adjustment, or the drive's own.
+    pub trajectory: Trajectory,
+}
+
+impl Adjusted {
+    /// The poses of a project's own drive, from an adjustment if there is one.
+    ///
+    /// # Errors
+    /// See [`Trajectory::with_limits`].
+    pub fn new(project: &Project, poses: &Poses, joint: Option<&Joint>) -> Result<Self> {
+        let found = joint.and_then(|joint| joint.drives.first());
+        let trajectory = match found {
+            Some(drive) => drive.trajectory.clone().with_limits(project.limits)?,
+            None => poses.trajectory.clone(),
+        };
+        Ok(Self { trajectory })
+    }
+}
+
 /// Compares the kept points of the project's own drive, placed with each of the mountings, and then
 /// those of its evaluation drives.
 ///
@@ -31,14 +56,15 @@ pub fn name_of(project: &Project) -> String {
 /// Invalid settings of the comparison; errors of the stages on an evaluation drive.
 pub fn compare(
     project: &Project,
-    poses: Poses,
+    (poses, adjusted): (Poses, Adjusted),
     reference: &[Vec3],
-    mountings: &Mountings,
+    (mountings, calibration): (&Mountings, &Calibration),
     kept: KeptPoints,
     job: &mut Job<'_>,
 ) -> Result<Vec<Drive>> {
     let own = job.timed("compare", |progress| {
         let name = name_of(project);
+        let poses = (poses, &adjusted.trajectory);
         compared(&name, project, poses, reference, mountings, &kept, progress)
     })?;
     drop(kept);
@@ -52,6 +78,9 @@ pub fn compare(
         let drive = job.shown(&format!("evaluate {name}"), |progress| {
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, None, progress)?;
+            let adjusted = adjusted_alone((name, &other), &poses, calibration, progress)?;
+            let trajectory = adjusted.unwrap_or_else(|| poses.trajectory.clone());
+            let poses = (poses, &trajectory);
             compared(name, &other, poses, reference, mountings, &kept, progress)
         });
         drives.push(drive?);
@@ -59,25 +88,64 @@ pub fn compare(
     Ok(drives)
 }
 
+/// The poses of an evaluation drive, adjusted with its own scans and without the reference by the
+/// mountings of a joint adjustment; `None` after two steps and where it cannot be adjusted.
+fn adjusted_alone(
+    (name, project): (&str, &Project),
+    poses: &Poses,
+    calibration: &Calibration,
+    progress: &dyn Progress,
+) -> Result<Option<Trajectory>> {
+    let (Method::Joint, Some(covariance)) = (calibration.method, &calibration.covariance) else {
+        return Ok(None);
+    };
+    let calibrated = stages::with_mountings(project, &calibration.poses());
+    let samples = stages::samples(&calibrated, &poses.trajectory, progress)?;
+    let drive = joint::Drive {
+        name,
+        project: &calibrated,
+        poses,
+        samples: &samples,
+    };
+    let mountings = calibration.mountings.clone();
+    match joint::with_known_mountings(&drive, mountings, covariance, progress) {
+        Ok(found) => {
+            let trajectory = found.drives.into_iter().next().map(|d| d.trajectory);
+            trajectory
+                .map(|t| t.with_limits(project.limits))
+                .transpose()
+        }
+        Err(error) => {
+            let reason = joint::reason(error)?;
+            progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
+            Ok(None)
+        }
+    }
+}
+
 fn compared(
     name: &str,
     project: &Project,
-    poses: Poses,
+    (poses, trajectory): (Poses, &Trajectory),
     reference: &[Vec3],
     mountings: &Mountings,
     kept: &KeptPoints,
     progress: &dyn Progress,
 ) -> Result<Drive> {
-    let place =
-        |mountings: &[BodyFromScanner]| clouds::place(project, &poses.trajectory, mountings, kept);
-    let placed = mountings.iter();
-    let placed: Vec<_> = placed
-        .map(|(kind, mountings)| (*kind, place(mountings)))
-        .collect();
+    let place = |(kind, mountings): &(MountingKind, Vec<BodyFromScanner>)| {
+        let own = [MountingKind::Initial, MountingKind::TwoStep].contains(kind);
+        let trajectory = if own { &poses.trajectory } else { trajectory };
+        (*kind, clouds::place(project, trajectory, mountings, kept))
+    };
+    let placed: Vec<_> = mountings.iter().map(place).collect();
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
     let settings = &project.comparison;
     let agreements = agreements(name, &scanners, reference, &placed, settings, progress)?;
-    Ok(drive(name, poses, agreements))
+    let placed = Poses {
+        trajectory: trajectory.clone(),
+        ..poses
+    };
+    Ok(drive(name, placed, agreements))
 }
 
 /// The results of a drive.
@@ -93,7 +161,7 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
 
 /// The evaluation project with its scanners in the order of `project`, and with the same
 /// comparison.
-fn aligned(project: &Project, mut other: Project) -> Result<Project> {
+pub fn aligned(project: &Project, mut other: Project) -> Result<Project> {
     let mut scanners = Vec::new();
     for scanner in &project.scanners {
         let same = other

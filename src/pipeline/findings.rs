@@ -3,6 +3,7 @@
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
+use crate::joint::JointReport;
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
 use crate::trajectory::Trajectory;
@@ -34,6 +35,8 @@ pub struct Truth {
 pub struct Findings {
     /// The calibration, with the reference if there is one.
     pub calibration: Calibration,
+    /// The joint adjustment, where the project asks for it.
+    pub joint: Option<JointReport>,
     /// Calibrations of the same drive under other conditions.
     pub variants: Vec<(Variant, Calibration)>,
     /// The mountings for which clouds were compared, in the order of the project's scanners.

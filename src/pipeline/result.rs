@@ -29,6 +29,7 @@ pub fn document(findings: &Findings) -> Value {
     }
     for (variant, found) in &findings.variants {
         let key = match variant {
+            Variant::TwoStep => "two_steps",
             Variant::WithoutReference => "without_reference",
             Variant::ExactPoses => "exact_poses",
             Variant::Paper => "paper_method",
@@ -81,6 +82,7 @@ fn evaluation(agreements: &Agreements) -> Value {
     let mut value = comparisons(agreements, MountingKind::Final);
     for (key, kind) in [
         ("initial", MountingKind::Initial),
+        ("two_steps", MountingKind::TwoStep),
         ("truth", MountingKind::Truth),
     ] {
         let nested = comparisons(agreements, kind);

@@ -11,6 +11,7 @@ use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::ExcludedPoints;
+use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
@@ -333,6 +334,16 @@ pub fn calibration(
         None => input,
     };
     calibrate(&input, settings, progress)
+}
+
+/// The project with the latencies of its scanners corrected, where an adjustment found them.
+pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
+    let mut project = project.clone();
+    let late_s = joint.into_iter().flat_map(|joint| &joint.late_s);
+    for (scanner, late_s) in project.scanners.iter_mut().zip(late_s) {
+        scanner.time_offset_s -= late_s.map_or(0.0, |(value, _)| value);
+    }
+    project
 }
 
 /// The project with these mountings.

@@ -65,6 +65,7 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
 pub fn distances(drives: &[Drive]) -> String {
     let kinds = [
         (MountingKind::Initial, "initial"),
+        (MountingKind::TwoStep, "two steps"),
         (MountingKind::Final, "calibrated"),
         (MountingKind::Truth, "truth"),
     ];

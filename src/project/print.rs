@@ -92,7 +92,7 @@ fn written(project: &Project) -> Written {
 fn method(project: &Project) -> written::Method {
     match project.calibration.method {
         _ if project.is_joint => written::Method::Joint,
-        Method::TwoStep => written::Method::TwoStep,
+        Method::TwoStep | Method::Joint => written::Method::TwoStep,
         Method::Paper => written::Method::Paper,
     }
 }

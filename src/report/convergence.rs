@@ -22,7 +22,7 @@ impl Run<'_> {
     /// Axis label, unit and definition of [`Run::cost`].
     fn measure(&self) -> [&'static str; 3] {
         match self.found.method {
-            Method::TwoStep => [
+            Method::TwoStep | Method::Joint => [
                 "mean thickness (mm)",
                 "mm",
                 "geometric mean of the thicknesses √(λ₃ + s²) of all neighbourhoods",
@@ -42,7 +42,7 @@ impl Run<'_> {
         let means = means.map(|cost| cost / scale.neighbourhoods as f64);
         match self.found.method {
             // exp(½ mean ln(λ₃ + s²)): the geometric mean of √(λ₃ + s²).
-            Method::TwoStep => means.map(|mean| 1e3 * (0.5 * mean).exp()).collect(),
+            Method::TwoStep | Method::Joint => means.map(|mean| 1e3 * (0.5 * mean).exp()).collect(),
             Method::Paper => means.map(|mean| 1e6 * mean.sqrt()).collect(),
         }
     }
@@ -81,6 +81,7 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
     };
     let result = match calibrations.result.method {
         Method::TwoStep => "reweighted least squares",
+        Method::Joint => "two steps, where the joint adjustment starts",
         Method::Paper => "as in the paper",
     };
     let variants = [

@@ -159,7 +159,9 @@ fn describe_calibration(lines: &mut Lines, project: &Project) {
         _ if project.is_joint => {
             "joint: one adjustment of trajectory and mountings, after two steps"
         }
-        Method::TwoStep => "two steps: reweighted least squares on the estimated trajectory",
+        Method::TwoStep | Method::Joint => {
+            "two steps: reweighted least squares on the estimated trajectory"
+        }
         Method::Paper => "the paper's: Gauss-Newton on omnivariances, numeric derivatives",
     };
     lines.value("method", method);

@@ -6,8 +6,9 @@ use nalgebra::DMatrix;
 
 use super::gauss_markov::GaussMarkov;
 use super::knots::{Knot, StepPoses, of_node};
-use super::{ConstantValue, Motion, Places};
+use super::{ConstantValue, Motion, Places, PositionBlocks};
 use crate::adjustment::{ChainProblem, ChainStep, NODE, Rows, SEGMENT, STEP};
+use crate::geometry::Vec3;
 use crate::joint::row::RowBatch;
 use crate::sensor::PoseRecord;
 use crate::trajectory::PosteriorCovariance;
@@ -32,9 +33,9 @@ const IMU: usize = 0;
 /// The chain at its present state.
 #[derive(Debug, Clone)]
 pub struct ChainMotion {
-    pub graph: Arc<Graph>,
-    pub imu: Arc<ImuSeries>,
-    pub state: State,
+    graph: Arc<Graph>,
+    imu: Arc<ImuSeries>,
+    state: State,
     /// Names of the position sensors.
     names: Arc<Vec<String>>,
     /// Correlated errors of each position sensor, then of the heading.
@@ -64,9 +65,9 @@ impl ChainMotion {
         }
     }
 
-    /// The same chain with the standard deviations of the IMU multiplied by `scale`.
-    pub fn with_imu_scale(mut self, scale: f64) -> Self {
-        Arc::make_mut(&mut self.graph).imu_scale = scale;
+    /// The same chain with the standard deviations of the IMU multiplied by `factor`.
+    pub fn with_noise_scaled(mut self, factor: f64) -> Self {
+        Arc::make_mut(&mut self.graph).imu_scale *= factor;
         self
     }
 
@@ -387,12 +388,59 @@ impl Motion for ChainMotion {
         Box::new(self.clone())
     }
 
-    fn chain(&self) -> Option<&ChainMotion> {
-        Some(self)
+    fn position_blocks(&self, block_s: f64) -> Vec<PositionBlocks> {
+        let sensors = self.names.iter().enumerate();
+        sensors
+            .map(|(sensor, name)| self.blocks_of(sensor, name, block_s))
+            .collect()
     }
 }
 
+/// Fewest records of a block.
+const MIN_BLOCK: usize = 3;
+
 impl ChainMotion {
+    fn blocks_of(&self, sensor: usize, name: &str, block_s: f64) -> PositionBlocks {
+        let start_s = self.graph.timeline.node_s[0];
+        // Block, and the sum of its normalised residuals.
+        let mut sums: Vec<(i64, usize, Vec3)> = Vec::new();
+        for step in 0..self.steps() {
+            self.graph
+                .record_residuals(&self.state, step, |source, weight, residual| {
+                    let Source::Position(fix) = source else {
+                        return;
+                    };
+                    if fix.sensor != sensor || weight == 0.0 {
+                        return;
+                    }
+                    let error = self.error_of(&source);
+                    let moved = |i: usize| error.as_ref().map_or(0.0, |error| error.residual(i));
+                    let value = Vec3::from_fn(|i, _| residual[i] + moved(i));
+                    let block = ((fix.time_s - start_s) / block_s).floor() as i64;
+                    match sums.last_mut().filter(|last| last.0 == block) {
+                        Some(last) => {
+                            last.1 += 1;
+                            last.2 += value;
+                        }
+                        None => sums.push((block, 1, value)),
+                    }
+                });
+        }
+        sums.retain(|sum| sum.1 >= MIN_BLOCK);
+        let count = sums.len().max(1) as f64;
+        let square = |i: usize| {
+            sums.iter()
+                .map(|(_, n, sum)| sum[i] * sum[i] / *n as f64)
+                .sum::<f64>()
+        };
+        PositionBlocks {
+            sensor: name.to_owned(),
+            block_s,
+            blocks: sums.len(),
+            rms: std::array::from_fn(|i| (square(i) / count).sqrt()),
+        }
+    }
+
     /// The covariance of the unknowns of a step: both nodes and the bias.
     fn step_covariance(
         &self,

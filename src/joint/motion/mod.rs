@@ -69,10 +69,25 @@ pub trait Motion: Send + Sync {
     /// A copy.
     fn boxed(&self) -> Box<dyn Motion>;
 
-    /// The graph of logs behind it, if there is one.
-    fn chain(&self) -> Option<&ChainMotion> {
-        None
+    /// The residuals of its position sensors in blocks of this many seconds; none where there are no
+    /// sensors.
+    fn position_blocks(&self, _block_s: f64) -> Vec<PositionBlocks> {
+        Vec::new()
     }
+}
+
+/// Means of a position sensor's residuals over blocks of time: white residuals average out, those of
+/// a world that does not fit do not.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct PositionBlocks {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Length of a block, seconds.
+    pub block_s: f64,
+    /// Number of blocks.
+    pub blocks: usize,
+    /// Root mean square of the means, in their standard deviations: east, north, up.
+    pub rms: [f64; 3],
 }
 
 /// A constant that is estimated along with the motion, one value.

@@ -1,0 +1,58 @@
+//! Whether a rigid mounting and the stated noise explain the observations.
+//!
+//! Where the mounting bends or the reference is displaced, the adjustment fits a wrong world: scans
+//! agree with each other while poses are millimetres off. The sensors that do not see the ground
+//! notice.
+
+use super::result::Joint;
+
+/// Largest Ω/r of the IMU, before chance.
+const MAX_IMU_RATIO: f64 = 1.2;
+/// Standard deviations by which chance may raise it.
+const CHANCE_SIGMAS: f64 = 2.0;
+/// Length of the blocks of positions that decide, seconds.
+pub const DECIDING_BLOCK_S: f64 = 30.0;
+/// All lengths reported.
+pub const BLOCKS_S: [f64; 3] = [2.0, 10.0, DECIDING_BLOCK_S];
+/// Largest root mean square of normalised means over these blocks.
+const MAX_BLOCK_RMS: f64 = 2.0;
+/// Fewest blocks that decide.
+const MIN_BLOCKS: usize = 4;
+
+/// What contradicts the model, the gravest first.
+pub fn contradictions(joint: &Joint) -> Vec<String> {
+    let mut found = Vec::new();
+    for drive in &joint.drives {
+        let of_drive = |what: &str| match joint.drives.len() {
+            1 => what.to_owned(),
+            _ => format!("{what} of drive `{}`", drive.name),
+        };
+        if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)
+            && let Some(ratio) = imu.ratio
+        {
+            let chance = 1.0 + CHANCE_SIGMAS * (2.0 / imu.redundancy).sqrt();
+            if ratio > MAX_IMU_RATIO * chance {
+                found.push(format!(
+                    "{} contradicts a rigid mounting: the squares of its residuals are {ratio:.1} \
+                     times what its noise explains (at most {:.2})",
+                    of_drive("the IMU"),
+                    MAX_IMU_RATIO * chance,
+                ));
+            }
+        }
+        for blocks in &drive.positions {
+            let worst = blocks.rms.iter().copied().fold(0.0, f64::max);
+            let decides = blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS;
+            if decides && worst > MAX_BLOCK_RMS {
+                found.push(format!(
+                    "{} contradicts scans and reference: means of its residuals over {:.0} s reach \
+                     {worst:.1} standard deviations (at most {MAX_BLOCK_RMS:.0}): the mounting \
+                     bends, or the reference is shifted",
+                    of_drive(&format!("`{}`", blocks.sensor)),
+                    blocks.block_s,
+                ));
+            }
+        }
+    }
+    found
+}
