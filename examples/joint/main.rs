@@ -17,7 +17,7 @@ use joint_drive::Run;
 use summary::Summary;
 
 const USAGE: &str = "joint [SEEDS] [FIRST] [--case NAME]… [--set KEY=VALUE]… [--nodes imu] \
-                     [--surfel METRES] [--from-truth] [--eigen]";
+                     [--spacing SECONDS] [--surfel METRES] [--from-truth] [--eigen]";
 
 fn main() -> Result<()> {
     let arguments = Arguments::read()?;
@@ -60,6 +60,7 @@ impl Arguments {
             options: Options::default(),
         };
         let wrong = |what: &str| Error::data(format!("{what}: not understood"), USAGE);
+        let number = |text: &str| text.parse::<f64>().map_err(|_| wrong(text));
         let mut numbers = Vec::new();
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
@@ -68,10 +69,8 @@ impl Arguments {
                 "--case" => found.cases.push(value()?),
                 "--set" => found.options.set.push(value()?),
                 "--nodes" if value()? == "imu" => found.options.nodes = Nodes::Imu,
-                "--surfel" => {
-                    let text = value()?;
-                    found.options.surfel_m = Some(text.parse().map_err(|_| wrong(&text))?);
-                }
+                "--spacing" => found.options.max_spacing_s = Some(number(&value()?)?),
+                "--surfel" => found.options.surfel_m = Some(number(&value()?)?),
                 "--from-truth" => found.options.from_truth = true,
                 "--eigen" => found.eigen = true,
                 other => numbers.push(other.parse().map_err(|_| wrong(other))?),

@@ -1,5 +1,6 @@
 //! Tables over many drives.
 
+use boresight::geometry::Vec3;
 use boresight::nalgebra::{DMatrix, SymmetricEigen};
 use boresight::statistics::{NORMAL_97_5, chi_square, mean, rms};
 
@@ -99,6 +100,20 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
         run.two_steps.seconds,
         run.one_piece.seconds,
     );
+    for blocks in joint.drives.iter().flat_map(|drive| &drive.positions) {
+        println!(
+            "{case} seed {seed} {} means over {:.0} s: {} sigma",
+            blocks.sensor,
+            blocks.block_s,
+            list(blocks.rms.iter().copied(), 2)
+        );
+    }
+    for region in &joint.regions {
+        println!("{case} seed {seed} {}", region.describe(&Vec3::zeros()));
+    }
+    for reason in &run.refused {
+        println!("{case} seed {seed} refused: {reason}");
+    }
 }
 
 /// Errors along the eigenvectors of the correlation matrix, normalised: which combination of
@@ -135,8 +150,10 @@ pub struct Summary {
     chi_squares: Vec<f64>,
     /// Poses and points of both methods, millimetres.
     places: Vec<[f64; 4]>,
-    /// Names and ratios of the groups.
+    /// Names and ratios of the groups; root mean squares of the positions' means over blocks, of all
+    /// axes.
     ratios: Vec<Vec<(String, f64)>>,
+    refused: usize,
     iterations: Vec<f64>,
     seconds: Vec<[f64; 2]>,
     /// Constants: name, unit, value, sigma.
@@ -151,6 +168,7 @@ impl Summary {
             chi_squares: Vec::new(),
             places: Vec::new(),
             ratios: Vec::new(),
+            refused: 0,
             iterations: Vec::new(),
             seconds: Vec::new(),
             constants: Vec::new(),
@@ -172,7 +190,16 @@ impl Summary {
         self.places.push(places.map(|x| x * 1e3));
         let groups = run.joint.groups.iter();
         let ratios = groups.filter_map(|group| Some((group.name.clone(), group.ratio?)));
-        self.ratios.push(ratios.collect());
+        let blocks = run.joint.drives.iter().flat_map(|drive| &drive.positions);
+        let blocks = blocks.map(|b| {
+            let name = format!(
+                "{}, root mean square of means over {:.0} s",
+                b.sensor, b.block_s
+            );
+            (name, rms(b.rms))
+        });
+        self.ratios.push(ratios.chain(blocks).collect());
+        self.refused += usize::from(!run.refused.is_empty());
         self.iterations.push(run.joint.iterations as f64);
         self.seconds.push([two.seconds, one.seconds]);
         let constants = run.joint.constants.iter().map(|constant| {
@@ -253,6 +280,7 @@ impl Summary {
             mean(&self.seconds.iter().map(|s| s[0]).collect::<Vec<_>>()),
             mean(&self.seconds.iter().map(|s| s[1]).collect::<Vec<_>>()),
         );
+        println!("Refused: {} of {count}.", self.refused);
         for (name, _) in &self.ratios[0] {
             let of_each = self.ratios.iter().flatten();
             let found: Vec<f64> = of_each
@@ -261,10 +289,7 @@ impl Summary {
                 .collect();
             let least = found.iter().copied().fold(f64::INFINITY, f64::min);
             let most = found.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            println!(
-                "Ratio of {name}: {:.3}, {least:.3} to {most:.3}.",
-                mean(&found)
-            );
+            println!("{name}: {:.3}, {least:.3} to {most:.3}.", mean(&found));
         }
         for (place, (name, ..)) in self.constants[0].iter().enumerate() {
             let of = |f: fn(&(String, f64, f64)) -> f64| -> Vec<f64> {

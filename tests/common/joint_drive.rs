@@ -4,15 +4,16 @@
 use std::path::Path;
 use std::time::Instant;
 
-use boresight::calibration::{Mounting, ScannerSample};
+use boresight::calibration::ScannerSample;
 use boresight::error::{Error, Result};
 use boresight::format;
 use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
-use boresight::joint::{ChainMotion, Joint, JointDrive, JointInput, JointSettings, Scans, adjust};
+use boresight::joint::{Joint, JointSettings};
 use boresight::nalgebra::{DMatrix, DVector};
-use boresight::pipeline::stages::{self, Poses};
+use boresight::pipeline::joint::{Drive, report};
+use boresight::pipeline::stages;
 use boresight::progress::Silent;
-use boresight::project::{Motion, Project};
+use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
 use boresight::trajectory::Trajectory;
 
@@ -28,10 +29,6 @@ pub struct Setup {
     /// `None`: it is not used.
     pub reference: Option<(Vec3, Vec3)>,
     pub joint: JointSettings,
-    pub surfel_m: f64,
-    pub estimate_latency: bool,
-    /// From the truth and a few millimetres, without two steps: to save their time.
-    pub from_truth: bool,
 }
 
 impl Setup {
@@ -44,9 +41,6 @@ impl Setup {
             project: Box::new(|_| ()),
             reference: Some((Vec3::zeros(), Vec3::zeros())),
             joint,
-            surfel_m: 0.05,
-            estimate_latency: false,
-            from_truth: false,
         }
     }
 }
@@ -67,6 +61,8 @@ pub struct Run {
     pub two_steps: Found,
     pub one_piece: Found,
     pub joint: Joint,
+    /// What contradicts the joint adjustment.
+    pub refused: Vec<String>,
 }
 
 impl Run {
@@ -76,6 +72,7 @@ impl Run {
         scenario.drives.truncate(1);
         let files = simulate(&scenario, folder, &Silent)?;
         let mut project = Project::read(&files.drives[0].project)?;
+        project.joint = setup.joint.clone();
         (setup.project)(&mut project);
         let exact = files.drives[0].folder.join("truth/trajectory.csv");
         let exact = Trajectory::new(format::read_trajectory(&exact)?)?;
@@ -87,38 +84,34 @@ impl Run {
         let begun = Instant::now();
         let poses = stages::poses(&project, &Silent)?;
         let samples = stages::samples(&project, &poses.trajectory, &Silent)?;
-        let mountings = if setup.from_truth {
-            near(stages::mountings(&project), &truth)
-        } else {
-            let settings = &project.calibration;
-            stages::calibration(&project, settings, &poses, &samples, &reference, &Silent)?
-                .mountings
-        };
+        let settings = &project.calibration;
+        let calibration =
+            stages::calibration(&project, settings, &poses, &samples, &reference, &Silent)?;
         let two_seconds = begun.elapsed().as_secs_f64();
-        let begun = Instant::now();
-        let input = JointInput {
-            estimate_latency: vec![setup.estimate_latency; mountings.len()],
-            mountings: mountings.clone(),
-            known: None,
-            drives: vec![JointDrive {
-                name: "drive".into(),
-                motion: Box::new(motion(&project, &poses)?),
-                scans: Scans {
-                    samples: samples.iter().collect(),
-                },
-            }],
-            reference: &reference,
+        let drive = Drive {
+            name: "drive",
+            project: &project,
+            poses: &poses,
+            samples: &samples,
         };
-        let joint = adjust(&input, &setup.joint, setup.surfel_m, &Silent)?;
-        let seconds = begun.elapsed().as_secs_f64();
+        let report = report(&drive, &calibration, &reference, &Silent)?;
+        let seconds = report.seconds;
+        let refused = report.refused;
+        let joint = report
+            .found
+            .ok_or_else(|| Error::data(refused.join("; "), "see the case"))?;
         let check = Check {
             scenario: &scenario,
             samples: &samples,
             exact: &exact,
             truth: &truth,
         };
-        let two = mountings.iter().map(|m| m.body_from_scanner).collect();
-        let two_steps = check.found(two, &poses.trajectory, &[0.0; 2], two_seconds);
+        let two_steps = check.found(
+            calibration.poses(),
+            &poses.trajectory,
+            &[0.0; 2],
+            two_seconds,
+        );
         let late_s: Vec<f64> = joint
             .late_s
             .iter()
@@ -131,6 +124,7 @@ impl Run {
             two_steps,
             one_piece,
             joint,
+            refused,
         })
     }
 
@@ -197,22 +191,6 @@ fn moved(mut points: Vec<Vec3>, shift_m: &Vec3, turn: &Vec3) -> Vec<Vec3> {
         *point = centre + rotation * (*point - centre) + shift_m;
     }
     points
-}
-
-fn near(mut mountings: Vec<Mounting>, truth: &[BodyFromScanner]) -> Vec<Mounting> {
-    for (mounting, truth) in mountings.iter_mut().zip(truth) {
-        let off = Vec3::new(0.001, -0.0005, 0.0003);
-        mounting.body_from_scanner = truth.perturbed(&off, &(off * 1.5));
-    }
-    mountings
-}
-
-fn motion(project: &Project, poses: &Poses) -> Result<ChainMotion> {
-    let (Some(covariance), Motion::Logs(logs)) = (&poses.covariance, &project.motion) else {
-        return Err(Error::data("a drive without logs", "simulate one"));
-    };
-    let names = logs.settings.positions.iter().map(|p| p.name.clone());
-    Ok(ChainMotion::new(covariance, names.collect(), &[]))
 }
 
 /// What results are compared with.
