@@ -39,8 +39,8 @@ pub use imu_noise::{ImuDatasheet, ImuNoise};
 pub use interpolate::{PoseCursor, Trajectory};
 pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
 pub use settings::{
-    Constant, HeadingSettings, Loss, MAX_SPACING_S, Nodes, PoseLimits, PositionKind,
-    PositionSettings, SENSOR_CORRELATION_S, TrajectorySettings,
+    Constant, HeadingSettings, Loss, Nodes, PoseLimits, PositionKind, PositionSettings,
+    SENSOR_CORRELATION_S, TrajectorySettings,
 };
 pub use solution::{
     ClockJump, EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics,

@@ -8,9 +8,6 @@ use crate::geometry::{BodyAxes, Vec3};
 /// given, seconds.
 pub const SENSOR_CORRELATION_S: f64 = 30.0;
 
-/// Longest step from node to node where none is given, seconds.
-pub const MAX_SPACING_S: f64 = 0.25;
-
 /// What measures positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PositionKind {
@@ -162,9 +159,6 @@ pub struct TrajectorySettings {
     pub heading: HeadingSettings,
     /// Where the nodes are.
     pub nodes: Nodes,
-    /// Longest step from node to node of a whole drive, seconds. Poses within a step are the best
-    /// that its nodes and the IMU give; where scans know poses better than that, steps must be short.
-    pub max_spacing_s: f64,
     /// What is estimated along with the trajectory.
     pub estimate: Vec<Constant>,
     /// Whether velocity is held at zero where the logs show that the body rests.
@@ -186,7 +180,6 @@ impl TrajectorySettings {
             positions: vec![position],
             heading,
             nodes: Nodes::default(),
-            max_spacing_s: MAX_SPACING_S,
             estimate: Vec::new(),
             zero_velocity: true,
         }

@@ -8,9 +8,7 @@ use crate::error::Result;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
-use crate::trajectory::{
-    HeadingSettings, ImuDatasheet, ImuNoise, MAX_SPACING_S, PoseLimits, TrajectorySettings,
-};
+use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise, PoseLimits, TrajectorySettings};
 
 /// Either poses or logs.
 pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
@@ -155,7 +153,6 @@ fn logs(
             positions: position_settings,
             heading: heading(source, all)?,
             nodes: trajectory.nodes.unwrap_or_default(),
-            max_spacing_s: MAX_SPACING_S,
             estimate,
             zero_velocity: trajectory.zero_velocity.unwrap_or(true),
         },
