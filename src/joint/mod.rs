@@ -19,6 +19,8 @@ mod row;
 mod scan;
 mod settings;
 mod surfel;
+#[cfg(test)]
+mod tests;
 
 pub use adjust::adjust;
 pub use input::{JointDrive, JointInput, Scans};

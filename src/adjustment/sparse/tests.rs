@@ -1,6 +1,7 @@
 //! Against dense algebra on random structures, and the time on one like a survey's.
 
-use super::{BlockPattern, NotPositiveBlock, SparseFactor, SparseSystem};
+use super::system::NotPositiveBlock;
+use super::{BlockPattern, SparseFactor, SparseSystem};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

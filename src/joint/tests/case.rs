@@ -1,0 +1,430 @@
+//! Three seconds over a curved surface: an IMU, a prism, headings, a profile scanner and a 3-D
+//! scanner, and all rows of a problem as dense matrices.
+
+use crate::calibration::{Mounting, ScannerSample};
+use crate::geometry::heading::heading_rad;
+use crate::geometry::so3::{exp, log};
+use crate::geometry::{BodyAxes, BodyFromScanner, Rotation, Vec3, WorldFromBody};
+use crate::joint::layout::Groups;
+use crate::joint::motion::Motion;
+use crate::joint::problem::{JointProblem, State};
+use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
+use crate::joint::{
+    ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, JointInput, JointSettings, Scans,
+};
+use crate::progress::Silent;
+use crate::sensor::{HeadingFix, ImuSample, PoseRecord, PoseSigma, PositionFix};
+use crate::surface::{Profile, ProfilePoint};
+use crate::trajectory::{
+    Constant, Estimate, HeadingSettings, ImuNoise, MotionLogs, PositionSettings, Trajectory,
+    TrajectorySettings, estimate,
+};
+use nalgebra::{DMatrix, DVector};
+
+pub const GRAVITY: f64 = 9.81;
+pub const SPAN_S: f64 = 3.0;
+pub const SURFEL_M: f64 = 0.15;
+/// Noise of the points along their rays, metres.
+const RANGE_SIGMA_M: f64 = 2e-4;
+
+/// Numbers of mean 0 and standard deviation 1 from a linear congruential generator, the same on
+/// every platform: sums of four uniform ones.
+pub fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    let mut uniform = move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963);
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    move || (0..4).map(|_| uniform()).sum::<f64>() * 0.75_f64.sqrt()
+}
+
+/// The surface: no plane, so that mountings are determined, and flat within a surfel to a tenth of a
+/// millimetre.
+pub fn height_m(x: f64, y: f64) -> f64 {
+    0.15 * (0.9 * x + 0.5 * y).sin() + 0.12 * (1.0 * y - 0.8 * x + 0.4).cos()
+}
+
+/// Where the body is: it turns, rolls and pitches above the same square metre.
+pub fn pose_at(t: f64) -> WorldFromBody {
+    let about = |axis: Vec3, angle: f64| exp(&(axis * angle));
+    let rotation = about(Vec3::z(), 0.9 * t)
+        * about(Vec3::y(), 0.08 * (2.3 * t).sin())
+        * about(Vec3::x(), 0.1 * (1.9 * t + 1.0).sin());
+    let position_m = Vec3::new(
+        0.35 * (2.1 * t).sin(),
+        0.25 * (1.7 * t + 0.5).sin(),
+        1.0 + 0.03 * (3.0 * t).sin(),
+    );
+    WorldFromBody::new(rotation, position_m)
+}
+
+fn imu() -> Vec<ImuSample> {
+    let dt = 0.01;
+    let position = |t: f64| pose_at(t).translation_m;
+    let sample = |k: i32| {
+        let t = f64::from(k) * dt;
+        let (from, to) = (pose_at(t), pose_at(t + dt));
+        let middle = pose_at(t + 0.5 * dt);
+        let h = 1e-3;
+        let at = t + 0.5 * dt;
+        let accel = (position(at + h) + position(at - h) - position(at) * 2.0) / (h * h);
+        ImuSample {
+            time_s: t,
+            gyro_rad_s: log(&(from.rotation.inverse() * to.rotation)) / dt,
+            accel_m_s2: middle.rotation.inverse() * (accel + Vec3::z() * GRAVITY),
+        }
+    };
+    let samples: Vec<ImuSample> = (0..(SPAN_S / dt).round() as i32).map(sample).collect();
+    let mut next = noise(7);
+    let mut three = |sigma: f64| Vec3::from_fn(|_, _| next() * sigma);
+    let noisy = samples.into_iter().map(|sample| ImuSample {
+        gyro_rad_s: sample.gyro_rad_s + three(IMU.gyro_density / dt.sqrt()),
+        accel_m_s2: sample.accel_m_s2 + three(IMU.accel_density / dt.sqrt()),
+        ..sample
+    });
+    noisy.collect()
+}
+
+const IMU: ImuNoise = ImuNoise {
+    gyro_density: 5e-5,
+    accel_density: 6e-4,
+    gyro_bias_walk: 1e-6,
+    accel_bias_walk: 1e-5,
+};
+const PRISM_SIGMA_M: f64 = 0.002;
+const HEADING_SIGMA_RAD: f64 = 0.005;
+
+/// The trajectory from the logs. Fixes are not at samples of the IMU, hence nor are nodes.
+pub fn estimated(constants: &[Constant]) -> Estimate {
+    let arm_m = Vec3::new(0.3, -0.2, 0.8);
+    let mut next = noise(3);
+    let imu = imu();
+    let prism: Vec<PositionFix> = (0..14)
+        .map(|k| {
+            let t = 0.1037 + 0.2 * f64::from(k);
+            let off_m = Vec3::from_fn(|_, _| next() * PRISM_SIGMA_M);
+            PositionFix::with_sigma(t, pose_at(t).map(&arm_m) + off_m, None)
+        })
+        .collect();
+    let heading: Vec<HeadingFix> = (0..20)
+        .map(|k| {
+            let t = 0.052 + 0.15 * f64::from(k);
+            let off_rad = next() * HEADING_SIGMA_RAD;
+            HeadingFix::new(t, heading_rad(&pose_at(t).rotation) + off_rad, None)
+        })
+        .collect();
+    let mut settings = TrajectorySettings::new(
+        BodyAxes::Flu,
+        IMU,
+        PositionSettings::prism(PRISM_SIGMA_M, arm_m),
+        HeadingSettings::aligned(HEADING_SIGMA_RAD),
+    );
+    settings.gravity_m_s2 = GRAVITY;
+    settings.estimate = constants.to_vec();
+    let logs = MotionLogs {
+        imu: &imu,
+        positions: &[prism],
+        heading: &heading,
+    };
+    estimate(&logs, &settings, &Silent).expect("a trajectory")
+}
+
+/// Errors that last, of the prism and of the heading.
+pub fn correlated() -> [Option<CorrelatedError>; 2] {
+    let error = |sigma: &[f64]| CorrelatedError {
+        sigma: sigma.to_vec(),
+        correlation_s: 2.0,
+    };
+    [
+        Some(error(&[0.002, 0.001, 0.003])),
+        Some(error(&[HEADING_SIGMA_RAD])),
+    ]
+}
+
+/// A trajectory from a file: the true one, its poses at 20 Hz, slowly wrong.
+pub fn given() -> Trajectory {
+    let poses = (0..=60).map(|k| {
+        let t = 0.05 * f64::from(k);
+        let turn_rad = Vec3::new(0.4, -0.3, 0.5) * (1e-3 * (0.7 * t).cos());
+        let shift_m = Vec3::new(0.002, -0.001, 0.0015) * (0.9 * t).sin();
+        PoseRecord {
+            sigma: Some(PoseSigma {
+                position_m: Vec3::new(0.003, 0.002, 0.004),
+                rotation_rad: Vec3::repeat(1e-3),
+            }),
+            ..PoseRecord::new(t, pose_at(t).perturbed(&turn_rad, &shift_m))
+        }
+    });
+    Trajectory::new(poses.collect()).expect("times increase")
+}
+
+/// The true mountings of the profile scanner `left` and the 3-D scanner `lidar`.
+pub fn truth() -> Vec<Mounting> {
+    let quarter = Rotation::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let left = exp(&Vec3::new(0.15, 0.05, 0.1)) * quarter;
+    let lidar = exp(&Vec3::new(-0.1, 0.08, -0.4));
+    vec![
+        Mounting::new(
+            "left",
+            BodyFromScanner::new(left, Vec3::new(0.2, 0.15, 0.1)),
+        ),
+        Mounting::new(
+            "lidar",
+            BodyFromScanner::new(lidar, Vec3::new(-0.1, -0.2, 0.05)),
+        ),
+    ]
+}
+
+/// Mountings off by a millimetre or two and as many milliradians.
+pub fn start() -> Vec<Mounting> {
+    let mut all = truth();
+    let off = [
+        (Vec3::new(1.0, -1.5, 0.5), Vec3::new(-1.0, 1.2, 1.5)),
+        (Vec3::new(-0.8, 0.6, -0.7), Vec3::new(0.9, 1.0, -1.1)),
+    ];
+    for (mounting, (shift, turn)) in all.iter_mut().zip(off) {
+        let pose = mounting.body_from_scanner;
+        mounting.body_from_scanner = pose.perturbed(&(turn * 1e-3), &(shift * 1e-3));
+    }
+    all
+}
+
+/// What a scanner sees along a ray of its own frame, metres.
+fn hit_m(time_s: f64, mounting: &BodyFromScanner, ray: &Vec3) -> Vec3 {
+    let world_from_scanner = pose_at(time_s) * *mounting;
+    let miss = |range: f64| {
+        let hit = world_from_scanner.map(&(ray * range));
+        hit.z - height_m(hit.x, hit.y)
+    };
+    // Rays go down: a miss is about as long as what is missing of the range.
+    ray * (0..60).fold(1.0, |range, _| range + miss(range))
+}
+
+/// Samples of both scanners: 27 points in each of 60 profiles per second, and 1300 points per second
+/// that are each a profile of its own.
+pub fn samples() -> Vec<ScannerSample> {
+    let mut next = noise(11);
+    let [left, lidar] = [0, 1].map(|s| truth()[s].body_from_scanner);
+    let mut samples = [ScannerSample::default(), ScannerSample::default()];
+    let mut add = |sample: &mut ScannerSample, time_s: f64, new: bool, hit_m: Vec3| {
+        if new {
+            let world_from_body = pose_at(time_s);
+            sample.profiles.push(Profile {
+                time_s,
+                world_from_body,
+            });
+        }
+        sample.points.push(ProfilePoint {
+            profile: sample.profiles.len() as u32 - 1,
+            position_m: hit_m * (1.0 + RANGE_SIGMA_M * next() / hit_m.norm()),
+        });
+    };
+    for profile in 0..180 {
+        let time_s = 0.0041 + f64::from(profile) / 60.2;
+        for beam in -13..=13 {
+            let angle = 0.03 * f64::from(beam);
+            let ray = Vec3::new(angle.sin(), 0.0, -angle.cos());
+            let hit_m = hit_m(time_s, &left, &ray);
+            add(&mut samples[0], time_s, beam == -13, hit_m);
+        }
+    }
+    for point in 0..3900 {
+        let time_s = 0.0023 + f64::from(point) / 1301.3;
+        let (a, b) = ((61.0 * time_s).sin(), (97.0 * time_s + 1.0).sin());
+        let ray = Vec3::new(0.35 * a, 0.35 * b, -1.0).normalize();
+        let hit_m = hit_m(time_s, &lidar, &ray);
+        add(&mut samples[1], time_s, true, hit_m);
+    }
+    samples.into()
+}
+
+/// A scan of the surface from elsewhere, a point each 12 mm.
+pub fn reference() -> Vec<Vec3> {
+    let mut next = noise(13);
+    let grid = (0..14_400).map(|i| (f64::from(i % 120), f64::from(i / 120)));
+    grid.map(|(i, j)| {
+        let (x, y) = (0.012 * i - 0.72, 0.012 * j - 0.72);
+        Vec3::new(x, y, height_m(x, y) + 3e-4 * next())
+    })
+    .collect()
+}
+
+/// What a problem borrows.
+pub struct Case {
+    pub samples: Vec<ScannerSample>,
+    pub reference: Vec<Vec3>,
+    pub motion: Box<dyn Motion>,
+    pub mountings: Vec<Mounting>,
+    pub estimate_latency: Vec<bool>,
+    pub settings: JointSettings,
+    /// σ of the reference's surface errors, metres.
+    pub surface_m: f64,
+    pub known: Option<DMatrix<f64>>,
+}
+
+impl Case {
+    /// Logs with constants and lasting errors, a reference, latencies: every kind of row.
+    pub fn full() -> Self {
+        let constants = [Constant::LeverArm(0), Constant::HeadingOffset];
+        let found = estimated(&constants);
+        let motion = ChainMotion::new(&found.covariance, vec!["prism".into()], &correlated());
+        Self {
+            reference: reference(),
+            estimate_latency: vec![true, true],
+            surface_m: 2e-4,
+            ..Self::with_motion(Box::new(motion))
+        }
+    }
+
+    /// Logs and scans, nothing else.
+    pub fn plain() -> Self {
+        let found = estimated(&[]);
+        let motion = ChainMotion::new(&found.covariance, vec!["prism".into()], &[]);
+        Self::with_motion(Box::new(motion))
+    }
+
+    /// Poses from a file.
+    pub fn from_file() -> Self {
+        let motion = CorrectedPoses::new(&given(), 2.0).expect("poses with standard deviations");
+        Self {
+            reference: reference(),
+            ..Self::with_motion(Box::new(motion))
+        }
+    }
+
+    fn with_motion(motion: Box<dyn Motion>) -> Self {
+        Self {
+            samples: samples(),
+            reference: Vec::new(),
+            motion,
+            mountings: start(),
+            estimate_latency: vec![false, false],
+            settings: JointSettings::default(),
+            surface_m: 0.0,
+            known: None,
+        }
+    }
+
+    pub fn input(&self) -> JointInput<'_> {
+        JointInput {
+            mountings: self.mountings.clone(),
+            known: self.known.as_ref(),
+            estimate_latency: self.estimate_latency.clone(),
+            drives: vec![JointDrive {
+                name: "drive".into(),
+                motion: self.motion.boxed(),
+                scans: Scans {
+                    samples: self.samples.iter().collect(),
+                },
+            }],
+            reference: &self.reference,
+        }
+    }
+
+    pub fn associated(&self, input: &JointInput<'_>, misfit_m: f64) -> Association {
+        let state = self.state();
+        associate(
+            &[input.drives[0].scans.clone()],
+            &state.motions,
+            &state.poses(),
+            &state.late_s,
+            &ReferenceCells::new(&self.reference, SURFEL_M),
+            &Gates {
+                size_m: SURFEL_M,
+                misfit_m,
+                patch_m: 0.3,
+            },
+        )
+    }
+
+    /// The start, without surfels.
+    pub fn state(&self) -> State {
+        State {
+            motions: vec![self.motion.boxed()],
+            mountings: self.mountings.clone(),
+            late_s: vec![0.0; self.mountings.len()],
+            shapes: Vec::new(),
+            patches: Vec::new(),
+            reference: [0.0; 6],
+        }
+    }
+
+    /// The problem with all points within 20 mm of their surfels, and its start.
+    pub fn problem<'a>(&'a self, input: &'a JointInput<'a>) -> (JointProblem<'a>, State) {
+        let found = self.associated(input, 0.005);
+        let mut state = self.state();
+        state.shapes = vec![Vec3::zeros(); found.surfels.len()];
+        state.patches = vec![0.0; found.patches];
+        let begin = (&state, Vec::new(), self.surface_m);
+        let problem = JointProblem::new(input, &self.settings, found, Groups::new(input), begin);
+        (problem, state)
+    }
+}
+
+/// All rows of a problem at a state.
+pub struct Dense {
+    pub groups: Vec<usize>,
+    pub weights: DVector<f64>,
+    pub residuals: DVector<f64>,
+    pub jacobian: DMatrix<f64>,
+}
+
+impl Dense {
+    pub fn new(problem: &JointProblem<'_>, state: &State) -> Self {
+        let (mut groups, mut weights, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
+        let mut entries = Vec::new();
+        problem.visit(state, |batch| {
+            for row in batch.rows() {
+                let mut by = row.by.iter();
+                for &block in row.blocks {
+                    let first = problem.offset(block as usize);
+                    for place in first..first + problem.layout.sizes[block as usize] {
+                        let value = by.next().expect("a derivative for each unknown");
+                        entries.push((groups.len(), place, *value));
+                    }
+                }
+                assert!(by.next().is_none(), "an unknown for each derivative");
+                groups.push(row.group);
+                weights.push(row.weight);
+                residuals.push(row.residual);
+            }
+        });
+        let mut jacobian = DMatrix::zeros(groups.len(), problem.unknowns());
+        for (row, place, value) in entries {
+            jacobian[(row, place)] += value;
+        }
+        Self {
+            groups,
+            weights: DVector::from_vec(weights),
+            residuals: DVector::from_vec(residuals),
+            jacobian,
+        }
+    }
+
+    /// Jᵀ W J.
+    pub fn h(&self) -> DMatrix<f64> {
+        let mut whitened = self.jacobian.clone();
+        for (mut row, weight) in whitened.row_iter_mut().zip(&self.weights) {
+            row *= weight.sqrt();
+        }
+        whitened.tr_mul(&whitened)
+    }
+
+    /// −Jᵀ W r.
+    pub fn g(&self) -> DVector<f64> {
+        -self
+            .jacobian
+            .tr_mul(&self.weights.component_mul(&self.residuals))
+    }
+}
+
+/// Residuals of all rows.
+pub fn residuals(problem: &JointProblem<'_>, state: &State) -> DVector<f64> {
+    let mut all = Vec::new();
+    problem.visit(state, |batch| {
+        all.extend(batch.rows().map(|row| row.residual))
+    });
+    DVector::from_vec(all)
+}
