@@ -30,10 +30,6 @@ const HELD_SIGMA: f64 = 1e-8;
 /// latencies (seconds) and of the reference.
 const START_SIGMA: f64 = 0.02;
 
-/// Standard deviation of how much higher scanners see rough surfaces than the reference does, as a
-/// share of their scatter: hollows hide from who looks from the side. Smooth surfaces are seen alike.
-const VIEW_SIGMA: f64 = 0.1;
-
 /// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
 /// the plane, beside what averages out over its points.
 const STRIP_SHARE: f64 = 0.5;
@@ -49,8 +45,7 @@ pub struct State {
     pub shapes: Vec<Vec3>,
     /// Offsets of the reference's patches, metres.
     pub patches: Vec<f64>,
-    /// Shift (metres) and rotation vector (radians) of the reference about its centre, and how much
-    /// higher scanners see rough surfaces than the reference does, as a share of their scatter.
+    /// Shift (metres) and rotation vector (radians) of the reference about its centre.
     pub reference: [f64; REFERENCE],
 }
 
@@ -257,13 +252,12 @@ impl<'a> JointProblem<'a> {
             // How offset and slopes of the reference's plane move with its shift and rotation.
             let [normal, u_axis, v_axis] = surfel.axes;
             let arm = surfel.centre_m - self.centre_m;
-            let mut of_error: [[f64; REFERENCE]; 3] = [
+            let of_error: [[f64; REFERENCE]; 3] = [
                 (normal, arm.cross(&normal)),
                 (Vec3::zeros(), u_axis.cross(&normal)),
                 (Vec3::zeros(), v_axis.cross(&normal)),
             ]
-            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z, 0.0]);
-            of_error[0][6] = surfel.scatter_m * if normal.z < 0.0 { -1.0 } else { 1.0 };
+            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
             for i in 0..3 {
                 let floor = if i == 0 { LEAST_SIGMA_M } else { 0.0 };
                 let w = 1.0 / (prior.sigma[i].hypot(floor) * self.groups.scale[group]);
@@ -297,15 +291,9 @@ impl<'a> JointProblem<'a> {
     fn assumed(&self, state: &State, batch: &mut RowBatch) {
         let group = self.groups.assumed;
         if let Some(reference) = self.layout.reference {
-            let sigma = &self.settings.reference;
             for (i, value) in state.reference.iter().enumerate() {
-                let sigma = match i {
-                    0..3 => sigma.shift_m,
-                    3..6 => sigma.tilt_rad,
-                    _ => VIEW_SIGMA,
-                };
                 let mut by = [0.0; REFERENCE];
-                by[i] = 1.0 / sigma.max(HELD_SIGMA);
+                by[i] = 1.0 / HELD_SIGMA;
                 batch.begin(group, 1.0, value * by[i]);
                 batch.touch(reference, &by);
             }
@@ -399,6 +387,24 @@ impl<'a> JointProblem<'a> {
             side[unknowns - count + i] = 1.0;
         }
         Some(self.factor.as_ref()?.covariance(sides, count))
+    }
+
+    /// How all unknowns move with an error of the reference, times its standard deviation: one side
+    /// for shift and rotation along and about each axis. The reference is held where it is given, for
+    /// what the data say about its height hangs on micrometres; that it may be wrong belongs into the
+    /// covariance all the same.
+    pub fn reference_sides(&self) -> Option<Vec<f64>> {
+        let first = self.offset(self.layout.reference?);
+        let sigma = &self.settings.reference;
+        let unknowns = self.unknowns();
+        let mut sides = vec![0.0; unknowns * REFERENCE];
+        for (i, side) in sides.chunks_exact_mut(unknowns).enumerate() {
+            let sigma = if i < 3 { sigma.shift_m } else { sigma.tilt_rad };
+            // Moves the prior that holds it by one standard deviation.
+            side[first + i] = sigma / (HELD_SIGMA * HELD_SIGMA);
+        }
+        self.factor.as_ref()?.solve(&mut sides, REFERENCE);
+        Some(sides)
     }
 
     /// Judges steps by this covariance of the blocks that couple with everything.
