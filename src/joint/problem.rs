@@ -163,11 +163,6 @@ impl<'a> JointProblem<'a> {
         self.system.unknowns()
     }
 
-    /// Nonzeros of the Cholesky factor.
-    pub fn factor_entries(&self) -> usize {
-        self.system.factor_entries()
-    }
-
     /// First scalar of a block.
     pub fn offset(&self, block: usize) -> usize {
         self.system.offset(block)
@@ -417,12 +412,6 @@ impl<'a> JointProblem<'a> {
     /// The last factor.
     pub fn factor(&self) -> Option<&SparseFactor> {
         self.factor.as_ref()
-    }
-
-    /// Largest component of the gradient of the cost in units of posterior standard deviations of
-    /// single unknowns with all others held.
-    pub fn gradient(&self) -> &[f64] {
-        self.system.gradient()
     }
 
     /// The state after a step of all unknowns.
