@@ -59,6 +59,7 @@ impl SparseSystem {
     }
 
     /// Number of entries that L keeps, zeros of merged supernodes included.
+    #[cfg(test)]
     pub fn factor_entries(&self) -> usize {
         self.structure.l.len_val()
     }
@@ -122,6 +123,7 @@ impl SparseSystem {
     }
 
     /// H x.
+    #[cfg(test)]
     pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
         let structure = &self.structure;
         assert_eq!(x.len(), self.unknowns(), "one value for each unknown");
