@@ -35,11 +35,12 @@ const MIN_REGION: usize = 12;
 /// medians, and this many sizes of a surfel.
 const REGION_SIGMAS: f64 = 6.0;
 const LEAST_REGION_SIZES: f64 = 0.03;
-/// Upper bounds of the classes of roughness, metres: within a class the noise of rows is alike.
-const CLASSES_M: [f64; 6] = [0.0004, 0.0008, 0.0016, 0.003, 0.006, f64::INFINITY];
+/// Upper bounds of the classes of roughness, in sizes of a surfel: within a class the noise of rows is
+/// alike. For surfels of 5 cm they are 0.4, 0.8, 1.6, 3 and 6 mm.
+const CLASS_SIZES: [f64; 6] = [0.008, 0.016, 0.032, 0.06, 0.12, f64::INFINITY];
 
 /// Number of classes of roughness.
-pub const CLASSES: usize = CLASSES_M.len();
+pub const CLASSES: usize = CLASS_SIZES.len();
 
 /// A patch of the surface: the plane n·(x − c) = a + b u + c v with u and v along its own axes; a,
 /// b and c are unknowns.
@@ -308,7 +309,8 @@ pub fn associate(
         if tally.free > 0.0 {
             surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
         }
-        let class = CLASSES_M.iter().position(|most| surfel.scatter_m <= *most);
+        let sizes = surfel.scatter_m / gates.size_m;
+        let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
         surfel.class = class.unwrap_or(CLASSES - 1);
     }
     drop_unseen(&mut surfels, &mut drives);

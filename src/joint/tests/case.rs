@@ -166,8 +166,14 @@ pub fn truth() -> Vec<Mounting> {
     let left = exp(&Vec3::new(0.15, 0.05, 0.1)) * quarter;
     let lidar = exp(&Vec3::new(-0.1, 0.08, -0.4));
     vec![
-        Mounting::new("left", BodyFromScanner::new(left, Vec3::new(0.2, 0.15, 0.1))),
-        Mounting::new("lidar", BodyFromScanner::new(lidar, Vec3::new(-0.1, -0.2, 0.05))),
+        Mounting::new(
+            "left",
+            BodyFromScanner::new(left, Vec3::new(0.2, 0.15, 0.1)),
+        ),
+        Mounting::new(
+            "lidar",
+            BodyFromScanner::new(lidar, Vec3::new(-0.1, -0.2, 0.05)),
+        ),
     ]
 }
 
@@ -417,6 +423,8 @@ impl Dense {
 /// Residuals of all rows.
 pub fn residuals(problem: &JointProblem<'_>, state: &State) -> DVector<f64> {
     let mut all = Vec::new();
-    problem.visit(state, |batch| all.extend(batch.rows().map(|row| row.residual)));
+    problem.visit(state, |batch| {
+        all.extend(batch.rows().map(|row| row.residual))
+    });
     DVector::from_vec(all)
 }
