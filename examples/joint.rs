@@ -7,8 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use boresight::Result;
-use boresight::joint::JointSettings;
-use boresight::pipeline::joint::{Drive, adjusted};
+use boresight::joint::{ChainMotion, JointDrive, JointInput, JointSettings, Scans, adjust};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
 use boresight::simulation::Scenario;
@@ -67,22 +66,39 @@ fn run(seed: u64, folder: &Path, surfel_m: f64) -> Result<()> {
     }
     let begun = Instant::now();
     let mut settings = JointSettings::default();
-    settings.reference.shift_m = 0.0;
-    settings.reference.tilt_rad = 0.0;
-    let drives = [Drive {
-        name: "drive".into(),
-        project,
-        poses: &drive.own,
-        samples: &samples,
-    }];
-    let joint = adjusted(
-        &drives,
-        two.clone(),
-        &drive.reference,
-        &settings,
-        surfel_m,
-        &Silent,
-    )?;
+    if std::env::var("SHIFT").is_err() {
+        settings.reference.shift_m = 0.0;
+        settings.reference.tilt_rad = 0.0;
+    }
+    let known: &[_] = if std::env::var("NOREF").is_ok() {
+        &[]
+    } else {
+        &drive.reference
+    };
+    let posterior = drive.own.covariance.as_ref().unwrap();
+    let input = JointInput {
+        mountings: two.clone(),
+        known: None,
+        estimate_latency: vec![false; 2],
+        drives: vec![JointDrive {
+            name: "drive".into(),
+            motion: Box::new(ChainMotion::new(posterior, vec!["prism".into()], &[])),
+            scans: Scans {
+                samples: samples.iter().collect(),
+            },
+        }],
+        reference: known,
+    };
+    let joint = adjust(&input, &settings, surfel_m, &Silent)?;
+    println!(
+        "reference {:?} {:?} {:?}",
+        joint.reference, joint.view, joint.regions
+    );
+    println!(
+        "contradictions {:?} {:?}",
+        boresight::joint::contradictions(&joint),
+        joint.drives[0].positions
+    );
     println!(
         "joint {:.1} s, {} iterations, {} rows, {} surfels, {} unknowns, {}",
         begun.elapsed().as_secs_f64(),

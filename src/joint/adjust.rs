@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::components::{Component, components, rescale};
 use super::input::{JointInput, Scans};
-use super::layout::Groups;
+use super::layout::{Groups, REFERENCE};
 use super::model::BLOCKS_S;
 use super::problem::{JointProblem, State};
 use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove};
@@ -196,7 +196,7 @@ fn start(input: &JointInput<'_>) -> State {
         late_s: vec![0.0; input.mountings.len()],
         shapes: Vec::new(),
         patches: Vec::new(),
-        reference: [0.0; 6],
+        reference: [0.0; REFERENCE],
     }
 }
 
@@ -241,10 +241,14 @@ fn conclude(
             sigma,
         }
     });
-    let reference = layout.reference.and_then(|place| {
+    let of_reference = layout.reference.and_then(|place| {
         let part = block(place, place)?;
-        Some((state.reference, std::array::from_fn(|i| root(part[(i, i)]))))
+        let sigma: [f64; REFERENCE] = std::array::from_fn(|i| root(part[(i, i)]));
+        Some((state.reference, sigma))
     });
+    let six = |all: [f64; REFERENCE]| std::array::from_fn(|i| all[i]);
+    let reference = of_reference.map(|(value, sigma)| (six(value), six(sigma)));
+    let view = of_reference.map(|(value, sigma)| (value[6], sigma[6]));
     let drives = problem.input.drives.iter().enumerate();
     let drives = drives.map(|(index, drive)| {
         let first = layout.first_motion[index];
@@ -280,6 +284,7 @@ fn conclude(
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
         reference,
+        view,
         surface_m: problem.surface_m,
         regions: problem.found.regions.clone(),
         held: problem.held.clone(),

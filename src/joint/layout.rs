@@ -4,6 +4,10 @@ use super::input::JointInput;
 use super::motion::Motion;
 use super::surfel::{Association, CLASSES};
 
+/// Unknown errors of the reference: shift, rotation, and how much higher scanners see rough surfaces,
+/// as a share of their scatter.
+pub const REFERENCE: usize = 7;
+
 /// The blocks: of each drive's motion, surfels, patches, and at the end all that couples with nearly
 /// everything: errors of the reference, constants, latencies and mountings.
 #[derive(Debug, Clone)]
@@ -13,7 +17,7 @@ pub struct Layout {
     pub first_motion: Vec<usize>,
     pub first_surfel: usize,
     pub first_patch: usize,
-    /// Shift and tilt of the reference, where they are unknown.
+    /// Errors of the reference, where there is one.
     pub reference: Option<usize>,
     /// The block of each constant of each drive; drives share those of the same name and base.
     pub constants: Vec<Vec<usize>>,
@@ -31,7 +35,7 @@ impl Layout {
         input: &JointInput<'_>,
         motions: &[Box<dyn Motion>],
         found: &Association,
-        has_reference_error: bool,
+        has_reference: bool,
     ) -> Self {
         let mut sizes = Vec::new();
         let mut first_motion = Vec::new();
@@ -46,7 +50,7 @@ impl Layout {
         };
         let first_surfel = add(found.surfels.len(), 3);
         let first_patch = add(found.patches, 1);
-        let reference = has_reference_error.then(|| add(1, 6));
+        let reference = has_reference.then(|| add(1, REFERENCE));
         let mut constant_owner = Vec::new();
         let mut named: Vec<(String, f64)> = Vec::new();
         let places: Vec<Vec<usize>> = motions

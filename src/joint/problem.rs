@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::input::JointInput;
-use super::layout::{Groups, Layout};
+use super::layout::{Groups, Layout, REFERENCE};
 use super::motion::{Motion, Places};
 use super::row::{Row, RowBatch};
 use super::scan::{self, ScanBlocks, Seen};
@@ -32,6 +32,10 @@ const HELD_SIGMA: f64 = 1e-8;
 /// latencies (seconds) and of the reference.
 const START_SIGMA: f64 = 0.02;
 
+/// Standard deviation of how much higher scanners see rough surfaces than the reference does, as a
+/// share of their scatter: hollows hide from who looks from the side. Smooth surfaces are seen alike.
+const VIEW_SIGMA: f64 = 0.1;
+
 /// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
 /// the plane, beside what averages out over its points.
 const STRIP_SHARE: f64 = 0.5;
@@ -47,8 +51,9 @@ pub struct State {
     pub shapes: Vec<Vec3>,
     /// Offsets of the reference's patches, metres.
     pub patches: Vec<f64>,
-    /// Shift (metres) and rotation vector (radians) of the reference about its centre.
-    pub reference: [f64; 6],
+    /// Shift (metres) and rotation vector (radians) of the reference about its centre, and how much
+    /// higher scanners see rough surfaces than the reference does, as a share of their scatter.
+    pub reference: [f64; REFERENCE],
 }
 
 impl Clone for State {
@@ -100,10 +105,8 @@ impl<'a> JointProblem<'a> {
         groups: Groups,
         (state, held, surface_m): (&State, Vec<DVector<f64>>, f64),
     ) -> Self {
-        let sigma = &settings.reference;
         let has_prior = found.surfels.iter().any(|surfel| surfel.prior.is_some());
-        let has_error = has_prior && (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0);
-        let layout = Layout::new(input, &state.motions, &found, has_error);
+        let layout = Layout::new(input, &state.motions, &found, has_prior);
         let count = found.surfels.len().max(1) as f64;
         let centre_m = found.surfels.iter().map(|s| s.centre_m).sum::<Vec3>() / count;
         let known = input.known.map(|covariance| {
@@ -256,12 +259,13 @@ impl<'a> JointProblem<'a> {
             // How offset and slopes of the reference's plane move with its shift and rotation.
             let [normal, u_axis, v_axis] = surfel.axes;
             let arm = surfel.centre_m - self.centre_m;
-            let of_error: [[f64; 6]; 3] = [
+            let mut of_error: [[f64; REFERENCE]; 3] = [
                 (normal, arm.cross(&normal)),
                 (Vec3::zeros(), u_axis.cross(&normal)),
                 (Vec3::zeros(), v_axis.cross(&normal)),
             ]
-            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
+            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z, 0.0]);
+            of_error[0][6] = surfel.scatter_m * if normal.z < 0.0 { -1.0 } else { 1.0 };
             for i in 0..3 {
                 let floor = if i == 0 { LEAST_SIGMA_M } else { 0.0 };
                 let w = 1.0 / (prior.sigma[i].hypot(floor) * self.groups.scale[group]);
@@ -297,8 +301,12 @@ impl<'a> JointProblem<'a> {
         if let Some(reference) = self.layout.reference {
             let sigma = &self.settings.reference;
             for (i, value) in state.reference.iter().enumerate() {
-                let sigma = if i < 3 { sigma.shift_m } else { sigma.tilt_rad };
-                let mut by = [0.0; 6];
+                let sigma = match i {
+                    0..3 => sigma.shift_m,
+                    3..6 => sigma.tilt_rad,
+                    _ => VIEW_SIGMA,
+                };
+                let mut by = [0.0; REFERENCE];
                 by[i] = 1.0 / sigma.max(HELD_SIGMA);
                 batch.begin(group, 1.0, value * by[i]);
                 batch.touch(reference, &by);
@@ -471,7 +479,7 @@ impl<'a> JointProblem<'a> {
         if let Some(block) = layout.reference {
             next.reference
                 .iter_mut()
-                .zip(of(block, 6))
+                .zip(of(block, REFERENCE))
                 .for_each(|(x, d)| *x += d);
         }
         next

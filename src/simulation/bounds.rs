@@ -20,7 +20,7 @@ impl Scenario {
         const COORDINATE: (f64, f64) = (-1e4, 1e4);
         const RATE: (f64, f64) = (0.01, 1e4);
         const LATENCY: (f64, f64) = (-10.0, 10.0);
-        let (motion, imu) = (&self.motion, &self.imu);
+        let (plants, motion, imu) = (&self.plants, &self.motion, &self.imu);
         let (prism, heading) = (&self.prism, &self.heading);
         let (profiles, reference, bend) = (&self.profiles, &self.reference, &self.deformation);
         let mut bounds = vec![
@@ -30,6 +30,10 @@ impl Scenario {
             ("soil.clod_height_m", self.soil.clod_height_m, (0.0, 1.0)),
             ("soil.clod_size_m", self.soil.clod_size_m, LENGTH),
             ("soil.clod_cover", self.soil.clod_cover, (0.0, 0.95)),
+            ("plants.count_per_m2", plants.count_per_m2, (0.0, 1e4)),
+            ("plants.height_m", plants.height_m, (0.01, 5.0)),
+            ("plants.leaf_m", plants.leaf_m, (1e-3, 1.0)),
+            ("plants.sway_m", plants.sway_m, (0.0, 1.0)),
             ("motion.scan_speed_m_s", motion.scan_speed_m_s, SPEED),
             ("motion.transit_speed_m_s", motion.transit_speed_m_s, SPEED),
             ("motion.rest_s", motion.rest_s, (1.0, 1e4)),

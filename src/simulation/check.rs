@@ -47,6 +47,10 @@ impl Scenario {
                 soil.clod_size_m, soil.cell_m
             ));
         }
+        let field_m2: f64 = self.field.size_m.iter().product();
+        if self.plants.count_per_m2 * field_m2 > 1e6 {
+            return refuse("plants.count_per_m2 gives more than a million plants");
+        }
         if !(2..=10_000).contains(&self.profiles.width) {
             return refuse(format!(
                 "profiles.width is {}, not 2 to 10000",

@@ -1,6 +1,8 @@
 //! The paper's field, robot and drives.
 
-use super::field::{BoardSettings, DriveSettings, Field, MotionSettings, Pass, SoilSettings};
+use super::field::{
+    BoardSettings, DriveSettings, Field, MotionSettings, Pass, PlantSettings, SoilSettings,
+};
 use super::scenario::Scenario;
 use super::sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
@@ -39,6 +41,7 @@ impl Default for Scenario {
             gravity_m_s2: 9.81,
             field: Field::default(),
             soil: SoilSettings::default(),
+            plants: PlantSettings::default(),
             motion: MotionSettings::default(),
             imu: ImuSettings::default(),
             prism: PrismSettings::default(),
@@ -116,6 +119,17 @@ impl Default for SoilSettings {
             clod_height_m: 0.0,
             clod_size_m: 0.06,
             clod_cover: 0.2,
+        }
+    }
+}
+
+impl Default for PlantSettings {
+    fn default() -> Self {
+        Self {
+            count_per_m2: 0.0,
+            height_m: 0.2,
+            leaf_m: 0.05,
+            sway_m: 0.01,
         }
     }
 }

@@ -186,7 +186,7 @@ fn scanner_table(
     )
 }
 
-/// Field, boards and the passes of one drive.
+/// Field, clods, plants, boards and the passes of one drive.
 fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
     let mut text = format!(
         "# The field extends from the origin to size_m (east, north).\n[field]\nsize_m = {:?}\n",
@@ -199,6 +199,16 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
             &format!(
                 "clod_height_m = {:?}\nclod_size_m = {:?}\nclod_cover = {:?}\n",
                 soil.clod_height_m, soil.clod_size_m, soil.clod_cover
+            ),
+        );
+    }
+    let plants = &scenario.plants;
+    if plants.count_per_m2 != 0.0 {
+        text += &table(
+            "[plants]",
+            &format!(
+                "count_per_m2 = {:?}\nheight_m = {:?}\nleaf_m = {:?}\nsway_m = {:?}\n",
+                plants.count_per_m2, plants.height_m, plants.leaf_m, plants.sway_m
             ),
         );
     }

@@ -31,6 +31,21 @@ pub struct SoilSettings {
     pub clod_cover: f64,
 }
 
+/// Plants on the field, apart from boards: leaves above the soil that sway.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlantSettings {
+    /// Plants per square metre, each of six leaves; zero for none.
+    pub count_per_m2: f64,
+    /// Height of the tallest plants above the soil, metres; leaves begin at a quarter of it.
+    pub height_m: f64,
+    /// Length of a leaf, metres; it is half as wide.
+    pub leaf_m: f64,
+    /// Standard deviation of the distance of a leaf from its place as it sways within some ten
+    /// seconds, metres: between passes, and between drive and reference, it has moved.
+    pub sway_m: f64,
+}
+
 /// A board.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

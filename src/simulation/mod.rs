@@ -13,9 +13,11 @@ mod describe;
 mod drive;
 mod field;
 mod inertial;
+mod plants;
 mod presets;
 mod profiler;
 mod random;
+mod ray;
 mod reference;
 mod route;
 mod scenario;
@@ -29,8 +31,11 @@ mod write;
 pub use aiding::{simulate_heading, simulate_prism};
 pub use deformation::Mountings;
 pub use drive::{BodyState, Drive};
-pub use field::{BoardSettings, DriveSettings, Field, MotionSettings, Pass, SoilSettings};
+pub use field::{
+    BoardSettings, DriveSettings, Field, MotionSettings, Pass, PlantSettings, SoilSettings,
+};
 pub use inertial::{Inertial, simulate_imu};
+pub use plants::Plants;
 pub use profiler::{Profile, Profiler, Ray};
 pub use reference::Reference;
 pub use scenario::Scenario;

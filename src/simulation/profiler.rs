@@ -96,7 +96,8 @@ impl<'a> Profiler<'a> {
             .iter()
             .map(|ray| {
                 let direction = rotation * ray;
-                let hit = self.scene.intersect(&origin, &direction, far / -ray.z)?;
+                let reach = far / -ray.z;
+                let hit = self.scene.intersect(&origin, &direction, reach, time_s)?;
                 (hit.range_m * -ray.z >= near).then(|| Ray {
                     point_m: ray * hit.range_m,
                     cosine: -hit.normal.dot(&direction),
@@ -147,10 +148,10 @@ impl<'a> Profiler<'a> {
                 let sigma =
                     settings.sigma_m[0] + share * (settings.sigma_m[1] - settings.sigma_m[0]);
                 measured += noise * sigma / -direction.z;
-                let albedo = if hit.surface == Surface::Soil {
-                    110.0
-                } else {
-                    220.0
+                let albedo = match hit.surface {
+                    Surface::Soil => 110.0,
+                    Surface::Board(_) => 220.0,
+                    Surface::Plant => 160.0,
                 };
                 Some((
                     direction.x * measured,

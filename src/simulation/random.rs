@@ -32,6 +32,8 @@ pub enum Purpose {
     Clods,
     /// Smooth error of the reference.
     ReferenceSurface,
+    /// Plants on the field.
+    Plants,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.

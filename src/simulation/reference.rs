@@ -8,6 +8,12 @@ use super::scene::{Board, Scene};
 use super::wave::Wave;
 use crate::geometry::Vec3;
 
+/// When the field is scanned, seconds of the day: well before the drives.
+const SURVEY_S: f64 = 30_000.0;
+
+/// Height above all plants, metres.
+const ABOVE_M: f64 = 10.0;
+
 /// The reference cloud in strips, which can be generated in any order.
 #[derive(Debug, Clone)]
 pub struct Reference<'a> {
@@ -51,7 +57,7 @@ impl<'a> Reference<'a> {
     }
 
     /// The points of one strip in the world, metres. Each cell of the grid contains one point at a
-    /// random position; soil hidden from above by a board is missing.
+    /// random position, on leaves where they are then; soil hidden from above by a board is missing.
     pub fn strip(&self, index: usize) -> Vec<Vec3> {
         let settings = &self.scenario.reference;
         let mut rng = stream(self.scenario.seed, Purpose::Reference, 0, index as u64);
@@ -73,9 +79,7 @@ impl<'a> Reference<'a> {
                     if self.boards.iter().any(|board| board.covers(along, y, 0.0)) {
                         continue;
                     }
-                    let (height, [gx, gy]) = self.scene.soil.height_and_gradient(along, y);
-                    let normal = Vec3::new(-gx, -gy, 1.0).normalize();
-                    (Vec3::new(along, y, height), normal)
+                    self.ground(along, y)
                 }
                 Some(b) => {
                     let board = &self.boards[b];
@@ -91,6 +95,20 @@ impl<'a> Reference<'a> {
             points.push(point);
         }
         points
+    }
+
+    /// The leaf, or else the soil, that is seen from above, and its upward normal.
+    fn ground(&self, x: f64, y: f64) -> (Vec3, Vec3) {
+        let (height, [gx, gy]) = self.scene.soil.height_and_gradient(x, y);
+        let above = Vec3::new(x, y, height + ABOVE_M);
+        let plants = &self.scene.plants;
+        match plants.intersect(&above, &-Vec3::z(), ABOVE_M, SURVEY_S) {
+            Some((range_m, normal)) => (above - Vec3::z() * range_m, normal * normal.z.signum()),
+            None => (
+                Vec3::new(x, y, height),
+                Vec3::new(-gx, -gy, 1.0).normalize(),
+            ),
+        }
     }
 
     /// The board (or the soil) and the row of a strip.

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::field::{BoardSettings, DriveSettings, Field, MotionSettings, SoilSettings};
+use super::field::{
+    BoardSettings, DriveSettings, Field, MotionSettings, PlantSettings, SoilSettings,
+};
 use super::sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
     ReferenceSettings, ScannerSettings,
@@ -31,6 +33,8 @@ pub struct Scenario {
     pub field: Field,
     /// Its soil.
     pub soil: SoilSettings,
+    /// Plants on it.
+    pub plants: PlantSettings,
     /// Motion of the robot.
     pub motion: MotionSettings,
     /// The IMU.

@@ -1,6 +1,7 @@
-//! Surfaces on the field: rough soil and tilted boards.
+//! Surfaces on the field: rough soil, tilted boards and leaves.
 
 use super::field::BoardSettings;
+use super::plants::Plants;
 use super::scenario::Scenario;
 use super::soil::Soil;
 use crate::geometry::Vec3;
@@ -87,6 +88,8 @@ pub enum Surface {
     Soil,
     /// The board of this index.
     Board(usize),
+    /// A leaf.
+    Plant,
 }
 
 /// The point where a ray hits a surface.
@@ -107,6 +110,8 @@ pub struct Scene {
     pub soil: Soil,
     /// The boards where they stand then.
     pub boards: Vec<Board>,
+    /// The plants.
+    pub plants: Plants,
     /// The field extends from the origin to this corner (east, north), metres.
     pub size_m: [f64; 2],
 }
@@ -114,16 +119,24 @@ pub struct Scene {
 impl Scene {
     /// The scene of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
+        let soil = Soil::new(scenario.seed, &scenario.field, &scenario.soil);
         Self {
-            soil: Soil::new(scenario.seed, &scenario.field, &scenario.soil),
+            plants: Plants::new(scenario, &soil),
+            soil,
             boards: scenario.boards.iter().map(Board::moved).collect(),
             size_m: scenario.field.size_m,
         }
     }
 
-    /// The first surface along the unit vector `direction`, exact for boards and accurate to 1e-6 m
-    /// on the ground; `None` beyond `max_range_m`.
-    pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<Hit> {
+    /// The first surface along the unit vector `direction` at this time, exact for boards and leaves
+    /// and accurate to 1e-6 m on the ground; `None` beyond `max_range_m`.
+    pub fn intersect(
+        &self,
+        origin: &Vec3,
+        direction: &Vec3,
+        max_range_m: f64,
+        time_s: f64,
+    ) -> Option<Hit> {
         let mut reach = max_range_m;
         let mut hit = None;
         for (index, board) in self.boards.iter().enumerate() {
@@ -133,6 +146,11 @@ impl Scene {
                 reach = range_m;
                 hit = Some((range_m, board.normal, Surface::Board(index)));
             }
+        }
+        let plants = &self.plants;
+        if let Some((range_m, normal)) = plants.intersect(origin, direction, reach, time_s) {
+            reach = range_m;
+            hit = Some((range_m, normal, Surface::Plant));
         }
         if let Some(range_m) = self.soil.intersect(origin, direction, reach) {
             let p = origin + direction * range_m;
@@ -150,7 +168,7 @@ impl Scene {
         })
     }
 
-    /// Distance of a point close to a surface from it, metres; on the ground to first order.
+    /// Distance of a point close to ground or board from it, metres; on the ground to first order.
     pub fn distance_m(&self, point: &Vec3) -> f64 {
         let (height, [gx, gy]) = self.soil.height_and_gradient(point.x, point.y);
         let ground = (point.z - height).abs() / (1.0 + gx * gx + gy * gy).sqrt();
@@ -230,7 +248,7 @@ mod tests {
                 tilt.sin() * azimuth.sin(),
                 -tilt.cos(),
             );
-            let fast = scene.intersect(&origin, &direction, 2.5);
+            let fast = scene.intersect(&origin, &direction, 2.5, 0.0);
             let slow = reference(&scene, &origin, &direction, 2.5);
             let Some(hit) = fast else {
                 assert_eq!(slow, None, "missed from {origin} along {direction}");

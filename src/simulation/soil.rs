@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::clods::{self, Raster};
 use super::field::{Field, SoilSettings};
 use super::random::{Purpose, stream};
+use super::ray::{self, Squares};
 use super::wave::Wave;
 use crate::geometry::Vec3;
 
@@ -22,7 +23,8 @@ pub struct Soil {
     columns: usize,
     rows: usize,
     control: Vec<f32>,
-    tile_columns: usize,
+    /// One for each tile.
+    squares: Squares,
     tiles: Vec<Tile>,
     highest: f64,
 }
@@ -79,12 +81,17 @@ impl Soil {
             columns,
             rows,
             control,
-            tile_columns: (columns - 2) / TILE,
+            squares: Squares {
+                origin,
+                side_m: TILE as f64 * cell,
+                count: [(columns - 2) / TILE, (rows - 2) / TILE],
+            },
             tiles: Vec::new(),
             highest: f64::NEG_INFINITY,
         };
-        soil.tiles = (0..(rows - 2) / TILE)
-            .flat_map(|tj| (0..soil.tile_columns).map(move |ti| (ti, tj)))
+        let [tile_columns, tile_rows] = soil.squares.count;
+        soil.tiles = (0..tile_rows)
+            .flat_map(|tj| (0..tile_columns).map(move |ti| (ti, tj)))
             .map(|(ti, tj)| soil.bound(ti, tj))
             .collect();
         soil.highest = soil
@@ -175,7 +182,7 @@ impl Soil {
     ///
     /// By the tile's bound on the slope, no step is long enough to cross the ground.
     pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
-        let (enter, leave) = self.inside(origin, direction)?;
+        let (enter, leave) = ray::within(origin, direction, self.extent_m())?;
         let max_range = max_range_m.min(leave);
         let mut range = enter.max(0.0);
         if origin.z + range * direction.z > self.highest {
@@ -185,29 +192,11 @@ impl Soil {
             range = (self.highest - origin.z) / direction.z;
         }
         let across = direction.x.hypot(direction.y);
-        let tile_m = TILE as f64 * self.cell_m;
         while range <= max_range {
             let p = origin + direction * range;
-            let tile_of =
-                |x: f64, o: f64, n: usize| (((x - o) / tile_m).max(0.0) as usize).min(n - 1);
-            let ti = tile_of(p.x, self.origin[0], self.tile_columns);
-            let tj = tile_of(p.y, self.origin[1], self.tiles.len() / self.tile_columns);
-            let tile = self.tiles[tj * self.tile_columns + ti];
-            // Slightly beyond the tile's edge, so that the next point is in the next tile.
-            let edge = |x: f64, o: f64, t: usize, d: f64| {
-                if d > 0.0 {
-                    (o + (t + 1) as f64 * tile_m - x) / d
-                } else if d < 0.0 {
-                    (o + t as f64 * tile_m - x) / d
-                } else {
-                    f64::INFINITY
-                }
-            };
-            let exit = range
-                + edge(p.x, self.origin[0], ti, direction.x)
-                    .min(edge(p.y, self.origin[1], tj, direction.y))
-                    .max(0.0)
-                + 1e-9;
+            let square @ [ti, tj] = self.squares.at(p.x, p.y);
+            let tile = self.tiles[tj * self.squares.count[0] + ti];
+            let exit = self.squares.leave(range, &p, direction, square);
             if p.z > tile.highest + 1e-9 {
                 range = if direction.z < 0.0 {
                     exit.min((tile.highest - origin.z) / direction.z)
@@ -236,24 +225,5 @@ impl Soil {
             };
         }
         None
-    }
-
-    /// The part of the ray above the ground's extent.
-    fn inside(&self, origin: &Vec3, direction: &Vec3) -> Option<(f64, f64)> {
-        let [low, high] = self.extent_m();
-        let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
-        for axis in 0..2 {
-            let (o, d) = (origin[axis], direction[axis]);
-            if d == 0.0 {
-                if o < low[axis] || o > high[axis] {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = ((low[axis] - o) / d, (high[axis] - o) / d);
-            enter = enter.max(a.min(b));
-            leave = leave.min(a.max(b));
-        }
-        (enter <= leave).then_some((enter, leave))
     }
 }

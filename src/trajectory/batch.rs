@@ -163,7 +163,7 @@ pub fn adjust_once(
     progress: &dyn Progress,
 ) -> Result<Adjusted> {
     let streams = Streams::new(logs, settings, corrections)?;
-    let timeline = Timeline::new(&streams, settings.nodes);
+    let timeline = Timeline::new(&streams, settings.nodes, settings.max_step_s);
     let rests = rests(&streams, settings);
     let start = begin(&streams, &timeline, &rests, settings)?;
     let mut constants = Constants::new(settings, corrections);

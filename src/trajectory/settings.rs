@@ -1,6 +1,7 @@
 //! What the estimation needs besides the logs, in SI units.
 
 pub use super::imu_noise::ImuNoise;
+use super::timeline::MAX_STEP_S;
 pub use crate::adjustment::Loss;
 use crate::geometry::{BodyAxes, Vec3};
 
@@ -159,6 +160,9 @@ pub struct TrajectorySettings {
     pub heading: HeadingSettings,
     /// Where the nodes are.
     pub nodes: Nodes,
+    /// Longest step between nodes where they are at position fixes, seconds. Poses do not depend on
+    /// it, but what corrects them between nodes does.
+    pub max_step_s: f64,
     /// What is estimated along with the trajectory.
     pub estimate: Vec<Constant>,
     /// Whether velocity is held at zero where the logs show that the body rests.
@@ -166,6 +170,9 @@ pub struct TrajectorySettings {
 }
 
 impl TrajectorySettings {
+    /// Default of [`TrajectorySettings::max_step_s`].
+    pub const MAX_STEP_S: f64 = MAX_STEP_S;
+
     /// An IMU, one prism and headings, with nothing but the trajectory estimated.
     pub fn new(
         axes: BodyAxes,
@@ -180,6 +187,7 @@ impl TrajectorySettings {
             positions: vec![position],
             heading,
             nodes: Nodes::default(),
+            max_step_s: MAX_STEP_S,
             estimate: Vec::new(),
             zero_velocity: true,
         }

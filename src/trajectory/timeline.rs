@@ -9,12 +9,9 @@ use super::settings::Nodes;
 use super::streams::Streams;
 use crate::adjustment::ChainLayout;
 
-/// Longest time that one bias is held, and longest step while online: where the prism is out, biases
-/// still walk.
+/// Longest time that one bias is held, and longest step unless the settings ask for shorter ones:
+/// where the prism is out, biases still walk.
 pub const MAX_STEP_S: f64 = 1.0;
-
-/// Longest step of a whole drive: between nodes, scans cannot correct a pose.
-const MAX_SPACING_S: f64 = 0.25;
 
 /// The chain of one drive.
 #[derive(Debug, Clone)]
@@ -29,7 +26,7 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    pub fn new(streams: &Streams, nodes: Nodes) -> Self {
+    pub fn new(streams: &Streams, nodes: Nodes, max_step_s: f64) -> Self {
         let mut pose_s: Vec<f64> = streams.imu.iter().map(|s| s.time_s).collect();
         pose_s.push(streams.span_s().1);
         let mut fixes_s: Vec<f64> = streams
@@ -41,7 +38,7 @@ impl Timeline {
         fixes_s.sort_by(f64::total_cmp);
         let node_s = match nodes {
             Nodes::Imu => pose_s.clone(),
-            Nodes::Prism => sparse_nodes(&pose_s, &fixes_s, streams.imu.interval_s),
+            Nodes::Prism => sparse_nodes(&pose_s, &fixes_s, streams.imu.interval_s, max_step_s),
         };
         let (layout, bias_start_s) = biases(&node_s, &fixes_s);
         Self {
@@ -83,13 +80,13 @@ impl Timeline {
 }
 
 /// Nodes at the ends, at the fixes, and in between where steps would be too long.
-fn sparse_nodes(pose_s: &[f64], fixes_s: &[f64], interval_s: f64) -> Vec<f64> {
+fn sparse_nodes(pose_s: &[f64], fixes_s: &[f64], interval_s: f64, max_step_s: f64) -> Vec<f64> {
     let end_s = pose_s[pose_s.len() - 1];
     let mut nodes = vec![pose_s[0]];
     let push = |nodes: &mut Vec<f64>, time_s: f64| {
         let from_s = nodes[nodes.len() - 1];
         // Steps of equal length, each ending at an IMU sample, and no longer than allowed.
-        let count = ((time_s - from_s) / MAX_SPACING_S - SAME_INSTANT_S)
+        let count = ((time_s - from_s) / max_step_s - SAME_INSTANT_S)
             .ceil()
             .max(1.0);
         for k in 1..count as usize {
@@ -174,11 +171,11 @@ mod tests {
     #[test]
     fn sparse_nodes_stand_at_fixes_and_no_farther_apart_than_allowed() {
         let poses: Vec<f64> = (0..=400).map(|i| f64::from(i) * 0.01).collect();
-        let nodes = sparse_nodes(&poses, &[0.0, 0.5, 0.503, 0.734, 3.1, 4.0], 0.01);
+        let nodes = sparse_nodes(&poses, &[0.0, 0.5, 0.503, 0.734, 3.1, 4.0], 0.01, 0.25);
         // 0.503 belongs to 0.5; 0.734 to 3.1 is cut in ten.
         assert_eq!(nodes.len(), 1 + 2 + 1 + 10 + 4, "{nodes:?}");
         assert_eq!(nodes[3], 0.734);
-        assert!(nodes.windows(2).all(|w| w[1] - w[0] < MAX_SPACING_S + 0.01));
+        assert!(nodes.windows(2).all(|w| w[1] - w[0] < 0.25 + 0.01));
         assert_eq!((nodes[0], nodes[17]), (0.0, 4.0));
     }
 

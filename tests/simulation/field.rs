@@ -78,6 +78,64 @@ fn clods_are_part_of_the_ground_that_both_see_and_wheels_do_not_feel() {
 }
 
 #[test]
+fn leaves_are_seen_where_they_are_at_the_time() {
+    let bare = small();
+    let mut planted = small();
+    planted.plants.count_per_m2 = 30.0;
+    let (before, after) = (Scene::new(&bare), Scene::new(&planted));
+    let drive = Drive::new(&planted, &after, 0, 0.0);
+    let [without, with] =
+        [(&bare, &before), (&planted, &after)].map(|(s, scene)| Profiler::new(s, scene, &drive, 0));
+    let (mut leaves, mut rays, mut moved_m) = (0, 0, 0.0f64);
+    for k in 0..with.count() {
+        let time_s = with.time_s(0, k);
+        let pose = drive.at(time_s).world_from_body * planted.true_mountings()[0];
+        let beams = without.ideal(0, k).into_iter().zip(with.ideal(0, k));
+        for (free, ray) in beams.filter_map(|(free, ray)| Some((free, ray?))) {
+            let point = pose.map(&ray.point_m);
+            rays += i32::from((0.0..7.5).contains(&point.x) && (0.0..6.0).contains(&point.y));
+            if ray.hit.surface != Surface::Plant {
+                // Soil and boards are as they were.
+                assert_eq!(free, Some(ray));
+                continue;
+            }
+            leaves += 1;
+            assert!(free.is_none_or(|free| free.hit.range_m > ray.hit.range_m));
+            // Half a leaf's length from the centre of one, now but not much later.
+            let nearest = |time_s: f64| {
+                let centres = after.plants.centres_m(time_s);
+                centres.map(|c| (c - point).norm()).fold(f64::MAX, f64::min)
+            };
+            if leaves % 50 == 0 {
+                assert!(nearest(time_s) <= 0.0250001);
+                moved_m = moved_m.max(nearest(time_s + 20.0));
+            }
+        }
+    }
+    let share = f64::from(leaves) / f64::from(rays);
+    println!("{leaves} of {rays}: {share:.3}");
+    // 180 leaves of 10 cm² a square metre, tilted, behind one another, and none at boards.
+    assert!((0.04..0.15).contains(&share), "{share}");
+    assert!(moved_m > 0.03, "{moved_m}");
+
+    let [on_soil, on_leaves] = [(&bare, &before), (&planted, &after)].map(|(s, scene)| {
+        let reference = Reference::new(s, scene);
+        (0..reference.strips())
+            .flat_map(|k| reference.strip(k))
+            .collect::<Vec<_>>()
+    });
+    assert_eq!(on_soil.len(), on_leaves.len());
+    let changed = on_soil.iter().zip(&on_leaves).filter(|(a, b)| a != b);
+    let mut count = 0;
+    for (a, b) in changed {
+        // From above, a leaf is nearer than the soil below it.
+        assert!(b.z > a.z - 0.005 && before.distance_m(a) < 0.005);
+        count += 1;
+    }
+    assert!((1000..4000).contains(&count), "{count}");
+}
+
+#[test]
 fn passes_of_the_plain_field_see_the_ground_in_both_directions() {
     let scenario = Scenario::load("plain").unwrap();
     scenario.check().unwrap();

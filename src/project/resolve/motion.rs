@@ -153,6 +153,7 @@ fn logs(
             positions: position_settings,
             heading: heading(source, all)?,
             nodes: trajectory.nodes.unwrap_or_default(),
+            max_step_s: TrajectorySettings::MAX_STEP_S,
             estimate,
             zero_velocity: trajectory.zero_velocity.unwrap_or(true),
         },
