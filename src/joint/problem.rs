@@ -141,6 +141,8 @@ impl<'a> JointProblem<'a> {
                 pattern.couple(&blocks);
             }
         });
+        // Directions that are held later, because nothing determines them, couple all mountings.
+        pattern.couple(&problem.layout.mountings);
         problem.system = pattern.analyse(problem.layout.last());
         problem.damping_sigma = problem.damping_sigma(state);
         problem
