@@ -71,20 +71,27 @@ fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
 /// That surfels lie on the plane, keep all of its noise and lose no points.
 fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
     let found = associated(passes, &[]);
-    let points: usize = passes.iter().map(Vec::len).sum();
+    // Voxels at the rim are not full.
+    let is_inside = |point: &Vec3| (point - origin_m).norm() < 0.3 - 2.0 * SIZE_M;
+    let points = passes.iter().flatten().filter(|point| is_inside(point));
+    let rows = &found.drives[0];
+    let held = rows.rows.iter().flat_map(|row| rows.points_of(row));
+    let held = held.filter(|point| is_inside(&point.position_m)).count();
+    let share = held as f64 / points.count() as f64;
     let (mut kept, mut sum_m) = (0.0, 0.0);
-    for row in &found.drives[0].rows {
+    for row in &rows.rows {
         let surfel = &found.surfels[row.surfel as usize];
         let n = f64::from(row.count);
         kept += n;
         sum_m += n * normal.dot(&(surfel.centre_m - origin_m));
     }
-    let share = kept / points as f64;
     println!(
-        "{normal:?}: {} surfels hold {share} of the points",
+        "{:?}: {} surfels hold {share} of the points",
+        normal.as_slice(),
         found.surfels.len()
     );
-    assert!(share > 0.97, "{share} of the points are in rows");
+    // A noise of four standard deviations is beyond the gate.
+    assert!(share > 0.999, "{share} of the points are in rows");
     // Were noise cut, the planes of halves would lie off by 0.8 of it.
     let mean_m = sum_m / kept;
     assert!(mean_m.abs() < 4.0 * NOISE_M / kept.sqrt(), "{mean_m} m");
@@ -204,15 +211,12 @@ fn a_board_above_soil_has_surfels_of_its_own_up_to_its_edge() {
 }
 
 #[test]
-fn a_low_step_within_a_voxel_is_no_surface() {
-    // Fitted as one plane it would be a ramp 20 mm high.
+fn a_low_step_within_a_voxel_counts_as_rough() {
+    // Two centimetres in a voxel of five pass as a ramp; its rows say what they are worth.
     let found = associated(&step_edge(0.02), &[]);
-    for surfel in found.surfels.iter() {
-        let heights = [0.02, 0.04].map(|z| (surfel.centre_m.z - z).abs());
-        assert!(
-            heights[0] < 1e-3 || heights[1] < 1e-3,
-            "{}",
-            surfel.centre_m
-        );
+    for surfel in &found.surfels {
+        let off_m = [0.02, 0.04].map(|z| (surfel.centre_m.z - z).abs());
+        let on_either = off_m[0] < 1e-3 || off_m[1] < 1e-3;
+        assert!(on_either || surfel.scatter_m > 0.004, "{surfel:?}");
     }
 }

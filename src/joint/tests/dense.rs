@@ -19,9 +19,12 @@ fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
     by_scale(&scaled.inverse())
 }
 
-/// Both solvers round H to 1e-16 of its largest entries; the weakest direction of a case has a
-/// variance of some 1e6 times that of a single unknown with all others held.
-const ROUNDING: f64 = 1e-8;
+/// What rounding leaves of covariances, in standard deviations. A pivot is what cancellation leaves of
+/// its Hᵢᵢ: as many digits are lost as Hᵢᵢ (H⁻¹)ᵢᵢ has. Each is a sum of some hundred products.
+fn rounding(h: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
+    let lost = h.diagonal().component_mul(&covariance.diagonal()).max();
+    100.0 * f64::EPSILON * lost
+}
 
 /// Largest difference of covariances, in the standard deviations of both.
 fn difference(found: &DMatrix<f64>, dense: &DMatrix<f64>, (row, column): (usize, usize)) -> f64 {
@@ -60,6 +63,8 @@ fn step_and_covariances_are_those_of_dense_algebra() {
         assert!(off < 1e-12, "{name}: gradient {off:e}");
 
         let covariance = inverse(&h);
+        let allowed = rounding(&h, &covariance);
+        assert!(allowed < 1e-3, "{name}: {allowed:e}");
         let expected = &covariance * &g;
         let factor = problem.factor().expect("factorised");
         let mut step = problem.gradient().to_vec();
@@ -67,9 +72,9 @@ fn step_and_covariances_are_those_of_dense_algebra() {
         let sigma = covariance.diagonal().map(f64::sqrt);
         let off = (DVector::from_vec(step) - &expected).component_div(&sigma);
         let length = expected.component_div(&sigma).amax();
-        println!("{name}: step off {:e} of {length}", off.amax());
+        println!("{name}: step off {:e} of {length}, allowed {allowed:e}", off.amax());
         assert!(
-            off.amax() < ROUNDING * length,
+            off.amax() < allowed * length.max(1.0),
             "{name}: step {:e}",
             off.amax()
         );
@@ -95,13 +100,13 @@ fn step_and_covariances_are_those_of_dense_algebra() {
         (0..problem.found.surfels.len())
             .for_each(|s| compare(layout.first_surfel + s, layout.first_surfel + s));
         println!("{name}: covariances off {worst:e}");
-        assert!(worst < ROUNDING, "{name}: covariances {worst:e}");
+        assert!(worst < allowed, "{name}: covariances {worst:e}");
 
         let shared = problem.shared_covariance().expect("factorised");
         let first = place(layout.last());
         assert_eq!(shared.nrows(), problem.unknowns() - first);
         let off = difference(&shared, &covariance, (first, first));
-        assert!(off < ROUNDING, "{name}: shared covariance {off:e}");
+        assert!(off < allowed, "{name}: shared covariance {off:e}");
     });
 }
 
@@ -126,13 +131,20 @@ fn at_the_solution_the_gradient_is_zero() {
     each(|name, mut problem, mut state| {
         solve(&mut problem, &mut state);
         // The criterion of convergence leaves 5 % of a standard deviation before its last step.
-        for _ in 0..3 {
+        let mut off = 0.0;
+        let mut dense = Dense::new(&problem, &state);
+        for _ in 0..6 {
             state = problem.step(&state, 0.0).expect("positive definite");
+            dense = Dense::new(&problem, &state);
+            let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
+            let all = dense.g().component_div(&terms);
+            off = all.amax();
+            println!(
+                "{name}: gradient {off:e} of its terms, at {} step {:e}",
+                all.iamax(),
+                problem.decrement()
+            );
         }
-        let dense = Dense::new(&problem, &state);
-        let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
-        let off = dense.g().component_div(&terms).amax();
-        println!("{name}: gradient {off:e} of its terms");
         // Each step leaves less than a hundredth of the one before: 1e-2 to the fourth.
         assert!(off < 1e-8, "{name}: {off:e}");
 
@@ -221,6 +233,12 @@ fn without_scans_it_is_the_trajectory_alone() {
         assert!(shift.amax() < 1e-3 * b.position_m.min(), "{shift}");
         assert!(turn.amax() < 1e-3 * b.rotation_rad.min(), "{turn}");
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
+        println!(
+            "{} {:?} {:?}",
+            expected.time_s,
+            a.position_m.component_div(&b.position_m).as_slice(),
+            a.rotation_rad.component_div(&b.rotation_rad).as_slice()
+        );
         for i in 0..3 {
             assert!(near(a.position_m[i], b.position_m[i]));
             assert!(near(a.rotation_rad[i], b.rotation_rad[i]));

@@ -96,11 +96,14 @@ const ROUNDING: f64 = 1e-8;
 const FIRST_ORDER: f64 = 3e-3;
 /// Velocities between poses are joined by straight lines, while positions are on a cubic.
 const BY_TIME: f64 = 1e-3;
-/// The wide prior of a mounting takes the change from its start as small.
+/// The wide priors of mountings and of the first node, 1 m and 1 rad, take the change from their start as
+/// small: it is some milliradians, of the node some hundredths of a radian.
 const BY_CHANGE: f64 = 2e-3;
+const FROM_START: f64 = 5e-2;
 
 #[test]
 fn every_row_meets_finite_differences() {
+    let mut failed = Vec::new();
     for (name, case) in [
         ("all kinds of rows", Case::full()),
         ("logs and scans", Case::plain()),
@@ -125,11 +128,17 @@ fn every_row_meets_finite_differences() {
                 // Held where its errors are taken to be zero.
                 (false, "patch") if case.surface_m == 0.0 => continue,
                 (false, "mounting") => BY_CHANGE,
+                (false, "node") if group == "assumed" => FROM_START,
                 _ => ROUNDING,
             };
-            assert!(share < allowed, "{name}, {group} by {kind}: {share:e}");
+            if share >= allowed {
+                failed.push(format!(
+                    "{name}, {group} by {kind}: {share:e} > {allowed:e}"
+                ));
+            }
         }
     }
+    assert!(failed.is_empty(), "{failed:#?}");
 }
 
 #[test]
