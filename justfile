@@ -34,6 +34,10 @@ bench-trajectory *ARGS:
 montecarlo SEEDS="10":
     cargo run --release --example montecarlo -- {{SEEDS}}
 
+# Errors of the joint adjustment beside two steps over SEEDS simulated drives: the tables of docs/joint.md
+joint SEEDS="30" FIRST="1" *ARGS:
+    cargo run --release --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
+
 # Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

@@ -275,6 +275,7 @@ fn conclude(
                 .iter()
                 .flat_map(|&block_s| state.motions[index].position_blocks(block_s))
                 .collect(),
+            residuals: state.motions[index].position_residuals(),
         })
     });
     Ok(Joint {
@@ -285,6 +286,7 @@ fn conclude(
         constants: constants.collect(),
         reference,
         view,
+        reference_before: problem.settings.reference,
         surface_m: problem.surface_m,
         regions: problem.found.regions.clone(),
         held: problem.held.clone(),

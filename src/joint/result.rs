@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::components::Component;
-use super::motion::PositionBlocks;
+use super::motion::{PositionBlocks, PositionResiduals};
+use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
@@ -30,6 +31,8 @@ pub struct Joint {
     /// How much higher scanners see rough surfaces than the reference does, as a share of their
     /// scatter, with its standard deviation; `None` without a reference.
     pub view: Option<(f64, f64)>,
+    /// What was known about them before.
+    pub reference_before: ReferenceSigma,
     /// Standard deviation of the reference's errors over some decimetres, metres.
     pub surface_m: f64,
     /// Regions in which scans and reference disagree.
@@ -61,6 +64,8 @@ pub struct AdjustedDrive {
     pub imu: String,
     /// Residuals of its position sensors in blocks of time.
     pub positions: Vec<PositionBlocks>,
+    /// The same residuals one by one.
+    pub residuals: Vec<PositionResiduals>,
     /// How far the adjustment moved each pose.
     pub moved: Vec<PoseMove>,
 }

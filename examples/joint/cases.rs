@@ -1,0 +1,218 @@
+//! The cases: what is wrong with a drive, and what is estimated.
+
+use boresight::Result;
+use boresight::error::Error;
+use boresight::geometry::{BodyFromScanner, Vec3};
+use boresight::joint::JointSettings;
+use boresight::project::{Motion, Project};
+use boresight::simulation::Scenario;
+use boresight::trajectory::{Constant, Nodes, TrajectorySettings};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::joint_drive::Setup;
+
+/// Beyond the case, for experiments.
+#[derive(Default)]
+pub struct Options {
+    /// Keys of the scenario with values, as TOML: `soil.clod_height_m=0.02`.
+    pub set: Vec<String>,
+    pub nodes: Nodes,
+    pub max_spacing_s: Option<f64>,
+    pub surfel_m: Option<f64>,
+    pub from_truth: bool,
+}
+
+/// All cases.
+pub const NAMES: [&str; 18] = [
+    "reference",
+    "shift",
+    "no-reference",
+    "prism-latency",
+    "scanner-latency",
+    "lever-arm",
+    "no-heading",
+    "heading-offset",
+    "prism-lost",
+    "prism-outliers",
+    "clods",
+    "start",
+    "plain",
+    "plain-reference",
+    "deformation",
+    "board",
+    "sideways",
+    "up",
+];
+
+/// How late stamps are, seconds.
+const LATE_S: f64 = 0.02;
+
+/// The setup of a case for a seed.
+pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
+    let plain = name.starts_with("plain");
+    let base = if plain {
+        Scenario::plain()
+    } else {
+        Scenario::demo()
+    };
+    let mut setup = Setup::new(with_keys(Scenario { seed, ..base }, &options.set)?);
+    let scenario = &mut setup.scenario;
+    let mut change: Box<dyn Fn(&mut Project)> = Box::new(|_| ());
+    match name {
+        "reference" | "plain-reference" => {}
+        "shift" => {
+            // As large as the sigmas that are assumed where none are given.
+            let sigma = JointSettings::default().reference;
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let mut draw = |sigma: f64| Vec3::from_fn(|_, _| normal(&mut rng) * sigma);
+            setup.reference = Some((draw(sigma.shift_m), draw(sigma.tilt_rad)));
+            setup.joint = JointSettings::default();
+        }
+        "no-reference" | "plain" => setup.reference = None,
+        "prism-latency" => {
+            scenario.prism.latency_s = LATE_S;
+            change = estimating(Constant::TimeOffset(0));
+        }
+        "scanner-latency" => {
+            scenario
+                .scanners
+                .iter_mut()
+                .for_each(|s| s.latency_s = LATE_S);
+            change = Box::new(|project| {
+                let scanners = project.scanners.iter_mut();
+                scanners.for_each(|scanner| scanner.estimate_time_offset = true);
+            });
+        }
+        "lever-arm" => {
+            change = Box::new(|project| {
+                let settings = settings(project);
+                settings.positions[0].lever_arm_m += Vec3::new(0.006, -0.005, 0.006);
+                settings.estimate.push(Constant::LeverArm(0));
+            });
+        }
+        "no-heading" => {
+            change = Box::new(|project| {
+                if let Motion::Logs(logs) = &mut project.motion {
+                    logs.heading = None;
+                }
+            });
+        }
+        "heading-offset" => {
+            scenario.heading.mounting_offset_deg = 0.3;
+            change = Box::new(|project| {
+                let settings = settings(project);
+                settings.heading.mounting_offset_rad = 0.0;
+                settings.estimate.push(Constant::HeadingOffset);
+            });
+        }
+        "prism-lost" => scenario.prism.lost_s = vec![[100.0, 120.0]],
+        "prism-outliers" => {
+            (scenario.prism.outlier_share, scenario.prism.outlier_m) = (0.05, 0.3);
+        }
+        "clods" => (scenario.soil.clod_height_m, scenario.soil.clod_cover) = (0.02, 0.2),
+        "start" => {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let mut direction = || Vec3::from_fn(|_, _| normal(&mut rng)).normalize();
+            let truth = scenario.true_mountings();
+            let starts: Vec<_> = truth
+                .iter()
+                .map(|truth| {
+                    truth.perturbed(&(direction() * 1.3_f64.to_radians()), &(direction() * 0.05))
+                })
+                .collect();
+            change = Box::new(move |project| {
+                for (scanner, start) in project.scanners.iter_mut().zip(&starts) {
+                    scanner.body_from_scanner = *start;
+                }
+            });
+        }
+        "deformation" => scenario.deformation.enabled = true,
+        "board" => scenario.boards[1].moved_m = [0.0, 0.0, 0.01],
+        "sideways" => scenario.reference.offset_m = [0.005, 0.0, 0.0],
+        "up" => {
+            scenario.reference.offset_m = [0.0, 0.0, 0.005];
+            setup.joint = JointSettings::default();
+        }
+        _ => {
+            let names = NAMES.join(", ");
+            return Err(Error::data(format!("no case {name}"), names));
+        }
+    }
+    setup.joint.surfel_m = options.surfel_m;
+    let Options {
+        nodes,
+        max_spacing_s,
+        from_truth,
+        ..
+    } = *options;
+    let truth = setup.scenario.true_mountings();
+    setup.project = Box::new(move |project| {
+        change(project);
+        let trajectory = settings(project);
+        trajectory.nodes = nodes;
+        trajectory.max_spacing_s = max_spacing_s.unwrap_or(trajectory.max_spacing_s);
+        if from_truth {
+            start_near(project, &truth);
+        }
+    });
+    Ok(setup)
+}
+
+/// Saves most of two steps: from a few millimetres off the truth, with the finest voxels alone.
+fn start_near(project: &mut Project, truth: &[BodyFromScanner]) {
+    let off = Vec3::new(0.001, -0.0005, 0.0003);
+    for (scanner, truth) in project.scanners.iter_mut().zip(truth) {
+        scanner.body_from_scanner = truth.perturbed(&off, &off);
+    }
+    let sizes = &mut project.calibration.voxel_sizes_m;
+    sizes.drain(..sizes.len() - 1);
+}
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+fn estimating(constant: Constant) -> Box<dyn Fn(&mut Project)> {
+    Box::new(move |project| settings(project).estimate.push(constant))
+}
+
+/// The settings of a simulated project, which has logs.
+fn settings(project: &mut Project) -> &mut TrajectorySettings {
+    match &mut project.motion {
+        Motion::Logs(logs) => &mut logs.settings,
+        Motion::Poses(_) => unreachable!("simulated projects have logs"),
+    }
+}
+
+/// The scenario with other values of some keys.
+fn with_keys(scenario: Scenario, keys: &[String]) -> Result<Scenario> {
+    if keys.is_empty() {
+        return Ok(scenario);
+    }
+    let wrong = |key: &str, why: String| Error::data(format!("--set {key}: {why}"), "KEY=VALUE");
+    let text = toml::to_string(&scenario).map_err(|e| wrong("", e.to_string()))?;
+    let mut all: toml::Table = text
+        .parse()
+        .map_err(|e: toml::de::Error| wrong("", e.to_string()))?;
+    for line in keys {
+        let table: toml::Table = line
+            .parse()
+            .map_err(|e: toml::de::Error| wrong(line, e.to_string()))?;
+        merge(&mut all, table);
+    }
+    let text = toml::to_string(&all).map_err(|e| wrong("", e.to_string()))?;
+    toml::from_str(&text).map_err(|e| wrong(&keys.join(" "), e.to_string()))
+}
+
+fn merge(into: &mut toml::Table, from: toml::Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}

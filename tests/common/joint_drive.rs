@@ -1,0 +1,250 @@
+//! A simulated drive adjusted in two steps and in one piece, beside its truth: of tests and examples.
+#![allow(dead_code)] // each program uses its part
+
+use std::path::Path;
+use std::time::Instant;
+
+use boresight::calibration::ScannerSample;
+use boresight::error::{Error, Result};
+use boresight::format;
+use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
+use boresight::joint::{Joint, JointSettings};
+use boresight::nalgebra::{DMatrix, DVector};
+use boresight::pipeline::joint::{Drive, report};
+use boresight::pipeline::stages;
+use boresight::progress::Silent;
+use boresight::project::Project;
+use boresight::simulation::{Scenario, simulate};
+use boresight::trajectory::Trajectory;
+
+/// Unknowns of a mounting.
+pub const SIX: usize = 6;
+
+/// What is simulated and how it is adjusted.
+pub struct Setup {
+    pub scenario: Scenario,
+    /// What the project says other than the simulator has written.
+    pub project: Box<dyn Fn(&mut Project)>,
+    /// Shift (metres) and rotation vector (radians) of the reference's points about their mean;
+    /// `None`: it is not used.
+    pub reference: Option<(Vec3, Vec3)>,
+    pub joint: JointSettings,
+}
+
+impl Setup {
+    /// A scenario with its reference, which is taken to be free of common errors.
+    pub fn new(scenario: Scenario) -> Self {
+        let mut joint = JointSettings::default();
+        (joint.reference.shift_m, joint.reference.tilt_rad) = (0.0, 0.0);
+        Self {
+            scenario,
+            project: Box::new(|_| ()),
+            reference: Some((Vec3::zeros(), Vec3::zeros())),
+            joint,
+        }
+    }
+}
+
+/// What one method found.
+pub struct Found {
+    pub mountings: Vec<BodyFromScanner>,
+    /// Root mean square error of the poses behind profiles with points in the field, metres.
+    pub poses_m: f64,
+    /// Of points in the field, metres: what poses and mounting are off, without the scanner's noise.
+    pub points_m: f64,
+    pub seconds: f64,
+}
+
+/// A drive and what both methods found.
+pub struct Run {
+    pub truth: Vec<BodyFromScanner>,
+    pub two_steps: Found,
+    pub one_piece: Found,
+    pub joint: Joint,
+    /// What contradicts the joint adjustment.
+    pub refused: Vec<String>,
+}
+
+impl Run {
+    /// Simulates the first drive of a scenario into a folder and adjusts it.
+    pub fn new(setup: &Setup, folder: &Path) -> Result<Self> {
+        let mut scenario = setup.scenario.clone();
+        scenario.drives.truncate(1);
+        let files = simulate(&scenario, folder, &Silent)?;
+        let mut project = Project::read(&files.drives[0].project)?;
+        project.joint = setup.joint.clone();
+        (setup.project)(&mut project);
+        let exact = files.drives[0].folder.join("truth/trajectory.csv");
+        let exact = Trajectory::new(format::read_trajectory(&exact)?)?;
+        let truth = scenario.true_mountings();
+        let reference = match &setup.reference {
+            Some((shift_m, turn)) => moved(stages::reference(&project, &Silent)?, shift_m, turn),
+            None => Vec::new(),
+        };
+        let begun = Instant::now();
+        let poses = stages::poses(&project, &Silent)?;
+        let samples = stages::samples(&project, &poses.trajectory, &Silent)?;
+        let settings = &project.calibration;
+        let calibration =
+            stages::calibration(&project, settings, &poses, &samples, &reference, &Silent)?;
+        let two_seconds = begun.elapsed().as_secs_f64();
+        let drive = Drive {
+            name: "drive",
+            project: &project,
+            poses: &poses,
+            samples: &samples,
+        };
+        let report = report(&drive, &calibration, &reference, &Silent)?;
+        let seconds = report.seconds;
+        let refused = report.refused;
+        let joint = report
+            .found
+            .ok_or_else(|| Error::data(refused.join("; "), "see the case"))?;
+        let check = Check {
+            scenario: &scenario,
+            samples: &samples,
+            exact: &exact,
+            truth: &truth,
+        };
+        let two_steps = check.found(
+            calibration.poses(),
+            &poses.trajectory,
+            &[0.0; 2],
+            two_seconds,
+        );
+        let late_s: Vec<f64> = joint
+            .late_s
+            .iter()
+            .map(|l| l.map_or(0.0, |l| l.0))
+            .collect();
+        let adjusted = &joint.drives[0].trajectory;
+        let one_piece = check.found(joint.poses(), adjusted, &late_s, seconds);
+        Ok(Self {
+            truth,
+            two_steps,
+            one_piece,
+            joint,
+            refused,
+        })
+    }
+
+    /// Errors (δp, δφ) of all mountings in body axes, metres and radians, of both methods.
+    pub fn errors(&self) -> [DVector<f64>; 2] {
+        [&self.two_steps, &self.one_piece].map(|found| errors(&found.mountings, &self.truth))
+    }
+
+    /// Standard deviations of what the joint adjustment found.
+    pub fn sigmas(&self) -> DVector<f64> {
+        self.joint.covariance.diagonal().map(f64::sqrt)
+    }
+
+    /// eᵀ C⁻¹ e of all errors of the joint adjustment.
+    pub fn chi_square(&self) -> Option<f64> {
+        let [_, error] = self.errors();
+        let factor = self.joint.covariance.clone().cholesky()?;
+        Some(error.dot(&factor.solve(&error)))
+    }
+
+    /// Errors of the second scanner relative to the first, in the first one's frame, of both methods.
+    pub fn relative_errors(&self) -> [DVector<f64>; 2] {
+        let jacobian = self.relative_jacobian();
+        self.errors().map(|error| &jacobian * error)
+    }
+
+    /// Their standard deviations.
+    pub fn relative_sigmas(&self) -> DVector<f64> {
+        let jacobian = self.relative_jacobian();
+        let covariance = &jacobian * &self.joint.covariance * jacobian.transpose();
+        covariance.diagonal().map(f64::sqrt)
+    }
+
+    /// Of the second scanner's pose in the first one's frame: t = R₁ᵀ (t₂ − t₁), R = R₁ᵀ R₂.
+    fn relative_jacobian(&self) -> DMatrix<f64> {
+        let arm = so3::hat(&(self.truth[1].translation_m - self.truth[0].translation_m));
+        let back = self.truth[0].rotation.inverse().to_rotation_matrix();
+        let back = back.matrix();
+        let mut jacobian = DMatrix::zeros(SIX, 2 * SIX);
+        let mut put = |row: usize, column: usize, part: &boresight::geometry::Mat3| {
+            jacobian.view_mut((row, column), (3, 3)).copy_from(part);
+        };
+        put(0, 0, &-back);
+        put(0, 3, &(back * arm));
+        put(0, 6, back);
+        put(3, 3, &-back);
+        put(3, 9, back);
+        jacobian
+    }
+}
+
+fn errors(found: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {
+    let of_each = found.iter().zip(truth).flat_map(|(found, truth)| {
+        let (turn, shift) = found.perturbation_from(truth);
+        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+    });
+    DVector::from_iterator(SIX * truth.len(), of_each)
+}
+
+fn moved(mut points: Vec<Vec3>, shift_m: &Vec3, turn: &Vec3) -> Vec<Vec3> {
+    let centre = points.iter().sum::<Vec3>() / points.len().max(1) as f64;
+    let rotation = Rotation::from_scaled_axis(*turn);
+    for point in &mut points {
+        *point = centre + rotation * (*point - centre) + shift_m;
+    }
+    points
+}
+
+/// What results are compared with.
+struct Check<'a> {
+    scenario: &'a Scenario,
+    samples: &'a [ScannerSample],
+    exact: &'a Trajectory,
+    truth: &'a [BodyFromScanner],
+}
+
+/// One point of so many is compared.
+const EACH: usize = 20;
+
+impl Check<'_> {
+    fn found(
+        &self,
+        mountings: Vec<BodyFromScanner>,
+        poses: &Trajectory,
+        late_s: &[f64],
+        seconds: f64,
+    ) -> Found {
+        let (mut pose_sum, mut pose_count) = (0.0, 0.0);
+        let (mut point_sum, mut point_count) = (0.0, 0.0);
+        for (scanner, sample) in self.samples.iter().enumerate() {
+            let mut last = None;
+            for point in sample.points.iter().step_by(EACH) {
+                let stamp_s = sample.profiles[point.profile as usize].time_s;
+                let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
+                let (Some(exact), Some(pose)) = (
+                    self.exact.pose_at(true_s),
+                    poses.pose_at(stamp_s - late_s[scanner]),
+                ) else {
+                    continue;
+                };
+                let truth = exact.map(&self.truth[scanner].map(&point.position_m));
+                let [east, north] = self.scenario.field.size_m;
+                if !((0.0..=east).contains(&truth.x) && (0.0..=north).contains(&truth.y)) {
+                    continue;
+                }
+                let found = pose.map(&mountings[scanner].map(&point.position_m));
+                point_sum += (found - truth).norm_squared();
+                point_count += 1.0;
+                if last != Some(point.profile) {
+                    last = Some(point.profile);
+                    pose_sum += (pose.translation_m - exact.translation_m).norm_squared();
+                    pose_count += 1.0;
+                }
+            }
+        }
+        Found {
+            mountings,
+            poses_m: (pose_sum / f64::max(pose_count, 1.0)).sqrt(),
+            points_m: (point_sum / f64::max(point_count, 1.0)).sqrt(),
+            seconds,
+        }
+    }
+}
