@@ -13,6 +13,8 @@ use super::surfel::{Association, ScanRow};
 use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
 use crate::calibration::Mounting;
 use crate::calibration::parameters::{change, euler_jacobian_body, moved};
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::heading::wrap;
 use crate::geometry::{BodyFromScanner, Vec3};
 
 /// Steps per task.
@@ -134,6 +136,8 @@ impl<'a> JointProblem<'a> {
                 pattern.couple(&blocks);
             }
         });
+        // Directions that are held later, because nothing determines them, couple all mountings.
+        pattern.couple(&problem.layout.mountings);
         problem.system = pattern.analyse(problem.layout.last());
         problem.damping_sigma = problem.damping_sigma(state);
         problem
@@ -311,10 +315,12 @@ impl<'a> JointProblem<'a> {
     /// Priors of the mountings: wide, of fixed parameters, of held directions, and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let change = change(&self.input.mountings, &state.mountings);
-        let mut add = |direction: &[f64], weight: f64| {
+        let along = |direction: &[f64]| -> f64 {
             let terms = direction.iter().zip(change.iter());
-            let residual: f64 = terms.map(|(a, b)| a * b * weight).sum();
-            batch.begin(self.groups.assumed, 1.0, residual);
+            terms.map(|(a, b)| a * b).sum()
+        };
+        let mut add = |direction: &[f64], moved: f64, weight: f64| {
+            batch.begin(self.groups.assumed, 1.0, moved * weight);
             for (scanner, block) in self.layout.mountings.iter().enumerate() {
                 let of = &direction[6 * scanner..6 * scanner + 6];
                 if of.iter().any(|x| *x != 0.0) {
@@ -325,31 +331,36 @@ impl<'a> JointProblem<'a> {
             }
         };
         let count = 6 * state.mountings.len();
-        for (scanner, mounting) in state.mountings.iter().enumerate() {
+        let starts = self.input.mountings.iter();
+        for (scanner, (mounting, start)) in state.mountings.iter().zip(starts).enumerate() {
             let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
+            let turned = turned_rad(start, mounting);
             for parameter in 0..6 {
                 let mut direction = vec![0.0; count];
                 let place = 6 * scanner;
                 direction[place + parameter] = 1.0;
-                add(&direction, 1.0 / MOUNTING_SIGMA);
+                add(&direction, along(&direction), 1.0 / MOUNTING_SIGMA);
                 if !mounting.fixed[parameter] {
                     continue;
                 }
+                let mut moved = along(&direction);
                 if parameter >= 3 {
                     direction[place + parameter] = 0.0;
                     for axis in 0..3 {
                         direction[place + 3 + axis] = angles[(parameter - 3, axis)];
                     }
+                    moved = turned[parameter - 3];
                 }
-                add(&direction, 1.0 / HELD_SIGMA);
+                add(&direction, moved, 1.0 / HELD_SIGMA);
             }
         }
         for direction in &self.held {
-            add(direction.as_slice(), 1.0 / HELD_SIGMA);
+            let direction = direction.as_slice();
+            add(direction, along(direction), 1.0 / HELD_SIGMA);
         }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();
-            add(&direction, 1.0);
+            add(&direction, along(&direction), 1.0);
         }
     }
 
@@ -470,6 +481,16 @@ impl<'a> JointProblem<'a> {
         }
         next
     }
+}
+
+/// By how much each Euler angle has turned, radians. The rotation vector would say the same to first
+/// order only, which is not enough for an angle that is held to [`HELD_SIGMA`].
+fn turned_rad(start: &Mounting, now: &Mounting) -> [f64; 3] {
+    let angles_deg = |mounting: &Mounting| {
+        euler_deg_from_rotation(now.convention, &mounting.body_from_scanner.rotation)
+    };
+    let (from, to) = (angles_deg(start), angles_deg(now));
+    std::array::from_fn(|i| wrap((to[i] - from[i]).to_radians()))
 }
 
 /// Adds a row to the normal equations.
