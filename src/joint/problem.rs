@@ -425,6 +425,12 @@ impl<'a> JointProblem<'a> {
         self.factor.as_ref()
     }
 
+    /// The right-hand side −Jᵀ W r of the last assembly.
+    #[cfg(test)]
+    pub fn gradient(&self) -> &[f64] {
+        self.system.gradient()
+    }
+
     /// The state after a step of all unknowns.
     pub fn retracted(&self, state: &State, step: &[f64]) -> State {
         let layout = &self.layout;

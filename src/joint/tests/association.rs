@@ -166,7 +166,8 @@ fn surfels_and_rows_are_those_of_a_loop_over_all_points() {
         }
 
         // Centre, roughness, and the rows: step, scanner, points.
-        let mut expected: Vec<(Vec3, f64, Vec<(u32, u32, u32)>)> = Vec::new();
+        type Members = Vec<(u32, u32, u32)>;
+        let mut expected: Vec<(Vec3, f64, Members)> = Vec::new();
         for keys in surfaces(&cells) {
             let all: Vec<&Point> = keys.iter().flat_map(|k| cells[k].iter().copied()).collect();
             let (scanned, known): (Vec<&Point>, Vec<&Point>) =
