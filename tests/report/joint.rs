@@ -262,6 +262,45 @@ fn a_refusal_stands_first_with_its_reason() {
 }
 
 #[test]
+fn clouds_that_agree_worse_than_after_two_steps_need_attention() {
+    let mut full = accepted();
+    for drive in &mut full.drives {
+        for found in &mut drive.agreements.found {
+            if found.mounting == MountingKind::Final {
+                found.statistics.rmse_m = 3.9e-3;
+            }
+        }
+    }
+    let page = render(&full.content());
+    let attention = page.split("<li class=\"attention\">").skip(1);
+    let attention: Vec<&str> = attention
+        .map(|rest| rest.split("</li>").next().unwrap())
+        .collect();
+    for text in [
+        "reference scan to 3.9 mm, worse than after two steps (2.3 mm)",
+        "On drive-2, which was not used in the calibration",
+    ] {
+        assert!(attention.iter().any(|found| found.contains(text)), "{text}");
+    }
+}
+
+#[test]
+fn an_error_of_many_standard_deviations_needs_attention() {
+    let mut full = accepted();
+    // Two of twelve errors beyond 1.96 σ may be chance, but not where they are this large.
+    for mounting in &mut full.result.mountings {
+        mounting.body_from_scanner.translation_m.z += 4e-3;
+    }
+    let page = render(&full.content());
+    let statement = page
+        .split("The largest errors against the simulated truth")
+        .next()
+        .unwrap();
+    let item = statement.rsplit("<li class=\"").next().unwrap();
+    assert!(item.starts_with("attention"), "{item}");
+}
+
+#[test]
 fn what_is_not_finite_never_reaches_the_page() {
     let mut full = accepted();
     let found = full.joint.as_mut().and_then(|j| j.found.as_mut()).unwrap();
