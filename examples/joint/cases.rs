@@ -19,7 +19,6 @@ pub struct Options {
     /// Keys of the scenario with values, as TOML: `soil.clod_height_m=0.02`.
     pub set: Vec<String>,
     pub nodes: Nodes,
-    pub max_spacing_s: Option<f64>,
     pub surfel_m: Option<f64>,
     pub from_truth: bool,
 }
@@ -45,6 +44,9 @@ pub const NAMES: [&str; 18] = [
     "sideways",
     "up",
 ];
+
+/// Plants of the drives with clods.
+const PLANTS_PER_M2: f64 = 10.0;
 
 /// How late stamps are, seconds.
 const LATE_S: f64 = 0.02;
@@ -111,7 +113,10 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         "prism-outliers" => {
             (scenario.prism.outlier_share, scenario.prism.outlier_m) = (0.05, 0.3);
         }
-        "clods" => (scenario.soil.clod_height_m, scenario.soil.clod_cover) = (0.02, 0.2),
+        "clods" => {
+            (scenario.soil.clod_height_m, scenario.soil.clod_cover) = (0.02, 0.2);
+            scenario.plants.count_per_m2 = PLANTS_PER_M2;
+        }
         "start" => {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut direction = || Vec3::from_fn(|_, _| normal(&mut rng)).normalize();
@@ -142,17 +147,12 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
     }
     setup.joint.surfel_m = options.surfel_m;
     let Options {
-        nodes,
-        max_spacing_s,
-        from_truth,
-        ..
+        nodes, from_truth, ..
     } = *options;
     let truth = setup.scenario.true_mountings();
     setup.project = Box::new(move |project| {
         change(project);
-        let trajectory = settings(project);
-        trajectory.nodes = nodes;
-        trajectory.max_spacing_s = max_spacing_s.unwrap_or(trajectory.max_spacing_s);
+        settings(project).nodes = nodes;
         if from_truth {
             start_near(project, &truth);
         }

@@ -17,7 +17,7 @@ use joint_drive::Run;
 use summary::Summary;
 
 const USAGE: &str = "joint [SEEDS] [FIRST] [--case NAME]… [--set KEY=VALUE]… [--nodes imu] \
-                     [--spacing SECONDS] [--surfel METRES] [--from-truth] [--eigen]";
+                     [--surfel METRES] [--from-truth] [--eigen]";
 
 fn main() -> Result<()> {
     let arguments = Arguments::read()?;
@@ -69,7 +69,6 @@ impl Arguments {
                 "--case" => found.cases.push(value()?),
                 "--set" => found.options.set.push(value()?),
                 "--nodes" if value()? == "imu" => found.options.nodes = Nodes::Imu,
-                "--spacing" => found.options.max_spacing_s = Some(number(&value()?)?),
                 "--surfel" => found.options.surfel_m = Some(number(&value()?)?),
                 "--from-truth" => found.options.from_truth = true,
                 "--eigen" => found.eigen = true,

@@ -153,23 +153,15 @@ fn moved(drive: &AdjustedDrive) -> Value {
     })
 }
 
-/// The errors of the whole reference, with what was known about them before; null where they are
-/// taken to be zero.
+/// The errors of the whole reference that the standard deviations hold; null without one.
 fn reference(found: &Joint) -> Value {
-    let Some((value, sigma)) = &found.reference else {
+    let Some(sigma) = &found.reference else {
         return Value::Null;
     };
-    let degrees = |six: &[f64; 6]| [six[3], six[4], six[5]].map(f64::to_degrees);
-    let before = &found.reference_before;
     json!({
-        "shift_m": value[..3],
-        "rotation_deg": degrees(value),
-        "sigma": { "shift_m": sigma[..3], "rotation_deg": degrees(sigma) },
-        "sigma_before": {
-            "shift_m": before.shift_m,
-            "rotation_deg": before.tilt_rad.to_degrees(),
-        },
-        "assumed": before.assumed,
+        "sigma_m": sigma.shift_m,
+        "sigma_deg": sigma.tilt_rad.to_degrees(),
+        "assumed": sigma.assumed,
         "sigma_surface_m": found.surface_m,
     })
 }

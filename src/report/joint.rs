@@ -171,43 +171,22 @@ fn block_cell(rms: f64, block_s: f64) -> String {
     format!("<td{class}>{}</td>", number::fixed(rms, 2))
 }
 
-/// Shift and rotation of the whole reference.
+/// Shift and rotation of the whole reference that the standard deviations hold.
 fn reference(joint: &Joint) -> String {
-    let Some((value, sigma)) = &joint.reference else {
+    let Some(sigma) = &joint.reference else {
         return String::new();
     };
-    let before = &joint.reference_before;
-    let assumed = if before.assumed { " (assumed)" } else { "" };
-    let names = [
-        "east",
-        "north",
-        "up",
-        "about east",
-        "about north",
-        "about up",
-    ];
-    let mut body = String::new();
-    for (i, name) in names.into_iter().enumerate() {
-        let (factor, digits, unit, known) = match i {
-            0..3 => (1e3, 2, "\u{202f}mm", before.shift_m),
-            _ => (1f64.to_degrees(), 4, "°", before.tilt_rad),
-        };
-        body.push_str(&format!(
-            "<tr><th scope=\"row\">{name}</th><td>{}{unit}<span class=\"sigma\">± {}{unit}</span></td><td>± {}{unit}{assumed}</td></tr>\n",
-            number::signed(number::fixed(factor * value[i], digits)),
-            number::sigma(factor * sigma[i]),
-            number::shortest(factor * known),
-        ));
-    }
-    let remedy = if before.assumed {
-        " The project gives none, so these are assumed: give <code>reference.sigma_m</code> and <code>reference.sigma_deg</code>."
-    } else {
-        ""
+    let (assumed, remedy) = match sigma.assumed {
+        true => (
+            " (assumed)",
+            " The project gives none, so these are assumed: give <code>reference.sigma_m</code> and <code>reference.sigma_deg</code>.",
+        ),
+        false => ("", ""),
     };
-    let head = "<tr><th scope=\"col\">reference</th><th scope=\"col\">found</th><th scope=\"col\">known before</th></tr>\n";
     format!(
-        "<h3>Shift and rotation of the reference</h3>\n{}<p class=\"note\">Of the reference against the world of the poses. Where ± stays as it was before, nothing in the data shows the error: a shift up enters the heights of the scanners one to one, and their standard deviations hold it.{remedy}</p>\n",
-        html::table("numbers", head, &body)
+        "<p class=\"note\">The reference as a whole may be shifted by ± {}\u{202f}mm and turned by ± {}°{assumed} against the world of the poses. Nothing in the data shows a shift up, which enters the heights of the scanners one to one: the standard deviations hold it.{remedy}</p>\n",
+        number::shortest(1e3 * sigma.shift_m),
+        number::shortest(sigma.tilt_rad.to_degrees()),
     )
 }
 

@@ -9,7 +9,7 @@ mod knots;
 pub use chain::{ChainMotion, CorrelatedError};
 pub use corrections::CorrectedPoses;
 pub use gauss_markov::GaussMarkov;
-pub use knots::{Knot, StepPoses};
+pub use knots::{Knot, NodeGradient, StepPoses};
 
 use super::row::RowBatch;
 use crate::geometry::Vec3;

@@ -1,0 +1,42 @@
+//! The joint adjustment of a simulated drive: one of those of `examples/joint`, shorter.
+
+#![allow(clippy::unwrap_used)] // helpers fail as tests do
+
+#[path = "common/joint_drive.rs"]
+mod joint_drive;
+
+use boresight::nalgebra::DVector;
+use boresight::simulation::Scenario;
+use joint_drive::{Run, Setup};
+
+#[test]
+fn errors_are_as_small_as_their_sigmas_and_far_below_those_of_two_steps() {
+    let mut scenario = Scenario::demo();
+    // East, west and south-east over four boards.
+    scenario.drives[0].passes.truncate(7);
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(&Setup::new(scenario), folder.path()).unwrap();
+    let [two_steps, joint] = run.errors();
+    let normalised = joint.component_div(&run.sigmas());
+    let chi_square = run.chi_square().unwrap();
+    let relative = run.relative_errors()[1].component_div(&run.relative_sigmas());
+    println!("two steps {two_steps:.6}joint {joint:.6}normalised {normalised:.2}");
+    println!("relative, normalised {relative:.2}chi-square {chi_square:.1}");
+    println!(
+        "poses {:.3} mm, points {:.3} mm, {} iterations, {:.1} and {:.1} s",
+        run.one_piece.poses_m * 1e3,
+        run.one_piece.points_m * 1e3,
+        run.joint.iterations,
+        run.two_steps.seconds,
+        run.one_piece.seconds
+    );
+    assert!(run.refused.is_empty(), "{:?}", run.refused);
+    assert!(normalised.amax() < 4.0 && relative.amax() < 4.0);
+    // 12 parameters: 1 drive in 10,000 lies beyond.
+    assert!(chi_square < 39.1, "{chi_square}");
+    assert!(run.one_piece.poses_m < 0.0009 && run.one_piece.points_m < 0.0007);
+    assert!(run.one_piece.points_m < 0.5 * run.two_steps.points_m);
+    // Rotation about y: the tilt of the fan, which poses of two steps determine worst.
+    let about_y = |errors: &DVector<f64>| errors[4].hypot(errors[10]);
+    assert!(about_y(&two_steps) > 3.0 * about_y(&joint));
+}
