@@ -83,6 +83,26 @@ fn imu(joint: &Joint) -> String {
     }
 }
 
+/// Which errors of the whole reference the standard deviations include, where there are any.
+pub fn reference(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
+    let joint = joint?
+        .accepted()
+        .filter(|_| result.method == Method::Joint)?;
+    let sigma = joint.reference.as_ref()?;
+    let assumed = match sigma.assumed {
+        true => " (assumed: give reference.sigma_m and reference.sigma_deg)",
+        false => "",
+    };
+    (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0).then(|| {
+        format!(
+            "The standard deviations include a shift of the whole reference by ± {} and a tilt by \
+             ± {}°{assumed}: a shift up goes one to one into the heights of the scanners.",
+            number::length(sigma.shift_m),
+            number::shortest(sigma.tilt_rad.to_degrees())
+        )
+    })
+}
+
 /// How well each scanner is known relative to the first.
 pub fn relative(calibration: &Calibration) -> Vec<String> {
     let all = calibration.relative();

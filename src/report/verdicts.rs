@@ -34,6 +34,8 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
     lines.extend(calibrations.joint_found().into_iter().flat_map(regions));
     lines.push(convergence(calibrations.result));
     lines.extend(sigmas(calibrations.result));
+    let reference = method::reference(calibrations.result, calibrations.joint);
+    lines.extend(reference.map(Verdict::neutral));
     let relative = method::relative(calibrations.result).into_iter();
     lines.extend(relative.map(Verdict::good));
     if let Some(truth) = calibrations.mountings(MountingKind::Truth) {

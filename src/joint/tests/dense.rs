@@ -72,7 +72,10 @@ fn step_and_covariances_are_those_of_dense_algebra() {
         let sigma = covariance.diagonal().map(f64::sqrt);
         let off = (DVector::from_vec(step) - &expected).component_div(&sigma);
         let length = expected.component_div(&sigma).amax();
-        println!("{name}: step off {:e} of {length}, allowed {allowed:e}", off.amax());
+        println!(
+            "{name}: step off {:e} of {length}, allowed {allowed:e}",
+            off.amax()
+        );
         assert!(
             off.amax() < allowed * length.max(1.0),
             "{name}: step {:e}",
