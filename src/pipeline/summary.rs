@@ -23,11 +23,13 @@ pub fn run(findings: &Findings, report: &str) -> String {
             .map(|found| format!("{mark}{}\n\n", found.text))
             .collect()
     };
+    let reference = method::reference(&findings.calibration, findings.joint.as_ref());
     format!(
-        "{}report: {report}\n\n{}{}\n\n{}\n",
+        "{}report: {report}\n\n{}{}\n{}\n{}\n",
         marked("! ", true),
         marked("", false),
         mountings(&findings.calibration),
+        reference.map_or(String::new(), |text| text + "\n"),
         distances(&findings.drives)
     )
 }

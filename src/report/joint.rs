@@ -3,7 +3,7 @@
 use super::content::Calibrations;
 use super::diagnostics::constant_text;
 use super::html::{self, escape};
-use super::number::{self, DASH};
+use super::number;
 use super::verdicts;
 use crate::calibration::Mounting;
 use crate::joint::{DECIDING_BLOCK_S, GroupTest, Joint, MAX_BLOCK_RMS, max_imu_ratio};
@@ -89,7 +89,7 @@ pub fn section(calibrations: &Calibrations) -> String {
 
 fn chi_squares(joint: &Joint) -> String {
     let mut body = String::new();
-    for group in joint.groups.iter().filter(|group| group.rows > 0) {
+    for group in joint.groups.iter().filter(|group| group.ratio.is_some()) {
         let kind = Kind::of(group, joint);
         let limit = kind.limit(group);
         let is_large = limit
@@ -97,8 +97,9 @@ fn chi_squares(joint: &Joint) -> String {
             .is_some_and(|(most, ratio)| ratio > most);
         let class = if is_large { " class=\"out\"" } else { "" };
         let expected = match limit {
-            Some(limit) if group.ratio.is_some() => format!("1, at most {limit:.2}"),
-            Some(_) => DASH.into(),
+            // Most priors are weak on purpose.
+            Some(limit) if kind == Kind::Assumed => format!("at most {limit:.2}"),
+            Some(limit) => format!("1, at most {limit:.2}"),
             None => "1, estimated".into(),
         };
         body.push_str(&format!(

@@ -86,17 +86,19 @@ fn cell(
     (limit_m, magnified): (f64, bool),
 ) -> String {
     let statistics = &found.statistics;
-    let mut summary = format!(
+    let summary = format!(
         "RMSE {}, mean {}",
         number::with_unit(number::millimetres(statistics.rmse_m), "mm"),
         number::with_unit(number::signed(number::millimetres(statistics.mean_m)), "mm")
     );
-    if magnified {
-        let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
-        summary.push_str(&format!("; magnified to ± {limit}"));
-    }
+    let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
+    let sign = if magnified {
+        "magnified to"
+    } else {
+        "colours to"
+    };
     format!(
-        "<div><h4>{name} <small>{summary}</small></h4>\n{}{}</div>\n",
+        "<div><h4>{name} <small>{summary}<br/>{sign} ± {limit}</small></h4>\n{}{}</div>\n",
         top_view(name, found, bounds, limit_m),
         histogram(statistics, limit_m)
     )

@@ -22,7 +22,7 @@ pub fn name(method: Method) -> &'static str {
 pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdict> {
     let refused: Vec<Verdict> = joint
         .into_iter()
-        .flat_map(|joint| refusals(&joint.refused))
+        .flat_map(|joint| refusals(&joint.refused, joint.found.is_some()))
         .collect();
     if !refused.is_empty() {
         return refused;
@@ -43,11 +43,15 @@ pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdic
 }
 
 /// Why the values are those of two steps, the gravest reason first.
-fn refusals(reasons: &[String]) -> impl Iterator<Item = Verdict> {
-    reasons.iter().enumerate().map(|(i, reason)| {
+fn refusals(reasons: &[String], was_made: bool) -> impl Iterator<Item = Verdict> {
+    let what = match was_made {
+        true => "was refused",
+        false => "could not be made",
+    };
+    reasons.iter().enumerate().map(move |(i, reason)| {
         Verdict::attention(match i {
             0 => format!(
-                "These are the values of two steps, as the joint adjustment was refused: {reason}."
+                "These are the values of two steps, as the joint adjustment {what}: {reason}."
             ),
             _ => format!("The joint adjustment was also refused because {reason}."),
         })
@@ -77,6 +81,26 @@ fn imu(joint: &Joint) -> String {
         Some(ratio) => format!(" (χ² of the IMU over its redundancy: {ratio:.2})"),
         None => String::new(),
     }
+}
+
+/// Which errors of the whole reference the standard deviations include, where there are any.
+pub fn reference(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
+    let joint = joint?
+        .accepted()
+        .filter(|_| result.method == Method::Joint)?;
+    let sigma = joint.reference.as_ref()?;
+    let assumed = match sigma.assumed {
+        true => " (assumed: give reference.sigma_m and reference.sigma_deg)",
+        false => "",
+    };
+    (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0).then(|| {
+        format!(
+            "The standard deviations include a shift of the whole reference by ± {} and a tilt by \
+             ± {}°{assumed}: a shift up goes one to one into the heights of the scanners.",
+            number::length(sigma.shift_m),
+            number::shortest(sigma.tilt_rad.to_degrees())
+        )
+    })
 }
 
 /// How well each scanner is known relative to the first.
@@ -136,7 +160,7 @@ mod tests {
             "the IMU contradicts it".to_owned(),
             "so does `prism`".to_owned(),
         ];
-        let found: Vec<Verdict> = refusals(&reasons).collect();
+        let found: Vec<Verdict> = refusals(&reasons, true).collect();
         assert!(found.iter().all(|v| v.status == Status::Attention));
         assert!(
             found[0]

@@ -1,12 +1,18 @@
 //! The summary of a run, in words that a field crew understands.
 
-use super::content::{Calibrations, Content, Status, Verdict};
+use super::content::{Calibrations, Content, Drive, Status, Verdict};
 use super::{method, number};
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3, so3};
 use crate::joint::Joint;
 use crate::statistics::NORMAL_97_5_ROUNDED;
+
+/// Clouds that agree worse than after two steps by more than this factor need attention: other core
+/// points alone change the RMSE by a few percent.
+const WORSE_THAN_TWO_STEPS: f64 = 1.2;
+/// No error exceeds this many standard deviations by chance: 1 in 16 000 does.
+const NEVER_BY_CHANCE: f64 = 4.0;
 
 /// The summary: which method's values these are, then points that need attention, then the agreement of the clouds, then the
 /// quality of the mountings.
@@ -24,26 +30,12 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
         let last = drive.agreements.under(MountingKind::Final);
         lines.extend(last.map(|found| agreement(&drive.agreements, found)));
     }
-    for drive in content.drives.iter().skip(1) {
-        let rmse: Vec<String> = drive
-            .agreements
-            .under(MountingKind::Final)
-            .map(|found| {
-                let rmse = number::length(found.statistics.rmse_m);
-                format!("{}: {rmse}", found.pair())
-            })
-            .collect();
-        if !rmse.is_empty() {
-            lines.push(Verdict::good(format!(
-                "On {}, which was not used in the calibration: {}.",
-                drive.name,
-                rmse.join("; ")
-            )));
-        }
-    }
+    lines.extend(content.drives.iter().skip(1).filter_map(evaluation));
     lines.extend(calibrations.joint_found().into_iter().flat_map(regions));
     lines.push(convergence(calibrations.result));
     lines.extend(sigmas(calibrations.result));
+    let reference = method::reference(calibrations.result, calibrations.joint);
+    lines.extend(reference.map(Verdict::neutral));
     let relative = method::relative(calibrations.result).into_iter();
     lines.extend(relative.map(Verdict::good));
     if let Some(truth) = calibrations.mountings(MountingKind::Truth) {
@@ -58,6 +50,42 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
     let mut all = method::verdicts(calibrations.result, calibrations.joint);
     all.extend(lines);
     all
+}
+
+/// The agreement of the clouds of a drive that was not used in the calibration.
+fn evaluation(drive: &Drive) -> Option<Verdict> {
+    let all = &drive.agreements;
+    let mut is_worse = false;
+    let parts = all.under(MountingKind::Final).map(|found| {
+        let rmse_m = found.statistics.rmse_m;
+        let rmse = number::length(rmse_m);
+        let worse = worse_than_two_steps(all, found);
+        is_worse |= worse.is_some();
+        let aside = worse.map_or(String::new(), |two_steps| {
+            format!(
+                " (worse than after two steps: {})",
+                number::length(two_steps)
+            )
+        });
+        format!("{}: {rmse}{aside}", found.pair())
+    });
+    let parts: Vec<String> = parts.collect();
+    let text = format!(
+        "On {}, which was not used in the calibration: {}.",
+        drive.name,
+        parts.join("; ")
+    );
+    (!parts.is_empty()).then(|| match is_worse {
+        true => Verdict::attention(text),
+        false => Verdict::good(text),
+    })
+}
+
+/// The RMSE after two steps where the clouds agree notably worse than then.
+fn worse_than_two_steps(all: &Agreements, found: &Agreement) -> Option<f64> {
+    let two_steps = all.counterpart(found, MountingKind::TwoStep)?;
+    let (before, after) = (two_steps.statistics.rmse_m, found.statistics.rmse_m);
+    (after > WORSE_THAN_TWO_STEPS * before).then_some(before)
 }
 
 fn convergence(result: &Calibration) -> Verdict {
@@ -129,7 +157,7 @@ fn outside_by_chance(all: usize) -> f64 {
 fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdict> {
     let covariance = calibration.covariance.as_ref()?;
     let mut worst = [0.0f64; 2];
-    let (mut outside, mut all) = (0usize, 0usize);
+    let (mut outside, mut all, mut largest) = (0usize, 0usize, 0.0f64);
     for (scanner, (mounting, truth)) in calibration.mountings.iter().zip(truth).enumerate() {
         let found = &mounting.body_from_scanner;
         let shift = found.translation_m - truth.translation_m;
@@ -140,7 +168,9 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
             let variance = covariance[(row, row)];
             if variance > 0.0 {
                 all += 1;
-                outside += usize::from(error.abs() > NORMAL_97_5_ROUNDED * variance.sqrt());
+                let normalised = error.abs() / variance.sqrt();
+                outside += usize::from(normalised > NORMAL_97_5_ROUNDED);
+                largest = largest.max(normalised);
                 let worst = &mut worst[parameter / 3];
                 *worst = worst.max(error.abs());
             }
@@ -148,12 +178,12 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
     }
     let text = format!(
         "The largest errors against the simulated truth are {} and {:.3}°; {} of {all} errors \
-         lie within their 95 % bounds.",
+         lie within their 95 % bounds, and all within {largest:.1} standard deviations.",
         number::length(worst[0]),
         worst[1].to_degrees(),
         all - outside
     );
-    let covered = outside as f64 <= outside_by_chance(all);
+    let covered = outside as f64 <= outside_by_chance(all) && largest < NEVER_BY_CHANCE;
     (all > 0).then(|| match covered {
         true => Verdict::good(text),
         false => Verdict::attention(text),
@@ -178,7 +208,14 @@ fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
         let other = all.counterpart(found, kind);
         other.map(|other| other.statistics.rmse_m)
     };
-    let two_steps = rmse(MountingKind::TwoStep).map_or(String::new(), |two_steps| {
+    let two_steps = rmse(MountingKind::TwoStep);
+    if let Some(two_steps) = worse_than_two_steps(all, found) {
+        return Verdict::attention(format!(
+            "{text}, worse than after two steps ({}).",
+            number::length(two_steps)
+        ));
+    }
+    let two_steps = two_steps.map_or(String::new(), |two_steps| {
         format!(", after two steps: {}", number::length(two_steps))
     });
     match rmse(MountingKind::Initial) {

@@ -202,7 +202,8 @@ fn an_accepted_adjustment_stands_beside_two_steps() {
         "the scans lie 2.8 mm above the reference",
         "mounting bends or slips",
         "Residuals of the positions in blocks of time",
-        "± 2\u{202f}mm (assumed)",
+        "± 0.005° (assumed)",
+        "± 2.0 mm and a tilt by ± 0.005° (assumed",
         "left: latency beyond time_offset_s",
         "How far each pose of drive-1 moved",
         "before: trajectory alone",
@@ -255,6 +256,45 @@ fn a_refusal_stands_first_with_its_reason() {
         "so are the blocks"
     );
     assert!(page.contains("these figures show what it would have done"));
+}
+
+#[test]
+fn clouds_that_agree_worse_than_after_two_steps_need_attention() {
+    let mut full = accepted();
+    for drive in &mut full.drives {
+        for found in &mut drive.agreements.found {
+            if found.mounting == MountingKind::Final {
+                found.statistics.rmse_m = 3.9e-3;
+            }
+        }
+    }
+    let page = render(&full.content());
+    let attention = page.split("<li class=\"attention\">").skip(1);
+    let attention: Vec<&str> = attention
+        .map(|rest| rest.split("</li>").next().unwrap())
+        .collect();
+    for text in [
+        "reference scan to 3.9 mm, worse than after two steps (2.3 mm)",
+        "On drive-2, which was not used in the calibration",
+    ] {
+        assert!(attention.iter().any(|found| found.contains(text)), "{text}");
+    }
+}
+
+#[test]
+fn an_error_of_many_standard_deviations_needs_attention() {
+    let mut full = accepted();
+    // Two of twelve errors beyond 1.96 σ may be chance, but not where they are this large.
+    for mounting in &mut full.result.mountings {
+        mounting.body_from_scanner.translation_m.z += 4e-3;
+    }
+    let page = render(&full.content());
+    let statement = page
+        .split("The largest errors against the simulated truth")
+        .next()
+        .unwrap();
+    let item = statement.rsplit("<li class=\"").next().unwrap();
+    assert!(item.starts_with("attention"), "{item}");
 }
 
 #[test]
