@@ -90,8 +90,9 @@ fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
         normal.as_slice(),
         found.surfels.len()
     );
-    // A noise of four standard deviations is beyond the gate.
-    assert!(share > 0.999, "{share} of the points are in rows");
+    // Noise of four standard deviations is beyond the gate, and slices of a few points in corners of
+    // voxels are left: they are cut off across the surface, not along it.
+    assert!(share > 0.99, "{share} of the points are in rows");
     // Were noise cut, the planes of halves would lie off by 0.8 of it.
     let mean_m = sum_m / kept;
     assert!(mean_m.abs() < 4.0 * NOISE_M / kept.sqrt(), "{mean_m} m");

@@ -133,22 +133,18 @@ fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
 fn at_the_solution_the_gradient_is_zero() {
     each(|name, mut problem, mut state| {
         solve(&mut problem, &mut state);
-        // The criterion of convergence leaves 5 % of a standard deviation before its last step.
+        // The criterion of convergence leaves 5 % of a standard deviation before its last step. Huber's
+        // weights, which a step takes as they are, leave a quarter from step to step.
         let mut off = 0.0;
         let mut dense = Dense::new(&problem, &state);
-        for _ in 0..6 {
+        for _ in 0..14 {
             state = problem.step(&state, 0.0).expect("positive definite");
             dense = Dense::new(&problem, &state);
             let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
-            let all = dense.g().component_div(&terms);
-            off = all.amax();
-            println!(
-                "{name}: gradient {off:e} of its terms, at {} step {:e}",
-                all.iamax(),
-                problem.decrement()
-            );
+            off = dense.g().component_div(&terms).amax();
+            println!("{name}: gradient {off:e} of its terms");
         }
-        // Each step leaves less than a hundredth of the one before: 1e-2 to the fourth.
+        // A quarter to the fourteenth.
         assert!(off < 1e-8, "{name}: {off:e}");
 
         // The cost itself, without its derivatives, rises in every direction.
@@ -235,13 +231,9 @@ fn without_scans_it_is_the_trajectory_alone() {
         // Both stop where a further step is a fraction of a thousandth of a standard deviation.
         assert!(shift.amax() < 1e-3 * b.position_m.min(), "{shift}");
         assert!(turn.amax() < 1e-3 * b.rotation_rad.min(), "{turn}");
-        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
-        println!(
-            "{} {:?} {:?}",
-            expected.time_s,
-            a.position_m.component_div(&b.position_m).as_slice(),
-            a.rotation_rad.component_div(&b.rotation_rad).as_slice()
-        );
+        // The chain's are those before its last step, which moves attitudes by up to 5 % of some
+        // milliradians.
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-4;
         for i in 0..3 {
             assert!(near(a.position_m[i], b.position_m[i]));
             assert!(near(a.rotation_rad[i], b.rotation_rad[i]));
