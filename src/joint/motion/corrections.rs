@@ -47,7 +47,11 @@ impl CorrectedPoses {
         let count = ((span_s.1 - span_s.0) * KNOTS / correlation_s)
             .ceil()
             .max(1.0);
-        let knot = |k: usize| span_s.0 + (span_s.1 - span_s.0) * k as f64 / count;
+        // Rounding may not carry the last knot beyond the poses: there is none after them.
+        let knot = |k: usize| {
+            let time_s = span_s.0 + (span_s.1 - span_s.0) * k as f64 / count;
+            time_s.min(span_s.1)
+        };
         let knot_s = (0..=count as usize).map(knot).collect();
         Some(Self {
             process: GaussMarkov::at_knots(knot_s, sigma.to_vec(), correlation_s),

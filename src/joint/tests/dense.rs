@@ -129,23 +129,27 @@ fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
     assert_eq!(ended.stop, StopReason::Converged);
 }
 
+/// A gradient is zero where its terms cancel to this share: a hundred-millionth of a residual.
+const ZERO: f64 = 1e-8;
+
 #[test]
 fn at_the_solution_the_gradient_is_zero() {
     each(|name, mut problem, mut state| {
         solve(&mut problem, &mut state);
-        // The criterion of convergence leaves 5 % of a standard deviation before its last step. Huber's
-        // weights, which a step takes as they are, leave a quarter from step to step.
-        let mut off = 0.0;
+        // A step takes Huber's weights as they are. Where few rows beyond 2.5 standard deviations
+        // determine a direction, as without a reference, it leaves four fifths of the one before.
+        let mut off = f64::INFINITY;
         let mut dense = Dense::new(&problem, &state);
-        for _ in 0..14 {
+        let mut steps = 0;
+        while off > ZERO && steps < 150 {
             state = problem.step(&state, 0.0).expect("positive definite");
             dense = Dense::new(&problem, &state);
             let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
             off = dense.g().component_div(&terms).amax();
-            println!("{name}: gradient {off:e} of its terms");
+            steps += 1;
         }
-        // A quarter to the fourteenth.
-        assert!(off < 1e-8, "{name}: {off:e}");
+        println!("{name}: gradient {off:e} of its terms after {steps} steps");
+        assert!(off < ZERO, "{name}: {off:e}");
 
         // The cost itself, without its derivatives, rises in every direction.
         let covariance = inverse(&dense.h());
