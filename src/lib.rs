@@ -178,7 +178,7 @@
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
-//! | [`joint`] | settings of one adjustment of trajectory and mountings |
+//! | [`joint`] | one adjustment of trajectory and mountings: surfels, scan factors, tests of the model |
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`tiles`] | clouds larger than memory: features, M3C2, thinning |
 //! | [`simulation`] | scene, drives and sensors with known truth; does not use the estimators |

@@ -259,6 +259,12 @@ fn variants_of_a_project_run() {
     // With exact poses the mounting comes out close to the scenario's.
     let height = &result["scanners"]["left"]["body_from_scanner"]["translation_m"][2];
     assert!((height.as_f64().unwrap() - 0.587).abs() < 0.005, "{height}");
+    // What has no standard deviations is not adjusted.
+    let joint = &result["calibration"]["joint"];
+    let refused = joint["refused"].as_str().unwrap();
+    assert!(refused.contains("no standard deviations"), "{refused}");
+    assert!(joint["decided"].is_null());
+    assert_eq!(result["calibration"]["method"], "two-step");
 
     let result = variant(&|text| between(text, "[reference]", "[calibration]", ""));
     assert_eq!(
@@ -274,6 +280,8 @@ fn variants_of_a_project_run() {
         format!("{}{}", &text[..right], &text[reference..])
     });
     assert_eq!(result["scanners"].as_object().unwrap().len(), 1);
+    let relative = &result["calibration"]["relative"];
+    assert_eq!(relative.as_object().unwrap().len(), 0);
 
     let result =
         variant(&|text| text.replace("name = \"left\"", "name = \"left\"\nfixed = [\"tx\"]"));
@@ -288,6 +296,9 @@ fn variants_of_a_project_run() {
         )
     });
     assert_eq!(result["calibration"]["scales"][0]["iterations"], 5);
+    assert_eq!(result["calibration"]["method"], "paper");
+    assert!(result["calibration"].get("joint").is_none());
+    assert_eq!(result["calibration"]["relative"]["right"]["first"], "left");
 }
 
 #[test]

@@ -79,18 +79,6 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
             sigma * 1e3
         );
     }
-    if let Some((value, sigma)) = &joint.reference {
-        println!(
-            "{case} seed {seed} reference {} sigma {}",
-            scaled(value),
-            scaled(sigma)
-        );
-    }
-    if let Some((value, sigma)) = joint.view {
-        println!(
-            "{case} seed {seed} rough surfaces higher by {value:.4} ± {sigma:.4} of their scatter"
-        );
-    }
     println!(
         "{case} seed {seed} poses {:.3} {:.3} points {:.3} {:.3} mm; {} iterations, {} rows, {} surfels, {} unknowns, {}; {:.1} {:.1} s",
         run.two_steps.poses_m * 1e3,

@@ -16,10 +16,6 @@ mod marginals;
 mod prior;
 mod problem;
 mod rows;
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "the adjustment with surfaces is still to use it")
-)]
 mod sparse;
 mod system;
 #[cfg(test)]

@@ -72,14 +72,20 @@ impl Mounting {
         euler_jacobian_body(self.convention, &self.body_from_scanner)
     }
 
-    /// The mounting perturbed by (δp, δφ). Fixed angles stay unchanged, apart from the rounding of
-    /// the conversion.
+    /// The mounting perturbed by (δp, δφ). What is fixed stays as it is to the last bit, except for
+    /// single angles, which the conversion rounds.
     fn moved(&self, delta: &[f64]) -> Self {
         let mut moved = self.clone();
         let dp_m = Vec3::new(delta[0], delta[1], delta[2]);
         let dphi_rad = Vec3::new(delta[3], delta[4], delta[5]);
         moved.body_from_scanner = self.body_from_scanner.perturbed(&dphi_rad, &dp_m);
-        if self.fixed[3..].contains(&true) {
+        for axis in (0..3).filter(|&axis| self.fixed[axis]) {
+            moved.body_from_scanner.translation_m[axis] =
+                self.body_from_scanner.translation_m[axis];
+        }
+        if self.fixed[3..] == [true; 3] {
+            moved.body_from_scanner.rotation = self.body_from_scanner.rotation;
+        } else if self.fixed[3..].contains(&true) {
             let rotation = &mut moved.body_from_scanner.rotation;
             let held = euler_deg_from_rotation(self.convention, &self.body_from_scanner.rotation);
             let mut angles = euler_deg_from_rotation(self.convention, rotation);

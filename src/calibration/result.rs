@@ -110,6 +110,15 @@ impl Calibration {
         })
     }
 
+    /// Correlations of (δp, δφ) of all scanners, NaN for fixed and unobservable parameters.
+    pub fn correlation(&self) -> Option<DMatrix<f64>> {
+        let covariance = self.covariance.as_ref()?;
+        let size = covariance.nrows();
+        Some(DMatrix::from_fn(size, size, |i, j| {
+            covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
+        }))
+    }
+
     /// Poses of the scanners on the body.
     pub fn poses(&self) -> Vec<BodyFromScanner> {
         poses(&self.mountings)

@@ -8,6 +8,7 @@ use serde::{Serialize, Serializer};
 use super::constancy::Constancy;
 use super::observability::Observability;
 use super::parameters::PARAMETER_NAMES;
+use super::relative::{self, RelativeMounting};
 use super::result::{Calibration, Scale};
 use super::settings::Method;
 use crate::geometry::euler::euler_deg_from_rotation;
@@ -113,6 +114,9 @@ impl Serialize for Calibration {
             mounting_constant: &'a Option<Constancy>,
             parameters: Vec<Parameter>,
             covariance: Option<Vec<Vec<f64>>>,
+            /// Null where either parameter is fixed or unobservable.
+            correlation: Option<Vec<Vec<f64>>>,
+            relative: BTreeMap<String, RelativeMounting>,
         }
         let parameters = self.mountings.iter().flat_map(|mounting| {
             (0..6).map(|index| Parameter {
@@ -133,6 +137,8 @@ impl Serialize for Calibration {
             mounting_constant: &self.constancy,
             parameters: parameters.collect(),
             covariance: self.covariance.as_ref().map(rows),
+            correlation: self.correlation().as_ref().map(rows),
+            relative: relative::by_name(self),
         }
         .serialize(serializer)
     }

@@ -209,7 +209,23 @@ fn conclude(
     let factor = problem.factor().ok_or_else(not_determined)?;
     let layout = &problem.layout;
     let inverse = factor.selected_inverse();
-    let block = |a: usize, b: usize| inverse.block(a, b);
+    let sides = problem.reference_sides();
+    // With the part of the reference's own errors.
+    let block = |a: usize, b: usize| {
+        let mut part = inverse.block(a, b)?;
+        let (row, column) = (problem.offset(a), problem.offset(b));
+        for side in sides
+            .iter()
+            .flat_map(|s| s.chunks_exact(problem.unknowns()))
+        {
+            for i in 0..part.nrows() {
+                for j in 0..part.ncols() {
+                    part[(i, j)] += side[row + i] * side[column + j];
+                }
+            }
+        }
+        Some(part)
+    };
     let count = state.mountings.len();
     let mut covariance = DMatrix::zeros(6 * count, 6 * count);
     // The unknowns are (δφ, δp), the covariance is given over (δp, δφ).
@@ -241,14 +257,6 @@ fn conclude(
             sigma,
         }
     });
-    let of_reference = layout.reference.and_then(|place| {
-        let part = block(place, place)?;
-        let sigma: [f64; REFERENCE] = std::array::from_fn(|i| root(part[(i, i)]));
-        Some((state.reference, sigma))
-    });
-    let six = |all: [f64; REFERENCE]| std::array::from_fn(|i| all[i]);
-    let reference = of_reference.map(|(value, sigma)| (six(value), six(sigma)));
-    let view = of_reference.map(|(value, sigma)| (value[6], sigma[6]));
     let drives = problem.input.drives.iter().enumerate();
     let drives = drives.map(|(index, drive)| {
         let first = layout.first_motion[index];
@@ -275,6 +283,7 @@ fn conclude(
                 .iter()
                 .flat_map(|&block_s| state.motions[index].position_blocks(block_s))
                 .collect(),
+            residuals: state.motions[index].position_residuals(),
         })
     });
     Ok(Joint {
@@ -283,8 +292,7 @@ fn conclude(
         late_s: late_s.collect(),
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
-        reference,
-        view,
+        reference: layout.reference.map(|_| problem.settings.reference),
         surface_m: problem.surface_m,
         regions: problem.found.regions.clone(),
         held: problem.held.clone(),

@@ -2,7 +2,7 @@
 //! Σ (1 − j H⁻¹ jᵀ).
 
 use super::problem::{JointProblem, State};
-use super::row::RowBatch;
+use super::row::{Row, RowBatch};
 
 /// Vectors of signs; each gives the trace to √(2 tr ((J H⁻¹ Jᵀ)²)).
 const PROBES: usize = 8;
@@ -45,6 +45,27 @@ fn sign(probe: usize, row: usize) -> f64 {
     if (x ^ (x >> 31)) & 1 == 0 { 1.0 } else { -1.0 }
 }
 
+/// Visits every row with its number and the places of its unknowns.
+fn each_row(
+    problem: &JointProblem<'_>,
+    state: &State,
+    mut take: impl FnMut(usize, &Row<'_>, &[usize]),
+) {
+    let mut number = 0;
+    let mut places = Vec::new();
+    problem.visit(state, |batch: &RowBatch| {
+        for row in batch.rows() {
+            places.clear();
+            for &block in row.blocks {
+                let first = problem.offset(block as usize);
+                places.extend(first..first + problem.layout.sizes[block as usize]);
+            }
+            take(number, &row, &places);
+            number += 1;
+        }
+    });
+}
+
 /// The component of each group at a state whose factor the problem holds. The traces are found by
 /// probes: E zᵀ J H⁻¹ Jᵀ z over random signs z is the trace (Hutchinson 1990).
 pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
@@ -54,25 +75,7 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
     };
     let unknowns = problem.unknowns();
     let mut sides = vec![0.0; unknowns * PROBES];
-    let each = |mut take: Box<dyn FnMut(usize, &super::row::Row<'_>, &[usize]) + '_>| {
-        let mut number = 0;
-        problem.visit(state, |batch: &RowBatch| {
-            for row in batch.rows() {
-                let places: Vec<usize> = row
-                    .blocks
-                    .iter()
-                    .flat_map(|&block| {
-                        let block = block as usize;
-                        let first = problem.offset(block);
-                        first..first + problem.layout.sizes[block]
-                    })
-                    .collect();
-                take(number, &row, &places);
-                number += 1;
-            }
-        });
-    };
-    each(Box::new(|number, row, places| {
+    each_row(problem, state, |number, row, places| {
         let root = row.weight.sqrt();
         for (probe, side) in sides.chunks_exact_mut(unknowns).enumerate() {
             let z = sign(probe, number) * root;
@@ -80,9 +83,9 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
                 side[*place] += z * by;
             }
         }
-    }));
+    });
     factor.solve(&mut sides, PROBES);
-    each(Box::new(|number, row, places| {
+    each_row(problem, state, |number, row, places| {
         let root = row.weight.sqrt();
         let mut trace = 0.0;
         for (probe, side) in sides.chunks_exact(unknowns).enumerate() {
@@ -98,7 +101,7 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
             component.chi_square += row.weight * row.residual * row.residual;
             component.redundancy += 1.0 - trace / PROBES as f64;
         }
-    }));
+    });
     found
 }
 

@@ -4,9 +4,8 @@ use super::input::JointInput;
 use super::motion::Motion;
 use super::surfel::{Association, CLASSES};
 
-/// Unknown errors of the reference: shift, rotation, and how much higher scanners see rough surfaces,
-/// as a share of their scatter.
-pub const REFERENCE: usize = 7;
+/// Errors of the reference: shift and rotation.
+pub const REFERENCE: usize = 6;
 
 /// The blocks: of each drive's motion, surfels, patches, and at the end all that couples with nearly
 /// everything: errors of the reference, constants, latencies and mountings.

@@ -24,9 +24,9 @@ mod tests;
 
 pub use adjust::adjust;
 pub use input::{JointDrive, JointInput, Scans};
-pub use model::contradictions;
-pub use motion::PositionBlocks;
+pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
+pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove};
 pub use settings::{JointSettings, ReferenceSigma};
 pub use surfel::Region;

@@ -15,9 +15,14 @@ pub const DECIDING_BLOCK_S: f64 = 30.0;
 /// All lengths reported.
 pub const BLOCKS_S: [f64; 3] = [2.0, 10.0, DECIDING_BLOCK_S];
 /// Largest root mean square of normalised means over these blocks.
-const MAX_BLOCK_RMS: f64 = 2.0;
+pub const MAX_BLOCK_RMS: f64 = 2.0;
 /// Fewest blocks that decide.
 const MIN_BLOCKS: usize = 4;
+
+/// The largest Ω/r of an IMU with this redundancy that a rigid mounting explains.
+pub fn max_imu_ratio(redundancy: f64) -> f64 {
+    MAX_IMU_RATIO * (1.0 + CHANCE_SIGMAS * (2.0 / redundancy).sqrt())
+}
 
 /// What contradicts the model, the gravest first.
 pub fn contradictions(joint: &Joint) -> Vec<String> {
@@ -30,13 +35,12 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
         if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)
             && let Some(ratio) = imu.ratio
         {
-            let chance = 1.0 + CHANCE_SIGMAS * (2.0 / imu.redundancy).sqrt();
-            if ratio > MAX_IMU_RATIO * chance {
+            let most = max_imu_ratio(imu.redundancy);
+            if ratio > most {
                 found.push(format!(
                     "{} contradicts a rigid mounting: the squares of its residuals are {ratio:.1} \
-                     times what its noise explains (at most {:.2})",
+                     times what its noise explains (at most {most:.2})",
                     of_drive("the IMU"),
-                    MAX_IMU_RATIO * chance,
                 ));
             }
         }

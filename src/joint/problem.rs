@@ -13,6 +13,8 @@ use super::surfel::{Association, ScanRow};
 use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
 use crate::calibration::Mounting;
 use crate::calibration::parameters::{change, euler_jacobian_body, moved};
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::heading::wrap;
 use crate::geometry::{BodyFromScanner, Vec3};
 
 /// Steps per task.
@@ -30,10 +32,6 @@ const HELD_SIGMA: f64 = 1e-8;
 /// latencies (seconds) and of the reference.
 const START_SIGMA: f64 = 0.02;
 
-/// Standard deviation of how much higher scanners see rough surfaces than the reference does, as a
-/// share of their scatter: hollows hide from who looks from the side. Smooth surfaces are seen alike.
-const VIEW_SIGMA: f64 = 0.1;
-
 /// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
 /// the plane, beside what averages out over its points.
 const STRIP_SHARE: f64 = 0.5;
@@ -49,8 +47,7 @@ pub struct State {
     pub shapes: Vec<Vec3>,
     /// Offsets of the reference's patches, metres.
     pub patches: Vec<f64>,
-    /// Shift (metres) and rotation vector (radians) of the reference about its centre, and how much
-    /// higher scanners see rough surfaces than the reference does, as a share of their scatter.
+    /// Shift (metres) and rotation vector (radians) of the reference about its centre.
     pub reference: [f64; REFERENCE],
 }
 
@@ -139,6 +136,8 @@ impl<'a> JointProblem<'a> {
                 pattern.couple(&blocks);
             }
         });
+        // Directions that are held later, because nothing determines them, couple all mountings.
+        pattern.couple(&problem.layout.mountings);
         problem.system = pattern.analyse(problem.layout.last());
         problem.damping_sigma = problem.damping_sigma(state);
         problem
@@ -166,11 +165,6 @@ impl<'a> JointProblem<'a> {
     /// Unknowns.
     pub fn unknowns(&self) -> usize {
         self.system.unknowns()
-    }
-
-    /// Nonzeros of the Cholesky factor.
-    pub fn factor_entries(&self) -> usize {
-        self.system.factor_entries()
     }
 
     /// First scalar of a block.
@@ -257,13 +251,12 @@ impl<'a> JointProblem<'a> {
             // How offset and slopes of the reference's plane move with its shift and rotation.
             let [normal, u_axis, v_axis] = surfel.axes;
             let arm = surfel.centre_m - self.centre_m;
-            let mut of_error: [[f64; REFERENCE]; 3] = [
+            let of_error: [[f64; REFERENCE]; 3] = [
                 (normal, arm.cross(&normal)),
                 (Vec3::zeros(), u_axis.cross(&normal)),
                 (Vec3::zeros(), v_axis.cross(&normal)),
             ]
-            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z, 0.0]);
-            of_error[0][6] = surfel.scatter_m * if normal.z < 0.0 { -1.0 } else { 1.0 };
+            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
             for i in 0..3 {
                 let floor = if i == 0 { LEAST_SIGMA_M } else { 0.0 };
                 let w = 1.0 / (prior.sigma[i].hypot(floor) * self.groups.scale[group]);
@@ -297,15 +290,9 @@ impl<'a> JointProblem<'a> {
     fn assumed(&self, state: &State, batch: &mut RowBatch) {
         let group = self.groups.assumed;
         if let Some(reference) = self.layout.reference {
-            let sigma = &self.settings.reference;
             for (i, value) in state.reference.iter().enumerate() {
-                let sigma = match i {
-                    0..3 => sigma.shift_m,
-                    3..6 => sigma.tilt_rad,
-                    _ => VIEW_SIGMA,
-                };
                 let mut by = [0.0; REFERENCE];
-                by[i] = 1.0 / sigma.max(HELD_SIGMA);
+                by[i] = 1.0 / HELD_SIGMA;
                 batch.begin(group, 1.0, value * by[i]);
                 batch.touch(reference, &by);
             }
@@ -328,10 +315,12 @@ impl<'a> JointProblem<'a> {
     /// Priors of the mountings: wide, of fixed parameters, of held directions, and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let change = change(&self.input.mountings, &state.mountings);
-        let mut add = |direction: &[f64], weight: f64| {
+        let along = |direction: &[f64]| -> f64 {
             let terms = direction.iter().zip(change.iter());
-            let residual: f64 = terms.map(|(a, b)| a * b * weight).sum();
-            batch.begin(self.groups.assumed, 1.0, residual);
+            terms.map(|(a, b)| a * b).sum()
+        };
+        let mut add = |direction: &[f64], moved: f64, weight: f64| {
+            batch.begin(self.groups.assumed, 1.0, moved * weight);
             for (scanner, block) in self.layout.mountings.iter().enumerate() {
                 let of = &direction[6 * scanner..6 * scanner + 6];
                 if of.iter().any(|x| *x != 0.0) {
@@ -342,31 +331,36 @@ impl<'a> JointProblem<'a> {
             }
         };
         let count = 6 * state.mountings.len();
-        for (scanner, mounting) in state.mountings.iter().enumerate() {
+        let starts = self.input.mountings.iter();
+        for (scanner, (mounting, start)) in state.mountings.iter().zip(starts).enumerate() {
             let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
+            let turned = turned_rad(start, mounting);
             for parameter in 0..6 {
                 let mut direction = vec![0.0; count];
                 let place = 6 * scanner;
                 direction[place + parameter] = 1.0;
-                add(&direction, 1.0 / MOUNTING_SIGMA);
+                add(&direction, along(&direction), 1.0 / MOUNTING_SIGMA);
                 if !mounting.fixed[parameter] {
                     continue;
                 }
+                let mut moved = along(&direction);
                 if parameter >= 3 {
                     direction[place + parameter] = 0.0;
                     for axis in 0..3 {
                         direction[place + 3 + axis] = angles[(parameter - 3, axis)];
                     }
+                    moved = turned[parameter - 3];
                 }
-                add(&direction, 1.0 / HELD_SIGMA);
+                add(&direction, moved, 1.0 / HELD_SIGMA);
             }
         }
         for direction in &self.held {
-            add(direction.as_slice(), 1.0 / HELD_SIGMA);
+            let direction = direction.as_slice();
+            add(direction, along(direction), 1.0 / HELD_SIGMA);
         }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();
-            add(&direction, 1.0);
+            add(&direction, along(&direction), 1.0);
         }
     }
 
@@ -401,6 +395,24 @@ impl<'a> JointProblem<'a> {
         Some(self.factor.as_ref()?.covariance(sides, count))
     }
 
+    /// How all unknowns move with an error of the reference, times its standard deviation: one side
+    /// for shift and rotation along and about each axis. The reference is held where it is given, for
+    /// what the data say about its height hangs on micrometres; that it may be wrong belongs into the
+    /// covariance all the same.
+    pub fn reference_sides(&self) -> Option<Vec<f64>> {
+        let first = self.offset(self.layout.reference?);
+        let sigma = &self.settings.reference;
+        let unknowns = self.unknowns();
+        let mut sides = vec![0.0; unknowns * REFERENCE];
+        for (i, side) in sides.chunks_exact_mut(unknowns).enumerate() {
+            let sigma = if i < 3 { sigma.shift_m } else { sigma.tilt_rad };
+            // Moves the prior that holds it by one standard deviation.
+            side[first + i] = sigma / (HELD_SIGMA * HELD_SIGMA);
+        }
+        self.factor.as_ref()?.solve(&mut sides, REFERENCE);
+        Some(sides)
+    }
+
     /// Judges steps by this covariance of the blocks that couple with everything.
     pub fn judge_by(&mut self, covariance: Option<&DMatrix<f64>>) {
         let count = self.unknowns() - self.offset(self.layout.last());
@@ -413,8 +425,8 @@ impl<'a> JointProblem<'a> {
         self.factor.as_ref()
     }
 
-    /// Largest component of the gradient of the cost in units of posterior standard deviations of
-    /// single unknowns with all others held.
+    /// The right-hand side −Jᵀ W r of the last assembly.
+    #[cfg(test)]
     pub fn gradient(&self) -> &[f64] {
         self.system.gradient()
     }
@@ -475,6 +487,16 @@ impl<'a> JointProblem<'a> {
         }
         next
     }
+}
+
+/// By how much each Euler angle has turned, radians. The rotation vector would say the same to first
+/// order only, which is not enough for an angle that is held to [`HELD_SIGMA`].
+fn turned_rad(start: &Mounting, now: &Mounting) -> [f64; 3] {
+    let angles_deg = |mounting: &Mounting| {
+        euler_deg_from_rotation(now.convention, &mounting.body_from_scanner.rotation)
+    };
+    let (from, to) = (angles_deg(start), angles_deg(now));
+    std::array::from_fn(|i| wrap((to[i] - from[i]).to_radians()))
 }
 
 /// Adds a row to the normal equations.

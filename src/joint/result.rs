@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::components::Component;
-use super::motion::PositionBlocks;
+use super::motion::{PositionBlocks, PositionResiduals};
+use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
@@ -24,12 +25,8 @@ pub struct Joint {
     pub drives: Vec<AdjustedDrive>,
     /// Constants estimated along.
     pub constants: Vec<EstimatedConstant>,
-    /// Shift (metres) and rotation vector (radians) of the reference, with standard deviations;
-    /// `None` where they are taken to be zero.
-    pub reference: Option<([f64; 6], [f64; 6])>,
-    /// How much higher scanners see rough surfaces than the reference does, as a share of their
-    /// scatter, with its standard deviation; `None` without a reference.
-    pub view: Option<(f64, f64)>,
+    /// The errors of the whole reference that the standard deviations hold; `None` without one.
+    pub reference: Option<ReferenceSigma>,
     /// Standard deviation of the reference's errors over some decimetres, metres.
     pub surface_m: f64,
     /// Regions in which scans and reference disagree.
@@ -61,6 +58,8 @@ pub struct AdjustedDrive {
     pub imu: String,
     /// Residuals of its position sensors in blocks of time.
     pub positions: Vec<PositionBlocks>,
+    /// The same residuals one by one.
+    pub residuals: Vec<PositionResiduals>,
     /// How far the adjustment moved each pose.
     pub moved: Vec<PoseMove>,
 }

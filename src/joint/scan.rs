@@ -1,6 +1,6 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
-use super::motion::{Motion, StepPoses};
+use super::motion::{Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
@@ -26,14 +26,13 @@ pub struct Mean {
     pub residual_m: f64,
     /// By (a, b, c).
     pub by_shape: [f64; 3],
-    /// By the pose (δφ, δp), all points of the row together.
-    pub by_pose: [f64; 6],
+    /// By the leading unknowns of both nodes of the step. Each profile has its own share of them: the
+    /// shares at the mean time would be off by a twentieth for positions and by half for velocities.
+    pub by_nodes: NodeGradient,
     /// By the mounting (δφ, δp).
     pub by_mounting: [f64; 6],
     /// By how late the profile is.
     pub by_late: f64,
-    /// Mean time, seconds.
-    pub time_s: f64,
 }
 
 /// The pose of a profile.
@@ -43,6 +42,10 @@ struct ProfilePose {
     translation_m: Vec3,
     velocity_m_s: Vec3,
     rate_rad_s: Vec3,
+}
+
+fn six(a: Vec3, b: Vec3) -> [f64; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
 }
 
 /// The poses of the profiles of a step, found once each: points come in the order of their profiles.
@@ -87,9 +90,10 @@ impl<'a> StepScans<'a> {
         let direction = normal - u_axis * shape.y - v_axis * shape.z;
         let mounting = &self.seen.mountings[scanner];
         let mut sum = Vec3::zeros();
-        let (mut lever_moment, mut arm_moment, mut in_bodies) =
-            (Vec3::zeros(), Vec3::zeros(), Vec3::zeros());
-        let (mut by_late, mut time_s) = (0.0, 0.0);
+        let (mut arm_moment, mut in_bodies) = (Vec3::zeros(), Vec3::zeros());
+        let mut by_nodes: NodeGradient = [0.0; _];
+        let mut by_late = 0.0;
+        let count = points.len() as f64;
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
             let in_body = pose.rotation.tr_mul(&direction);
@@ -102,24 +106,21 @@ impl<'a> StepScans<'a> {
             let levers = arms + mounting.translation_m * n;
             let offset = pose.translation_m - surfel.centre_m;
             sum += pose.rotation * levers + offset * n;
-            lever_moment += levers.cross(&in_body);
+            let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
+            self.poses.pull_back(pose.time_s, &by_pose, &mut by_nodes);
             arm_moment += arms.cross(&in_body);
             in_bodies += in_body * n;
             let turning = pose.rate_rad_s.cross(&levers);
             by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
-            time_s += pose.time_s * n;
         }
-        let n = points.len() as f64;
-        let mean = sum / n;
+        let mean = sum / count;
         let (u, v) = (u_axis.dot(&mean), v_axis.dot(&mean));
-        let six = |a: Vec3, b: Vec3| [a.x, a.y, a.z, b.x, b.y, b.z];
         Mean {
             residual_m: normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v),
             by_shape: [-1.0, -u, -v],
-            by_pose: six(lever_moment / n, direction),
-            by_mounting: six(arm_moment / n, in_bodies / n),
-            by_late: by_late / n,
-            time_s: time_s / n,
+            by_nodes,
+            by_mounting: six(arm_moment / count, in_bodies / count),
+            by_late: by_late / count,
         }
     }
 }
@@ -156,7 +157,7 @@ pub fn rows(
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
         batch.begin_huber(group, mean.residual_m * w);
-        let by = poses.pull_back(mean.time_s, &mean.by_pose).map(|x| x * w);
+        let by = mean.by_nodes.map(|x| x * w);
         let width = poses.width;
         batch.touch(blocks.first_motion + nodes[0], &by[..width]);
         batch.touch(blocks.first_motion + nodes[1], &by[width..2 * width]);

@@ -24,6 +24,8 @@ const MIN_WIDTH: f64 = 0.12;
 /// Largest standard deviation about the plane, as a share of that across the narrow side: beyond,
 /// it is no surface.
 const MAX_THICKNESS: f64 = 0.4;
+/// A surface lies clear of the faces of its voxel where so many standard deviations do.
+const CLEAR_SIGMAS: f64 = 3.0;
 /// Points farther from their surfel than this many standard deviations are not of it.
 const GATE_SIGMAS: f64 = 4.0;
 /// Points count as near a surfel, even where they are beyond its gate, within this many sizes.
@@ -35,11 +37,12 @@ const MIN_REGION: usize = 12;
 /// medians, and this many sizes of a surfel.
 const REGION_SIGMAS: f64 = 6.0;
 const LEAST_REGION_SIZES: f64 = 0.03;
-/// Upper bounds of the classes of roughness, metres: within a class the noise of rows is alike.
-const CLASSES_M: [f64; 6] = [0.0004, 0.0008, 0.0016, 0.003, 0.006, f64::INFINITY];
+/// Upper bounds of the classes of roughness, in sizes of a surfel: within a class the noise of rows is
+/// alike. For surfels of 5 cm they are 0.4, 0.8, 1.6, 3 and 6 mm.
+const CLASS_SIZES: [f64; 6] = [0.008, 0.016, 0.032, 0.06, 0.12, f64::INFINITY];
 
 /// Number of classes of roughness.
-pub const CLASSES: usize = CLASSES_M.len();
+pub const CLASSES: usize = CLASS_SIZES.len();
 
 /// A patch of the surface: the plane n·(x − c) = a + b u + c v with u and v along its own axes; a,
 /// b and c are unknowns.
@@ -271,18 +274,17 @@ pub fn associate(
     let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
     let mut surfels: Vec<Surfel> = Vec::new();
     let mut by_key: VoxelMap<VoxelKey, u32> = VoxelMap::default();
-    let fitted: Vec<Option<Surfel>> = columns
+    let fitted: Vec<Vec<(&[VoxelKey], Surfel)>> = columns
         .par_iter()
-        .map(|column| fit(column, &cells, reference, gates))
+        .map(|column| surfaces(column, &cells, reference, gates))
         .collect();
-    for (column, surfel) in columns.iter().zip(fitted) {
-        let Some(mut surfel) = surfel else { continue };
+    for (keys, mut surfel) in fitted.into_iter().flatten() {
         if let Some(prior) = &mut surfel.prior {
             let next = patches.len() as u32;
             let key = voxel_key(&surfel.centre_m, gates.patch_m);
             prior.patch = *patches.entry(key).or_insert(next);
         }
-        for key in column {
+        for key in keys {
             by_key.insert(*key, surfels.len() as u32);
         }
         surfels.push(surfel);
@@ -308,7 +310,8 @@ pub fn associate(
         if tally.free > 0.0 {
             surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
         }
-        let class = CLASSES_M.iter().position(|most| surfel.scatter_m <= *most);
+        let sizes = surfel.scatter_m / gates.size_m;
+        let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
         surfel.class = class.unwrap_or(CLASSES - 1);
     }
     drop_unseen(&mut surfels, &mut drives);
@@ -428,7 +431,38 @@ fn sums_of(column: &[VoxelKey], cells: &VoxelMap<VoxelKey, Sums>, size_m: f64) -
     sums
 }
 
-/// The surfel of a column of voxels, if there is a surface.
+/// The surfaces in a column of voxels: one, or where it holds no single surface, as at the edge of a
+/// board above soil, those that lie within one voxel and clear of its faces.
+fn surfaces<'a>(
+    column: &'a [VoxelKey],
+    scanned: &VoxelMap<VoxelKey, Sums>,
+    reference: &ReferenceCells,
+    gates: &Gates,
+) -> Vec<(&'a [VoxelKey], Surfel)> {
+    if let Some(surfel) = fit(column, scanned, reference, gates) {
+        return vec![(column, surfel)];
+    }
+    if column.len() == 1 {
+        return Vec::new();
+    }
+    let axis = (0..3).find(|&i| column[0][i] != column[1][i]).unwrap_or(2);
+    let clear = |key: &&'a [VoxelKey]| {
+        let of = |cells: &VoxelMap<VoxelKey, Sums>| {
+            let sums = sums_of(key, cells, gates.size_m);
+            let mean = sums.first[axis] / sums.count;
+            let variance = sums.second[(axis, axis)] / sums.count - mean * mean;
+            let reach_m = mean.abs() + CLEAR_SIGMAS * variance.max(0.0).sqrt();
+            sums.count == 0.0 || reach_m < 0.5 * gates.size_m
+        };
+        of(scanned) && of(&reference.cells)
+    };
+    let single = column.chunks(1).filter(clear);
+    single
+        .filter_map(|key| Some((key, fit(key, scanned, reference, gates)?)))
+        .collect()
+}
+
+/// The surfel of a run of voxels, if there is a surface.
 fn fit(
     column: &[VoxelKey],
     scanned: &VoxelMap<VoxelKey, Sums>,

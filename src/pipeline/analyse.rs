@@ -95,6 +95,7 @@ pub fn analyse(
         variants,
         mountings,
         drives,
+        origin_m: project.origin_m,
         background_m: thinned_for_drawing(&reference),
         stages: job.stages().to_vec(),
         warnings: job.warnings().to_vec(),

@@ -186,12 +186,7 @@ fn outcome(findings: &Findings, out: &Path) -> Outcome {
     let clouds = scanners.map(|mounting| clouds::name(&mounting.name));
     Outcome {
         result: result::document(findings),
-        summary: format!(
-            "report: {}\n\n{}\n\n{}\n",
-            out.join("report.html").display(),
-            summary::mountings(&findings.calibration),
-            summary::distances(&findings.drives)
-        ),
+        summary: summary::run(findings, &out.join("report.html").display().to_string()),
         files: files_in(out, names.into_iter().chain(clouds)),
     }
 }

@@ -43,6 +43,8 @@ pub struct Findings {
     pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
+    /// The project's origin, which coordinates in these findings lack, metres.
+    pub origin_m: Vec3,
     /// The reference, thinned for drawing, with the project's origin subtracted.
     pub background_m: Vec<Vec3>,
     /// Run times in order.

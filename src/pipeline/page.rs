@@ -17,6 +17,7 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
         calibrations: Some(Calibrations {
             mountings: &findings.mountings,
             result: &findings.calibration,
+            joint: findings.joint.as_ref(),
             variants: &findings.variants,
         }),
         drives: &findings.drives,

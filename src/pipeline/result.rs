@@ -3,18 +3,23 @@
 use serde_json::{Map, Value, json};
 
 use super::findings::Findings;
-use crate::calibration::{Calibration, MountingForms, Variant};
+use crate::calibration::{Calibration, Mounting, MountingForms, Variant};
 use crate::comparison::{Against, Agreements, MountingKind};
+use crate::geometry::Vec3;
+use crate::joint::{AdjustedDrive, Joint, JointReport};
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
 use crate::sensor::PoseRecord;
 use crate::tiles::peak_memory_bytes;
-use crate::trajectory::Solution;
+use crate::trajectory::{Solution, StopReason};
 
 /// The whole `result.json`.
 pub fn document(findings: &Findings) -> Value {
     let mut document = calibrated(&findings.calibration);
+    if let Some(report) = &findings.joint {
+        document["calibration"]["joint"] = joint(report, &findings.calibration, &findings.origin_m);
+    }
     document["boresight"] = json!(env!("CARGO_PKG_VERSION"));
     document["drives"] = drives(&findings.drives);
     document["stages"] = stages(&findings.stages);
@@ -74,6 +79,104 @@ pub fn calibrated(found: &Calibration) -> Value {
         entries.remove("scanners");
     }
     json!({ "scanners": found.scanners(), "calibration": calibration })
+}
+
+/// `calibration.joint`: course and tests of the joint adjustment, and why it was refused.
+fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
+    let refused = (!report.refused.is_empty()).then(|| report.refused.join("; "));
+    let mut value = json!({ "refused": refused, "seconds": report.seconds });
+    let Some(found) = &report.found else {
+        value["decided"] = Value::Null;
+        value["reason"] = json!(refused);
+        return value;
+    };
+    // The model has no other mountings than rigid ones yet.
+    value["decided"] = json!("rigid");
+    value["reason"] = json!(refused.as_deref().unwrap_or("no sensor contradicts it"));
+    if refused.is_some() {
+        value["scanners"] = json!(found.calibration(result).scanners());
+    }
+    value["converged"] = json!(found.stop == StopReason::Converged);
+    for (key, count) in [
+        ("iterations", found.iterations),
+        ("rows", found.rows),
+        ("surfels", found.surfels),
+        ("unknowns", found.unknowns),
+    ] {
+        value[key] = json!(count);
+    }
+    let groups = found.groups.iter();
+    let groups = groups.map(|group| {
+        let mut entry = json!(group);
+        if let Some(entries) = entry.as_object_mut() {
+            entries.remove("name");
+        }
+        (group.name.clone(), entry)
+    });
+    value["chi_square"] = groups.collect::<Map<_, _>>().into();
+    value["drives"] = found.drives.iter().map(moved).collect();
+    let blocks = found.drives.iter().flat_map(|drive| {
+        drive.positions.iter().map(|blocks| {
+            let mut entry = json!(blocks);
+            entry["drive"] = json!(drive.name);
+            entry
+        })
+    });
+    value["position_blocks"] = blocks.collect();
+    let regions = found.regions.iter();
+    let regions = regions.map(|region| {
+        let centre_m = region.centre_m + origin_m;
+        json!({ "centre_m": centre_m, "offset_m": region.offset_m, "surfels": region.surfels })
+    });
+    value["regions"] = regions.collect();
+    value["reference"] = reference(found);
+    value["scanner_latency_s"] = latencies(found, &result.mountings);
+    value["constants"] = json!(found.constants);
+    for (i, constant) in found.constants.iter().enumerate() {
+        value["constants"][i]["determined"] = json!(constant.sigma.is_some());
+    }
+    value
+}
+
+/// How far the adjustment moved the poses of a drive.
+fn moved(drive: &AdjustedDrive) -> Value {
+    let rms = |of: &dyn Fn(usize) -> Vec3| {
+        let sum = (0..drive.moved.len()).map(of).map(|v| v.component_mul(&v));
+        (sum.sum::<Vec3>() / drive.moved.len().max(1) as f64).map(f64::sqrt)
+    };
+    json!({
+        "name": drive.name,
+        "moved_rms": {
+            "shift_m": rms(&|i| drive.moved[i].shift_m),
+            "rotation_deg": rms(&|i| drive.moved[i].turn_rad.map(f64::to_degrees)),
+        },
+    })
+}
+
+/// The errors of the whole reference that the standard deviations hold; null without one.
+fn reference(found: &Joint) -> Value {
+    let Some(sigma) = &found.reference else {
+        return Value::Null;
+    };
+    json!({
+        "sigma_m": sigma.shift_m,
+        "sigma_deg": sigma.tilt_rad.to_degrees(),
+        "assumed": sigma.assumed,
+        "sigma_surface_m": found.surface_m,
+    })
+}
+
+/// Latencies by the names of the scanners where they were estimated.
+fn latencies(found: &Joint, mountings: &[Mounting]) -> Value {
+    let all = mountings.iter().zip(&found.late_s);
+    let estimated = all.filter_map(|(mounting, late)| {
+        let (value, sigma) = (*late)?;
+        Some((
+            mounting.name.clone(),
+            json!({ "value": value, "sigma": sigma }),
+        ))
+    });
+    estimated.collect::<Map<_, _>>().into()
 }
 
 /// `evaluation`: comparisons of the final mounting, with those of the initial and the true mounting

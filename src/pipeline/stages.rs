@@ -17,10 +17,8 @@ use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
 
-/// Longest step between nodes that scans are to correct, seconds. Within a step the gyro's noise
-/// turns all scans alike, q √(T/12) for a random walk q: at 0.15 °/√h and 0.05 s 3 µrad, less than
-/// the scans of a step see.
-const JOINT_STEP_S: f64 = 0.05;
+/// Longest step between nodes that scans are to correct, seconds: also where the prism is lost.
+const JOINT_STEP_S: f64 = 0.25;
 
 /// Warning for poses without standard deviations.
 const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \

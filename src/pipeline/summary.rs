@@ -2,15 +2,37 @@
 
 use std::fmt::Write;
 
+use super::findings::Findings;
 use crate::calibration::{Calibration, PARAMETER_NAMES};
 use crate::comparison::MountingKind;
 use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::report::content::Drive;
+use crate::report::content::{Drive, Status};
 use crate::report::diagnostics::{self, PoseSigmas};
-use crate::report::verdicts;
+use crate::report::{method, verdicts};
 use crate::sensor::PoseRecord;
 use crate::trajectory::{SensorDiagnostics, Solution};
+
+/// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
+/// refused stands first.
+pub fn run(findings: &Findings, report: &str) -> String {
+    let methods = method::verdicts(&findings.calibration, findings.joint.as_ref());
+    let marked = |mark: &str, wanted: bool| -> String {
+        let all = methods.iter();
+        all.filter(|found| (found.status == Status::Attention) == wanted)
+            .map(|found| format!("{mark}{}\n\n", found.text))
+            .collect()
+    };
+    let reference = method::reference(&findings.calibration, findings.joint.as_ref());
+    format!(
+        "{}report: {report}\n\n{}{}\n{}\n{}\n",
+        marked("! ", true),
+        marked("", false),
+        mountings(&findings.calibration),
+        reference.map_or(String::new(), |text| text + "\n"),
+        distances(&findings.drives)
+    )
+}
 
 /// A table of the mountings with a row per parameter and a column per scanner, then the
 /// unobservable directions.
@@ -24,6 +46,7 @@ pub fn mountings(calibration: &Calibration) -> String {
     for (line, unit) in lines.iter_mut().zip(["", "m", "m", "m", "°", "°", "°"]) {
         let _ = write!(line, "   {unit}"); // writing to a String cannot fail
     }
+    lines.extend(method::relative(calibration));
     lines.extend(verdicts::statements(calibration, ""));
     if !calibration.converged {
         lines.push("The calibration did not converge at every scale.".into());
@@ -44,10 +67,10 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
     let mut cells = vec![format!("{} ({convention})", mounting.name)];
     for parameter in 0..6 {
         let (value, sigma, digits) = match parameter {
-            0..3 => (pose.translation_m[parameter], sigmas[parameter], 4),
+            0..3 => (pose.translation_m[parameter], sigmas[parameter], 5),
             _ => {
                 let sigma = sigmas[parameter].map(f64::to_degrees);
-                (angles[parameter - 3], sigma, 3)
+                (angles[parameter - 3], sigma, 4)
             }
         };
         let sigma = match sigma {
@@ -56,17 +79,24 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
             None if calibration.is_observable(scanner, parameter) => String::new(),
             None => "held".into(),
         };
-        cells.push(format!("{value:.digits$} {sigma:<8}"));
+        cells.push(format!("{value:.digits$} {sigma:<9}"));
     }
     cells
 }
 
 /// A table of the distances with a row per comparison and a column per mounting.
 pub fn distances(drives: &[Drive]) -> String {
+    let mut all = drives.iter().flat_map(|drive| &drive.agreements.found);
+    let is_joint = all.any(|found| found.mounting == MountingKind::TwoStep);
+    let result = if is_joint {
+        "joint adjustment"
+    } else {
+        "calibrated"
+    };
     let kinds = [
         (MountingKind::Initial, "initial"),
         (MountingKind::TwoStep, "two steps"),
-        (MountingKind::Final, "calibrated"),
+        (MountingKind::Final, result),
         (MountingKind::Truth, "truth"),
     ];
     let mut rows = vec![String::from("distances (M3C2, RMSE)")];

@@ -3,9 +3,10 @@
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
-use crate::calibration::{Calibration, Variant};
+use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3};
+use crate::joint::{Joint, JointReport};
 use crate::progress::StageSeconds;
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::Solution;
@@ -45,6 +46,8 @@ pub struct Calibrations<'a> {
     pub mountings: &'a [(MountingKind, Vec<BodyFromScanner>)],
     /// The calibration that gives the result.
     pub result: &'a Calibration,
+    /// The joint adjustment of the run, accepted or refused; `None` where none was asked for.
+    pub joint: Option<&'a JointReport>,
     /// Calibrations of the same drive under other conditions.
     pub variants: &'a [(Variant, Calibration)],
 }
@@ -62,6 +65,24 @@ impl<'a> Calibrations<'a> {
         let mut all = self.variants.iter();
         all.find(|(other, _)| *other == variant)
             .map(|(_, found)| found)
+    }
+
+    /// The calibration in two steps, if there is one.
+    pub fn two_steps(&self) -> Option<&'a Calibration> {
+        let is_result = self.result.method == Method::TwoStep;
+        let own = is_result.then_some(self.result);
+        own.or_else(|| self.variant(Variant::TwoStep))
+    }
+
+    /// What the joint adjustment found, whether its values are the result or not.
+    pub fn joint_found(&self) -> Option<&'a Joint> {
+        self.joint?.found.as_ref()
+    }
+
+    /// What the joint adjustment found where its values are not the result.
+    pub fn refused(&self) -> Option<&'a Joint> {
+        let is_refused = self.joint?.accepted().is_none();
+        self.joint_found().filter(|_| is_refused)
     }
 }
 

@@ -79,23 +79,21 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
         found,
         truth,
     };
+    let two_steps = calibrations.two_steps();
     let result = match calibrations.result.method {
-        Method::TwoStep => "reweighted least squares",
-        Method::Joint => "two steps, where the joint adjustment starts",
-        Method::Paper => "as in the paper",
+        Method::Paper => Some(of("as in the paper", calibrations.result)),
+        _ => two_steps.map(|found| of("two steps", found)),
     };
     let variants = [
         (Variant::Paper, "as in the paper"),
-        (Variant::WithoutReference, "without reference"),
-        (Variant::ExactPoses, "with exact poses"),
+        (Variant::WithoutReference, "two steps without reference"),
+        (Variant::ExactPoses, "two steps with exact poses"),
     ];
     let variants = variants.into_iter().filter_map(|(variant, label)| {
         let found = calibrations.variant(variant)?;
         Some(of(label, found))
     });
-    std::iter::once(of(result, calibrations.result))
-        .chain(variants)
-        .collect()
+    result.into_iter().chain(variants).collect()
 }
 
 /// The whole section: comparison, the chart of every method, and scale by scale.

@@ -7,6 +7,7 @@ use super::figures::{coordinate_label, shift};
 use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
+use super::tables::mounting_name;
 use crate::comparison::{Agreement, MountingKind, Statistics};
 
 /// Maximum number of pixels of a map in either direction.
@@ -31,10 +32,11 @@ pub fn maps(drives: &[Drive]) -> String {
     out
 }
 
-const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point, seen from above; the colour scale is below the histogram. The first maps share one scale to show the effect of the calibration; the last is magnified to show the remaining distances. Figures 6 and 7 of the paper.</p>\n";
+const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point, seen from above; the colour scale is below the histogram. Magnified maps show the distances that remain; of two steps and the joint adjustment both are magnified alike. Figures 6 and 7 of the paper.</p>\n";
 
-/// One pair of clouds with the initial and the final mounting side by side, each above its
-/// histogram.
+/// One pair of clouds with each mounting side by side, each above its histogram. Two steps and the
+/// joint adjustment share a scale of their own; without them, initial and final mounting share one,
+/// and the final one is magnified beside them.
 fn map(drive: &str, found: &[Agreement]) -> String {
     let shown = |found: &&Agreement| found.mounting != MountingKind::Truth;
     let panels: Vec<&Agreement> = found.iter().filter(shown).collect();
@@ -42,15 +44,25 @@ fn map(drive: &str, found: &[Agreement]) -> String {
     let (Some(last), Some(bounds)) = (panels.last(), Bounds::around(positions)) else {
         return String::new();
     };
-    let limits = panels.iter().map(|panel| limit_m(panel));
-    let common_m = limits.fold(0.0, f64::max);
+    let is_joint = panels.iter().any(|p| p.mounting == MountingKind::TwoStep);
+    let common_m = |panels: &[&Agreement]| {
+        let limits = panels.iter().map(|panel| limit_m(panel));
+        limits.fold(0.0, f64::max)
+    };
+    let whole_m = common_m(&panels);
+    let first = panels.partition_point(|p| is_joint && p.mounting < MountingKind::TwoStep);
+    let own_m = common_m(&panels[first..]);
     let mut cells = String::new();
-    for panel in &panels {
-        cells.push_str(&cell(panel, bounds, common_m, ""));
+    for (i, panel) in panels.iter().enumerate() {
+        let name = mounting_name(panel.mounting, is_joint);
+        let magnified = is_joint && i >= first && own_m <= 0.5 * whole_m;
+        let limit_m = if magnified { own_m } else { whole_m };
+        cells.push_str(&cell(name, panel, bounds, (limit_m, magnified)));
     }
-    let own_m = limit_m(last);
-    if panels.len() > 1 && own_m <= 0.5 * common_m {
-        cells.push_str(&cell(last, bounds, own_m, ", magnified"));
+    let last_m = limit_m(last);
+    if !is_joint && panels.len() > 1 && last_m <= 0.5 * whole_m {
+        let name = mounting_name(last.mounting, is_joint);
+        cells.push_str(&cell(name, last, bounds, (last_m, true)));
     }
     format!(
         "<figure>\n<h3>{}, {}</h3>\n<div class=\"panels\">{cells}</div>\n</figure>\n",
@@ -66,22 +78,28 @@ fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
         .map(|core| ([core.point.x, core.point.y], core.distance_m))
 }
 
-fn cell(found: &Agreement, bounds: Bounds, limit_m: f64, addition: &str) -> String {
+/// A map above its histogram, with the limit of its colours and whether that is a smaller one.
+fn cell(
+    name: &str,
+    found: &Agreement,
+    bounds: Bounds,
+    (limit_m, magnified): (f64, bool),
+) -> String {
     let statistics = &found.statistics;
-    let summary = if addition.is_empty() {
-        format!(
-            "RMSE {}, mean {}",
-            number::with_unit(number::millimetres(statistics.rmse_m), "mm"),
-            number::with_unit(number::signed(number::millimetres(statistics.mean_m)), "mm")
-        )
+    let summary = format!(
+        "RMSE {}, mean {}",
+        number::with_unit(number::millimetres(statistics.rmse_m), "mm"),
+        number::with_unit(number::signed(number::millimetres(statistics.mean_m)), "mm")
+    );
+    let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
+    let sign = if magnified {
+        "magnified to"
     } else {
-        let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
-        format!("colours to ± {limit}")
+        "colours to"
     };
     format!(
-        "<div><h4>{}{addition} <small>{summary}</small></h4>\n{}{}</div>\n",
-        found.mounting.name(),
-        top_view(found, bounds, limit_m),
+        "<div><h4>{name} <small>{summary}<br/>{sign} ± {limit}</small></h4>\n{}{}</div>\n",
+        top_view(name, found, bounds, limit_m),
         histogram(statistics, limit_m)
     )
 }
@@ -96,7 +114,7 @@ fn limit_m(found: &Agreement) -> f64 {
     number::nice_above(most.max(1e-3))
 }
 
-fn top_view(found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
+fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
     let [x0, y0] = [shift(bounds.min[0]), shift(bounds.min[1])];
     let local = |p: [f64; 2]| [p[0] - x0, p[1] - y0];
     let (low, high) = (local(bounds.min), local(bounds.max));
@@ -109,7 +127,7 @@ fn top_view(found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
     let points: Vec<([f64; 2], f64)> = core(found).collect();
     let image = raster::coloured(&points, limit_m, bounds, PIXELS);
     plot.image(&image.uri, local(image.extent.min), local(image.extent.max));
-    plot.finish(&format!("Map of distances, {}", found.mounting.name()))
+    plot.finish(&format!("Map of distances, {name}"))
 }
 
 /// Histogram of the distances within the colour scale, with bars in the colours of the map and the

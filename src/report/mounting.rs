@@ -1,12 +1,13 @@
-//! Table I: the mounting of each scanner, initial, calibrated and true.
+//! Table I: the mounting of each scanner by each method, and the truth.
 
 use super::content::Calibrations;
 use super::html::{self, escape};
-use super::number;
-use crate::calibration::{Calibration, Variant};
+use super::{method, number};
+use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
+use crate::joint::Joint;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
 /// Errors of more than this many standard deviations are marked.
@@ -139,6 +140,14 @@ impl Block {
         })
     }
 
+    /// To 0.01 mm and 0.0001°.
+    fn show_value(self, value: f64) -> String {
+        match self {
+            Self::Translation => number::fixed(value, 5),
+            Self::Euler(_) => number::fixed(value, 4),
+        }
+    }
+
     fn show_sigma(self, sigma: f64) -> String {
         match self {
             Self::Translation => number::with_unit(number::sigma(sigma * 1e3), "mm"),
@@ -158,7 +167,7 @@ impl Block {
     fn markup(self, cell: &Cell) -> String {
         let mut out = format!(
             "<span class=\"value\">{}</span>",
-            number::fixed(cell.value, 4)
+            self.show_value(cell.value)
         );
         match cell.origin {
             Origin::Given => {}
@@ -189,47 +198,63 @@ impl Block {
     }
 }
 
-/// The tables of all scanners.
+/// The tables of all scanners: the methods side by side, then the same under other conditions,
+/// folded.
 pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
-    let scanners = calibrations.result.mountings.iter();
-    let tables: Vec<(&str, Vec<Column>, Option<&BodyFromScanner>)> = scanners
-        .enumerate()
-        .map(|(scanner, mounting)| {
-            let truth = truth.map(|truth| &truth[scanner]);
-            (&*mounting.name, columns(calibrations, scanner), truth)
-        })
-        .collect();
-    if tables.is_empty() {
-        return String::new();
+    let refused = refused(calibrations);
+    let scanners = calibrations.result.mountings.iter().enumerate();
+    let (mut out, mut folded) = (String::new(), String::new());
+    let mut is_any_open = false;
+    for (scanner, mounting) in scanners {
+        let truth = truth.map(|truth| &truth[scanner]);
+        let heading = format!("<h3>Scanner {}</h3>\n", escape(&mounting.name));
+        let methods = methods(calibrations, refused.as_ref(), scanner);
+        let conditions = conditions(calibrations, scanner);
+        out.push_str(&(heading.clone() + &table(&methods, truth)));
+        if !conditions.is_empty() {
+            folded.push_str(&(heading + &table(&conditions, truth)));
+        }
+        let is_open = |column: &Column| (0..6).any(|p| column.origin(p) == Origin::Unobservable);
+        is_any_open |= methods.iter().chain(&conditions).any(is_open);
     }
-    let mut out: String = tables
-        .iter()
-        .map(|(name, columns, truth)| table(name, columns, *truth))
-        .collect();
+    if out.is_empty() {
+        return out;
+    }
     out.push_str("<p class=\"note\">± is one standard deviation.");
     if truth.is_some() {
         out.push_str(" The error is value minus truth. ‡ marks errors beyond 1.96 σ; one in twenty is expected.");
     }
-    let mut columns = tables.iter().flat_map(|(_, columns, _)| columns);
-    if columns.any(|e| (0..6).any(|parameter| e.origin(parameter) == Origin::Unobservable)) {
+    if is_any_open {
         out.push_str(" Unobservable parameters are held at their initial values.");
     }
     out.push_str(" Table I of the paper.</p>\n");
-    out
+    out + &html::details("Two steps under other conditions", &folded)
 }
 
-/// The columns of one scanner. The paper's method has no standard deviations and is shown with the
-/// other methods.
-fn columns<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column<'a>> {
-    let of = |label, found: &'a Calibration, is_result| Column {
+/// The mountings of a joint adjustment whose values are not the result.
+fn refused(calibrations: &Calibrations) -> Option<Calibration> {
+    let found: &Joint = calibrations.refused()?;
+    Some(found.calibration(calibrations.result))
+}
+
+/// A column of a calibration.
+fn column<'a>(label: &'static str, found: &'a Calibration, scanner: usize) -> Column<'a> {
+    Column {
         label,
         body_from_scanner: found.mountings[scanner].body_from_scanner,
         found: Some((found, scanner)),
-        is_result,
-    };
-    let without = calibrations.variant(Variant::WithoutReference);
-    let exact = calibrations.variant(Variant::ExactPoses);
+        is_result: false,
+    }
+}
+
+/// The columns of one scanner: initial values and every method.
+fn methods<'a>(
+    calibrations: &Calibrations<'a>,
+    refused: Option<&'a Calibration>,
+    scanner: usize,
+) -> Vec<Column<'a>> {
+    let result = calibrations.result;
     let initial = calibrations.mountings(MountingKind::Initial);
     let initial = initial.map(|initial| Column {
         label: "initial",
@@ -237,15 +262,35 @@ fn columns<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column<'a
         found: None,
         is_result: false,
     });
-    let label = without.map_or("found", |_| "with reference");
+    let variant = |variant, label| {
+        let found = calibrations.variant(variant);
+        found.map(|found| column(label, found, scanner))
+    };
     let mut list = Vec::from_iter(initial);
-    list.extend(without.map(|found| of("without reference", found, false)));
-    list.push(of(label, calibrations.result, true));
-    list.extend(exact.map(|found| of("with exact poses", found, false)));
+    list.extend(variant(Variant::Paper, method::name(Method::Paper)));
+    list.extend(variant(Variant::TwoStep, method::name(Method::TwoStep)));
+    list.push(Column {
+        is_result: true,
+        ..column(method::name(result.method), result, scanner)
+    });
+    list.extend(refused.map(|found| column("joint adjustment, refused", found, scanner)));
     list
 }
 
-fn table(scanner: &str, columns: &[Column], truth: Option<&BodyFromScanner>) -> String {
+/// The columns of one scanner for two steps under other conditions.
+fn conditions<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column<'a>> {
+    let conditions = [
+        (Variant::WithoutReference, "without reference"),
+        (Variant::ExactPoses, "with exact poses"),
+    ];
+    let found = conditions.into_iter().filter_map(|(variant, label)| {
+        let found = calibrations.variant(variant)?;
+        Some(column(label, found, scanner))
+    });
+    found.collect()
+}
+
+fn table(columns: &[Column], truth: Option<&BodyFromScanner>) -> String {
     let result = |is_result: bool| if is_result { " class=\"result\"" } else { "" };
     let mut head = String::from("<tr><td></td>");
     for column in columns {
@@ -278,7 +323,7 @@ fn table(scanner: &str, columns: &[Column], truth: Option<&BodyFromScanner>) -> 
                 ));
             }
             if let Some(truth) = truth {
-                let value = number::fixed(block.values(truth)[i], 4);
+                let value = block.show_value(block.values(truth)[i]);
                 body.push_str(&format!("<td><span class=\"value\">{value}</span></td>"));
             }
             body.push_str("</tr>\n");
@@ -301,11 +346,7 @@ fn table(scanner: &str, columns: &[Column], truth: Option<&BodyFromScanner>) -> 
         }
         body.push_str("<td></td></tr>\n");
     }
-    format!(
-        "<h3>Scanner {}</h3>\n{}",
-        escape(scanner),
-        html::table("numbers mounting", &head, &body)
-    )
+    html::table("numbers mounting", &head, &body)
 }
 
 #[cfg(test)]

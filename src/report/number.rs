@@ -100,6 +100,17 @@ pub fn millimetres(metres: f64) -> String {
     fixed(metres * 1e3, decimals(metres * 1e3, 3, 2).min(2))
 }
 
+/// A length of `metres` in a sentence: to the millimetre from 1 cm on, two digits below 1 mm.
+pub fn length(metres: f64) -> String {
+    let mm = metres * 1e3;
+    match mm {
+        _ if !mm.is_finite() => DASH.into(),
+        10.0.. => format!("{mm:.0} mm"),
+        1.0.. => format!("{mm:.1} mm"),
+        _ => format!("{} mm", fixed(mm, decimals(mm, 2, 4))),
+    }
+}
+
 /// A standard deviation as a number: two digits, to 0.001.
 pub fn sigma(value: f64) -> String {
     fixed(value, decimals(value, 2, 4))
@@ -173,6 +184,11 @@ mod tests {
         assert_eq!(millimetres(0.00132), "1.32");
         assert_eq!(millimetres(0.0431), "43.1");
         assert_eq!(millimetres(0.125), "125");
+        assert_eq!(length(0.0431), "43 mm");
+        assert_eq!(length(0.00132), "1.3 mm");
+        assert_eq!(length(0.000_147), "0.15 mm");
+        assert_eq!(length(0.0), "0 mm");
+        assert_eq!(length(f64::NAN), DASH);
         assert_eq!(sigma(0.00432), "0.0043");
         assert_eq!(significant(0.012_34, 2), "0.012");
         assert_eq!(significant(1678.4, 3), "1678");

@@ -1,9 +1,13 @@
 //! The HTML page and its sections in reading order.
 
-use super::content::Content;
+use super::content::{Calibrations, Content};
 use super::html::{self, escape};
 use super::track::Track;
-use super::{adjustment, convergence, figures, maps, mounting, residual_plots, tables, verdicts};
+use super::{
+    adjustment, convergence, figures, joint, joint_figures, maps, mounting, relative,
+    residual_plots, tables, verdicts,
+};
+use crate::calibration::Method;
 use crate::geometry::Vec3;
 
 /// Colours and type, for screen (light and dark) and print.
@@ -47,7 +51,9 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "mounting",
             "Mounting",
-            calibrations.map(mounting::tables).unwrap_or_default(),
+            calibrations.map_or_else(String::new, |calibrations| {
+                mounting::tables(calibrations) + &relative::tables(calibrations)
+            }),
         ),
         (
             "distances",
@@ -63,6 +69,11 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             }),
         ),
         (
+            "tests",
+            "Do the sensors agree with each other?",
+            calibrations.map(joint::section).unwrap_or_default(),
+        ),
+        (
             "residuals",
             "Is the mounting constant?",
             result.map(figures::residuals).unwrap_or_default(),
@@ -70,7 +81,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "trajectory",
             "Trajectory",
-            trajectory(&tracks, content.background_m),
+            trajectory(&tracks, content.background_m, calibrations),
         ),
         (
             "convergence",
@@ -93,10 +104,24 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
 }
 
 /// The drives from above, the course of the adjustment, and the uncertainty of the poses.
-fn trajectory(tracks: &[Track], background_m: &[Vec3]) -> String {
-    adjustment::statements(tracks)
+fn trajectory(
+    tracks: &[Track],
+    background_m: &[Vec3],
+    calibrations: Option<&Calibrations>,
+) -> String {
+    let joint = calibrations.map(|calibrations| joint_figures::figures(calibrations, tracks));
+    let is_joint = calibrations.is_some_and(|c| c.result.method == Method::Joint);
+    let origin = match is_joint {
+        true => {
+            "<p>The poses and their standard deviations are those of the joint adjustment. Residuals by sensor, constants and rejected measurements are those of the trajectory alone, from which it started.</p>\n"
+        }
+        false => "",
+    };
+    origin.to_owned()
+        + &adjustment::statements(tracks)
         + &figures::top_view(tracks, background_m)
         + &figures::pose_sigmas(tracks)
+        + &joint.unwrap_or_default()
         + &adjustment::tables(tracks)
         + &residual_plots::over_time(tracks)
         + &residual_plots::histograms(tracks)

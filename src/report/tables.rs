@@ -51,21 +51,43 @@ pub fn distances(drives: &[Drive]) -> String {
         return String::new();
     }
     rmse(&pairs)
-        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. The column of the true mounting, if shown, uses the same estimated poses: its distances are due to poses and noise alone. Table II of the paper.</p>\n"
+        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. Two steps use the poses of the trajectory alone, the joint adjustment its own. The column of the true mounting, if shown, uses the same poses as the result: its distances are due to poses and noise alone. Table II of the paper.</p>\n"
         + &html::details(
             "Mean, standard deviation, median, number of core points",
             &statistics(&pairs),
         )
 }
 
-/// RMSE before and after.
-fn rmse(pairs: &[Pair]) -> String {
-    let mut all = pairs.iter().flat_map(|(_, drives)| drives);
-    let known = all.any(|(_, found)| found.iter().any(|f| f.mounting == MountingKind::Truth));
-    let mut heads = vec!["clouds", "drive", "initial", "calibrated"];
-    if known {
-        heads.push("true mounting");
+/// Name of a mounting in tables and maps. Beside two steps, the result is that of the joint
+/// adjustment.
+pub fn mounting_name(kind: MountingKind, is_joint: bool) -> &'static str {
+    match kind {
+        MountingKind::Final if is_joint => "joint adjustment",
+        other => other.name(),
     }
+}
+
+/// RMSE by mounting.
+fn rmse(pairs: &[Pair]) -> String {
+    let has = |kind: MountingKind| {
+        let mut all = pairs.iter().flat_map(|(_, drives)| drives);
+        all.any(|(_, found)| found.iter().any(|f| f.mounting == kind))
+    };
+    let kinds = [
+        MountingKind::Initial,
+        MountingKind::TwoStep,
+        MountingKind::Final,
+        MountingKind::Truth,
+    ];
+    let always = [MountingKind::Initial, MountingKind::Final];
+    let kinds = kinds.into_iter().filter(|k| always.contains(k) || has(*k));
+    let kinds: Vec<MountingKind> = kinds.collect();
+    let mut heads = vec!["clouds", "drive"];
+    heads.extend(
+        kinds
+            .iter()
+            .map(|kind| mounting_name(*kind, has(MountingKind::TwoStep))),
+    );
     let mut head = String::from("<tr>");
     for (i, text) in heads.iter().enumerate() {
         let unit = if i < 2 { "" } else { "<br/><small>mm</small>" };
@@ -83,16 +105,22 @@ fn rmse(pairs: &[Pair]) -> String {
             let (first, last) = (find(MountingKind::Initial), find(MountingKind::Final));
             let is_first = i == 0;
             body.push_str(&format!(
-                "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td class=\"result\">{}</td>",
+                "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td>",
                 if is_first { "first" } else { "" },
-                if is_first { escape(pair) } else { String::new() },
+                if is_first {
+                    escape(pair)
+                } else {
+                    String::new()
+                },
                 escape(drive),
-                number::millimetres(first),
-                number::millimetres(last)
             ));
-            if known {
-                let truth = number::millimetres(find(MountingKind::Truth));
-                body.push_str(&format!("<td>{truth}</td>"));
+            for kind in &kinds {
+                let class = match kind {
+                    MountingKind::Final => " class=\"result\"",
+                    _ => "",
+                };
+                let rmse = number::millimetres(find(*kind));
+                body.push_str(&format!("<td{class}>{rmse}</td>"));
             }
             body.push_str(&format!(
                 "<td>{}</td></tr>\n",
@@ -109,6 +137,7 @@ fn statistics(pairs: &[Pair]) -> String {
     for (pair, drives) in pairs {
         let mut body = String::new();
         for (drive, all) in drives {
+            let is_joint = all.iter().any(|f| f.mounting == MountingKind::TwoStep);
             for (i, found) in all.iter().enumerate() {
                 let s = &found.statistics;
                 let mut classes = Vec::new();
@@ -122,7 +151,7 @@ fn statistics(pairs: &[Pair]) -> String {
                     "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                     classes.join(" "),
                     if i == 0 { escape(drive) } else { String::new() },
-                    found.mounting.name(),
+                    mounting_name(found.mounting, is_joint),
                     number::signed(number::millimetres(s.mean_m)),
                     number::millimetres(s.std_m),
                     number::millimetres(s.rmse_m),
@@ -141,7 +170,7 @@ fn statistics(pairs: &[Pair]) -> String {
 /// Correlations of the mountings' parameters as a table coloured by sign and size; empty without a
 /// covariance.
 pub fn correlation(calibration: &Calibration) -> String {
-    let Some(covariance) = &calibration.covariance else {
+    let Some(correlation) = calibration.correlation() else {
         return String::new();
     };
     // Rotations are about the body's axes, whatever the Euler convention.
@@ -159,8 +188,7 @@ pub fn correlation(calibration: &Calibration) -> String {
     for (i, (scanner, name)) in labels.iter().enumerate() {
         body.push_str(&format!("<tr><th scope=\"row\">{scanner} {name}</th>"));
         for j in 0..labels.len() {
-            let variances = covariance[(i, i)] * covariance[(j, j)];
-            let value = covariance[(i, j)] / variances.sqrt();
+            let value = correlation[(i, j)];
             if !value.is_finite() {
                 body.push_str(&format!("<td class=\"none\">{DASH}</td>"));
             } else if i == j {

@@ -1,22 +1,20 @@
 //! The summary of a run, in words that a field crew understands.
 
-use super::content::{Calibrations, Content, Status, Verdict};
-use super::number::DASH;
-use crate::calibration::{Calibration, Variant};
+use super::content::{Calibrations, Content, Drive, Status, Verdict};
+use super::{method, number};
+use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
-use crate::geometry::{BodyFromScanner, so3};
+use crate::geometry::{BodyFromScanner, Vec3, so3};
+use crate::joint::Joint;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// A length as text.
-fn millimetres(metres: f64) -> String {
-    match metres {
-        _ if !metres.is_finite() => DASH.into(),
-        0.01.. => format!("{:.0} mm", metres * 1e3),
-        _ => format!("{:.1} mm", metres * 1e3),
-    }
-}
+/// Clouds that agree worse than after two steps by more than this factor need attention: other core
+/// points alone change the RMSE by a few percent.
+const WORSE_THAN_TWO_STEPS: f64 = 1.2;
+/// No error exceeds this many standard deviations by chance: 1 in 16 000 does.
+const NEVER_BY_CHANCE: f64 = 4.0;
 
-/// The summary: points that need attention first, then the agreement of the clouds, then the
+/// The summary: which method's values these are, then points that need attention, then the agreement of the clouds, then the
 /// quality of the mountings.
 pub fn summary(content: &Content) -> Vec<Verdict> {
     let Some(calibrations) = &content.calibrations else {
@@ -32,30 +30,14 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
         let last = drive.agreements.under(MountingKind::Final);
         lines.extend(last.map(|found| agreement(&drive.agreements, found)));
     }
-    for drive in content.drives.iter().skip(1) {
-        let rmse: Vec<String> = drive
-            .agreements
-            .under(MountingKind::Final)
-            .map(|found| {
-                let rmse = millimetres(found.statistics.rmse_m);
-                format!("{}: {rmse}", found.pair())
-            })
-            .collect();
-        if !rmse.is_empty() {
-            lines.push(Verdict::good(format!(
-                "On {}, which was not used in the calibration: {}.",
-                drive.name,
-                rmse.join("; ")
-            )));
-        }
-    }
-    lines.push(match calibrations.result.converged {
-        true => Verdict::good("The adjustment converged at every scale."),
-        false => Verdict::attention(
-            "The adjustment did not converge at every scale: the result may be wrong.",
-        ),
-    });
+    lines.extend(content.drives.iter().skip(1).filter_map(evaluation));
+    lines.extend(calibrations.joint_found().into_iter().flat_map(regions));
+    lines.push(convergence(calibrations.result));
     lines.extend(sigmas(calibrations.result));
+    let reference = method::reference(calibrations.result, calibrations.joint);
+    lines.extend(reference.map(Verdict::neutral));
+    let relative = method::relative(calibrations.result).into_iter();
+    lines.extend(relative.map(Verdict::good));
     if let Some(truth) = calibrations.mountings(MountingKind::Truth) {
         lines.extend(errors(calibrations.result, truth));
     }
@@ -65,7 +47,72 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
         lines.extend(constancy);
     }
     lines.sort_by_key(|line| line.status != Status::Attention);
-    lines
+    let mut all = method::verdicts(calibrations.result, calibrations.joint);
+    all.extend(lines);
+    all
+}
+
+/// The agreement of the clouds of a drive that was not used in the calibration.
+fn evaluation(drive: &Drive) -> Option<Verdict> {
+    let all = &drive.agreements;
+    let mut is_worse = false;
+    let parts = all.under(MountingKind::Final).map(|found| {
+        let rmse_m = found.statistics.rmse_m;
+        let rmse = number::length(rmse_m);
+        let worse = worse_than_two_steps(all, found);
+        is_worse |= worse.is_some();
+        let aside = worse.map_or(String::new(), |two_steps| {
+            format!(
+                " (worse than after two steps: {})",
+                number::length(two_steps)
+            )
+        });
+        format!("{}: {rmse}{aside}", found.pair())
+    });
+    let parts: Vec<String> = parts.collect();
+    let text = format!(
+        "On {}, which was not used in the calibration: {}.",
+        drive.name,
+        parts.join("; ")
+    );
+    (!parts.is_empty()).then(|| match is_worse {
+        true => Verdict::attention(text),
+        false => Verdict::good(text),
+    })
+}
+
+/// The RMSE after two steps where the clouds agree notably worse than then.
+fn worse_than_two_steps(all: &Agreements, found: &Agreement) -> Option<f64> {
+    let two_steps = all.counterpart(found, MountingKind::TwoStep)?;
+    let (before, after) = (two_steps.statistics.rmse_m, found.statistics.rmse_m);
+    (after > WORSE_THAN_TWO_STEPS * before).then_some(before)
+}
+
+fn convergence(result: &Calibration) -> Verdict {
+    match (result.converged, result.method) {
+        (true, Method::Joint) => Verdict::good("The joint adjustment converged."),
+        (true, _) => Verdict::good("The adjustment converged at every scale."),
+        (false, Method::Joint) => {
+            Verdict::attention("The joint adjustment did not converge: the result may be wrong.")
+        }
+        (false, _) => Verdict::attention(
+            "The adjustment did not converge at every scale: the result may be wrong.",
+        ),
+    }
+}
+
+/// Where scans and reference disagree.
+pub fn regions(joint: &Joint) -> impl Iterator<Item = Verdict> {
+    let regions = joint.regions.iter();
+    regions.map(|region| Verdict::attention(capitalised(&region.describe(&Vec3::zeros()))))
+}
+
+fn capitalised(text: &str) -> String {
+    let mut text = text.to_owned();
+    if let Some(first) = text.get_mut(0..1) {
+        first.make_ascii_uppercase();
+    }
+    text
 }
 
 /// The largest standard deviations of the mountings.
@@ -80,7 +127,7 @@ fn sigmas(calibration: &Calibration) -> Option<Verdict> {
     }
     let [length_m, angle_rad] = worst;
     let parts: Vec<String> = [
-        (length_m > 0.0).then(|| format!("± {} in position", millimetres(length_m))),
+        (length_m > 0.0).then(|| format!("± {} in position", number::length(length_m))),
         (angle_rad > 0.0).then(|| format!("± {:.3}° in rotation", angle_rad.to_degrees())),
     ]
     .into_iter()
@@ -110,7 +157,7 @@ fn outside_by_chance(all: usize) -> f64 {
 fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdict> {
     let covariance = calibration.covariance.as_ref()?;
     let mut worst = [0.0f64; 2];
-    let (mut outside, mut all) = (0usize, 0usize);
+    let (mut outside, mut all, mut largest) = (0usize, 0usize, 0.0f64);
     for (scanner, (mounting, truth)) in calibration.mountings.iter().zip(truth).enumerate() {
         let found = &mounting.body_from_scanner;
         let shift = found.translation_m - truth.translation_m;
@@ -121,7 +168,9 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
             let variance = covariance[(row, row)];
             if variance > 0.0 {
                 all += 1;
-                outside += usize::from(error.abs() > NORMAL_97_5_ROUNDED * variance.sqrt());
+                let normalised = error.abs() / variance.sqrt();
+                outside += usize::from(normalised > NORMAL_97_5_ROUNDED);
+                largest = largest.max(normalised);
                 let worst = &mut worst[parameter / 3];
                 *worst = worst.max(error.abs());
             }
@@ -129,12 +178,12 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
     }
     let text = format!(
         "The largest errors against the simulated truth are {} and {:.3}°; {} of {all} errors \
-         lie within their 95 % bounds.",
-        millimetres(worst[0]),
+         lie within their 95 % bounds, and all within {largest:.1} standard deviations.",
+        number::length(worst[0]),
         worst[1].to_degrees(),
         all - outside
     );
-    let covered = outside as f64 <= outside_by_chance(all);
+    let covered = outside as f64 <= outside_by_chance(all) && largest < NEVER_BY_CHANCE;
     (all > 0).then(|| match covered {
         true => Verdict::good(text),
         false => Verdict::attention(text),
@@ -147,21 +196,37 @@ fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
         Against::Reference => format!(
             "Scanner {}: points agree with the reference scan to {}",
             found.scanner,
-            millimetres(after)
+            number::length(after)
         ),
         Against::Scanner(other) => format!(
             "Scanners {other} and {} agree with each other to {}",
             found.scanner,
-            millimetres(after)
+            number::length(after)
         ),
     };
-    let before = all.counterpart(found, MountingKind::Initial);
-    match before.map(|before| before.statistics.rmse_m) {
+    let rmse = |kind| {
+        let other = all.counterpart(found, kind);
+        other.map(|other| other.statistics.rmse_m)
+    };
+    let two_steps = rmse(MountingKind::TwoStep);
+    if let Some(two_steps) = worse_than_two_steps(all, found) {
+        return Verdict::attention(format!(
+            "{text}, worse than after two steps ({}).",
+            number::length(two_steps)
+        ));
+    }
+    let two_steps = two_steps.map_or(String::new(), |two_steps| {
+        format!(", after two steps: {}", number::length(two_steps))
+    });
+    match rmse(MountingKind::Initial) {
         Some(before) if before < after => Verdict::attention(format!(
             "{text}, worse than with the initial mounting ({}).",
-            millimetres(before)
+            number::length(before)
         )),
-        Some(before) => Verdict::good(format!("{text} (before: {}).", millimetres(before))),
+        Some(before) => Verdict::good(format!(
+            "{text} (before: {}{two_steps}).",
+            number::length(before)
+        )),
         None => Verdict::good(format!("{text}.")),
     }
 }
@@ -187,10 +252,7 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
     let directions = calibration.observability.unobservable.iter();
     directions
         .map(|direction| {
-            let mut text = direction.description.clone();
-            if let Some(first) = text.get_mut(0..1) {
-                first.make_ascii_uppercase();
-            }
+            let text = capitalised(&direction.description);
             format!("{text} is unobservable{circumstance}: held at the initial value.")
         })
         .collect()
@@ -202,9 +264,10 @@ pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
     Some(match constancy_warning(calibration) {
         Some(text) => Verdict::attention(text),
         None => Verdict::good(format!(
-            "The mounting appears constant: residuals along the drive ({}) are {:.1} times as large as \
-             the standard deviations of the poses explain.",
-            millimetres(found.rms_m),
+            "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
+             as the standard deviations of the poses explain.",
+            of_two_steps(calibration),
+            number::length(found.rms_m),
             found.ratio
         )),
     })
@@ -221,9 +284,18 @@ pub fn constancy_warning(calibration: &Calibration) -> Option<String> {
         format!(" They correlate most with {name} (correlation {r:.2}).")
     });
     Some(format!(
-        "The mounting does not appear constant: residuals along the drive ({}) are {:.1} times as \
+        "The mounting does not appear constant{}: residuals along the drive ({}) are {:.1} times as \
          large as the standard deviations of the poses explain.{with}",
-        millimetres(constancy.rms_m),
+        of_two_steps(calibration),
+        number::length(constancy.rms_m),
         constancy.ratio
     ))
+}
+
+/// The test of a constant mounting uses the residuals of two steps.
+fn of_two_steps(calibration: &Calibration) -> &'static str {
+    match calibration.method {
+        Method::Joint => " after two steps",
+        Method::TwoStep | Method::Paper => "",
+    }
 }

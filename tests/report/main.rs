@@ -2,6 +2,7 @@
 
 mod adjusted;
 mod checker;
+mod joint;
 mod synthetic;
 mod trajectory;
 

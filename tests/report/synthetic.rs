@@ -8,6 +8,7 @@ use boresight::comparison::{
 };
 use boresight::geometry::euler::rotation_from_euler_deg;
 use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3, WorldFromBody, so3};
+use boresight::joint::JointReport;
 use boresight::progress::StageSeconds;
 use boresight::report::content::*;
 use boresight::sensor::{PoseRecord, PoseSigma};
@@ -34,6 +35,7 @@ pub struct Full {
     pub inputs: Vec<Fact>,
     pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     pub result: Calibration,
+    pub joint: Option<JointReport>,
     pub variants: Vec<(Variant, Calibration)>,
     pub drives: Vec<Drive>,
     pub background_m: Vec<Vec3>,
@@ -52,6 +54,7 @@ impl Full {
             calibrations: Some(Calibrations {
                 mountings: &self.mountings,
                 result: &self.result,
+                joint: self.joint.as_ref(),
                 variants: &self.variants,
             }),
             drives: &self.drives,
@@ -107,7 +110,7 @@ fn calibration(
                 let mean = floor_m * (1.0 + (start - 1.0) * (-1.1 * j as f64).exp());
                 neighbourhoods as f64
                     * match method {
-                        Method::TwoStep => 2.0 * mean.ln(),
+                        Method::TwoStep | Method::Joint => 2.0 * mean.ln(),
                         Method::Paper => mean.powi(4),
                     }
             })
@@ -121,7 +124,7 @@ fn calibration(
             cost: costs[iterations],
             costs,
             ending: match method {
-                Method::TwoStep => Ending::Converged,
+                Method::TwoStep | Method::Joint => Ending::Converged,
                 Method::Paper => Ending::IterationsExhausted,
             },
             seconds: 0.4 / voxel_m.sqrt(),
@@ -333,6 +336,7 @@ pub fn full(n: usize) -> Full {
             (MountingKind::Truth, truth),
         ],
         result,
+        joint: None,
         variants: vec![
             (Variant::WithoutReference, without),
             (Variant::ExactPoses, exact),

@@ -53,6 +53,7 @@ pub fn pose_case() -> Logs {
         )],
         heading: HeadingSettings::aligned(parameter("sigma_heading_rad")),
         nodes: Nodes::default(),
+        max_step_s: TrajectorySettings::MAX_STEP_S,
         estimate: Vec::new(),
         zero_velocity: true,
     };

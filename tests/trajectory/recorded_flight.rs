@@ -120,6 +120,7 @@ fn euroc() -> Flight {
             ..HeadingSettings::aligned(1.4f64.to_radians())
         },
         nodes: Nodes::default(),
+        max_step_s: TrajectorySettings::MAX_STEP_S,
         estimate: Vec::new(),
         zero_velocity: true,
     };

@@ -112,6 +112,7 @@ pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (
         positions: vec![PositionSettings::prism(prism_sigma, lever)],
         heading: HeadingSettings::aligned(heading_sigma),
         nodes: Nodes::default(),
+        max_step_s: TrajectorySettings::MAX_STEP_S,
         estimate: Vec::new(),
         zero_velocity: true,
     };

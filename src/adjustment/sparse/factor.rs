@@ -134,7 +134,7 @@ impl SparseFactor {
         &self,
         ordered: &mut [f64],
         count: usize,
-        solve: impl FnOnce(SupernodalLltRef<'_, usize, f64>, MatMut<'_, f64>, &mut MemStack),
+        solve: impl FnOnce(SupernodalLltRef<'_, u32, f64>, MatMut<'_, f64>, &mut MemStack),
     ) {
         let l = &self.structure.l;
         let mut memory = MemBuffer::new(l.solve_in_place_scratch::<f64>(count, Par::Seq));

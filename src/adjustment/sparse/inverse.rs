@@ -8,6 +8,7 @@ use faer::linalg::triangular_solve::{
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::DMatrix;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// H⁻¹ where L has entries: the covariances of all blocks that are coupled, and of some more.
@@ -20,74 +21,28 @@ pub struct SelectedInverse {
 
 impl SelectedInverse {
     /// The recursion of Takahashi, Fagan & Chen (1973) on supernodes from the last to the first.
-    /// With J the unknowns of a supernode, I its other rows and Y = L_IJ L_JJ⁻¹,
-    /// Z_IJ = −Z_II Y and Z_JJ = L_JJ⁻ᵀ L_JJ⁻¹ − Yᵀ Z_IJ.
     pub(super) fn new(structure: &Arc<Structure>, l: &[f64]) -> Self {
         let mut inverse = Self {
             structure: Arc::clone(structure),
             values: vec![0.0; l.len()],
         };
         let mut separator = Vec::new();
-        let mut factors = Vec::new();
+        let mut workspace = Vec::new();
         for supernode in (0..structure.l.n_supernodes()).rev() {
             let range = structure.values(supernode);
             let pivots = structure.pivots(supernode).len();
             let height = range.len() / pivots;
             let others = height - pivots;
-            let l = MatRef::from_column_major_slice(&l[range.clone()], height, pivots);
-            let (l_top, l_bottom) = l.split_at_row(pivots);
-
             separator.resize(separator.len().max(others * others), 0.0);
             let separator = &mut separator[..others * others];
             inverse.gather(supernode, separator);
-            let separator = MatRef::from_column_major_slice(separator, others, others);
-
-            factors.resize(factors.len().max(height * pivots), 0.0);
-            let y = &mut factors[..height * pivots];
-            let y = MatMut::from_column_major_slice_mut(y, height, pivots);
-            let (mut top, mut y) = y.split_at_row_mut(pivots);
-            y.copy_from(l_bottom);
-            solve_upper_triangular_in_place(
-                l_top.transpose(),
-                y.rb_mut().transpose_mut(),
-                Par::Seq,
+            workspace.resize(workspace.len().max(range.len()), 0.0);
+            invert_supernode(
+                MatRef::from_column_major_slice(&l[range.clone()], height, pivots),
+                MatRef::from_column_major_slice(separator, others, others),
+                MatMut::from_column_major_slice_mut(&mut workspace[..range.len()], height, pivots),
+                MatMut::from_column_major_slice_mut(&mut inverse.values[range], height, pivots),
             );
-            top.fill(0.0);
-            top.rb_mut().diagonal_mut().fill(1.0);
-            solve_lower_triangular_in_place(l_top, top.rb_mut(), Par::Seq);
-
-            let z = &mut inverse.values[range];
-            let z = MatMut::from_column_major_slice_mut(z, height, pivots);
-            let (mut z_top, mut z_bottom) = z.split_at_row_mut(pivots);
-            matmul(
-                z_bottom.rb_mut(),
-                Accum::Replace,
-                separator,
-                y.rb(),
-                -1.0,
-                Par::Seq,
-            );
-            matmul(
-                z_top.rb_mut(),
-                Accum::Replace,
-                top.rb().transpose(),
-                top.rb(),
-                1.0,
-                Par::Seq,
-            );
-            matmul(
-                z_top.rb_mut(),
-                Accum::Add,
-                y.rb().transpose(),
-                z_bottom.rb(),
-                -1.0,
-                Par::Seq,
-            );
-            for j in 0..pivots {
-                for i in 0..j {
-                    z_top[(i, j)] = z_top[(j, i)];
-                }
-            }
         }
         inverse
     }
@@ -96,48 +51,54 @@ impl SelectedInverse {
     /// are rows of it.
     fn gather(&self, supernode: usize, separator: &mut [f64]) {
         let structure = &*self.structure;
+        let own = structure.pivots(supernode);
         let (front, front_row) = structure.front(supernode);
-        let pivots = structure.pivots(supernode);
-        let own = front.partition_point(|&p| structure.start[p as usize] < pivots.end);
-        let (front, front_row) = (&front[own..], &front_row[own..]);
-        let order = pivots.len();
-        let height = front.last().zip(front_row.last());
-        let height = height.map_or(0, |(&p, &row)| {
-            row as usize + structure.size(p as usize) - order
-        });
+        let first_other = structure.count_before(front, own.end);
+        let (front, front_row) = (&front[first_other..], &front_row[first_other..]);
+        let height = structure.values(supernode).len() / own.len() - own.len();
+        let place = |i: usize| front_row[i] as usize - own.len();
+        let mut runs = Vec::new();
         let mut first = 0;
         while first < front.len() {
             let ancestor = structure.supernode[front[first] as usize];
-            let (there, there_row) = structure.front(ancestor);
             let range = structure.values(ancestor);
             let pivots = structure.pivots(ancestor);
             let stride = range.len() / pivots.len();
             let values = &self.values[range];
-            let count =
-                front[first..].partition_point(|&p| structure.start[p as usize] < pivots.end);
-            let mut at = 0;
-            for (i, &row) in front.iter().enumerate().skip(first) {
-                while there[at] != row {
-                    at += 1;
-                }
-                let from_row = there_row[at] as usize;
-                let to_row = front_row[i] as usize - order;
-                let rows = structure.size(row as usize);
-                for j in first..(first + count).min(i + 1) {
-                    let column = front[j] as usize;
-                    let from_column = structure.start[column] - pivots.start;
-                    let to_column = front_row[j] as usize - order;
-                    for c in 0..structure.size(column) {
-                        let from = &values[(from_column + c) * stride + from_row..][..rows];
-                        let to = (to_column + c) * height + to_row;
-                        separator[to..to + rows].copy_from_slice(from);
-                        for (r, value) in from.iter().enumerate() {
-                            separator[(to_row + r) * height + to_column + c] = *value;
-                        }
+            self.runs(ancestor, &front[first..], &mut runs);
+            let end = first + structure.count_before(&front[first..], pivots.end);
+            for (i, &position) in front.iter().enumerate().take(end).skip(first) {
+                let column = structure.start[position as usize] - pivots.start;
+                for c in 0..structure.size(position as usize) {
+                    let from = &values[(column + c) * stride..][..stride];
+                    let mut to = (place(i) + c) * height + place(first);
+                    for run in &runs {
+                        separator[to..to + run.len()].copy_from_slice(&from[run.clone()]);
+                        to += run.len();
                     }
                 }
             }
-            first += count;
+            first = end;
+        }
+        mirror(separator, height);
+    }
+
+    /// The rows of an ancestor's supernode that belong to these positions, all of which it has.
+    fn runs(&self, ancestor: usize, positions: &[u32], runs: &mut Vec<Range<usize>>) {
+        let structure = &*self.structure;
+        let (there, there_row) = structure.front(ancestor);
+        runs.clear();
+        let mut at = 0;
+        for &position in positions {
+            while there[at] != position {
+                at += 1;
+            }
+            let row = there_row[at] as usize;
+            let end = row + structure.size(position as usize);
+            match runs.last_mut() {
+                Some(run) if run.end == row => run.end = end,
+                _ => runs.push(row..end),
+            }
         }
     }
 
@@ -160,5 +121,48 @@ impl SelectedInverse {
         Some(DMatrix::from_fn(rows, columns, |i, j| {
             if p < q { entry(j, i) } else { entry(i, j) }
         }))
+    }
+}
+
+/// The columns Z of the inverse for a supernode L. With J its own unknowns, I its other rows and
+/// Y = L_IJ L_JJ⁻¹, Z_IJ = −Z_II Y and Z_JJ = L_JJ⁻ᵀ L_JJ⁻¹ − Yᵀ Z_IJ; Z_II is the `separator`.
+fn invert_supernode(
+    l: MatRef<'_, f64>,
+    separator: MatRef<'_, f64>,
+    workspace: MatMut<'_, f64>,
+    z: MatMut<'_, f64>,
+) {
+    let (seq, pivots) = (Par::Seq, l.ncols());
+    let (l_own, l_others) = l.split_at_row(pivots);
+    let (mut own, mut y) = workspace.split_at_row_mut(pivots);
+    let (mut z_own, mut z_others) = z.split_at_row_mut(pivots);
+    y.copy_from(l_others);
+    solve_upper_triangular_in_place(l_own.transpose(), y.rb_mut().transpose_mut(), seq);
+    own.fill(0.0);
+    own.rb_mut().diagonal_mut().fill(1.0);
+    solve_lower_triangular_in_place(l_own, own.rb_mut(), seq);
+    let (own, y) = (own.rb(), y.rb());
+    matmul(&mut z_others, Accum::Replace, separator, y, -1.0, seq);
+    matmul(&mut z_own, Accum::Replace, own.transpose(), own, 1.0, seq);
+    matmul(&mut z_own, Accum::Add, y.transpose(), &z_others, -1.0, seq);
+    // Rounding leaves the two triangles a little different.
+    for j in 0..pivots {
+        for i in 0..j {
+            z_own[(i, j)] = z_own[(j, i)];
+        }
+    }
+}
+
+/// Copies the lower triangle of a square matrix to its upper one, in tiles that the cache holds.
+fn mirror(matrix: &mut [f64], order: usize) {
+    const TILE: usize = 16;
+    for left in (0..order).step_by(TILE) {
+        for top in (left..order).step_by(TILE) {
+            for j in left..(left + TILE).min(order) {
+                for i in top.max(j + 1)..(top + TILE).min(order) {
+                    matrix[i * order + j] = matrix[j * order + i];
+                }
+            }
+        }
     }
 }

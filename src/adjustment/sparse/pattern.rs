@@ -58,6 +58,9 @@ impl BlockPattern {
     /// Finds the order of elimination and the pattern of L. Blocks from index `last` on are
     /// eliminated after all others, in the order given: unknowns that couple with nearly
     /// everything.
+    ///
+    /// # Panics
+    /// If H would have 2³² entries or L 2³¹.
     pub fn analyse(self, last: usize) -> SparseSystem {
         let later = self.later_blocks();
         let mut order = fill_reducing_order(&later, last.min(self.sizes.len()));
@@ -108,14 +111,13 @@ fn fill_reducing_order(later: &[Vec<u32>], last: usize) -> Vec<usize> {
     let mut ends = vec![0; last + 1];
     let mut rows = Vec::new();
     for (block, later) in later[..last].iter().enumerate() {
-        let inner = later.iter().map(|&b| b as usize);
-        rows.extend(inner.take_while(|&b| b < last));
-        ends[block + 1] = rows.len();
+        rows.extend_from_slice(&later[..later.partition_point(|&b| (b as usize) < last)]);
+        ends[block + 1] = rows.len() as u32;
     }
     let graph = SymbolicSparseColMatRef::new_checked(last, last, &ends, None, &rows);
     let mut order = vec![0; last];
     let mut position = vec![0; last];
-    let scratch = amd::order_scratch::<usize>(last, rows.len());
+    let scratch = amd::order_scratch::<u32>(last, rows.len());
     amd::order(
         &mut order,
         &mut position,
@@ -123,6 +125,6 @@ fn fill_reducing_order(later: &[Vec<u32>], last: usize) -> Vec<usize> {
         amd::Control::default(),
         MemStack::new(&mut MemBuffer::new(scratch)),
     )
-    .expect("the graph of the blocks fits the memory");
-    order
+    .expect("fewer than 2³¹ pairs of blocks");
+    order.into_iter().map(|block| block as usize).collect()
 }

@@ -64,8 +64,8 @@ pub struct Structure {
     /// For each position, where its columns begin in H.
     base: Vec<usize>,
     /// Diagonal blocks whole and what is below them, column by column.
-    pub h: SymbolicSparseColMat<usize>,
-    pub l: SymbolicSupernodalCholesky<usize>,
+    pub h: SymbolicSparseColMat<u32>,
+    pub l: SymbolicSupernodalCholesky<u32>,
     /// The supernode of each position.
     pub supernode: Vec<usize>,
     /// Positions in the rows of each supernode, its own first.
@@ -95,7 +95,7 @@ impl Structure {
         let l = pattern_of_factor(&rows, &start);
         let (supernode, front, front_row) = fronts(&l, &start);
         let scratch =
-            factorize_supernodal_numeric_llt_scratch::<usize, f64>(&l, Par::Seq, Spec::default());
+            factorize_supernodal_numeric_llt_scratch::<u32, f64>(&l, Par::Seq, Spec::default());
         Self {
             sizes,
             offset,
@@ -137,7 +137,7 @@ impl Structure {
     pub fn height(&self, position: usize) -> usize {
         let column = self.start[position];
         let ends = self.h.col_ptr();
-        ends[column + 1] - ends[column]
+        (ends[column + 1] - ends[column]) as usize
     }
 
     /// Where the diagonal is in H, in the caller's order.
@@ -154,21 +154,31 @@ impl Structure {
         (&self.front.values[range.clone()], &self.front_row[range])
     }
 
+    /// How many of these positions, ascending, are before this scalar.
+    pub fn count_before(&self, positions: &[u32], scalar: usize) -> usize {
+        positions.partition_point(|&position| self.start[position as usize] < scalar)
+    }
+
     /// The scalars that a supernode eliminates.
     pub fn pivots(&self, supernode: usize) -> Range<usize> {
-        self.l.supernode_begin()[supernode]..self.l.supernode_end()[supernode]
+        pivots(&self.l, supernode)
     }
 
     /// Where the values of a supernode are in L.
     pub fn values(&self, supernode: usize) -> Range<usize> {
         let ends = self.l.col_ptr_for_val();
-        ends[supernode]..ends[supernode + 1]
+        ends[supernode] as usize..ends[supernode + 1] as usize
     }
 
     /// The caller's block of a scalar in the order of elimination.
     pub fn block_of(&self, scalar: usize) -> usize {
         self.order[self.start.partition_point(|&start| start <= scalar) - 1]
     }
+}
+
+/// The scalars that a supernode eliminates.
+fn pivots(l: &SymbolicSupernodalCholesky<u32>, supernode: usize) -> Range<usize> {
+    l.supernode_begin()[supernode] as usize..l.supernode_end()[supernode] as usize
 }
 
 /// Sums of the first 0, 1, … values.
@@ -197,7 +207,7 @@ fn coupled_positions(position: &[usize], later: &[Vec<u32>]) -> Lists {
 
 /// The columns of H, where those of each position begin, and the first row of each coupled
 /// position in them.
-fn columns(rows: &Lists, start: &[usize]) -> (SymbolicSparseColMat<usize>, Vec<usize>, Vec<u32>) {
+fn columns(rows: &Lists, start: &[usize]) -> (SymbolicSparseColMat<u32>, Vec<usize>, Vec<u32>) {
     let unknowns = start[start.len() - 1];
     let mut ends = vec![0];
     let mut index = Vec::new();
@@ -212,22 +222,26 @@ fn columns(rows: &Lists, start: &[usize]) -> (SymbolicSparseColMat<usize>, Vec<u
         }
         for _ in start[position]..start[position + 1] {
             for &row in rows.get(position) {
-                index.extend(start[row as usize]..start[row as usize + 1]);
+                index.extend(start[row as usize] as u32..start[row as usize + 1] as u32);
             }
-            ends.push(index.len());
+            ends.push(index.len() as u32);
         }
     }
+    assert!(
+        u32::try_from(index.len()).is_ok(),
+        "H of less than 2³² entries"
+    );
     let h = SymbolicSparseColMat::new_checked(unknowns, unknowns, ends, None, index);
     (h, base, first_row)
 }
 
 /// The supernodes of L and their rows.
-fn pattern_of_factor(rows: &Lists, start: &[usize]) -> SymbolicSupernodalCholesky<usize> {
+fn pattern_of_factor(rows: &Lists, start: &[usize]) -> SymbolicSupernodalCholesky<u32> {
     let unknowns = start[start.len() - 1];
     let mut earlier = vec![Vec::new(); rows.ends.len()];
     for (position, &scalar) in start[..rows.ends.len()].iter().enumerate() {
         for &row in rows.get(position) {
-            earlier[row as usize].push(scalar);
+            earlier[row as usize].push(scalar as u32);
         }
     }
     // The upper triangle with the first scalar only of each coupled block, its own included:
@@ -238,26 +252,26 @@ fn pattern_of_factor(rows: &Lists, start: &[usize]) -> SymbolicSupernodalCholesk
     for (position, earlier) in earlier.iter().enumerate() {
         for _ in start[position]..start[position + 1] {
             index.extend_from_slice(earlier);
-            ends.push(index.len());
+            ends.push(index.len() as u32);
         }
     }
     let upper = SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &ends, None, &index);
     let mut parent = vec![0; unknowns];
     let mut count = vec![0; unknowns];
     let mut memory = MemBuffer::new(StackReq::any_of(&[
-        prefactorize_symbolic_cholesky_scratch::<usize>(unknowns, index.len()),
-        factorize_supernodal_symbolic_cholesky_scratch::<usize>(unknowns),
+        prefactorize_symbolic_cholesky_scratch::<u32>(unknowns, index.len()),
+        factorize_supernodal_symbolic_cholesky_scratch::<u32>(unknowns),
     ]));
     let stack = MemStack::new(&mut memory);
     let tree = prefactorize_symbolic_cholesky(&mut parent, &mut count, upper, stack);
     let params = SymbolicSupernodalParams::default();
     factorize_supernodal_symbolic_cholesky(upper, tree, &count, stack, params)
-        .expect("the pattern of the factor fits the memory")
+        .expect("L of less than 2³¹ entries")
 }
 
 /// The supernode of each position, and for each supernode the positions of its rows and their first
 /// rows.
-fn fronts(l: &SymbolicSupernodalCholesky<usize>, start: &[usize]) -> (Vec<usize>, Lists, Vec<u32>) {
+fn fronts(l: &SymbolicSupernodalCholesky<u32>, start: &[usize]) -> (Vec<usize>, Lists, Vec<u32>) {
     let unknowns = start[start.len() - 1];
     let mut position_of = vec![0; unknowns];
     for (position, range) in start.windows(2).enumerate() {
@@ -267,12 +281,17 @@ fn fronts(l: &SymbolicSupernodalCholesky<usize>, start: &[usize]) -> (Vec<usize>
     let mut front = Vec::new();
     let mut front_row = Vec::new();
     for supernode in 0..l.n_supernodes() {
-        let pivots = l.supernode_begin()[supernode]..l.supernode_end()[supernode];
+        let pivots = pivots(l, supernode);
         for &position in &position_of[pivots.clone()] {
             supernode_of[position] = supernode;
         }
         let mut positions: Vec<u32> = Vec::new();
-        let rows = pivots.chain(l.supernode(supernode).pattern().iter().copied());
+        let rows = pivots.chain(
+            l.supernode(supernode)
+                .pattern()
+                .iter()
+                .map(|&row| row as usize),
+        );
         for (row, scalar) in rows.enumerate() {
             let position = position_of[scalar];
             if scalar == start[position] {

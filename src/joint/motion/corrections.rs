@@ -65,7 +65,7 @@ impl CorrectedPoses {
         let (dphi_rad, dp_m) = self.correction(pose.time_s);
         PoseRecord {
             world_from_body: pose.world_from_body.perturbed(&dphi_rad, &dp_m),
-            ..pose.clone()
+            ..*pose
         }
     }
 

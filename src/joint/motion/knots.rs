@@ -9,6 +9,9 @@ const WIDTH: usize = 18;
 /// Derivatives of a pose (δφ, δp) by the unknowns of both nodes, node i first.
 pub type PoseDerivative = [[f64; WIDTH]; 6];
 
+/// Derivatives of a number by the unknowns of both nodes, node i first.
+pub type NodeGradient = [f64; WIDTH];
+
 /// A pose within a step.
 #[derive(Debug, Clone)]
 pub struct Knot {
@@ -82,20 +85,18 @@ impl StepPoses {
         }
     }
 
-    /// Pulls a gradient by the pose at a time (δφ, δp) back to the unknowns of both nodes. Between
+    /// Adds a gradient by the pose at a time (δφ, δp) to one by the unknowns of both nodes. Between
     /// knots, derivatives are those of the knots in proportion.
-    pub fn pull_back(&self, time_s: f64, by_pose: &[f64; 6]) -> [f64; WIDTH] {
+    pub fn pull_back(&self, time_s: f64, by_pose: &[f64; 6], by_nodes: &mut NodeGradient) {
         let (index, u) = self.locate(time_s);
-        let mut by = [0.0; WIDTH];
         for (knot, share) in [(index, 1.0 - u), (index + 1, u)] {
             for (row, value) in self.knots[knot].by.iter().zip(by_pose) {
                 let factor = share * value;
-                for (x, d) in by.iter_mut().zip(row) {
+                for (x, d) in by_nodes.iter_mut().zip(row) {
                     *x += factor * d;
                 }
             }
         }
-        by
     }
 }
 

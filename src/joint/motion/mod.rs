@@ -9,9 +9,10 @@ mod knots;
 pub use chain::{ChainMotion, CorrelatedError};
 pub use corrections::CorrectedPoses;
 pub use gauss_markov::GaussMarkov;
-pub use knots::{Knot, StepPoses};
+pub use knots::{Knot, NodeGradient, StepPoses};
 
 use super::row::RowBatch;
+use crate::geometry::Vec3;
 use crate::sensor::PoseRecord;
 use nalgebra::DMatrix;
 
@@ -74,6 +75,11 @@ pub trait Motion: Send + Sync {
     fn position_blocks(&self, _block_s: f64) -> Vec<PositionBlocks> {
         Vec::new()
     }
+
+    /// The residuals of its position sensors one by one; none where there are no sensors.
+    fn position_residuals(&self) -> Vec<PositionResiduals> {
+        Vec::new()
+    }
 }
 
 /// Means of a position sensor's residuals over blocks of time: white residuals average out, those of
@@ -88,6 +94,15 @@ pub struct PositionBlocks {
     pub blocks: usize,
     /// Root mean square of the means, in their standard deviations: east, north, up.
     pub rms: [f64; 3],
+}
+
+/// The residuals of a position sensor along a drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PositionResiduals {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Time (seconds) and predicted − measured (world, metres) of every record that is used.
+    pub records: Vec<(f64, Vec3)>,
 }
 
 /// A constant that is estimated along with the motion, one value.

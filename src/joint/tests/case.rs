@@ -5,7 +5,7 @@ use crate::calibration::{Mounting, ScannerSample};
 use crate::geometry::heading::heading_rad;
 use crate::geometry::so3::{exp, log};
 use crate::geometry::{BodyAxes, BodyFromScanner, Rotation, Vec3, WorldFromBody};
-use crate::joint::layout::Groups;
+use crate::joint::layout::{Groups, REFERENCE};
 use crate::joint::motion::Motion;
 use crate::joint::problem::{JointProblem, State};
 use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
@@ -347,7 +347,7 @@ impl Case {
             late_s: vec![0.0; self.mountings.len()],
             shapes: Vec::new(),
             patches: Vec::new(),
-            reference: [0.0; 6],
+            reference: [0.0; REFERENCE],
         }
     }
 

@@ -1,4 +1,9 @@
 //! Tests of the joint adjustment on small cases, against slow and dense ways of the same.
 
+mod association;
 mod case;
+mod columns;
+mod dense;
+mod gauss_markov;
 mod jacobians;
+mod whole;

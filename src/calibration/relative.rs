@@ -1,0 +1,254 @@
+//! The mountings of the other scanners in the frame of the first. What all mountings share, such as
+//! errors of poses, heading and lever arm, drops out of them.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DVector, Matrix6, SMatrix};
+use serde::{Serialize, Serializer};
+
+use super::observability::LEVER_M;
+use super::result::Calibration;
+use crate::geometry::{BodyFromScanner, Scanner, Transform, so3};
+
+/// A larger share of the largest component of an unobservable direction is no rounding: as for the
+/// parameters that a direction moves.
+const MOVED_SHARE: f64 = 1.0 / 3.0;
+
+/// A scanner in the frame of another.
+pub type ScannerFromScanner = Transform<Scanner, Scanner>;
+
+/// The mounting of a scanner in the frame of the first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RelativeMounting {
+    /// The scanner.
+    pub name: String,
+    /// The first scanner.
+    pub first: String,
+    /// The scanner in the frame of the first.
+    pub first_from_scanner: ScannerFromScanner,
+    /// Standard deviations of the position (metres) and of the rotation about the axes of the first
+    /// scanner (radians); `None` where the data do not determine them.
+    pub sigma: [Option<f64>; 6],
+}
+
+impl Calibration {
+    /// The mountings of all scanners but the first in its frame.
+    pub fn relative(&self) -> Vec<RelativeMounting> {
+        let Some((first, others)) = self.mountings.split_first() else {
+            return Vec::new();
+        };
+        let relative = others.iter().enumerate().map(|(i, other)| {
+            let (base, pose) = (&first.body_from_scanner, &other.body_from_scanner);
+            RelativeMounting {
+                name: other.name.clone(),
+                first: first.name.clone(),
+                first_from_scanner: relative(base, pose),
+                sigma: self.relative_sigmas(i + 1),
+            }
+        });
+        relative.collect()
+    }
+
+    fn relative_sigmas(&self, scanner: usize) -> [Option<f64>; 6] {
+        let Some(covariance) = &self.covariance else {
+            return [None; 6];
+        };
+        let poses = [0, scanner].map(|i| &self.mountings[i].body_from_scanner);
+        let by = derivatives(poses[0], poses[1]);
+        let mut variance = Matrix6::zeros();
+        for (a, left) in [0, scanner].into_iter().zip(&by) {
+            for (b, right) in [0, scanner].into_iter().zip(&by) {
+                let block = covariance.fixed_view::<6, 6>(6 * a, 6 * b);
+                variance += left * block * right.transpose();
+            }
+        }
+        let directions = self.observability.unobservable.iter();
+        let open: Vec<[bool; 6]> = directions
+            .map(|free| moved(&free.direction, scanner, &by))
+            .collect();
+        std::array::from_fn(|i| {
+            let variance: f64 = variance[(i, i)];
+            let is_open = open.iter().any(|moved| moved[i]);
+            (variance > 0.0 && !is_open).then(|| variance.sqrt())
+        })
+    }
+}
+
+/// The scanner `other` in the frame of `first`: R₀ᵀ Rᵢ, R₀ᵀ (tᵢ − t₀).
+pub fn relative(first: &BodyFromScanner, other: &BodyFromScanner) -> ScannerFromScanner {
+    let rotation = first.rotation.inverse() * other.rotation;
+    Transform::new(rotation, first.map_back(&other.translation_m))
+}
+
+/// Derivatives of (δp, δφ) of the relative mounting, about and along the axes of the first scanner,
+/// by (δp, δφ) of both mountings: δp = R₀ᵀ (δpᵢ − δp₀ + (tᵢ − t₀) × δφ₀), δφ = R₀ᵀ (δφᵢ − δφ₀).
+fn derivatives(first: &BodyFromScanner, other: &BodyFromScanner) -> [Matrix6<f64>; 2] {
+    let turn = *first.rotation.inverse().to_rotation_matrix().matrix();
+    let arm = so3::hat(&(other.translation_m - first.translation_m));
+    let mut of_other = Matrix6::zeros();
+    for first in [0, 3] {
+        of_other
+            .fixed_view_mut::<3, 3>(first, first)
+            .copy_from(&turn);
+    }
+    let mut of_first = -of_other;
+    of_first
+        .fixed_view_mut::<3, 3>(0, 3)
+        .copy_from(&(turn * arm));
+    [of_first, of_other]
+}
+
+/// Which parameters of the relative mounting a direction of all mountings moves notably.
+fn moved(direction: &DVector<f64>, scanner: usize, by: &[Matrix6<f64>; 2]) -> [bool; 6] {
+    let metres = |i: usize, amount: f64| match i % 6 {
+        0..3 => amount.abs(),
+        _ => LEVER_M * amount.abs(),
+    };
+    let all = direction.iter().enumerate();
+    let largest = all
+        .map(|(i, amount)| metres(i, *amount))
+        .fold(0.0, f64::max);
+    let part = |scanner: usize| -> SMatrix<f64, 6, 1> {
+        direction.fixed_rows::<6>(6 * scanner).into_owned()
+    };
+    let change = by[0] * part(0) + by[1] * part(scanner);
+    std::array::from_fn(|i| metres(i, change[i]) > MOVED_SHARE * largest)
+}
+
+/// The relative mountings by the names of their scanners, for serialisation.
+pub(super) fn by_name(calibration: &Calibration) -> BTreeMap<String, RelativeMounting> {
+    let all = calibration.relative().into_iter();
+    all.map(|found| (found.name.clone(), found)).collect()
+}
+
+impl Serialize for RelativeMounting {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Sigma {
+            translation_m: [Option<f64>; 3],
+            rotation_deg: [Option<f64>; 3],
+        }
+        #[derive(Serialize)]
+        struct Written<'a> {
+            first: &'a str,
+            #[serde(flatten)]
+            first_from_scanner: &'a ScannerFromScanner,
+            sigma: Sigma,
+        }
+        let [x, y, z, turn @ ..] = self.sigma;
+        Written {
+            first: &self.first,
+            first_from_scanner: &self.first_from_scanner,
+            sigma: Sigma {
+                translation_m: [x, y, z],
+                rotation_deg: turn.map(|sigma| sigma.map(f64::to_degrees)),
+            },
+        }
+        .serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::observability::UnobservableDirection;
+    use crate::calibration::{Method, Mounting, Observability};
+    use crate::geometry::Vec3;
+    use nalgebra::{DMatrix, Vector6};
+
+    fn poses() -> [BodyFromScanner; 2] {
+        [
+            BodyFromScanner::new(
+                so3::exp(&Vec3::new(-2.1, 0.4, 0.7)),
+                Vec3::new(1.2, -0.5, 0.6),
+            ),
+            BodyFromScanner::new(
+                so3::exp(&Vec3::new(1.9, -0.3, 1.4)),
+                Vec3::new(1.25, 0.65, 0.55),
+            ),
+        ]
+    }
+
+    fn calibration(covariance: DMatrix<f64>) -> Calibration {
+        let names = ["left", "right"].into_iter().zip(poses());
+        Calibration {
+            method: Method::Joint,
+            mountings: names.map(|(n, pose)| Mounting::new(n, pose)).collect(),
+            converged: true,
+            scales: Vec::new(),
+            covariance: Some(covariance),
+            observability: Observability {
+                shares: Vec::new(),
+                unobservable: Vec::new(),
+            },
+            constancy: None,
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_finite_differences() {
+        const STEP: f64 = 1e-6;
+        let [first, other] = poses();
+        let by = derivatives(&first, &other);
+        let moved = |pose: &BodyFromScanner, i: usize, by: f64| {
+            let mut step = Vector6::zeros();
+            step[i] = by;
+            let (dp, dphi) = (step.fixed_rows::<3>(0), step.fixed_rows::<3>(3));
+            pose.perturbed(&dphi.into(), &dp.into())
+        };
+        for (which, by) in by.iter().enumerate() {
+            for i in 0..6 {
+                let at = |step: f64| match which {
+                    0 => relative(&moved(&first, i, step), &other),
+                    _ => relative(&first, &moved(&other, i, step)),
+                };
+                let (before, after) = (at(-STEP), at(STEP));
+                let dp = (after.translation_m - before.translation_m) / (2.0 * STEP);
+                let turn = after.rotation * before.rotation.inverse();
+                let dphi = so3::log(&turn) / (2.0 * STEP);
+                for axis in 0..3 {
+                    // Central differences: rounding of 1e-16 over the step, and its square.
+                    assert!((by[(axis, i)] - dp[axis]).abs() < 1e-8, "{which} {i}");
+                    assert!((by[(3 + axis, i)] - dphi[axis]).abs() < 1e-8, "{which} {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_both_scanners_share_drops_out() {
+        // The body's frame is known to 1 mm and 1 mrad only, the scanners are rigid against it.
+        let poses = poses();
+        let mut common = DMatrix::zeros(12, 6);
+        for (i, pose) in poses.iter().enumerate() {
+            let arm = -so3::hat(&pose.translation_m);
+            common.view_mut((6 * i, 0), (6, 6)).fill_with_identity();
+            common.view_mut((6 * i, 3), (3, 3)).copy_from(&arm);
+        }
+        let shared = &common * common.transpose() * 1e-6;
+        let own = DMatrix::identity(12, 12) * 1e-12;
+        let found = calibration(shared + own).relative().remove(0);
+        for sigma in found.sigma {
+            // Two scanners of 1e-6, and the arm of 1.15 m between them.
+            assert!((1e-6..3e-6).contains(&sigma.unwrap()), "{found:?}");
+        }
+        assert!((found.first_from_scanner.translation_m.norm() - 1.1521).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_common_height_leaves_the_relative_mounting_determined_and_one_height_does_not() {
+        let mut found = calibration(DMatrix::identity(12, 12) * 1e-6);
+        let mut hold = |heights: [f64; 2]| {
+            let direction = DVector::from_fn(12, |i, _| match i {
+                2 => heights[0],
+                8 => heights[1],
+                _ => 0.0,
+            });
+            let held = UnobservableDirection::held(&direction, &found.mountings);
+            found.observability.unobservable = vec![held];
+            found.relative().remove(0).sigma
+        };
+        assert!(hold([1.0, 1.0]).iter().all(Option::is_some));
+        assert!(hold([0.0, 1.0]).iter().any(Option::is_none));
+    }
+}

@@ -1,0 +1,229 @@
+//! Rows and surfels against loops over all points.
+
+use super::case::{Case, SURFEL_M};
+use crate::cloud::voxel::{VoxelKey, voxel_key};
+use crate::geometry::{Mat3, Vec3};
+use crate::joint::problem::{JointProblem, State};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Residuals of the scan rows, metres, one point after the other.
+fn one_by_one(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
+    let motion = state.motions[0].as_ref();
+    let found = &problem.found.drives[0];
+    let samples = &problem.input.drives[0].scans.samples;
+    let mut all = Vec::new();
+    for step in 0..motion.steps() {
+        let poses = motion.poses(step);
+        for row in found.of_step(step) {
+            let scanner = row.scanner as usize;
+            let surfel = &problem.found.surfels[row.surfel as usize];
+            let shape = state.shapes[row.surfel as usize];
+            let distances = found.points_of(row).iter().map(|point| {
+                let profile = &samples[scanner].profiles[point.profile as usize];
+                let pose = poses.at(profile.time_s - state.late_s[scanner]);
+                let mounting = state.mountings[scanner].body_from_scanner;
+                let world_m = pose.world_from_body.map(&mounting.map(&point.position_m));
+                let [n, u, v] = surfel
+                    .axes
+                    .map(|axis| axis.dot(&(world_m - surfel.centre_m)));
+                n - (shape.x + shape.y * u + shape.z * v)
+            });
+            all.push(distances.sum::<f64>() / f64::from(row.count));
+        }
+    }
+    all
+}
+
+#[test]
+fn a_row_is_the_mean_of_its_points() {
+    for case in [Case::full(), Case::from_file()] {
+        let input = case.input();
+        let (problem, state) = case.problem(&input);
+        let step: Vec<f64> = (0..problem.unknowns())
+            .map(|i| 1e-3 * (1.7 * i as f64).sin())
+            .collect();
+        let state = problem.retracted(&state, &step);
+        let slow = one_by_one(&problem, &state);
+        let mut fast = Vec::new();
+        let of_scans = problem.groups.first_scan..problem.groups.first_reference;
+        problem.visit(&state, |batch| {
+            let rows = batch.rows().filter(|row| of_scans.contains(&row.group));
+            fast.extend(rows.map(|row| row.residual));
+        });
+        let sigmas_m = problem.found.drives[0]
+            .rows
+            .iter()
+            .map(|row| problem.noise(row).1);
+        assert_eq!(fast.len(), slow.len());
+        for ((fast, sigma_m), slow) in fast.iter().zip(sigmas_m).zip(&slow) {
+            // Sums of a metre, rounded.
+            assert!((fast * sigma_m - slow).abs() < 1e-14, "{slow}");
+        }
+    }
+}
+
+struct Point {
+    world_m: Vec3,
+    /// None of the reference.
+    seen: Option<(u32, u32)>,
+}
+
+fn normal_axis(points: &[&Point]) -> Option<usize> {
+    let (_, covariance) = moments(points);
+    let eigen = covariance.symmetric_eigen();
+    let least = eigen.eigenvalues.imin();
+    (points.len() >= 12).then(|| eigen.eigenvectors.column(least).iamax())
+}
+
+fn moments(points: &[&Point]) -> (Vec3, Mat3) {
+    let n = points.len() as f64;
+    let mean = points.iter().map(|p| p.world_m).sum::<Vec3>() / n;
+    let offsets = points.iter().map(|p| p.world_m - mean);
+    (mean, offsets.map(|d| d * d.transpose()).sum::<Mat3>() / n)
+}
+
+/// Voxels that hold one surface: each pair of voxels is asked whether one continues the other, and
+/// what hangs together is one.
+fn surfaces(cells: &BTreeMap<VoxelKey, Vec<&Point>>) -> Vec<BTreeSet<VoxelKey>> {
+    let of = |key: &VoxelKey| cells.get(key).and_then(|points| normal_axis(points));
+    let scanned = |key: &VoxelKey| {
+        cells
+            .get(key)
+            .is_some_and(|points| points.iter().any(|p| p.seen.is_some()))
+    };
+    let moved = |key: &VoxelKey, axis: usize, by: i64| {
+        let mut next = *key;
+        next[axis] += by;
+        next
+    };
+    let keys: Vec<VoxelKey> = cells.keys().copied().filter(scanned).collect();
+    let axis: BTreeMap<VoxelKey, usize> = keys
+        .iter()
+        .filter_map(|key| {
+            let across = |axis: &usize| {
+                [-1, 1].iter().any(|&by| {
+                    let next = moved(key, *axis, by);
+                    scanned(&next) && of(&next) == Some(*axis)
+                })
+            };
+            Some((*key, of(key).or_else(|| (0..3).rev().find(across))?))
+        })
+        .collect();
+    let mut left: BTreeSet<VoxelKey> = axis.keys().copied().collect();
+    let mut found = Vec::new();
+    while let Some(first) = left.pop_first() {
+        let mut members = BTreeSet::from([first]);
+        loop {
+            let next = left.iter().copied().find(|key| {
+                let joins = |by| {
+                    let beside = moved(key, axis[key], by);
+                    members.contains(&beside) && axis[&beside] == axis[key]
+                };
+                joins(-1) || joins(1)
+            });
+            let Some(next) = next else { break };
+            left.remove(&next);
+            members.insert(next);
+        }
+        found.push(members);
+    }
+    found
+}
+
+#[test]
+fn surfels_and_rows_are_those_of_a_loop_over_all_points() {
+    let misfit_m = 0.005;
+    for case in [Case::plain(), Case::from_file()] {
+        let input = case.input();
+        let state = case.state();
+        let motion = state.motions[0].as_ref();
+        let mut points: Vec<Point> = case
+            .reference
+            .iter()
+            .map(|&world_m| Point {
+                world_m,
+                seen: None,
+            })
+            .collect();
+        for (scanner, sample) in case.samples.iter().enumerate() {
+            for point in &sample.points {
+                let time_s = sample.profiles[point.profile as usize].time_s;
+                let Some(step) = motion.step_at(time_s) else {
+                    continue;
+                };
+                let pose = motion.poses(step).at(time_s).world_from_body;
+                let mounting = state.mountings[scanner].body_from_scanner;
+                points.push(Point {
+                    world_m: pose.map(&mounting.map(&point.position_m)),
+                    seen: Some((step as u32, scanner as u32)),
+                });
+            }
+        }
+        let mut cells: BTreeMap<VoxelKey, Vec<&Point>> = BTreeMap::new();
+        for point in &points {
+            let key = voxel_key(&point.world_m, SURFEL_M);
+            cells.entry(key).or_default().push(point);
+        }
+
+        // Centre, roughness, and the rows: step, scanner, points.
+        type Members = Vec<(u32, u32, u32)>;
+        let mut expected: Vec<(Vec3, f64, Members)> = Vec::new();
+        for keys in surfaces(&cells) {
+            let all: Vec<&Point> = keys.iter().flat_map(|k| cells[k].iter().copied()).collect();
+            let (scanned, known): (Vec<&Point>, Vec<&Point>) =
+                all.iter().partition(|p| p.seen.is_some());
+            let has_reference = known.len() >= 12;
+            let fitted = if has_reference { &known } else { &scanned };
+            if fitted.len() < 12 {
+                continue;
+            }
+            let (centre_m, covariance) = moments(fitted);
+            let eigen = covariance.symmetric_eigen();
+            let mut order = [0, 1, 2];
+            order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+            let [roughness_m, width_m, _] = order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt());
+            let normal = eigen.eigenvectors.column(order[0]).into_owned();
+            let misfit = if has_reference { 0.0 } else { misfit_m };
+            if width_m < 0.12 * SURFEL_M || roughness_m > 0.4 * width_m + misfit {
+                continue;
+            }
+            let gate_m = (4.0 * roughness_m.hypot(misfit_m)).min(0.6 * SURFEL_M);
+            let mut rows: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+            for point in &scanned {
+                let distance_m = normal.dot(&(point.world_m - centre_m)).abs();
+                if let (Some(seen), true) = (point.seen, distance_m < gate_m) {
+                    *rows.entry(seen).or_default() += 1;
+                }
+            }
+            let rows: Vec<(u32, u32, u32)> = rows
+                .into_iter()
+                .filter(|(_, count)| *count >= 3)
+                .map(|((step, scanner), count)| (step, scanner, count))
+                .collect();
+            if rows.len() >= if has_reference { 1 } else { 4 } {
+                expected.push((centre_m, roughness_m, rows));
+            }
+        }
+
+        let found = case.associated(&input, misfit_m);
+        assert_eq!(found.surfels.len(), expected.len());
+        assert!(expected.len() > 40, "{}", expected.len());
+        let mut rows_of: Vec<Vec<(u32, u32, u32)>> = vec![Vec::new(); expected.len()];
+        for step in 0..motion.steps() {
+            for row in found.drives[0].of_step(step) {
+                rows_of[row.surfel as usize].push((step as u32, row.scanner, row.count));
+            }
+        }
+        for (surfel, mut rows) in found.surfels.iter().zip(rows_of) {
+            rows.sort_unstable();
+            let near = expected
+                .iter()
+                .find(|(centre_m, ..)| (centre_m - surfel.centre_m).norm() < 1e-9);
+            let (_, roughness_m, expected) = near.expect("a surface at the same place");
+            // Sums about the centre of a voxel against those about the mean: squares of decimetres
+            // rounded to 1e-16, against a tenth of a millimetre squared.
+            assert!((roughness_m - surfel.roughness_m).abs() < 1e-9);
+            assert_eq!(&rows, expected);
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Which points make a surfel: surfaces in every position to the voxels.
+
+use super::case::noise;
+use crate::calibration::ScannerSample;
+use crate::geometry::so3::exp;
+use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
+use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
+use crate::joint::{CorrectedPoses, Scans};
+use crate::sensor::{PoseRecord, PoseSigma};
+use crate::surface::{Profile, ProfilePoint};
+use crate::trajectory::Trajectory;
+
+const SIZE_M: f64 = 0.05;
+const NOISE_M: f64 = 5e-4;
+const PASSES: usize = 8;
+
+/// What a scanner at rest makes of these points, which it sees on several passes.
+fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
+    let record = |time_s| PoseRecord {
+        sigma: Some(PoseSigma {
+            position_m: Vec3::repeat(1e-3),
+            rotation_rad: Vec3::repeat(1e-3),
+        }),
+        ..PoseRecord::new(time_s, WorldFromBody::identity())
+    };
+    let end_s = 10.0 * passes.len() as f64;
+    let trajectory = Trajectory::new(vec![record(0.0), record(end_s)]).expect("two poses");
+    let mut sample = ScannerSample::default();
+    for (pass, points) in passes.iter().enumerate() {
+        sample.profiles.push(Profile {
+            time_s: 10.0 * pass as f64 + 5.0,
+            world_from_body: WorldFromBody::identity(),
+        });
+        let points = points.iter().map(|&position_m| ProfilePoint {
+            profile: pass as u32,
+            position_m,
+        });
+        sample.points.extend(points);
+    }
+    let motion = CorrectedPoses::new(&trajectory, 5.0).expect("standard deviations");
+    let scans = Scans {
+        samples: vec![&sample],
+    };
+    associate(
+        &[scans],
+        &[Box::new(motion)],
+        &[BodyFromScanner::identity()],
+        &[0.0],
+        &ReferenceCells::new(reference, SIZE_M),
+        &Gates {
+            size_m: SIZE_M,
+            misfit_m: 5e-4,
+            patch_m: 0.3,
+        },
+    )
+}
+
+/// Points of a square plane through `origin_m` in each pass, 5 mm apart, with noise along its normal.
+fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
+    let mut next = noise(5);
+    let normal = u.cross(&v);
+    let pass = |_| {
+        (-half..half)
+            .flat_map(|i| (-half..half).map(move |j| (f64::from(i) + 0.5, f64::from(j) + 0.5)))
+            .map(|(i, j)| origin_m + (u * i + v * j) * 0.005 + normal * (NOISE_M * next()))
+            .collect()
+    };
+    (0..PASSES).map(pass).collect()
+}
+
+/// That surfels lie on the plane, keep all of its noise and lose no points.
+fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
+    let found = associated(passes, &[]);
+    // Voxels at the rim are not full.
+    let is_inside = |point: &Vec3| (point - origin_m).norm() < 0.3 - 2.0 * SIZE_M;
+    let points = passes.iter().flatten().filter(|point| is_inside(point));
+    let rows = &found.drives[0];
+    let held = rows.rows.iter().flat_map(|row| rows.points_of(row));
+    let held = held.filter(|point| is_inside(&point.position_m)).count();
+    let share = held as f64 / points.count() as f64;
+    let (mut kept, mut sum_m) = (0.0, 0.0);
+    for row in &rows.rows {
+        let surfel = &found.surfels[row.surfel as usize];
+        let n = f64::from(row.count);
+        kept += n;
+        sum_m += n * normal.dot(&(surfel.centre_m - origin_m));
+    }
+    println!(
+        "{:?}: {} surfels hold {share} of the points",
+        normal.as_slice(),
+        found.surfels.len()
+    );
+    // Noise of four standard deviations is beyond the gate, and slices of a few points in corners of
+    // voxels are left: they are cut off across the surface, not along it.
+    assert!(share > 0.99, "{share} of the points are in rows");
+    // Were noise cut, the planes of halves would lie off by 0.8 of it.
+    let mean_m = sum_m / kept;
+    assert!(mean_m.abs() < 4.0 * NOISE_M / kept.sqrt(), "{mean_m} m");
+    for surfel in &found.surfels {
+        let of: f64 = found.drives[0]
+            .rows
+            .iter()
+            .filter(|row| std::ptr::eq(&found.surfels[row.surfel as usize], surfel))
+            .map(|row| f64::from(row.count))
+            .sum();
+        let off_m = normal.dot(&(surfel.centre_m - origin_m)).abs();
+        assert!(
+            off_m < 5.0 * NOISE_M / of.sqrt(),
+            "{off_m} m with {of} points"
+        );
+        // Of n points, the variance about a plane scatters by √(2/n).
+        let ratio = (surfel.roughness_m / NOISE_M).powi(2);
+        assert!(
+            (ratio - 1.0).abs() < 5.0 * (2.0 / of).sqrt(),
+            "{ratio} with {of} points"
+        );
+        let tilt = surfel.axes[0].cross(&normal).norm();
+        assert!(tilt < 6.0 * NOISE_M / (of.sqrt() * 0.12 * SIZE_M), "{tilt}");
+    }
+}
+
+#[test]
+fn a_surface_on_the_face_of_voxels_is_not_cut() {
+    for up_m in [0.0, 1e-4, -3e-4, 0.012, 0.025] {
+        let origin_m = Vec3::new(0.0, 0.0, up_m);
+        assert_whole(
+            &plane(origin_m, Vec3::x(), Vec3::y(), 60),
+            origin_m,
+            Vec3::z(),
+        );
+    }
+}
+
+#[test]
+fn a_vertical_wall_is_not_cut() {
+    for axis in [Vec3::x(), Vec3::y()] {
+        let across = axis.cross(&Vec3::z());
+        let origin_m = axis * 0.05;
+        let normal = across.cross(&Vec3::z());
+        assert_whole(&plane(origin_m, across, Vec3::z(), 60), origin_m, normal);
+    }
+}
+
+#[test]
+fn tilted_planes_are_not_cut() {
+    for tilt_deg in [30.0_f64, 45.0, 55.0] {
+        for turn_deg in [0.0_f64, 20.0, 45.0] {
+            let turn = exp(&(Vec3::z() * turn_deg.to_radians()))
+                * exp(&(Vec3::y() * tilt_deg.to_radians()));
+            let [u, v, normal] = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| turn * axis);
+            println!("{tilt_deg}° {turn_deg}°");
+            assert_whole(&plane(Vec3::zeros(), u, v, 60), Vec3::zeros(), normal);
+        }
+    }
+}
+
+#[test]
+fn nothing_makes_no_surfels() {
+    for passes in [
+        vec![Vec::new(); PASSES],
+        vec![vec![Vec3::repeat(0.01); 50]; PASSES],
+    ] {
+        let found = associated(&passes, &[]);
+        assert!(found.surfels.is_empty() && found.drives[0].rows.is_empty());
+    }
+    // A line has no normal.
+    let line: Vec<Vec3> = (0..200).map(|i| Vec3::x() * 1e-3 * f64::from(i)).collect();
+    assert!(associated(&vec![line; PASSES], &[]).surfels.is_empty());
+}
+
+/// Soil, and a board above it that ends within a voxel.
+fn step_edge(board_m: f64) -> Vec<Vec<Vec3>> {
+    let soil = plane(Vec3::new(0.0, 0.0, 0.02), Vec3::x(), Vec3::y(), 60);
+    let raise = |point: Vec3| {
+        let on_board = point.x > 0.025;
+        Vec3::new(
+            point.x,
+            point.y,
+            point.z + if on_board { board_m } else { 0.0 },
+        )
+    };
+    let pass = |points: Vec<Vec3>| points.into_iter().map(raise).collect();
+    soil.into_iter().map(pass).collect()
+}
+
+#[test]
+fn a_board_above_soil_has_surfels_of_its_own_up_to_its_edge() {
+    for board_m in [0.05, 0.10, 0.15] {
+        let found = associated(&step_edge(board_m), &[]);
+        // The columns of the edge: x from 0 to 50 mm.
+        let at_edge = |s: &&crate::joint::surfel::Surfel| (0.0..0.05).contains(&s.centre_m.x);
+        let heights_m: Vec<f64> = found
+            .surfels
+            .iter()
+            .filter(at_edge)
+            .map(|surfel| surfel.centre_m.z)
+            .collect();
+        let near = |z: f64| heights_m.iter().filter(|h| (*h - z).abs() < 1e-3).count();
+        println!(
+            "board {board_m} m: {} of {}",
+            near(0.02) + near(0.02 + board_m),
+            heights_m.len()
+        );
+        // Twelve columns along the edge, two surfels in each.
+        assert_eq!(
+            (near(0.02), near(0.02 + board_m)),
+            (12, 12),
+            "board {board_m} m"
+        );
+        assert_eq!(heights_m.len(), 24, "nothing in between");
+    }
+}
+
+#[test]
+fn a_low_step_within_a_voxel_counts_as_rough() {
+    // Two centimetres in a voxel of five pass as a ramp; its rows say what they are worth.
+    let found = associated(&step_edge(0.02), &[]);
+    for surfel in &found.surfels {
+        let off_m = [0.02, 0.04].map(|z| (surfel.centre_m.z - z).abs());
+        let on_either = off_m[0] < 1e-3 || off_m[1] < 1e-3;
+        assert!(on_either || surfel.scatter_m > 0.004, "{surfel:?}");
+    }
+}

@@ -1,0 +1,242 @@
+//! The sparse problem against dense algebra, and against the chain of the trajectory.
+
+use super::case::{Case, Dense, estimated};
+use crate::adjustment::{DampingRule, LeastSquares, StopReason, levenberg_marquardt};
+use crate::calibration::ScannerSample;
+use crate::joint::components::components;
+use crate::joint::motion::ChainMotion;
+use crate::joint::problem::{JointProblem, State};
+use crate::progress::Silent;
+use nalgebra::{DMatrix, DVector};
+
+/// H⁻¹. Unknowns are scaled to a diagonal of ones: what is held has weights of 10¹⁶.
+fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
+    let scale = h.diagonal().map(|x| 1.0 / x.sqrt());
+    let by_scale = |m: &DMatrix<f64>| {
+        DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * scale[i] * scale[j])
+    };
+    let scaled = by_scale(h).cholesky().expect("positive definite");
+    by_scale(&scaled.inverse())
+}
+
+/// What rounding leaves of covariances, in standard deviations. A pivot is what cancellation leaves of
+/// its Hᵢᵢ: as many digits are lost as Hᵢᵢ (H⁻¹)ᵢᵢ has. Each is a sum of some hundred products.
+fn rounding(h: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
+    let lost = h.diagonal().component_mul(&covariance.diagonal()).max();
+    100.0 * f64::EPSILON * lost
+}
+
+/// Largest difference of covariances, in the standard deviations of both.
+fn difference(found: &DMatrix<f64>, dense: &DMatrix<f64>, (row, column): (usize, usize)) -> f64 {
+    let mut worst = 0.0_f64;
+    for i in 0..found.nrows() {
+        for j in 0..found.ncols() {
+            let (a, b) = (row + i, column + j);
+            let unit = (dense[(a, a)] * dense[(b, b)]).sqrt();
+            worst = worst.max((found[(i, j)] - dense[(a, b)]).abs() / unit);
+        }
+    }
+    worst
+}
+
+fn each(mut test: impl FnMut(&str, JointProblem<'_>, State)) {
+    for (name, case) in [
+        ("all kinds of rows", Case::full()),
+        ("logs and scans", Case::plain()),
+        ("poses from a file", Case::from_file()),
+    ] {
+        let input = case.input();
+        let (problem, state) = case.problem(&input);
+        test(name, problem, state);
+    }
+}
+
+#[test]
+fn step_and_covariances_are_those_of_dense_algebra() {
+    each(|name, mut problem, state| {
+        problem.factorise(&state).expect("positive definite");
+        let dense = Dense::new(&problem, &state);
+        let (h, g) = (dense.h(), dense.g());
+        let gradient = DVector::from_column_slice(problem.gradient());
+        let unit = h.diagonal().map(f64::sqrt);
+        let off = (&gradient - &g).component_div(&unit).amax() / g.component_div(&unit).amax();
+        assert!(off < 1e-12, "{name}: gradient {off:e}");
+
+        let covariance = inverse(&h);
+        let allowed = rounding(&h, &covariance);
+        assert!(allowed < 1e-3, "{name}: {allowed:e}");
+        let expected = &covariance * &g;
+        let factor = problem.factor().expect("factorised");
+        let mut step = problem.gradient().to_vec();
+        factor.solve(&mut step, 1);
+        let sigma = covariance.diagonal().map(f64::sqrt);
+        let off = (DVector::from_vec(step) - &expected).component_div(&sigma);
+        let length = expected.component_div(&sigma).amax();
+        println!(
+            "{name}: step off {:e} of {length}, allowed {allowed:e}",
+            off.amax()
+        );
+        assert!(
+            off.amax() < allowed * length.max(1.0),
+            "{name}: step {:e}",
+            off.amax()
+        );
+
+        let selected = factor.selected_inverse();
+        let layout = &problem.layout;
+        let place = |block: usize| problem.offset(block);
+        let mut worst = 0.0_f64;
+        let mut compare = |a: usize, b: usize| {
+            let part = selected.block(a, b).expect("kept");
+            worst = worst.max(difference(&part, &covariance, (place(a), place(b))));
+        };
+        for &a in &layout.mountings {
+            layout.mountings.iter().for_each(|&b| compare(a, b));
+        }
+        // Nodes and their neighbours, or knots; surfels.
+        let steps = state.motions[0].steps();
+        for step in 0..steps {
+            compare(step, step);
+            compare(step, step + 1);
+        }
+        compare(steps, steps);
+        (0..problem.found.surfels.len())
+            .for_each(|s| compare(layout.first_surfel + s, layout.first_surfel + s));
+        println!("{name}: covariances off {worst:e}");
+        assert!(worst < allowed, "{name}: covariances {worst:e}");
+
+        let shared = problem.shared_covariance().expect("factorised");
+        let first = place(layout.last());
+        assert_eq!(shared.nrows(), problem.unknowns() - first);
+        let off = difference(&shared, &covariance, (first, first));
+        assert!(off < allowed, "{name}: shared covariance {off:e}");
+    });
+}
+
+/// That of the adjustment.
+const DAMPING: DampingRule = DampingRule {
+    initial: 0.0,
+    factor: 10.0,
+    least_raised: 1e-2,
+    least_lowered: 1e-2,
+    floor: 0.0,
+    largest: 1e9,
+    rounding: 1e-9,
+};
+
+fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
+    let ended = levenberg_marquardt(problem, state, DAMPING, 30, &Silent).expect("not cancelled");
+    assert_eq!(ended.stop, StopReason::Converged);
+}
+
+#[test]
+fn at_the_solution_the_gradient_is_zero() {
+    each(|name, mut problem, mut state| {
+        solve(&mut problem, &mut state);
+        // The criterion of convergence leaves 5 % of a standard deviation before its last step. Huber's
+        // weights, which a step takes as they are, leave a quarter from step to step.
+        let mut off = 0.0;
+        let mut dense = Dense::new(&problem, &state);
+        for _ in 0..14 {
+            state = problem.step(&state, 0.0).expect("positive definite");
+            dense = Dense::new(&problem, &state);
+            let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
+            off = dense.g().component_div(&terms).amax();
+            println!("{name}: gradient {off:e} of its terms");
+        }
+        // A quarter to the fourteenth.
+        assert!(off < 1e-8, "{name}: {off:e}");
+
+        // The cost itself, without its derivatives, rises in every direction.
+        let covariance = inverse(&dense.h());
+        let cost = problem.cost(&state);
+        let mut step = vec![0.0; problem.unknowns()];
+        for unknown in 0..problem.unknowns() {
+            let sigma = covariance[(unknown, unknown)].sqrt();
+            let mut at = |h: f64| {
+                step[unknown] = h * sigma;
+                problem.cost(&problem.retracted(&state, &step)) - cost
+            };
+            let (right, left) = (at(0.5), at(-0.5));
+            step[unknown] = 0.0;
+            // A parabola whose lowest point is within 2 % of a standard deviation.
+            let lowest = 0.25 * (left - right) / (left + right);
+            assert!(left + right > 0.0, "{name}: unknown {unknown}");
+            assert!(lowest.abs() < 0.02, "{name}: unknown {unknown}, {lowest} σ");
+        }
+    });
+}
+
+#[test]
+fn redundancies_by_probes_are_those_of_the_projection() {
+    each(|name, mut problem, mut state| {
+        solve(&mut problem, &mut state);
+        problem.factorise(&state).expect("positive definite");
+        let dense = Dense::new(&problem, &state);
+        let covariance = inverse(&dense.h());
+        let mut exact = vec![0.0; problem.groups.names.len()];
+        let mut fitted = exact.clone();
+        for (i, row) in dense.jacobian.row_iter().enumerate() {
+            let share = dense.weights[i] * (row * &covariance).dot(&row);
+            exact[dense.groups[i]] += 1.0 - share;
+            fitted[dense.groups[i]] += share;
+        }
+        let found = components(&problem, &state);
+        for (group, component) in found.iter().enumerate() {
+            // A projection has Σⱼ Aᵢⱼ² = Aᵢᵢ, so that a probe's trace of a group has at most twice the
+            // group's trace as variance; 8 probes, four standard deviations.
+            let allowed = 4.0 * (2.0 * fitted[group] / 8.0).sqrt() + 1e-6;
+            let off = component.redundancy - exact[group];
+            let group = &problem.groups.names[group];
+            assert!(off.abs() <= allowed, "{name}, {group}: {off} of {allowed}");
+        }
+        let all: f64 = exact.iter().sum();
+        let rows = dense.groups.len() as f64;
+        assert!(
+            (all - (rows - problem.unknowns() as f64)).abs() < 1e-4,
+            "{all}"
+        );
+    });
+}
+
+#[test]
+fn without_scans_it_is_the_trajectory_alone() {
+    let found = estimated(&[]);
+    let names = vec!["prism".into()];
+    let case = Case {
+        samples: vec![ScannerSample::default(); 2],
+        motion: Box::new(ChainMotion::new(&found.covariance, names, &[])),
+        ..Case::plain()
+    };
+    let input = case.input();
+    let (mut problem, start) = case.problem(&input);
+    assert!(problem.found.surfels.is_empty());
+    // Off the chain's solution.
+    let step: Vec<f64> = (0..problem.unknowns())
+        .map(|i| 1e-4 * (2.3 * i as f64).sin())
+        .collect();
+    let mut state = problem.retracted(&start, &step);
+    solve(&mut problem, &mut state);
+    problem.factorise(&state).expect("positive definite");
+    let inverse = problem.factor().expect("factorised").selected_inverse();
+    let of = |a: usize, b: usize| inverse.block(a, b);
+    let records = state.motions[0].records(Some(&of));
+    let expected = found.trajectory.poses();
+    assert_eq!(records.len(), expected.len());
+    for (found, expected) in records.iter().zip(expected) {
+        let (turn, shift) = found
+            .world_from_body
+            .perturbation_from(&expected.world_from_body);
+        let (a, b) = (found.sigma.expect("given"), expected.sigma.expect("given"));
+        // Both stop where a further step is a fraction of a thousandth of a standard deviation.
+        assert!(shift.amax() < 1e-3 * b.position_m.min(), "{shift}");
+        assert!(turn.amax() < 1e-3 * b.rotation_rad.min(), "{turn}");
+        // The chain's are those before its last step, which moves attitudes by up to 5 % of some
+        // milliradians.
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-4;
+        for i in 0..3 {
+            assert!(near(a.position_m[i], b.position_m[i]));
+            assert!(near(a.rotation_rad[i], b.rotation_rad[i]));
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The whole adjustment: any scanner, what is fixed stays, the same bytes on any number of threads.
+
+use super::case::{Case, SURFEL_M, truth};
+use crate::adjustment::StopReason;
+use crate::calibration::Mounting;
+use crate::geometry::EulerConvention;
+use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
+use crate::joint::{Joint, adjust};
+use crate::progress::Silent;
+
+fn adjusted(case: &Case) -> Joint {
+    adjust(&case.input(), &case.settings, SURFEL_M, &Silent).expect("determined")
+}
+
+/// Errors of a scanner in its standard deviations: (δp, δφ).
+fn errors(found: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] {
+    let (turn, shift) = found.mountings[scanner]
+        .body_from_scanner
+        .perturbation_from(&truth[scanner].body_from_scanner);
+    let all = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
+    std::array::from_fn(|i| {
+        let place = 6 * scanner + i;
+        (all[i], found.covariance[(place, place)].sqrt())
+    })
+}
+
+#[test]
+fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
+    for (name, case) in [
+        ("logs", Case::full()),
+        ("poses from a file", Case::from_file()),
+    ] {
+        let found = adjusted(&case);
+        println!("{name}: {} after {}", found.stop, found.iterations);
+        assert_eq!(found.stop, StopReason::Converged, "{name}");
+        for scanner in 0..2 {
+            for (i, (error, sigma)) in errors(&found, &truth(), scanner).iter().enumerate() {
+                println!("{name}, scanner {scanner}, {i}: {error:e} of {sigma:e}");
+                assert!(error.abs() < 4.0 * sigma, "{name}, {scanner}, {i}");
+            }
+        }
+        for (late_s, sigma_s) in found.late_s.iter().flatten() {
+            assert!(
+                late_s.abs() < 4.0 * sigma_s,
+                "{name}: {late_s} of {sigma_s}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_fixed_scanner_keeps_its_mounting_to_the_last_bit() {
+    let mut case = Case::full();
+    case.mountings[1] = Mounting {
+        fixed: [true; 6],
+        ..truth()[1].clone()
+    };
+    let held = case.mountings[1].body_from_scanner;
+    let found = adjusted(&case);
+    assert_eq!(found.mountings[1].body_from_scanner, held);
+    assert_eq!(found.mountings[1], case.mountings[1]);
+    for (error, sigma) in errors(&found, &truth(), 0) {
+        assert!(error.abs() < 4.0 * sigma, "{error} of {sigma}");
+    }
+    for (error, sigma) in errors(&found, &truth(), 1) {
+        assert!(error == 0.0 && sigma < 1e-7, "{error} of {sigma}");
+    }
+}
+
+#[test]
+fn a_fixed_angle_stays_while_the_others_are_found() {
+    for convention in [EulerConvention::Zyx, EulerConvention::Bonn] {
+        for angle in 0..3 {
+            let mut case = Case::full();
+            // The start has the true angle, and is off in the two others by 0.5°.
+            let rotation = truth()[0].body_from_scanner.rotation;
+            let mut angles_deg = euler_deg_from_rotation(convention, &rotation);
+            let held_deg = angles_deg[angle];
+            angles_deg[(angle + 1) % 3] += 0.5;
+            angles_deg[(angle + 2) % 3] -= 0.5;
+            let start = &mut case.mountings[0];
+            start.convention = convention;
+            start.fixed[3 + angle] = true;
+            start.body_from_scanner.rotation = rotation_from_euler_deg(convention, angles_deg);
+            let found = adjusted(&case);
+            let rotation = found.mountings[0].body_from_scanner.rotation;
+            let after_deg = euler_deg_from_rotation(convention, &rotation);
+            // Rounding of the conversions, once in each iteration.
+            let moved_deg = (after_deg[angle] - held_deg).abs();
+            assert!(moved_deg < 1e-11, "{convention:?} {angle}: {moved_deg}");
+            for (i, (error, sigma)) in errors(&found, &truth(), 0).iter().enumerate() {
+                // Beside the standard deviation, what holds the angle.
+                assert!(
+                    error.abs() < 4.0 * sigma + 1e-7,
+                    "{convention:?} {angle}, {i}: {error} of {sigma}"
+                );
+            }
+            println!(
+                "{convention:?} {angle}: {} after {}",
+                found.stop, found.iterations
+            );
+            assert_eq!(found.stop, StopReason::Converged, "{convention:?} {angle}");
+        }
+    }
+}
+
+#[test]
+fn one_thread_and_two_give_the_same_bytes() {
+    let case = Case::full();
+    let [one, two] = [1, 2].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let found = pool.expect("threads").install(|| adjusted(&case));
+        // Shortest decimals that read back as the same number: equal text is equal bits.
+        format!("{found:?}")
+    });
+    assert!(one == two, "the results differ");
+}

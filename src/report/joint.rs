@@ -1,0 +1,246 @@
+//! Tests of the joint adjustment: does a rigid mounting explain the observations?
+
+use super::content::Calibrations;
+use super::diagnostics::constant_text;
+use super::html::{self, escape};
+use super::number;
+use super::verdicts;
+use crate::calibration::Mounting;
+use crate::joint::{DECIDING_BLOCK_S, GroupTest, Joint, MAX_BLOCK_RMS, max_imu_ratio};
+
+/// Ratios of other groups than the IMU that exceed 1 by this factor, and by chance, are marked.
+const NOTABLE_RATIO: f64 = 1.2;
+
+/// What the observations of a group are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Imu,
+    Position,
+    Heading,
+    /// A scanner or the reference: their noise is estimated.
+    Scan,
+    Surface,
+    Assumed,
+}
+
+impl Kind {
+    fn of(group: &GroupTest, joint: &Joint) -> Self {
+        let names_scanner = |m: &Mounting| m.name == group.name;
+        let names_position = |name: &str| {
+            joint.drives.iter().any(|d| {
+                let mut sensors = d.residuals.iter();
+                sensors.any(|s| s.sensor == name || format!("{}.{}", d.name, s.sensor) == name)
+            })
+        };
+        let own = group.name.rsplit('.').next().unwrap_or_default();
+        match own {
+            _ if joint.drives.iter().any(|drive| drive.imu == group.name) => Self::Imu,
+            _ if names_position(&group.name) => Self::Position,
+            "reference" => Self::Scan,
+            _ if joint.mountings.iter().any(names_scanner) => Self::Scan,
+            "heading" => Self::Heading,
+            "surface" => Self::Surface,
+            _ => Self::Assumed,
+        }
+    }
+
+    /// The largest ratio that needs no attention; `None` where the ratio is 1 by construction.
+    fn limit(self, group: &GroupTest) -> Option<f64> {
+        let chance = 3.0 * (2.0 / group.redundancy).sqrt();
+        match self {
+            Self::Imu => Some(max_imu_ratio(group.redundancy)),
+            Self::Scan => None,
+            _ => Some(NOTABLE_RATIO.max(1.0 + chance)),
+        }
+    }
+
+    /// What a large ratio means.
+    fn meaning(self) -> &'static str {
+        match self {
+            Self::Imu => {
+                "the mounting bends or slips, or the IMU is noisier under scans than alone"
+            }
+            Self::Position => {
+                "lever arm or clock are off, or the reference lies elsewhere than the positions say"
+            }
+            Self::Heading => {
+                "the offset of the antennas drifts, or errors outlast sigma_correlated_deg"
+            }
+            Self::Scan => "never large: this noise is estimated from the residuals",
+            Self::Surface => "the reference has larger errors over decimetres than assumed",
+            Self::Assumed => "biases, latencies or the reference are further off than was known",
+        }
+    }
+}
+
+/// The whole section; empty without a joint adjustment.
+pub fn section(calibrations: &Calibrations) -> String {
+    let Some(found) = calibrations.joint_found() else {
+        return String::new();
+    };
+    let regions: Vec<_> = verdicts::regions(found).collect();
+    chi_squares(found)
+        + &blocks(found)
+        + &html::verdicts(&regions)
+        + &reference(found)
+        + &constants(found)
+        + &course(calibrations, found)
+}
+
+fn chi_squares(joint: &Joint) -> String {
+    let mut body = String::new();
+    for group in joint.groups.iter().filter(|group| group.ratio.is_some()) {
+        let kind = Kind::of(group, joint);
+        let limit = kind.limit(group);
+        let is_large = limit
+            .zip(group.ratio)
+            .is_some_and(|(most, ratio)| ratio > most);
+        let class = if is_large { " class=\"out\"" } else { "" };
+        let expected = match limit {
+            // Most priors are weak on purpose.
+            Some(limit) if kind == Kind::Assumed => format!("at most {limit:.2}"),
+            Some(limit) => format!("1, at most {limit:.2}"),
+            None => "1, estimated".into(),
+        };
+        body.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td{class}>{}</td><td>{expected}</td><td class=\"text\">{}</td></tr>\n",
+            escape(group_name(&group.name)),
+            number::count(group.rows),
+            number::fixed(group.redundancy, 0),
+            number::fixed(group.chi_square, 0),
+            number::fixed(group.ratio.unwrap_or(f64::NAN), 2),
+            kind.meaning()
+        ));
+    }
+    let head = "<tr><th scope=\"col\">observations</th><th scope=\"col\">rows</th><th scope=\"col\">redun-<br/>dancy</th><th scope=\"col\">χ²</th><th scope=\"col\">ratio</th><th scope=\"col\">should be</th><th scope=\"col\" class=\"text\">a large ratio means</th></tr>\n";
+    format!(
+        "<h3>Residuals by kind of observation</h3>\n{}",
+        html::table("numbers sensors", head, &body)
+    ) + "<p class=\"note\">Ratio: χ², the sum of the squared normalised residuals, over the redundancy, the number of observations that the others check. Scans are so precise that a rigid model on a mounting that bends would push its errors into the poses: the IMU, which does not see the ground, then disagrees first.</p>\n"
+}
+
+/// Display name of a group.
+fn group_name(name: &str) -> &str {
+    match name {
+        "imu" => "IMU",
+        "surface" => "surface of the reference",
+        "assumed" => "prior knowledge",
+        other => other,
+    }
+}
+
+fn blocks(joint: &Joint) -> String {
+    let mut body = String::new();
+    let several = joint.drives.len() > 1;
+    for drive in &joint.drives {
+        for (i, sensor) in drive.residuals.iter().enumerate() {
+            let of_sensor = drive.positions.iter().filter(|b| b.sensor == sensor.sensor);
+            for (j, found) in of_sensor.enumerate() {
+                let name = match (j, several) {
+                    (0, false) => escape(&sensor.sensor),
+                    (0, true) => escape(&format!("{}, {}", sensor.sensor, drive.name)),
+                    _ => String::new(),
+                };
+                let cells: String = found
+                    .rms
+                    .iter()
+                    .map(|rms| block_cell(*rms, found.block_s))
+                    .collect();
+                body.push_str(&format!(
+                    "<tr class=\"{}\"><th scope=\"row\">{name}</th><td>{}</td><td>{}</td>{cells}</tr>\n",
+                    if i + j > 0 && j == 0 { "first" } else { "" },
+                    number::with_unit(number::shortest(found.block_s), "s"),
+                    number::count(found.blocks),
+                ));
+            }
+        }
+    }
+    if body.is_empty() {
+        return body;
+    }
+    let head = "<tr><th scope=\"col\">positions</th><th scope=\"col\">means over</th><th scope=\"col\">blocks</th><th scope=\"col\">east</th><th scope=\"col\">north</th><th scope=\"col\">up</th></tr>\n";
+    format!(
+        "<h3>Residuals of the positions in blocks of time</h3>\n{}<p class=\"note\">Root mean square of the means over blocks, in their standard deviations: white errors leave 1 at every length, and less where few other observations check them. What grows with the length lasts: over {DECIDING_BLOCK_S:.0} s, more than {MAX_BLOCK_RMS:.0} refuses the joint adjustment.</p>\n",
+        html::table("numbers", head, &body)
+    )
+}
+
+fn block_cell(rms: f64, block_s: f64) -> String {
+    let is_large = block_s == DECIDING_BLOCK_S && rms > MAX_BLOCK_RMS;
+    let class = if is_large { " class=\"out\"" } else { "" };
+    format!("<td{class}>{}</td>", number::fixed(rms, 2))
+}
+
+/// Shift and rotation of the whole reference that the standard deviations hold.
+fn reference(joint: &Joint) -> String {
+    let Some(sigma) = &joint.reference else {
+        return String::new();
+    };
+    let (assumed, remedy) = match sigma.assumed {
+        true => (
+            " (assumed)",
+            " The project gives none, so these are assumed: give <code>reference.sigma_m</code> and <code>reference.sigma_deg</code>.",
+        ),
+        false => ("", ""),
+    };
+    format!(
+        "<p class=\"note\">The reference as a whole may be shifted by ± {}\u{202f}mm and turned by ± {}°{assumed} against the world of the poses. Nothing in the data shows a shift up, which enters the heights of the scanners one to one: the standard deviations hold it.{remedy}</p>\n",
+        number::shortest(1e3 * sigma.shift_m),
+        number::shortest(sigma.tilt_rad.to_degrees()),
+    )
+}
+
+/// Constants and latencies estimated along with mountings and trajectory.
+fn constants(joint: &Joint) -> String {
+    let mut body = String::new();
+    let mut row = |name: &str, value: &str, sigma: Option<&str>, start: &str, unit: &str| {
+        let sigma = match sigma {
+            Some(sigma) => format!("<span class=\"sigma\">± {sigma}</span>"),
+            None => String::new(),
+        };
+        body.push_str(&format!(
+            "<tr><th scope=\"row\">{}</th><td class=\"result\">{value}{sigma}</td><td>{start}</td><td class=\"text\">{}</td></tr>\n",
+            escape(name),
+            escape(unit)
+        ));
+    };
+    for constant in &joint.constants {
+        let text = constant_text(constant);
+        row(
+            &constant.name,
+            &text.value,
+            text.sigma.as_deref(),
+            &text.start,
+            text.unit,
+        );
+    }
+    for (mounting, late) in joint.mountings.iter().zip(&joint.late_s) {
+        if let Some((value, sigma)) = late {
+            let name = format!("{}: latency beyond time_offset_s", mounting.name);
+            let text = number::signed(number::fixed(1e3 * value, 3));
+            row(&name, &text, Some(&number::sigma(1e3 * sigma)), "0", "ms");
+        }
+    }
+    if body.is_empty() {
+        return body;
+    }
+    let head = "<tr><th scope=\"col\">constant</th><th scope=\"col\">estimated</th><th scope=\"col\">project</th><th scope=\"col\" class=\"text\">unit</th></tr>\n";
+    format!(
+        "<h3>Constants estimated in the joint adjustment</h3>\n{}",
+        html::table("numbers constants", head, &body)
+    )
+}
+
+/// Size and course of the adjustment.
+fn course(calibrations: &Calibrations, joint: &Joint) -> String {
+    let seconds = calibrations.joint.map_or(f64::NAN, |report| report.seconds);
+    format!(
+        "<p class=\"note\">The joint adjustment: {} unknowns, {} rows of scans, {} patches of the surface, {} iterations, {}; {}.</p>\n",
+        number::count(joint.unknowns),
+        number::count(joint.rows),
+        number::count(joint.surfels),
+        number::count(joint.iterations),
+        number::duration(seconds),
+        joint.stop
+    )
+}

@@ -1,0 +1,141 @@
+//! The mountings of the other scanners in the frame of the first.
+
+use super::content::Calibrations;
+use super::html::{self, escape};
+use super::{method, number};
+use crate::calibration::{Calibration, RelativeMounting, ScannerFromScanner, relative};
+use crate::comparison::MountingKind;
+use crate::geometry::so3;
+use crate::statistics::NORMAL_97_5_ROUNDED;
+
+/// A method and what it found.
+struct Column {
+    name: &'static str,
+    found: RelativeMounting,
+    is_result: bool,
+}
+
+/// A table for each scanner but the first; empty for one scanner.
+pub fn tables(calibrations: &Calibrations) -> String {
+    let truth = calibrations.mountings(MountingKind::Truth);
+    let result = calibrations.result;
+    let mut out = String::new();
+    for (i, found) in result.relative().into_iter().enumerate() {
+        let truth = truth.map(|truth| relative(&truth[0], &truth[i + 1]));
+        let of = |calibration: &Calibration| Column {
+            name: method::name(calibration.method),
+            found: calibration.relative().swap_remove(i),
+            is_result: false,
+        };
+        let two_steps = calibrations.two_steps();
+        let two_steps = two_steps.filter(|found| found.method != result.method);
+        let mut columns: Vec<Column> = two_steps.map(of).into_iter().collect();
+        let heading = format!("{} relative to {}", found.name, found.first);
+        columns.push(Column {
+            found,
+            is_result: true,
+            ..of(result)
+        });
+        out.push_str(&format!("<h3>Scanner {}</h3>\n", escape(&heading)));
+        out.push_str(&table(&columns, truth.as_ref()));
+    }
+    if out.is_empty() {
+        return out;
+    }
+    let sentences: Vec<String> = method::relative(result);
+    format!(
+        "{out}<p class=\"note\">{} In the frame of the first scanner; what all scanners share, such as errors of the poses and of the lever arm, drops out. The rotation is a rotation vector; its ± and error are about the axes of the first scanner.</p>\n",
+        escape(&sentences.join(" "))
+    )
+}
+
+fn table(columns: &[Column], truth: Option<&ScannerFromScanner>) -> String {
+    let mut head = String::from("<tr><td></td>");
+    for column in columns {
+        let class = result(column.is_result);
+        head.push_str(&format!("<th scope=\"col\"{class}>{}</th>", column.name));
+    }
+    if truth.is_some() {
+        head.push_str("<th scope=\"col\">truth</th>");
+    }
+    head.push_str("</tr>\n");
+    let names = [
+        "t<sub>x</sub> (m)",
+        "t<sub>y</sub> (m)",
+        "t<sub>z</sub> (m)",
+        "about x (°)",
+        "about y (°)",
+        "about z (°)",
+    ];
+    let mut body = String::new();
+    for (i, name) in names.into_iter().enumerate() {
+        body.push_str(&format!("<tr><th scope=\"row\">{name}</th>"));
+        for column in columns {
+            body.push_str(&format!(
+                "<td{}>{}</td>",
+                result(column.is_result),
+                cell(&column.found, truth, i)
+            ));
+        }
+        if let Some(truth) = truth {
+            let value = show(i, values(truth)[i]);
+            body.push_str(&format!("<td><span class=\"value\">{value}</span></td>"));
+        }
+        body.push_str("</tr>\n");
+    }
+    html::table("numbers mounting relative", &head, &body)
+}
+
+fn result(is_result: bool) -> &'static str {
+    if is_result { " class=\"result\"" } else { "" }
+}
+
+/// Metres and degrees.
+fn values(pose: &ScannerFromScanner) -> [f64; 6] {
+    let (t, turn) = (pose.translation_m, so3::log(&pose.rotation));
+    let turn = turn.map(f64::to_degrees);
+    [t.x, t.y, t.z, turn.x, turn.y, turn.z]
+}
+
+/// Found minus true along and about the axes of the first scanner, metres and degrees.
+fn errors(found: &ScannerFromScanner, truth: &ScannerFromScanner) -> [f64; 6] {
+    let shift = found.translation_m - truth.translation_m;
+    let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+    let turn = turn.map(f64::to_degrees);
+    [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+}
+
+/// To 0.001 mm and 0.0001°.
+fn show(parameter: usize, value: f64) -> String {
+    number::fixed(value, if parameter < 3 { 6 } else { 4 })
+}
+
+fn cell(found: &RelativeMounting, truth: Option<&ScannerFromScanner>, i: usize) -> String {
+    let pose = &found.first_from_scanner;
+    let (factor, unit) = if i < 3 {
+        (1e3, "\u{202f}mm")
+    } else {
+        (1.0, "°")
+    };
+    let mut out = format!("<span class=\"value\">{}</span>", show(i, values(pose)[i]));
+    let sigma = found.sigma[i].filter(|sigma| sigma.is_finite());
+    let sigma = sigma.map(|sigma| if i < 3 { sigma } else { sigma.to_degrees() });
+    if let Some(sigma) = sigma {
+        let text = number::sigma(factor * sigma);
+        out.push_str(&format!("<span class=\"sigma\">± {text}{unit}</span>"));
+    }
+    let error = truth.map(|truth| errors(pose, truth)[i]);
+    if let Some(error) = error.filter(|error| error.is_finite()) {
+        let is_outside = sigma.is_some_and(|s| error.abs() > NORMAL_97_5_ROUNDED * s);
+        let (class, mark) = if is_outside {
+            ("error out", " ‡")
+        } else {
+            ("error", "")
+        };
+        let text = number::signed(number::fixed(factor * error, if i < 3 { 3 } else { 4 }));
+        out.push_str(&format!(
+            "<span class=\"{class}\">{text}{unit}{mark}</span>"
+        ));
+    }
+    out
+}
