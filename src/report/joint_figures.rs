@@ -161,7 +161,7 @@ fn of_sensor(after: &PositionResiduals, before: &[(f64, Vec3)]) -> String {
     html::figure(
         &(html::legend(entries) + &charts),
         &format!(
-            "{}, predicted minus measured, means over {BLOCK_S:.0} s. Before, the trajectory follows the measured positions; after, it follows the scans, and the residuals show the noise of the sensor. A pattern that lasts after the adjustment means that positions and scans see different worlds.",
+            "{}, predicted minus measured, means over {BLOCK_S:.0} s. The trajectory alone follows the measured positions; the joint adjustment follows the scans, and its residuals show the noise of the sensor. A pattern that lasts means that positions and scans see different worlds.",
             escape(&after.sensor)
         ),
     )

@@ -77,7 +77,7 @@ fn accepted(joint: &Joint) -> String {
 fn imu(joint: &Joint) -> String {
     let drives = joint.drives.iter();
     let ratios = drives.filter_map(|drive| joint.group(&drive.imu)?.ratio);
-    match ratios.reduce(f64::max) {
+    match ratios.filter(|ratio| ratio.is_finite()).reduce(f64::max) {
         Some(ratio) => format!(" (χ² of the IMU over its redundancy: {ratio:.2})"),
         None => String::new(),
     }
