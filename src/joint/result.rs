@@ -7,6 +7,7 @@ use super::motion::{PositionBlocks, PositionResiduals};
 use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
+use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
@@ -129,8 +130,11 @@ impl Joint {
     /// The mountings with their quality, as a calibration; its scales are those of two steps, where
     /// it started.
     pub fn calibration(&self, two_steps: &Calibration) -> Calibration {
+        // From the sum that is held to the direction that is free: both weigh rotations by a lever.
+        let lever_m2 = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M };
+        let free = |d: &DVector<f64>| DVector::from_fn(d.len(), |i, _| d[i] / lever_m2(i));
         let held = self.held.iter();
-        let unobservable = held.map(|d| UnobservableDirection::held(d, &self.mountings));
+        let unobservable = held.map(|d| UnobservableDirection::held(&free(d), &self.mountings));
         Calibration {
             method: Method::Joint,
             mountings: self.mountings.clone(),

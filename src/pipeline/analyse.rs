@@ -86,7 +86,13 @@ pub fn analyse(
         &mut job,
     )?;
 
-    for warning in warnings(&calibration, joint.as_ref(), &drives, left_out) {
+    for warning in warnings(
+        &project.origin_m,
+        &calibration,
+        joint.as_ref(),
+        &drives,
+        left_out,
+    ) {
         job.warn(warning);
     }
     let findings = Findings {
@@ -190,6 +196,7 @@ fn mountings(
 
 /// Results that need attention.
 fn warnings(
+    origin_m: &Vec3,
     calibration: &Calibration,
     joint: Option<&JointReport>,
     drives: &[Drive],
@@ -202,12 +209,7 @@ fn warnings(
     });
     let mut warnings: Vec<String> = refused.chain(missing.cloned()).chain(left_out).collect();
     if let Some(found) = joint.and_then(|joint| joint.found.as_ref()) {
-        warnings.extend(
-            found
-                .regions
-                .iter()
-                .map(|region| region.describe(&Vec3::zeros())),
-        );
+        warnings.extend(found.regions.iter().map(|region| region.describe(origin_m)));
     }
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());

@@ -8,7 +8,7 @@ use super::joint;
 use super::stages::{self, Poses};
 use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::Joint;
 use crate::progress::Progress;
@@ -74,7 +74,7 @@ pub fn compare(
         project: path,
     } in &project.evaluations
     {
-        let other = aligned(project, Project::read(path)?)?;
+        let other = stages::aligned(project, Project::read(path)?)?;
         let drive = job.shown(&format!("evaluate {name}"), |progress| {
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, None, progress)?;
@@ -157,27 +157,4 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
         rejected_rows: poses.rejected_rows,
         agreements,
     }
-}
-
-/// The evaluation project with its scanners in the order of `project`, and with the same
-/// comparison.
-pub fn aligned(project: &Project, mut other: Project) -> Result<Project> {
-    let mut scanners = Vec::new();
-    for scanner in &project.scanners {
-        let same = other
-            .scanners
-            .iter()
-            .find(|candidate| candidate.name == scanner.name);
-        scanners.push(same.cloned().ok_or_else(|| {
-            Error::data(
-                format!("{} has no scanner `{}`", other.path.display(), scanner.name),
-                "an evaluation drive needs every scanner of the calibrated project",
-            )
-        })?);
-    }
-    other.scanners = scanners;
-    other.comparison = project.comparison.clone();
-    other.origin_m = project.origin_m;
-    other.limits = other.limits.or(project.limits);
-    Ok(other)
 }

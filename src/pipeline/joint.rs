@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use nalgebra::DMatrix;
 
-use super::drives::aligned;
 use super::stages::{self, Poses};
 use crate::calibration::{Calibration, Mounting, ScannerSample};
 use crate::error::{Error, Problem, Result};
@@ -50,7 +49,7 @@ pub fn report(
     let mut others = Vec::new();
     for other in &project.drives {
         let aligned = stages::with_mountings(
-            &aligned(project, Project::read(&other.project)?)?,
+            &stages::aligned(project, Project::read(&other.project)?)?,
             &two_steps.poses(),
         );
         let poses = stages::poses(&aligned, progress)?;

@@ -361,6 +361,29 @@ pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
     project
 }
 
+/// The evaluation project with its scanners in the order of `project`, and with the same
+/// comparison.
+pub fn aligned(project: &Project, mut other: Project) -> Result<Project> {
+    let mut scanners = Vec::new();
+    for scanner in &project.scanners {
+        let same = other
+            .scanners
+            .iter()
+            .find(|candidate| candidate.name == scanner.name);
+        scanners.push(same.cloned().ok_or_else(|| {
+            Error::data(
+                format!("{} has no scanner `{}`", other.path.display(), scanner.name),
+                "an evaluation drive needs every scanner of the calibrated project",
+            )
+        })?);
+    }
+    other.scanners = scanners;
+    other.comparison = project.comparison.clone();
+    other.origin_m = project.origin_m;
+    other.limits = other.limits.or(project.limits);
+    Ok(other)
+}
+
 /// Writes poses with the project's origin added back.
 ///
 /// # Errors

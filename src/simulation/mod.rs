@@ -4,6 +4,7 @@
 //! be validated with it.
 
 mod aiding;
+mod board;
 mod bounds;
 mod check;
 mod clods;
@@ -29,6 +30,7 @@ mod wave;
 mod write;
 
 pub use aiding::{simulate_heading, simulate_prism};
+pub use board::Board;
 pub use deformation::Mountings;
 pub use drive::{BodyState, Drive};
 pub use field::{
@@ -39,7 +41,7 @@ pub use plants::Plants;
 pub use profiler::{Profile, Profiler, Ray};
 pub use reference::Reference;
 pub use scenario::Scenario;
-pub use scene::{Board, Hit, Scene, Surface};
+pub use scene::{Hit, Scene, Surface};
 pub use sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
     ReferenceSettings, ScannerSettings,

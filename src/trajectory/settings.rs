@@ -1,7 +1,6 @@
 //! What the estimation needs besides the logs, in SI units.
 
 pub use super::imu_noise::ImuNoise;
-use super::timeline::MAX_STEP_S;
 pub use crate::adjustment::Loss;
 use crate::geometry::{BodyAxes, Vec3};
 
@@ -171,7 +170,7 @@ pub struct TrajectorySettings {
 
 impl TrajectorySettings {
     /// Default of [`TrajectorySettings::max_step_s`].
-    pub const MAX_STEP_S: f64 = MAX_STEP_S;
+    pub const MAX_STEP_S: f64 = 1.0;
 
     /// An IMU, one prism and headings, with nothing but the trajectory estimated.
     pub fn new(
@@ -187,7 +186,7 @@ impl TrajectorySettings {
             positions: vec![position],
             heading,
             nodes: Nodes::default(),
-            max_step_s: MAX_STEP_S,
+            max_step_s: Self::MAX_STEP_S,
             estimate: Vec::new(),
             zero_velocity: true,
         }

@@ -5,13 +5,13 @@
 //! is a run of whole samples with cut ones at its ends.
 
 use super::imu_series::SAME_INSTANT_S;
-use super::settings::Nodes;
+use super::settings::{Nodes, TrajectorySettings};
 use super::streams::Streams;
 use crate::adjustment::ChainLayout;
 
 /// Longest time that one bias is held, and longest step unless the settings ask for shorter ones:
 /// where the prism is out, biases still walk.
-pub const MAX_STEP_S: f64 = 1.0;
+pub const MAX_STEP_S: f64 = TrajectorySettings::MAX_STEP_S;
 
 /// The chain of one drive.
 #[derive(Debug, Clone)]

@@ -1,8 +1,7 @@
 //! The factor L and what it solves.
 
 use super::inverse::SelectedInverse;
-use super::structure::Structure;
-use super::system::NotPositiveBlock;
+use super::structure::{NotPositiveBlock, Structure};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::sparse::SparseColMatRef;

@@ -42,6 +42,11 @@ impl FromIterator<Vec<u32>> for Lists {
     }
 }
 
+/// A pivot that is not positive or not finite: something in this block, the caller's, that data and
+/// priors leave free, with the blocks eliminated before it held by their own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotPositiveBlock(pub usize);
+
 /// Order, storage of H and pattern of L. A position is a block's place in the order of
 /// elimination.
 #[derive(Debug)]

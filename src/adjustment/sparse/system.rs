@@ -1,13 +1,8 @@
 //! The normal equations H and g of unknowns in blocks.
 
 use super::factor::SparseFactor;
-use super::structure::Structure;
+use super::structure::{NotPositiveBlock, Structure};
 use std::sync::Arc;
-
-/// A pivot that is not positive or not finite: something in this block, the caller's, that data and
-/// priors leave free, with the blocks eliminated before it held by their own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NotPositiveBlock(pub usize);
 
 /// Where H keeps the entries of a pair of blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

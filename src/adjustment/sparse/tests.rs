@@ -1,6 +1,6 @@
 //! Against dense algebra on random structures, and the time on one like a survey's.
 
-use super::system::NotPositiveBlock;
+use super::structure::NotPositiveBlock;
 use super::{BlockPattern, SparseFactor, SparseSystem};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};

@@ -17,6 +17,8 @@ const SIZE: usize = 6;
 
 /// Knots in a correlation time.
 const KNOTS: f64 = 10.0;
+/// Most knots per pose.
+const KNOTS_PER_POSE: f64 = 4.0;
 
 /// Poses and their corrections: a Gauss-Markov process with the poses' standard deviations, which
 /// keeps them where nothing contradicts.
@@ -44,9 +46,10 @@ impl CorrectedPoses {
         }
         let sigma = squares.map(|square| (square / poses.len() as f64).sqrt());
         let span_s = trajectory.span_s();
+        // No more than a few knots a pose, however long the poses span.
         let count = ((span_s.1 - span_s.0) * KNOTS / correlation_s)
             .ceil()
-            .max(1.0);
+            .clamp(1.0, KNOTS_PER_POSE * poses.len() as f64);
         // Rounding may not carry the last knot beyond the poses: there is none after them.
         let knot = |k: usize| {
             let time_s = span_s.0 + (span_s.1 - span_s.0) * k as f64 / count;
