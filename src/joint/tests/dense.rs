@@ -139,11 +139,10 @@ fn at_the_solution_the_gradient_is_zero() {
         // A step takes Huber's weights as they are. Where few rows beyond 2.5 standard deviations
         // determine a direction, as without a reference, it leaves four fifths of the one before.
         let mut off = f64::INFINITY;
-        let mut dense = Dense::new(&problem, &state);
         let mut steps = 0;
         while off > ZERO && steps < 150 {
             state = problem.step(&state, 0.0).expect("positive definite");
-            dense = Dense::new(&problem, &state);
+            let dense = Dense::new(&problem, &state);
             let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
             off = dense.g().component_div(&terms).amax();
             steps += 1;
