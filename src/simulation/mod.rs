@@ -4,6 +4,7 @@
 //! be validated with it.
 
 mod aiding;
+mod board;
 mod bounds;
 mod check;
 mod clods;
@@ -13,11 +14,13 @@ mod describe;
 mod drive;
 mod field;
 mod inertial;
+mod lidar;
 mod plants;
 mod presets;
 mod profiler;
 mod random;
 mod ray;
+mod recordings;
 mod reference;
 mod route;
 mod scenario;
@@ -29,19 +32,21 @@ mod wave;
 mod write;
 
 pub use aiding::{simulate_heading, simulate_prism};
+pub use board::Board;
 pub use deformation::Mountings;
 pub use drive::{BodyState, Drive};
 pub use field::{
     BoardSettings, DriveSettings, Field, MotionSettings, Pass, PlantSettings, SoilSettings,
 };
 pub use inertial::{Inertial, simulate_imu};
+pub use lidar::Lidar;
 pub use plants::Plants;
 pub use profiler::{Profile, Profiler, Ray};
 pub use reference::Reference;
 pub use scenario::Scenario;
-pub use scene::{Board, Hit, Scene, Surface};
+pub use scene::{Hit, Scene, Surface};
 pub use sensors::{
-    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
-    ReferenceSettings, ScannerSettings,
+    DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
+    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
 pub use write::{SimulatedDrive, SimulatedFiles, simulate};

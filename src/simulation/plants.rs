@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::board::Board;
 use super::random::{Purpose, normal3, stream};
 use super::ray::{self, Squares};
 use super::scenario::Scenario;
-use super::scene::Board;
 use super::soil::Soil;
 use crate::geometry::{Rotation, Vec3};
 

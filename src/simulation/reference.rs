@@ -2,9 +2,10 @@
 
 use rand::RngExt;
 
+use super::board::Board;
 use super::random::{Purpose, normal3, stream};
 use super::scenario::Scenario;
-use super::scene::{Board, Scene};
+use super::scene::Scene;
 use super::wave::Wave;
 use crate::geometry::Vec3;
 

@@ -3,6 +3,7 @@
 mod errors;
 mod field;
 mod golden;
+mod lidar;
 
 use std::collections::BTreeMap;
 use std::path::Path;
