@@ -31,7 +31,7 @@ impl Scenario {
         let pass = |k: u8| {
             let north = 1.5 + f64::from(k) * APART_M;
             let [from_m, to_m] = EAST_M.map(|east| [east, north]);
-            if k % 2 == 0 {
+            if k.is_multiple_of(2) {
                 Pass::Line { from_m, to_m }
             } else {
                 Pass::Line {
