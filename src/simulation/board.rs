@@ -77,3 +77,25 @@ impl Board {
             && on.dot(&self.edges[1]).abs() <= self.half_m[1] + margin_m / self.normal.z
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boards_lean_towards_their_azimuth() {
+        let board = Board::new(&BoardSettings {
+            center_m: [1.0, 2.0, 0.5],
+            tilt_deg: 30.0,
+            azimuth_deg: 90.0,
+            size_m: [1.0, 1.0],
+            moved_m: [0.0; 3],
+        });
+        assert!((board.normal - Vec3::new(0.5, 0.0, 0.75f64.sqrt())).norm() < 1e-12);
+        // Half a metre along the slope is 0.433 m in plan view.
+        assert!(board.covers(1.42, 2.0, 0.0) && !board.covers(1.44, 2.0, 0.0));
+        assert!(board.covers(1.0, 2.49, 0.0) && !board.covers(1.0, 2.51, 0.0));
+        let [u, v, w] = board.coordinates_m(&board.point_m(0.2, -0.3));
+        assert!((u - 0.2).abs() < 1e-12 && (v + 0.3).abs() < 1e-12 && w.abs() < 1e-12);
+    }
+}

@@ -22,7 +22,8 @@ impl Scenario {
         const LATENCY: (f64, f64) = (-10.0, 10.0);
         let (plants, motion, imu) = (&self.plants, &self.motion, &self.imu);
         let (prism, heading) = (&self.prism, &self.heading);
-        let (profiles, reference, bend) = (&self.profiles, &self.reference, &self.deformation);
+        let (profiles, lidar) = (&self.profiles, &self.lidar);
+        let (reference, bend) = (&self.reference, &self.deformation);
         let mut bounds = vec![
             ("gravity_m_s2", self.gravity_m_s2, (0.1, 100.0)),
             ("field.margin_m", self.field.margin_m, (0.0, 100.0)),
@@ -103,6 +104,10 @@ impl Scenario {
                 profiles.edge_lost_flying[1],
                 SHARE,
             ),
+            ("lidar.rate_hz", lidar.rate_hz, RATE),
+            ("lidar.fan_deg", lidar.fan_deg, (0.0, 170.0)),
+            ("lidar.sigma_m", lidar.sigma_m, ANY),
+            ("lidar.dropout", lidar.dropout, SHARE),
             (
                 "reference.board_spacing_m",
                 reference.board_spacing_m,
@@ -154,6 +159,7 @@ impl Scenario {
         bounds.extend(each("prism.station_m", &prism.station_m, COORDINATE));
         bounds.extend(each("prism.lost_s", prism.lost_s.as_flattened(), ANY));
         bounds.extend(each("profiles.range_m", &profiles.range_m, LENGTH));
+        bounds.extend(each("lidar.range_m", &lidar.range_m, LENGTH));
         bounds.extend(each("profiles.sigma_m", &profiles.sigma_m, ANY));
         bounds.extend(each("reference.offset_m", &reference.offset_m, COORDINATE));
         for board in &self.boards {

@@ -51,14 +51,22 @@ impl Scenario {
         if self.plants.count_per_m2 * field_m2 > 1e6 {
             return refuse("plants.count_per_m2 gives more than a million plants");
         }
-        if !(2..=10_000).contains(&self.profiles.width) {
-            return refuse(format!(
-                "profiles.width is {}, not 2 to 10000",
-                self.profiles.width
-            ));
+        for (key, count, (low, high)) in [
+            ("profiles.width", self.profiles.width, (2, 10_000)),
+            ("lidar.rings", self.lidar.rings, (1, 1_000)),
+            ("lidar.columns", self.lidar.columns, (4, 100_000)),
+        ] {
+            if !(low..=high).contains(&count) {
+                return refuse(format!("{key} is {count}, not {low} to {high}"));
+            }
         }
-        if self.profiles.range_m[1] <= self.profiles.range_m[0] {
-            return refuse("profiles.range_m is empty");
+        for (key, [near, far]) in [
+            ("profiles.range_m", self.profiles.range_m),
+            ("lidar.range_m", self.lidar.range_m),
+        ] {
+            if far <= near {
+                return refuse(format!("{key} is empty"));
+            }
         }
         if let Some([from, to]) = self.prism.lost_s.iter().find(|[from, to]| from >= to) {
             return refuse(format!("prism.lost_s from {from} to {to} is empty"));

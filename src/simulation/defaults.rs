@@ -5,8 +5,8 @@ use super::field::{
 };
 use super::scenario::Scenario;
 use super::sensors::{
-    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
-    ReferenceSettings, ScannerSettings,
+    DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
+    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
 use crate::geometry::BodyAxes;
 
@@ -47,6 +47,7 @@ impl Default for Scenario {
             prism: PrismSettings::default(),
             heading: HeadingSettings::default(),
             profiles: ProfileSettings::default(),
+            lidar: LidarSettings::default(),
             reference: ReferenceSettings::default(),
             deformation: DeformationSettings::default(),
             boards: vec![
@@ -60,6 +61,7 @@ impl Default for Scenario {
             scanners: vec![
                 ScannerSettings {
                     name: "left".into(),
+                    kind: ScannerKind::Profile,
                     translation_m: [1.254, -0.545, 0.587],
                     rotation_deg: [-143.769, -0.369, 89.833],
                     initial_translation_m: [1.2, -0.5, 0.5],
@@ -68,6 +70,7 @@ impl Default for Scenario {
                 },
                 ScannerSettings {
                     name: "right".into(),
+                    kind: ScannerKind::Profile,
                     translation_m: [1.259, 0.656, 0.585],
                     rotation_deg: [144.396, -0.346, 91.705],
                     initial_translation_m: [1.2, 0.65, 0.5],
@@ -209,6 +212,20 @@ impl Default for ProfileSettings {
             dropout: 0.003,
             edge_m: 0.03,
             edge_lost_flying: [0.7, 0.1],
+        }
+    }
+}
+
+impl Default for LidarSettings {
+    fn default() -> Self {
+        Self {
+            rate_hz: 10.0,
+            rings: 16,
+            fan_deg: 30.0,
+            columns: 180,
+            range_m: [0.5, 10.0],
+            sigma_m: 0.005,
+            dropout: 0.003,
         }
     }
 }

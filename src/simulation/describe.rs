@@ -7,6 +7,7 @@ use super::drive::Drive;
 use super::field::Pass;
 use super::scenario::Scenario;
 use super::scene::Scene;
+use super::sensors::{ScannerKind, ScannerSettings};
 use crate::error::{Error, Result};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention, Vec3};
@@ -14,6 +15,15 @@ use crate::geometry::{BodyFromScanner, EulerConvention, Vec3};
 /// The folder of a drive.
 pub(super) fn drive_name(index: usize) -> String {
     format!("drive-{}", index + 1)
+}
+
+/// The file of a scanner's points.
+pub(super) fn recording_name(scanner: &ScannerSettings) -> String {
+    let extension = match scanner.kind {
+        ScannerKind::Profile => "bin",
+        ScannerKind::Lidar => "csv",
+    };
+    format!("{}.{extension}", scanner.name)
 }
 
 /// Writes `text` into a file.
@@ -75,7 +85,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
         heading.mounting_offset_deg,
     );
     for (scanner, initial) in scenario.scanners.iter().zip(scenario.initial_mountings()) {
-        text += &scanner_table(&scanner.name, Some(&scanner.name), &initial, 6);
+        text += &scanner_table(&scanner.name, Some(&recording_name(scanner)), &initial, 6);
     }
     text += "\n[reference]\nfile = \"../tls.laz\"\n\
              \n[calibration]\nvoxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005]\nneighbours = 50\n";
@@ -175,9 +185,7 @@ fn scanner_table(
     digits: usize,
 ) -> String {
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
-    let profiles = profiles.map_or(String::new(), |p| {
-        format!("profiles = {:?}\n", format!("{p}.bin"))
-    });
+    let profiles = profiles.map_or(String::new(), |p| format!("profiles = {p:?}\n"));
     format!(
         "\n[[scanner]]\nname = {name:?}\n{profiles}translation_m = {}\nrotation_deg = {}\n\
          rotation_convention = \"bonn\"\n",

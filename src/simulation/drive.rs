@@ -6,6 +6,7 @@ use super::field::{DriveSettings, MotionSettings, Pass};
 use super::route::{Piece, Waypoint, shortest};
 use super::scenario::Scenario;
 use super::scene::Scene;
+use super::sensors::ScannerKind;
 use super::spline::Spline;
 use crate::geometry::{BodyAxes, Rotation, Vec3, WorldFromBody};
 
@@ -139,12 +140,9 @@ struct Route {
 impl Route {
     fn new(scenario: &Scenario, drive: &DriveSettings) -> Self {
         // The fans are this far ahead of the IMU: the pass begins before it and ends behind.
-        let ahead = scenario
-            .scanners
-            .iter()
-            .map(|s| s.translation_m[0])
-            .sum::<f64>()
-            / scenario.scanners.len() as f64;
+        let fans = scenario.scanners_of(ScannerKind::Profile);
+        let forward = fans.iter().map(|&s| scenario.scanners[s].translation_m[0]);
+        let ahead = forward.sum::<f64>() / fans.len().max(1) as f64;
         let mut pieces: Vec<Piece> = Vec::new();
         let mut at = None;
         let mut slow_m = Vec::new();

@@ -14,11 +14,13 @@ mod describe;
 mod drive;
 mod field;
 mod inertial;
+mod lidar;
 mod plants;
 mod presets;
 mod profiler;
 mod random;
 mod ray;
+mod recordings;
 mod reference;
 mod route;
 mod scenario;
@@ -37,13 +39,14 @@ pub use field::{
     BoardSettings, DriveSettings, Field, MotionSettings, Pass, PlantSettings, SoilSettings,
 };
 pub use inertial::{Inertial, simulate_imu};
+pub use lidar::Lidar;
 pub use plants::Plants;
 pub use profiler::{Profile, Profiler, Ray};
 pub use reference::Reference;
 pub use scenario::Scenario;
 pub use scene::{Hit, Scene, Surface};
 pub use sensors::{
-    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
-    ReferenceSettings, ScannerSettings,
+    DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
+    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
 pub use write::{SimulatedDrive, SimulatedFiles, simulate};

@@ -8,6 +8,7 @@ use super::drive::Drive;
 use super::random::{Purpose, normal, stream};
 use super::scenario::Scenario;
 use super::scene::{Hit, Scene, Surface};
+use super::sensors::ScannerKind;
 use crate::geometry::Vec3;
 
 /// One profile: for each ray x, z in the scanner frame (m) and the intensity, or `None`.
@@ -30,7 +31,7 @@ pub struct Ray {
     pub cosine: f64,
 }
 
-/// The scanners on one drive.
+/// The profile scanners on one drive; `scanner` is an index into the scenario's scanners.
 #[derive(Debug, Clone)]
 pub struct Profiler<'a> {
     scenario: &'a Scenario,
@@ -38,6 +39,8 @@ pub struct Profiler<'a> {
     drive: &'a Drive,
     drive_index: usize,
     mountings: Mountings,
+    /// Which of all scanners record profiles.
+    scanners: Vec<usize>,
     rays: Vec<Vec3>,
     start_s: f64,
     count: usize,
@@ -66,20 +69,26 @@ impl<'a> Profiler<'a> {
             drive,
             drive_index,
             mountings: Mountings::new(scenario, drive),
+            scanners: scenario.scanners_of(ScannerKind::Profile),
             rays,
             start_s: span.0,
             count: ticks(span, settings.rate_hz, 0.0).len(),
         }
     }
 
-    /// Profiles of each scanner.
+    /// Profiles of each profile scanner.
     pub fn count(&self) -> usize {
         self.count
     }
 
+    /// Number of profile scanners before this one; lidars do not count.
+    fn place(&self, scanner: usize) -> usize {
+        self.scanners.partition_point(|&other| other < scanner)
+    }
+
     /// True time of a profile, which its time stamp exceeds by the scanner's latency. The scanners fire in turn, so that none sees another's laser line.
     pub fn time_s(&self, scanner: usize, index: usize) -> f64 {
-        let turn = scanner as f64 / self.scenario.scanners.len() as f64;
+        let turn = self.place(scanner) as f64 / self.scanners.len() as f64;
         self.start_s + (index as f64 + turn) / self.scenario.profiles.rate_hz
     }
 
@@ -110,7 +119,7 @@ impl<'a> Profiler<'a> {
     /// The profile as recorded.
     pub fn profile(&self, scanner: usize, index: usize) -> Profile {
         let settings = &self.scenario.profiles;
-        let group = (self.drive_index * self.scenario.scanners.len() + scanner) as u64;
+        let group = (self.drive_index * self.scanners.len() + self.place(scanner)) as u64;
         let mut rng = stream(self.scenario.seed, Purpose::Profile, group, index as u64);
         let ideal = self.ideal(scanner, index);
         let [near, far] = settings.range_m;

@@ -34,6 +34,8 @@ pub enum Purpose {
     ReferenceSurface,
     /// Plants on the field.
     Plants,
+    /// One revolution of one lidar of one drive.
+    Lidar,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.

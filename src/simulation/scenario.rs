@@ -8,8 +8,8 @@ use super::field::{
     BoardSettings, DriveSettings, Field, MotionSettings, PlantSettings, SoilSettings,
 };
 use super::sensors::{
-    DeformationSettings, HeadingSettings, ImuSettings, PrismSettings, ProfileSettings,
-    ReferenceSettings, ScannerSettings,
+    DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
+    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::rotation_from_euler_deg;
@@ -43,15 +43,17 @@ pub struct Scenario {
     pub prism: PrismSettings,
     /// The heading antennas.
     pub heading: HeadingSettings,
-    /// Both profile scanners.
+    /// All profile scanners.
     pub profiles: ProfileSettings,
+    /// All lidars.
+    pub lidar: LidarSettings,
     /// The reference cloud.
     pub reference: ReferenceSettings,
     /// Deformation of the mountings.
     pub deformation: DeformationSettings,
     /// Boards on the field.
     pub boards: Vec<BoardSettings>,
-    /// True and initial mounting of each scanner.
+    /// The scanners, with their true and initial mountings.
     pub scanners: Vec<ScannerSettings>,
     /// The drives.
     pub drives: Vec<DriveSettings>,
@@ -128,6 +130,13 @@ impl Scenario {
             .iter()
             .map(|s| self.mounting(s.initial_translation_m, s.initial_rotation_deg))
             .collect()
+    }
+
+    /// Indices of the scanners of this kind.
+    pub(super) fn scanners_of(&self, kind: ScannerKind) -> Vec<usize> {
+        let scanners = self.scanners.iter().enumerate();
+        let of_kind = scanners.filter(|(_, scanner)| scanner.kind == kind);
+        of_kind.map(|(index, _)| index).collect()
     }
 
     fn mounting(&self, translation_m: [f64; 3], rotation_deg: [f64; 3]) -> BodyFromScanner {

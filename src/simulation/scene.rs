@@ -114,7 +114,6 @@ mod tests {
 
     use super::super::random::{Purpose, stream};
     use super::*;
-    use crate::simulation::field::BoardSettings;
 
     /// First sign change on a dense march, refined by bisection: slow and simple.
     fn reference(scene: &Scene, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
@@ -196,22 +195,5 @@ mod tests {
         }
         assert!(grazed <= 3, "{grazed}");
         assert!(hits > 600 && boards > 30, "{hits} {boards}");
-    }
-
-    #[test]
-    fn boards_lean_towards_their_azimuth() {
-        let board = Board::new(&BoardSettings {
-            center_m: [1.0, 2.0, 0.5],
-            tilt_deg: 30.0,
-            azimuth_deg: 90.0,
-            size_m: [1.0, 1.0],
-            moved_m: [0.0; 3],
-        });
-        assert!((board.normal - Vec3::new(0.5, 0.0, 0.75f64.sqrt())).norm() < 1e-12);
-        // Half a metre along the slope is 0.433 m in plan view.
-        assert!(board.covers(1.42, 2.0, 0.0) && !board.covers(1.44, 2.0, 0.0));
-        assert!(board.covers(1.0, 2.49, 0.0) && !board.covers(1.0, 2.51, 0.0));
-        let [u, v, w] = board.coordinates_m(&board.point_m(0.2, -0.3));
-        assert!((u - 0.2).abs() < 1e-12 && (v + 0.3).abs() < 1e-12 && w.abs() < 1e-12);
     }
 }

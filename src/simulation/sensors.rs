@@ -102,12 +102,46 @@ pub struct ProfileSettings {
     pub edge_lost_flying: [f64; 2],
 }
 
-/// A scanner's mounting.
+/// Spinning lidars, of scanners of this kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LidarSettings {
+    /// Revolutions per second about the z axis of the scanner.
+    pub rate_hz: f64,
+    /// Rays above one another.
+    pub rings: usize,
+    /// Opening of their fan, half of it above the x y plane of the scanner, degrees.
+    pub fan_deg: f64,
+    /// Directions per revolution, each at its own time.
+    pub columns: usize,
+    /// Nearest and farthest range, metres.
+    pub range_m: [f64; 2],
+    /// Noise of a range, metres.
+    pub sigma_m: f64,
+    /// Share of points lost at random.
+    pub dropout: f64,
+}
+
+/// What a scanner measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ScannerKind {
+    /// Profiles, as told by `[profiles]`.
+    #[default]
+    Profile,
+    /// Revolutions, as told by `[lidar]`.
+    Lidar,
+}
+
+/// A scanner and its mounting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScannerSettings {
     /// Name.
     pub name: String,
+    /// What it measures: `"profile"` or `"lidar"`.
+    #[serde(default)]
+    pub kind: ScannerKind,
     /// True position in the body (FRD), metres.
     pub translation_m: [f64; 3],
     /// True rotation body_from_scanner, degrees, `bonn`.

@@ -9,7 +9,7 @@ use super::deformation::Mountings;
 use super::describe;
 use super::drive::Drive;
 use super::inertial::simulate_imu;
-use super::profiler::Profiler;
+use super::recordings::Robot;
 use super::reference::Reference;
 use super::scenario::Scenario;
 use super::scene::Scene;
@@ -18,9 +18,6 @@ use crate::format;
 use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
-
-/// Profiles of each scanner generated at a time.
-const PROFILES_AT_ONCE: usize = 256;
 
 /// Strips of the reference generated at a time.
 const STRIPS_AT_ONCE: usize = 64;
@@ -49,7 +46,7 @@ pub struct SimulatedDrive {
     pub project: PathBuf,
     /// Its duration, seconds.
     pub duration_s: f64,
-    /// Number of profiles of all scanners.
+    /// Number of profiles of all profile scanners.
     pub profiles: u64,
     /// Number of points of all scanners.
     pub points: u64,
@@ -79,14 +76,21 @@ pub fn simulate(
         let at = |file: &str| staging.path(&format!("{name}/{file}"));
         write_logs(scenario, &drive, index, &at)?;
         describe::write_texts(scenario, &scene, &drive, index, &at)?;
-        let (profiles, points) = write_profiles(scenario, &scene, &drive, index, &at, progress)?;
+        let robot = Robot {
+            scenario,
+            scene: &scene,
+            drive: &drive,
+            index,
+        };
+        let (profiles, points) = robot.write_profiles(&at, progress)?;
+        let seen_by_lidars = robot.write_revolutions(&at, progress)?;
         let folder = out.join(&name);
         drives.push(SimulatedDrive {
             project: folder.join("project.toml"),
             folder,
             duration_s: drive.span_s.1 - drive.span_s.0,
             profiles,
-            points,
+            points: points + seen_by_lidars,
         });
     }
     let reference_points = write_reference(scenario, &scene, &staging.path("tls.laz"), progress)?;
@@ -148,46 +152,6 @@ fn write_deformation(
         describe::write_text(&at(&format!("truth/mounting-{}.csv", settings.name)), &text)?;
     }
     Ok(())
-}
-
-/// The recordings of all scanners; returns the numbers of profiles and points.
-fn write_profiles(
-    scenario: &Scenario,
-    scene: &Scene,
-    drive: &Drive,
-    index: usize,
-    at: &dyn Fn(&str) -> PathBuf,
-    progress: &dyn Progress,
-) -> Result<(u64, u64)> {
-    let profiler = Profiler::new(scenario, scene, drive, index);
-    let scanners = scenario.scanners.len();
-    let mut writers = scenario
-        .scanners
-        .iter()
-        .map(|scanner| format::BonnWriter::create(&at(&format!("{}.bin", scanner.name))))
-        .collect::<Result<Vec<_>>>()?;
-    let count = profiler.count();
-    let stage = format!("simulating profiles of {}", describe::drive_name(index));
-    let stage = progress.stage(&stage, (count * scanners) as u64);
-    let mut points = 0u64;
-    for from in (0..count).step_by(PROFILES_AT_ONCE) {
-        let to = count.min(from + PROFILES_AT_ONCE);
-        for (scanner, writer) in writers.iter_mut().enumerate() {
-            let chunk: Vec<_> = (from..to)
-                .into_par_iter()
-                .map(|k| profiler.profile(scanner, k))
-                .collect();
-            for profile in &chunk {
-                writer.write_profile(profile.time_s, &profile.points)?;
-                points += profile.points.iter().flatten().count() as u64;
-            }
-            stage.advance(chunk.len() as u64)?;
-        }
-    }
-    for writer in writers {
-        writer.finish()?;
-    }
-    Ok(((count * scanners) as u64, points))
 }
 
 /// The reference cloud; returns its number of points.

@@ -145,6 +145,10 @@ fn the_truth_tells_the_errors_that_the_project_does_not() {
     scenario.profiles.rate_hz = 0.5;
     scenario.prism.lost_s = vec![[3.0, 5.5]];
     scenario.scanners[1].latency_s = 0.02;
+    scenario.reference.surface_error_m = 0.0003;
+    scenario.boards[1].moved_m = [0.0, 0.0, 0.01];
+    scenario.soil.clod_height_m = 0.02;
+    scenario.plants.count_per_m2 = 1.0;
     let folder = tempfile::tempdir().unwrap();
     simulate(&scenario, folder.path(), &Silent).unwrap();
     let text = std::fs::read_to_string(folder.path().join("drive-1/truth/errors.toml")).unwrap();
@@ -166,6 +170,17 @@ fn the_truth_tells_the_errors_that_the_project_does_not() {
     assert_eq!(errors["scanner"][0]["name"].as_str(), Some("right"));
     assert_eq!(errors["scanner"][0]["latency_s"].as_float(), Some(0.02));
     assert!(!errors.contains_key("heading"));
+    assert_eq!(
+        errors["reference"]["surface_error_m"].as_float(),
+        Some(0.0003)
+    );
+    let text = std::fs::read_to_string(folder.path().join("drive-1/truth/scene.toml")).unwrap();
+    let scene: toml::Table = text.parse().unwrap();
+    assert_eq!(scene["soil"]["clod_height_m"].as_float(), Some(0.02));
+    assert_eq!(scene["plants"]["count_per_m2"].as_float(), Some(1.0));
+    assert_eq!(scene["board"][1]["moved_m"][2].as_float(), Some(0.01));
+    assert_eq!(scene["board"][1]["center_m"][2].as_float(), Some(0.51));
+    assert!(scene["board"][0].get("moved_m").is_none());
     let text = std::fs::read_to_string(folder.path().join("scenario.toml")).unwrap();
     assert_eq!(toml::from_str::<Scenario>(&text).unwrap(), scenario);
 }

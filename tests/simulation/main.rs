@@ -3,6 +3,7 @@
 mod errors;
 mod field;
 mod golden;
+mod lidar;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -289,6 +290,12 @@ fn a_scenario_may_name_only_what_differs_and_nothing_unknown() {
         (
             "[prism]\nlost_s = [[5.0, 4.0]]\n",
             "prism.lost_s from 5 to 4",
+        ),
+        ("[lidar]\nrange_m = [5.0, 2.0]\n", "lidar.range_m is empty"),
+        ("[lidar]\nrings = 0\n", "lidar.rings is 0"),
+        (
+            "[plants]\ncount_per_m2 = -1.0\n",
+            "plants.count_per_m2 is -1",
         ),
         (
             "[prism]\noutlier_share = 1.5\n",
