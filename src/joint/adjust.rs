@@ -116,6 +116,7 @@ pub fn adjust(
                     continue;
                 }
             }
+            eprintln!("round {round} change {change:.3} scales {:?}", problem.groups.scale);
             if scalings >= MAX_SCALINGS || change < SETTLED_SCALE {
                 done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
                 break;

@@ -9,6 +9,9 @@ const PROBES: usize = 8;
 /// Groups with less redundancy keep their standard deviations.
 const MIN_REDUNDANCY: f64 = 30.0;
 
+/// Largest power of a group's ratio that scales it: little redundancy says little.
+const MAX_POWER: f64 = 3.0;
+
 /// The residuals of a group.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Component {
@@ -105,13 +108,16 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
     found
 }
 
-/// Scales the noise of scans and reference to their residuals (Förstner 1979).
-/// Returns the largest relative change.
+/// Scales the noise of scans and reference to their residuals (Förstner 1979). The redundancy r of n
+/// rows moves with the scale: ∂ ln(Ω/r) / ∂ ln s² = −r/n to first order, and so a step of Newton takes
+/// s² to s² (Ω/r)^(n/r). Returns the largest relative change.
 pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
     let mut largest = 0.0_f64;
     for (group, component) in found.iter().enumerate() {
         if problem.groups.is_estimated(group) && component.redundancy > MIN_REDUNDANCY {
-            let factor = (component.chi_square / component.redundancy).sqrt();
+            let power = (component.rows as f64 / component.redundancy).min(MAX_POWER);
+            let ratio = component.chi_square / component.redundancy;
+            let factor = ratio.powf(0.5 * power);
             problem.groups.scale[group] *= factor;
             largest = largest.max((factor - 1.0).abs());
         }

@@ -1,6 +1,6 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
-use super::motion::{Motion, NodeGradient, StepPoses};
+use super::motion::{AT_BRIDGE, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
@@ -26,7 +26,7 @@ pub struct Mean {
     pub residual_m: f64,
     /// By (a, b, c).
     pub by_shape: [f64; 3],
-    /// By the leading unknowns of both nodes of the step. Each profile has its own share of them: the
+    /// By the leading unknowns of both nodes of the step and by its bridge. Each profile has its own share of them: the
     /// shares at the mean time would be off by a twentieth for positions and by half for velocities.
     pub by_nodes: NodeGradient,
     /// By the mounting (δφ, δp).
@@ -152,6 +152,7 @@ pub fn rows(
     let poses = motion.poses(step);
     let scans = StepScans::new(seen, &poses);
     let nodes = motion.pose_blocks(step);
+    let bridge = motion.bridge_block(step);
     for row in rows {
         let mean = scans.mean(row, seen.rows.points_of(row));
         let (group, sigma_m) = noise(row);
@@ -161,6 +162,9 @@ pub fn rows(
         let width = poses.width;
         batch.touch(blocks.first_motion + nodes[0], &by[..width]);
         batch.touch(blocks.first_motion + nodes[1], &by[width..2 * width]);
+        if let Some(bridge) = bridge {
+            batch.touch(blocks.first_motion + bridge, &by[AT_BRIDGE..]);
+        }
         batch.touch(
             blocks.first_surfel + row.surfel as usize,
             &mean.by_shape.map(|x| x * w),

@@ -1,14 +1,16 @@
 //! A drive with logs: the chain of the trajectory's own graph, with its nodes, biases and constants.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
 use super::gauss_markov::GaussMarkov;
-use super::knots::{Knot, StepPoses, of_node};
+use super::knots::{AT_BRIDGE, BRIDGE, Knot, StepPoses, of_node};
 use super::{ConstantValue, Motion, Places, PositionBlocks, PositionResiduals};
 use crate::adjustment::{ChainProblem, ChainStep, NODE, Rows, SEGMENT, STEP};
 use crate::geometry::Vec3;
+use crate::geometry::so3::exp;
 use crate::joint::row::RowBatch;
 use crate::sensor::PoseRecord;
 use crate::trajectory::PosteriorCovariance;
@@ -41,6 +43,9 @@ pub struct ChainMotion {
     names: Arc<Vec<String>>,
     /// Correlated errors of each position sensor, then of the heading.
     correlated: Vec<Option<GaussMarkov>>,
+    /// Of each step: how far the attitude between its nodes is from the best that the IMU and both
+    /// nodes give, in the middle (body, radians).
+    bridges: Vec<Vec3>,
 }
 
 impl ChainMotion {
@@ -58,6 +63,7 @@ impl ChainMotion {
             GaussMarkov::new(span_s, error.sigma.clone(), error.correlation_s)
         };
         Self {
+            bridges: vec![Vec3::zeros(); graph.timeline.steps()],
             graph: Arc::new(graph.clone()),
             imu: Arc::new(imu.clone()),
             state: state.clone(),
@@ -85,6 +91,36 @@ impl ChainMotion {
         let before = self.correlated[..sensor].iter().flatten();
         let knots: usize = before.map(|process| process.knot_s.len()).sum();
         self.nodes() + self.segments() + knots
+    }
+
+    /// Own block of the first bridge.
+    fn first_bridge(&self) -> usize {
+        self.first_knot(self.correlated.len())
+    }
+
+    /// The standard deviation of a bridge, radians. Between nodes T apart, the sum of white noise of
+    /// density q is a Brownian bridge; of its terms √2 q√T/(πk) sin(πk u) the first is 61 % of the
+    /// variance, and more of what is left in the mean over a step. What the accelerometer's noise does
+    /// to positions in a step is below a micrometre.
+    fn bridge_sigma_rad(&self, step: usize) -> f64 {
+        let node_s = &self.graph.timeline.node_s;
+        let density = self.graph.noise.gyro_density * self.graph.imu_scale;
+        let duration_s = node_s[step + 1] - node_s[step];
+        density * (2.0 * duration_s).sqrt() / PI
+    }
+
+    /// How much of the bridge of a step there is at a time.
+    fn bridge_share(&self, step: usize, time_s: f64) -> f64 {
+        let node_s = &self.graph.timeline.node_s;
+        let u = (time_s - node_s[step]) / (node_s[step + 1] - node_s[step]);
+        (PI * u).sin()
+    }
+
+    /// The pose of a step with its bridge.
+    fn bridged(&self, step: usize, mut record: PoseRecord) -> PoseRecord {
+        let turn_rad = self.bridges[step] * self.bridge_share(step, record.time_s);
+        record.world_from_body.rotation *= exp(&turn_rad);
+        record
     }
 
     /// Group of the headings.
@@ -240,6 +276,7 @@ impl Motion for ChainMotion {
         for process in self.correlated.iter().flatten() {
             sizes.resize(sizes.len() + process.knot_s.len(), process.dimension());
         }
+        sizes.resize(sizes.len() + self.steps(), BRIDGE);
         sizes
     }
 
@@ -262,6 +299,10 @@ impl Motion for ChainMotion {
 
     fn pose_blocks(&self, step: usize) -> [usize; 2] {
         [step, step + 1]
+    }
+
+    fn bridge_block(&self, step: usize) -> Option<usize> {
+        Some(self.first_bridge() + step)
     }
 
     /// The share of the bias in the poses between two nodes is left out: over the eighth of a second
@@ -292,11 +333,19 @@ impl Motion for ChainMotion {
                 && time_s < node_s[step + 1] - SAME_INSTANT_S;
             if inside {
                 let rows = pose.rows();
+                let share = self.bridge_share(step, time_s);
+                let record = self.bridged(step, pose.record);
                 knots.push(Knot {
                     time_s,
-                    world_from_body: pose.record.world_from_body,
-                    velocity_m_s: pose.record.velocity_m_s,
-                    by: std::array::from_fn(|i| std::array::from_fn(|j| rows[i][j])),
+                    world_from_body: record.world_from_body,
+                    velocity_m_s: record.velocity_m_s,
+                    by: std::array::from_fn(|i| {
+                        std::array::from_fn(|j| match j {
+                            j if j < AT_BRIDGE => rows[i][j],
+                            j if j - AT_BRIDGE == i => share,
+                            _ => 0.0,
+                        })
+                    }),
                 });
             }
         });
@@ -314,6 +363,13 @@ impl Motion for ChainMotion {
             let group = self.group_of(&source);
             self.add((step, group), &rows, error, places, batch);
         });
+        let w = 1.0 / self.bridge_sigma_rad(step);
+        for (i, value) in self.bridges[step].iter().enumerate() {
+            let mut by = [0.0; BRIDGE];
+            by[i] = w;
+            batch.begin(places.first_group + IMU, 1.0, value * w);
+            batch.touch(places.first_block + self.first_bridge() + step, &by);
+        }
     }
 
     fn moved(&self, own: &[f64], constants: &[f64]) -> Box<dyn Motion> {
@@ -335,6 +391,9 @@ impl Motion for ChainMotion {
                 .for_each(|(x, d)| *x += d);
             errors = rest;
         }
+        for (bridge, step) in moved.bridges.iter_mut().zip(errors.chunks_exact(BRIDGE)) {
+            *bridge += Vec3::from_column_slice(step);
+        }
         Box::new(moved)
     }
 
@@ -345,6 +404,8 @@ impl Motion for ChainMotion {
         for process in self.correlated.iter().flatten() {
             sigma.extend(process.sigma.repeat(process.knot_s.len()));
         }
+        let bridges = (0..self.steps()).map(|step| self.bridge_sigma_rad(step));
+        sigma.extend(bridges.flat_map(|sigma| [sigma; BRIDGE]));
         sigma
     }
 
@@ -361,10 +422,11 @@ impl Motion for ChainMotion {
         for step in 0..self.steps() {
             let unknowns = covariance.and_then(|of| self.step_covariance(step, of));
             recovery.step(step, |pose| {
-                records.push(match &unknowns {
+                let record = match &unknowns {
                     Some(unknowns) => pose.with_sigma(unknowns),
                     None => pose.record,
-                });
+                };
+                records.push(self.bridged(step, record));
             });
         }
         records

@@ -3,13 +3,17 @@
 use crate::geometry::so3::{exp, log};
 use crate::geometry::{Vec3, WorldFromBody};
 
-/// Most unknowns of two nodes.
-const WIDTH: usize = 18;
+/// Unknowns of a bridge.
+pub const BRIDGE: usize = 3;
+/// Where they begin: behind the most unknowns of two nodes.
+pub const AT_BRIDGE: usize = 18;
+/// Most unknowns of a step.
+const WIDTH: usize = AT_BRIDGE + BRIDGE;
 
-/// Derivatives of a pose (δφ, δp) by the unknowns of both nodes, node i first.
+/// Derivatives of a pose (δφ, δp) by the unknowns of both nodes, node i first, and of the bridge.
 pub type PoseDerivative = [[f64; WIDTH]; 6];
 
-/// Derivatives of a number by the unknowns of both nodes, node i first.
+/// Derivatives of a number by the unknowns of both nodes, node i first, and of the bridge.
 pub type NodeGradient = [f64; WIDTH];
 
 /// A pose within a step.
@@ -21,7 +25,7 @@ pub struct Knot {
     pub world_from_body: WorldFromBody,
     /// World, m/s; `None` where positions are joined by straight lines.
     pub velocity_m_s: Option<Vec3>,
-    /// By the leading unknowns of both nodes.
+    /// By the leading unknowns of both nodes, and by the bridge.
     pub by: PoseDerivative,
 }
 

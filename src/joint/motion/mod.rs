@@ -9,7 +9,7 @@ mod knots;
 pub use chain::{ChainMotion, CorrelatedError};
 pub use corrections::CorrectedPoses;
 pub use gauss_markov::GaussMarkov;
-pub use knots::{Knot, NodeGradient, StepPoses};
+pub use knots::{AT_BRIDGE, BRIDGE, Knot, NodeGradient, StepPoses};
 
 use super::row::RowBatch;
 use crate::geometry::Vec3;
@@ -45,6 +45,11 @@ pub trait Motion: Send + Sync {
 
     /// The own blocks of the nodes of a step whose leading unknowns the poses depend on.
     fn pose_blocks(&self, step: usize) -> [usize; 2];
+
+    /// The own block of the bridge of a step: what the attitude does between its nodes.
+    fn bridge_block(&self, _step: usize) -> Option<usize> {
+        None
+    }
 
     /// The poses within a step, from node to node, with their derivatives.
     fn poses(&self, step: usize) -> StepPoses;

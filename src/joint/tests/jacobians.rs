@@ -37,7 +37,7 @@ fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
             9 => "node",
             6 if has_biases => "bias",
             6 => "correction",
-            _ => "error of a sensor",
+            _ => "error or bridge",
         },
         b if b < layout.first_patch => "surfel",
         b if b < layout.first_patch + problem.found.patches => "patch",
@@ -127,7 +127,7 @@ fn every_row_meets_finite_differences() {
                 }
                 let of_scans = ["left", "lidar"].contains(&group.as_str());
                 let allowed = match (of_scans, kind) {
-                    (true, "node") => BETWEEN_SAMPLES + PER_OFFSET * by,
+                    (true, "node" | "error or bridge") => BETWEEN_SAMPLES + PER_OFFSET * by,
                     (true, "correction") => TURNED_IN_FILE + PER_OFFSET * by,
                     // Of a velocity along the normal of some centimetres per second.
                     (true, "latency") => BY_TIME + 10.0 * PER_OFFSET * by,

@@ -17,8 +17,8 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub struct Graph {
     pub timeline: Timeline,
-    /// How the biases walk.
-    pub(super) noise: ImuNoise,
+    /// Of the IMU.
+    pub noise: ImuNoise,
     /// One a step.
     pub imu: Vec<ImuFactor>,
     /// Factor on the standard deviations of the IMU.
