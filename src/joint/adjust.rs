@@ -33,7 +33,7 @@ const MIN_SURFELS: usize = 50;
 /// they move at [`LEVER_M`].
 const MAX_SIGMA_M: f64 = 0.010;
 /// Iterations of the rounds before the last: their points are sorted anew in any case.
-const ROUND_ITERATIONS: usize = 2;
+const ROUND_ITERATIONS: [usize; 2] = [1, 2];
 
 /// As for the trajectory alone.
 const DAMPING: DampingRule = DampingRule {
@@ -89,10 +89,10 @@ pub fn adjust(
         let mut problem = JointProblem::new(input, settings, found, groups, begin);
         problem.judge_by(shared.as_ref());
         let last = round + 1 == MISFIT_SHARES.len();
-        let most = match last {
-            true => settings.max_iterations,
-            false => ROUND_ITERATIONS,
-        };
+        problem.is_near = last;
+        let most = *ROUND_ITERATIONS
+            .get(round)
+            .unwrap_or(&settings.max_iterations);
         let mut scalings = 0;
         loop {
             let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
@@ -116,7 +116,6 @@ pub fn adjust(
                     continue;
                 }
             }
-            eprintln!("round {round} change {change:.3} scales {:?}", problem.groups.scale);
             if scalings >= MAX_SCALINGS || change < SETTLED_SCALE {
                 done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
                 break;

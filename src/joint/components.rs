@@ -9,8 +9,8 @@ const PROBES: usize = 8;
 /// Groups with less redundancy keep their standard deviations.
 const MIN_REDUNDANCY: f64 = 30.0;
 
-/// Largest power of a group's ratio that scales it: little redundancy says little.
-const MAX_POWER: f64 = 3.0;
+/// Largest step of Newton in ln s² (ln 4), unless ln(Ω/r) is larger itself.
+const MAX_STEP: f64 = 1.386;
 
 /// The residuals of a group.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -110,17 +110,23 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
 
 /// Scales the noise of scans and reference to their residuals (Förstner 1979). The redundancy r of n
 /// rows moves with the scale: ∂ ln(Ω/r) / ∂ ln s² = −r/n to first order, and so a step of Newton takes
-/// s² to s² (Ω/r)^(n/r). Returns the largest relative change.
+/// s² to s² (Ω/r)^(n/r). Returns the relative change, root mean square over rows.
 pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
-    let mut largest = 0.0_f64;
+    let (mut rows, mut squares) = (0.0, 0.0);
     for (group, component) in found.iter().enumerate() {
         if problem.groups.is_estimated(group) && component.redundancy > MIN_REDUNDANCY {
-            let power = (component.rows as f64 / component.redundancy).min(MAX_POWER);
-            let ratio = component.chi_square / component.redundancy;
-            let factor = ratio.powf(0.5 * power);
+            let ratio = (component.chi_square / component.redundancy).ln();
+            let most = ratio.abs().max(MAX_STEP);
+            let newton = ratio * component.rows as f64 / component.redundancy;
+            let factor = (0.5 * newton.clamp(-most, most)).exp();
             problem.groups.scale[group] *= factor;
-            largest = largest.max((factor - 1.0).abs());
+            rows += component.rows as f64;
+            squares += component.rows as f64 * (factor - 1.0).powi(2);
         }
     }
-    largest
+    if rows > 0.0 {
+        (squares / rows).sqrt()
+    } else {
+        0.0
+    }
 }

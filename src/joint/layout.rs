@@ -2,7 +2,7 @@
 
 use super::input::JointInput;
 use super::motion::Motion;
-use super::surfel::{Association, CLASSES};
+use super::surfel::{Association, CLASSES, COVERAGES};
 
 /// Errors of the reference: shift and rotation.
 pub const REFERENCE: usize = 6;
@@ -100,6 +100,8 @@ impl Layout {
 
 /// Where the scales of scans start, for each class of scatter: smooth surfaces have no strips.
 const START_SCALE: [f64; CLASSES] = [0.35, 0.5, 0.75, 0.75, 0.75, 0.75];
+/// Factors on it for each class of coverage.
+const START_COVERAGE: [f64; COVERAGES] = [1.8, 1.1, 0.9];
 
 /// The groups of observations whose noise is tested, and for scans and the reference estimated.
 #[derive(Debug, Clone)]
@@ -132,15 +134,16 @@ impl Groups {
         }
         let first_scan = names.len();
         for mounting in &input.mountings {
-            names.extend((0..CLASSES).map(|_| mounting.name.clone()));
+            names.extend((0..COVERAGES * CLASSES).map(|_| mounting.name.clone()));
         }
         let first_reference = names.len();
         names.extend((0..CLASSES).map(|_| "reference".to_owned()));
         let surface = names.len();
         names.extend(["surface".to_owned(), "assumed".to_owned()]);
         let mut scale = vec![1.0; names.len()];
-        for group in scale[first_scan..first_reference].chunks_exact_mut(CLASSES) {
-            group.copy_from_slice(&START_SCALE);
+        let groups = scale[first_scan..first_reference].chunks_exact_mut(CLASSES);
+        for (group, factor) in groups.zip(START_COVERAGE.iter().cycle()) {
+            group.copy_from_slice(&START_SCALE.map(|scale| scale * factor));
         }
         Self {
             scale,

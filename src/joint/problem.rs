@@ -9,7 +9,7 @@ use super::motion::{Motion, Places};
 use super::row::{Row, RowBatch};
 use super::scan::{self, ScanBlocks, Seen};
 use super::settings::JointSettings;
-use super::surfel::{Association, ScanRow};
+use super::surfel::{Association, CLASSES, COVERAGES, ScanRow};
 use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
 use crate::calibration::Mounting;
 use crate::calibration::parameters::{change, euler_jacobian_body, moved};
@@ -35,8 +35,9 @@ const START_SIGMA: f64 = 0.02;
 /// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
 /// the plane, beside what averages out over its points.
 const STRIP_SHARE: f64 = 0.5;
-/// Least standard deviation of a row, metres.
+/// Least standard deviation of a row and of the reference's offset, metres, and of its slopes.
 const LEAST_SIGMA_M: f64 = 1e-5;
+const LEAST_SLOPE_SIGMA: f64 = 1e-4;
 
 /// Values of all unknowns.
 pub struct State {
@@ -81,6 +82,9 @@ pub struct JointProblem<'a> {
     pub surface_m: f64,
     /// Directions of (δp, δφ) of all mountings that are held at their start values.
     pub held: Vec<DVector<f64>>,
+    /// Whether steps use the curvature of the loss: close to the least cost they converge faster, and
+    /// far from it they go too far.
+    pub is_near: bool,
     system: SparseSystem,
     factor: Option<SparseFactor>,
     centre_m: Vec3,
@@ -119,6 +123,7 @@ impl<'a> JointProblem<'a> {
             groups,
             surface_m,
             held,
+            is_near: false,
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
             centre_m,
@@ -175,9 +180,10 @@ impl<'a> JointProblem<'a> {
     /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² with
     /// the variance v of its surfel's points.
     pub fn noise(&self, row: &ScanRow) -> (usize, f64) {
-        use super::surfel::CLASSES;
         let surfel = &self.found.surfels[row.surfel as usize];
-        let group = self.groups.first_scan + row.scanner as usize * CLASSES + surfel.class;
+        let group = self.groups.first_scan
+            + (row.scanner as usize * COVERAGES + usize::from(row.coverage)) * CLASSES
+            + surfel.class;
         let variance = surfel.scatter_m.powi(2);
         let share = STRIP_SHARE * STRIP_SHARE + 1.0 / f64::from(row.count);
         let sigma_m = (variance * share).sqrt() * self.groups.scale[group];
@@ -258,8 +264,12 @@ impl<'a> JointProblem<'a> {
             ]
             .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
             for i in 0..3 {
-                let floor = if i == 0 { LEAST_SIGMA_M } else { 0.0 };
-                let w = 1.0 / (prior.sigma[i].hypot(floor) * self.groups.scale[group]);
+                let floor = if i == 0 {
+                    LEAST_SIGMA_M
+                } else {
+                    LEAST_SLOPE_SIGMA
+                };
+                let w = 1.0 / (prior.sigma[i] * self.groups.scale[group]).hypot(floor);
                 let patch = if i == 0 {
                     state.patches[prior.patch as usize]
                 } else {
@@ -365,21 +375,25 @@ impl<'a> JointProblem<'a> {
     }
 
     /// Assembles the normal equations at a state.
-    fn assemble(&mut self, state: &State) {
+    fn assemble(&mut self, state: &State, with_curvature: bool) {
         let mut system = std::mem::replace(&mut self.system, BlockPattern::new(vec![1]).analyse(1));
         system.zero();
         let sizes = &self.layout.sizes;
         self.visit(state, |batch| {
             for row in batch.rows() {
-                scatter(&row, sizes, &mut system);
+                let weight = match with_curvature {
+                    true => row.curvature,
+                    false => row.weight,
+                };
+                scatter(&row, weight, sizes, &mut system);
             }
         });
         self.system = system;
     }
 
-    /// Assembles and factorises at a state, without damping.
+    /// Assembles and factorises at a state, without damping, with the weights of all rows.
     pub fn factorise(&mut self, state: &State) -> Option<()> {
-        self.assemble(state);
+        self.assemble(state, false);
         self.factor = self.system.factorise(&[]).ok();
         self.factor.as_ref().map(|_| ())
     }
@@ -499,8 +513,8 @@ fn turned_rad(start: &Mounting, now: &Mounting) -> [f64; 3] {
     std::array::from_fn(|i| wrap((to[i] - from[i]).to_radians()))
 }
 
-/// Adds a row to the normal equations.
-fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
+/// Adds a row to the normal equations, with this weight in H.
+fn scatter(row: &Row<'_>, weight: f64, sizes: &[usize], system: &mut SparseSystem) {
     if row.weight == 0.0 {
         return;
     }
@@ -520,7 +534,7 @@ fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
             other += sizes[b];
             let values = &mut values[..by_a.len() * by_b.len()];
             for (line, x) in values.chunks_exact_mut(by_b.len()).zip(by_a) {
-                let x = row.weight * x;
+                let x = weight * x;
                 line.iter_mut().zip(by_b).for_each(|(v, y)| *v = x * y);
             }
             system.add(system.slot(a, b), values);
@@ -539,7 +553,7 @@ impl LeastSquares for JointProblem<'_> {
     }
 
     fn step(&mut self, state: &State, damping: f64) -> Option<State> {
-        self.assemble(state);
+        self.assemble(state, self.is_near);
         let diagonal: Vec<f64> = match damping > 0.0 {
             true => self
                 .damping_sigma

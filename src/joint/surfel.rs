@@ -41,6 +41,12 @@ const LEAST_REGION_SIZES: f64 = 0.03;
 /// alike. For surfels of 5 cm they are 0.4, 0.8, 1.6, 3 and 6 mm.
 const CLASS_SIZES: [f64; 6] = [0.008, 0.016, 0.032, 0.06, 0.12, f64::INFINITY];
 
+/// Upper bounds of the classes of coverage. What a rough surface does to the mean of a strip averages
+/// out over the whole surfel.
+const COVERAGE_SHARES: [f64; 3] = [0.35, 0.7, 1.0];
+/// Number of classes of coverage.
+pub const COVERAGES: usize = COVERAGE_SHARES.len();
+
 /// Number of classes of roughness.
 pub const CLASSES: usize = CLASS_SIZES.len();
 
@@ -82,6 +88,8 @@ pub struct ScanRow {
     /// Places among the points.
     pub first: u32,
     pub count: u32,
+    /// Class of the part of the surfel that it saw.
+    pub coverage: u8,
 }
 
 /// A laser point of a row.
@@ -314,6 +322,7 @@ pub fn associate(
         let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
         surfel.class = class.unwrap_or(CLASSES - 1);
     }
+    find_coverage(&surfels, mountings.len(), &mut drives);
     drop_unseen(&mut surfels, &mut drives);
     Association {
         surfels,
@@ -568,6 +577,7 @@ fn rows_of(
             scanner,
             first: rows.points.len() as u32,
             count: group.len() as u32,
+            coverage: 0,
         });
         rows.points.extend(group.iter().map(|(.., point, _)| {
             let point = &sample.points[*point as usize];
@@ -581,6 +591,22 @@ fn rows_of(
         rows.step_start[step + 1] += rows.step_start[step];
     }
     rows
+}
+
+/// Finds how much of its surfel each row saw: its share of the points of the fullest row of the
+/// scanner.
+fn find_coverage(surfels: &[Surfel], scanners: usize, drives: &mut [DriveRows]) {
+    let place = |row: &ScanRow| row.surfel as usize * scanners + row.scanner as usize;
+    let mut fullest = vec![0_u32; surfels.len() * scanners];
+    for row in drives.iter().flat_map(|drive| &drive.rows) {
+        let most = &mut fullest[place(row)];
+        *most = row.count.max(*most);
+    }
+    for row in drives.iter_mut().flat_map(|drive| &mut drive.rows) {
+        let share = f64::from(row.count) / f64::from(fullest[place(row)]);
+        let class = COVERAGE_SHARES.iter().position(|most| share <= *most);
+        row.coverage = class.unwrap_or(COVERAGES - 1) as u8;
+    }
 }
 
 /// The regions whose scans lie off the reference by more than the others do.

@@ -25,7 +25,6 @@ fn errors(found: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] 
 }
 
 #[test]
-#[ignore = "with logs, three seconds do not meet the criterion of convergence in 150 steps: open"]
 fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
     for (name, case) in [
         ("logs", Case::full()),
