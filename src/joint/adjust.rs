@@ -34,6 +34,11 @@ const MIN_SURFELS: usize = 50;
 const MAX_SIGMA_M: f64 = 0.010;
 /// Iterations of the rounds before the last: their points are sorted anew in any case.
 const ROUND_ITERATIONS: [usize; 2] = [1, 2];
+/// A round that moves points by more than this share of a surfel is done again: they belong to other
+/// surfels then.
+const MAX_MOVE_SHARE: f64 = 0.1;
+/// Most rounds.
+const MAX_ROUNDS: usize = 10;
 
 /// As for the trajectory alone.
 const DAMPING: DampingRule = DampingRule {
@@ -66,11 +71,14 @@ pub fn adjust(
     let mut iterations = 0;
     let mut done = None;
     let mut shared = None;
-    for (round, misfit) in MISFIT_SHARES.into_iter().enumerate() {
+    let mut held = Vec::new();
+    let mut round = 0;
+    for _ in 0..MAX_ROUNDS {
         progress.check()?;
+        let last = round + 1 == MISFIT_SHARES.len();
         let gates = Gates {
             size_m: surfel_m,
-            misfit_m: misfit * surfel_m,
+            misfit_m: MISFIT_SHARES[round] * surfel_m,
             patch_m: PATCH_SIZES * surfel_m,
         };
         let poses = state.poses();
@@ -85,16 +93,17 @@ pub fn adjust(
         check_overlap(&found)?;
         state.shapes = vec![Vec3::zeros(); found.surfels.len()];
         state.patches = vec![0.0; found.patches];
-        let begin = (&state, Vec::new(), surface_m);
+        let begin = (&state, held, surface_m);
         let mut problem = JointProblem::new(input, settings, found, groups, begin);
         problem.judge_by(shared.as_ref());
-        let last = round + 1 == MISFIT_SHARES.len();
         problem.is_near = last;
-        let most = *ROUND_ITERATIONS
-            .get(round)
-            .unwrap_or(&settings.max_iterations);
+        let before = state.clone();
         let mut scalings = 0;
         loop {
+            let most = match last {
+                true => settings.max_iterations.saturating_sub(iterations).max(1),
+                false => ROUND_ITERATIONS[round],
+            };
             let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
             iterations += ended.iterations;
             if round == 0 {
@@ -121,7 +130,14 @@ pub fn adjust(
                 break;
             }
         }
-        groups = problem.groups;
+        let moved_m = problem.moved_m(&before, &state);
+        (groups, held) = (problem.groups, problem.held);
+        if moved_m < MAX_MOVE_SHARE * surfel_m {
+            if last {
+                break;
+            }
+            round += 1;
+        }
     }
     drop(stage);
     done.ok_or_else(not_determined)

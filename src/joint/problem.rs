@@ -23,8 +23,9 @@ const TASK: usize = 64;
 const HELD: usize = 16;
 
 /// Standard deviations of priors so wide that they only keep the problem solvable: a surfel's offset
-/// (metres) and slopes without a reference, a mounting's position (metres) and rotation.
-const SURFEL_SIGMA: [f64; 3] = [0.1, 1.0, 1.0];
+/// (metres) and slopes without a reference, a mounting's position (metres) and rotation. Ten thousand
+/// surfels together may not hold the height of all to less than a metre.
+const SURFEL_SIGMA: [f64; 3] = [100.0, 1.0, 1.0];
 const MOUNTING_SIGMA: f64 = 1.0;
 /// Standard deviation of what is held, metres and radians.
 const HELD_SIGMA: f64 = 1e-8;
@@ -190,9 +191,19 @@ impl<'a> JointProblem<'a> {
         (group, sigma_m.hypot(LEAST_SIGMA_M))
     }
 
+    fn seen<'b>(&'b self, drive: usize, state: &'b State) -> Seen<'b> {
+        Seen {
+            rows: &self.found.drives[drive],
+            samples: &self.input.drives[drive].scans.samples,
+            surfels: &self.found.surfels,
+            shapes: &state.shapes,
+            mountings: state.poses(),
+            late_s: &state.late_s,
+        }
+    }
+
     /// Visits all rows in a fixed order.
     pub fn visit(&self, state: &State, mut visit: impl FnMut(&RowBatch)) {
-        let poses = state.poses();
         for drive in 0..self.input.drives.len() {
             let motion = state.motions[drive].as_ref();
             let places = Places {
@@ -200,14 +211,7 @@ impl<'a> JointProblem<'a> {
                 constants: &self.layout.constants[drive],
                 first_group: self.groups.first_motion[drive],
             };
-            let seen = Seen {
-                rows: &self.found.drives[drive],
-                samples: &self.input.drives[drive].scans.samples,
-                surfels: &self.found.surfels,
-                shapes: &state.shapes,
-                mountings: &poses,
-                late_s: &state.late_s,
-            };
+            let seen = self.seen(drive, state);
             let blocks = ScanBlocks {
                 first_motion: self.layout.first_motion[drive],
                 first_surfel: self.layout.first_surfel,
@@ -432,6 +436,29 @@ impl<'a> JointProblem<'a> {
         let count = self.unknowns() - self.offset(self.layout.last());
         let inverse = covariance.and_then(|c| Some(c.clone().cholesky()?.inverse()));
         self.metric = inverse.filter(|metric| metric.nrows() == count);
+    }
+
+    /// How far points move from one state to another, root mean square, metres.
+    pub fn moved_m(&self, from: &State, to: &State) -> f64 {
+        let places = [from, to].map(|state| {
+            let mut places = Vec::new();
+            for (drive, motion) in state.motions.iter().enumerate() {
+                let rows = &self.found.drives[drive];
+                let seen = self.seen(drive, state);
+                for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
+                    let poses = motion.poses(step);
+                    let scans = scan::StepScans::new(&seen, &poses);
+                    let row = &rows.of_step(step)[0];
+                    places.push(scans.first_point_m(row));
+                }
+            }
+            places
+        });
+        let squares = places[0]
+            .iter()
+            .zip(&places[1])
+            .map(|(a, b)| (b - a).norm_squared());
+        (squares.sum::<f64>() / places[0].len().max(1) as f64).sqrt()
     }
 
     /// The last factor.

@@ -13,7 +13,7 @@ pub struct Seen<'a> {
     pub surfels: &'a [Surfel],
     /// (a, b, c) of each surfel.
     pub shapes: &'a [Vec3],
-    pub mountings: &'a [BodyFromScanner],
+    pub mountings: Vec<BodyFromScanner>,
     /// How late the profiles of each scanner are.
     pub late_s: &'a [f64],
 }
@@ -78,6 +78,15 @@ impl<'a> StepScans<'a> {
             velocity_m_s: pose.velocity_m_s,
             rate_rad_s: pose.rate_rad_s,
         }
+    }
+
+    /// The first point of a row in the world.
+    pub fn first_point_m(&self, row: &ScanRow) -> Vec3 {
+        let point = &self.seen.rows.points_of(row)[0];
+        let scanner = row.scanner as usize;
+        let pose = self.profile(scanner, point.profile);
+        let arm = self.rotations[scanner] * point.position_m;
+        pose.translation_m + pose.rotation * (arm + self.seen.mountings[scanner].translation_m)
     }
 
     /// The mean of a row.

@@ -10,7 +10,7 @@ const SURFEL_VOXELS: f64 = 10.0;
 pub struct JointSettings {
     /// Size of the surfels, metres; `None`: see [`Self::surfel_size_m`].
     pub surfel_m: Option<f64>,
-    /// Largest number of iterations.
+    /// Largest number of iterations in all.
     pub max_iterations: usize,
     /// Errors that all points of the reference share.
     pub reference: ReferenceSigma,
@@ -37,7 +37,7 @@ impl Default for JointSettings {
     fn default() -> Self {
         Self {
             surfel_m: None,
-            max_iterations: 30,
+            max_iterations: 50,
             reference: ReferenceSigma::default(),
             correlation_s: POSE_CORRELATION_S,
         }

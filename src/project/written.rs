@@ -308,7 +308,7 @@ impl Method {
 pub struct Joint {
     /// Size of the surfels. Default ten times the finest voxel.
     pub surfel_m: Option<f64>,
-    /// Largest number of iterations. Default 30.
+    /// Largest number of iterations. Default 50.
     pub max_iterations: Option<usize>,
 }
 
