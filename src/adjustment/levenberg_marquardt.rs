@@ -8,7 +8,7 @@ use std::fmt;
 /// Converged where a step is shorter than this, in posterior standard deviations: it moves no
 /// functional of the unknowns by more than 5 % of its own sigma. The step is still taken, and as
 /// convergence is quadratic, what is left is far less.
-const CONVERGED_SIGMAS: f64 = 0.05;
+pub const CONVERGED_SIGMAS: f64 = 0.05;
 
 /// Why the adjustment stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -58,7 +58,8 @@ pub trait LeastSquares {
     fn decrement(&self) -> f64;
 }
 
-/// Moves `state` to where the cost is least. Where it converged, the last step was undamped.
+/// Moves `state` to where the cost is least, with so many iterations at most, until a step is shorter
+/// than so many posterior standard deviations. Where it converged, the last step was undamped.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
@@ -66,7 +67,7 @@ pub fn levenberg_marquardt<P: LeastSquares>(
     problem: &mut P,
     state: &mut P::State,
     rule: DampingRule,
-    most_iterations: usize,
+    (most_iterations, converged_sigmas): (usize, f64),
     progress: &dyn Progress,
 ) -> Result<Ended> {
     let cost_initial = problem.cost(state);
@@ -82,10 +83,15 @@ pub fn levenberg_marquardt<P: LeastSquares>(
         let undamped = damping.value() == 0.0;
         let trial = problem.step(state, damping.value());
         let trial_cost = trial.as_ref().map_or(f64::NAN, |trial| problem.cost(trial));
+        eprintln!(
+            "LM it {iterations} damp {} cost {cost:.4} -> {trial_cost:.4} decr {:.4}",
+            damping.value(),
+            problem.decrement().sqrt()
+        );
         match (damping.judge(cost, trial_cost), trial) {
             (Verdict::Accepted, Some(trial)) => {
                 (*state, cost) = (trial, trial_cost);
-                if undamped && problem.decrement() < CONVERGED_SIGMAS.powi(2) {
+                if undamped && problem.decrement() < converged_sigmas.powi(2) {
                     break StopReason::Converged;
                 }
             }

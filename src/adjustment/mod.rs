@@ -31,7 +31,7 @@ pub(crate) use front::{Carry, solve_rows};
 pub(crate) use functional::ChainGradient;
 pub(crate) use information::residual_information;
 pub(crate) use layout::{CHANGE, ChainLayout, NODE, SEGMENT, STEP, TAIL};
-pub(crate) use levenberg_marquardt::{Ended, LeastSquares, levenberg_marquardt};
+pub(crate) use levenberg_marquardt::{CONVERGED_SIGMAS, Ended, LeastSquares, levenberg_marquardt};
 pub(crate) use loss::{
     Graduation, LossGroup, cautious_weight, rejection_limit, square_scale, weigh,
 };

@@ -3,7 +3,7 @@
 use super::chain::{ChainFactor, ChainStep, ChainSystem, NotPositive};
 use super::damping::DampingRule;
 use super::layout::{ChainLayout, SEGMENT, TAIL};
-use super::levenberg_marquardt::{Ended, LeastSquares, levenberg_marquardt};
+use super::levenberg_marquardt::{CONVERGED_SIGMAS, Ended, LeastSquares, levenberg_marquardt};
 use super::prior::{BorderPrior, Prior};
 use super::rows::Rows;
 use super::system::{BorderSystem, StepSystem, assemble};
@@ -151,7 +151,8 @@ pub trait ChainProblem: Sync {
             factor,
             step,
         };
-        levenberg_marquardt(&mut problem, state, DAMPING, most_iterations, progress)
+        let until = (most_iterations, CONVERGED_SIGMAS);
+        levenberg_marquardt(&mut problem, state, DAMPING, until, progress)
     }
 }
 

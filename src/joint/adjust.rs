@@ -11,7 +11,7 @@ use super::problem::{JointProblem, State};
 use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove};
 use super::settings::JointSettings;
 use super::surfel::{Association, Gates, ReferenceCells, associate};
-use crate::adjustment::{DampingRule, Ended, levenberg_marquardt};
+use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, Ended, levenberg_marquardt};
 use crate::calibration::observability::LEVER_M;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
@@ -32,8 +32,9 @@ const MIN_SURFELS: usize = 50;
 /// A parameter with a larger standard deviation is not determined, metres; rotations count as what
 /// they move at [`LEVER_M`].
 const MAX_SIGMA_M: f64 = 0.010;
-/// Iterations of the rounds before the last: their points are sorted anew in any case.
-const ROUND_ITERATIONS: [usize; 2] = [1, 2];
+/// Length of the last step of each round in standard deviations: points are sorted anew after all but
+/// the last in any case.
+const ROUND_SIGMAS: [f64; 3] = [5.0, 0.5, CONVERGED_SIGMAS];
 /// A round that moves points by more than this share of a surfel is done again: they belong to other
 /// surfels then.
 const MAX_MOVE_SHARE: f64 = 0.1;
@@ -96,15 +97,12 @@ pub fn adjust(
         let begin = (&state, held, surface_m);
         let mut problem = JointProblem::new(input, settings, found, groups, begin);
         problem.judge_by(shared.as_ref());
-        problem.is_near = last;
         let before = state.clone();
         let mut scalings = 0;
         loop {
-            let most = match last {
-                true => settings.max_iterations.saturating_sub(iterations).max(1),
-                false => ROUND_ITERATIONS[round],
-            };
-            let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, most, progress)?;
+            let most = settings.max_iterations.saturating_sub(iterations).max(1);
+            let until = (most, ROUND_SIGMAS[round]);
+            let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, until, progress)?;
             iterations += ended.iterations;
             if round == 0 {
                 break;
@@ -131,6 +129,10 @@ pub fn adjust(
             }
         }
         let moved_m = problem.moved_m(&before, &state);
+        eprintln!(
+            "round {round} moved {moved_m} tz {}",
+            state.mountings[0].body_from_scanner.translation_m.z
+        );
         (groups, held) = (problem.groups, problem.held);
         if moved_m < MAX_MOVE_SHARE * surfel_m {
             if last {

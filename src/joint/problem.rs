@@ -27,6 +27,8 @@ const HELD: usize = 16;
 /// surfels together may not hold the height of all to less than a metre.
 const SURFEL_SIGMA: [f64; 3] = [100.0, 1.0, 1.0];
 const MOUNTING_SIGMA: f64 = 1.0;
+/// The least cost is close where the step before was shorter than this.
+const NEAR_SIGMAS: f64 = 1.0;
 /// Standard deviation of what is held, metres and radians.
 const HELD_SIGMA: f64 = 1e-8;
 /// How far the start values may be off: the unit of the damping of mountings (metres, radians),
@@ -83,9 +85,6 @@ pub struct JointProblem<'a> {
     pub surface_m: f64,
     /// Directions of (δp, δφ) of all mountings that are held at their start values.
     pub held: Vec<DVector<f64>>,
-    /// Whether steps use the curvature of the loss: close to the least cost they converge faster, and
-    /// far from it they go too far.
-    pub is_near: bool,
     system: SparseSystem,
     factor: Option<SparseFactor>,
     centre_m: Vec3,
@@ -124,7 +123,6 @@ impl<'a> JointProblem<'a> {
             groups,
             surface_m,
             held,
-            is_near: false,
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
             centre_m,
@@ -580,7 +578,12 @@ impl LeastSquares for JointProblem<'_> {
     }
 
     fn step(&mut self, state: &State, damping: f64) -> Option<State> {
-        self.assemble(state, self.is_near);
+        // With the curvature of the loss steps converge faster close to the least cost, and go too far
+        // elsewhere.
+        self.assemble(
+            state,
+            damping == 0.0 && self.decrement < NEAR_SIGMAS.powi(2),
+        );
         let diagonal: Vec<f64> = match damping > 0.0 {
             true => self
                 .damping_sigma

@@ -1,7 +1,9 @@
 //! The sparse problem against dense algebra, and against the chain of the trajectory.
 
 use super::case::{Case, Dense, estimated};
-use crate::adjustment::{DampingRule, LeastSquares, StopReason, levenberg_marquardt};
+use crate::adjustment::{
+    CONVERGED_SIGMAS, DampingRule, LeastSquares, StopReason, levenberg_marquardt,
+};
 use crate::calibration::ScannerSample;
 use crate::joint::components::components;
 use crate::joint::motion::ChainMotion;
@@ -125,7 +127,8 @@ const DAMPING: DampingRule = DampingRule {
 };
 
 fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
-    let ended = levenberg_marquardt(problem, state, DAMPING, 30, &Silent).expect("not cancelled");
+    let ended = levenberg_marquardt(problem, state, DAMPING, (30, CONVERGED_SIGMAS), &Silent)
+        .expect("not cancelled");
     assert_eq!(ended.stop, StopReason::Converged);
 }
 
@@ -136,7 +139,6 @@ const ZERO: f64 = 1e-8;
 fn at_the_solution_the_gradient_is_zero() {
     each(|name, mut problem, mut state| {
         solve(&mut problem, &mut state);
-        problem.is_near = true;
         // Beyond 2.5 standard deviations, a row has a tenth of its weight as curvature, where Huber's
         // loss has none: steps become shorter by a factor, not quadratically.
         let mut off = f64::INFINITY;
