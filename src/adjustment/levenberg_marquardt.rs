@@ -83,11 +83,6 @@ pub fn levenberg_marquardt<P: LeastSquares>(
         let undamped = damping.value() == 0.0;
         let trial = problem.step(state, damping.value());
         let trial_cost = trial.as_ref().map_or(f64::NAN, |trial| problem.cost(trial));
-        eprintln!(
-            "LM it {iterations} damp {} cost {cost:.4} -> {trial_cost:.4} decr {:.4}",
-            damping.value(),
-            problem.decrement().sqrt()
-        );
         match (damping.judge(cost, trial_cost), trial) {
             (Verdict::Accepted, Some(trial)) => {
                 (*state, cost) = (trial, trial_cost);

@@ -129,10 +129,6 @@ pub fn adjust(
             }
         }
         let moved_m = problem.moved_m(&before, &state);
-        eprintln!(
-            "round {round} moved {moved_m} tz {}",
-            state.mountings[0].body_from_scanner.translation_m.z
-        );
         (groups, held) = (problem.groups, problem.held);
         if moved_m < MAX_MOVE_SHARE * surfel_m {
             if last {

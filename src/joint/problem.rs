@@ -131,6 +131,7 @@ impl<'a> JointProblem<'a> {
             metric: None,
             damping_sigma: Vec::new(),
         };
+        problem.find_depths(state);
         let mut pattern = BlockPattern::new(problem.layout.sizes.clone());
         let mut blocks = Vec::new();
         problem.visit(state, |batch| {
@@ -145,6 +146,25 @@ impl<'a> JointProblem<'a> {
         problem.system = pattern.analyse(problem.layout.last());
         problem.damping_sigma = problem.damping_sigma(state);
         problem
+    }
+
+    /// Finds how far the points of each row lie from their scanner.
+    fn find_depths(&mut self, state: &State) {
+        for (drive, motion) in state.motions.iter().enumerate() {
+            let seen = self.seen(drive, state);
+            let of_step = |step: usize| {
+                let poses = motion.poses(step);
+                let scans = scan::StepScans::new(&seen, &poses);
+                let rows = seen.rows.of_step(step).iter();
+                let depth = |row| scans.mean(row, seen.rows.points_of(row), 0.0).depth_m;
+                rows.map(depth).collect::<Vec<f64>>()
+            };
+            let depths: Vec<Vec<f64>> = (0..motion.steps()).into_par_iter().map(of_step).collect();
+            let rows = self.found.drives[drive].rows.iter_mut();
+            for (row, depth_m) in rows.zip(depths.into_iter().flatten()) {
+                row.depth_m = depth_m;
+            }
+        }
     }
 
     fn damping_sigma(&self, state: &State) -> Vec<f64> {

@@ -18,8 +18,12 @@ pub struct Seen<'a> {
     pub late_s: &'a [f64],
 }
 
-/// A mean of points: r = h̄ − (a + b ū + c v̄), metres, with h, u, v the coordinates of
-/// x_m = t_mb + R_mb (t_bs + R_bs x_s) in the frame of the surfel.
+/// A mean of points: r = (d₀/d) (h̄ − (a + b ū + c v̄)), metres, with h, u, v the coordinates of
+/// x_m = t_mb + R_mb (t_bs + R_bs x_s) in the frame of the surfel, d = n·R_mb R_bs x̄_s how far the
+/// points lie below the scanner along the surfel's normal, and d₀ what it was when they were sorted.
+///
+/// A mounting that is turned shows all relief lower by a factor, noise and roughness with it: without
+/// d₀/d, the least squares would lie where the relief is lowest. Its standard deviation follows d.
 #[derive(Debug, Clone, Copy)]
 pub struct Mean {
     /// r.
@@ -33,6 +37,26 @@ pub struct Mean {
     pub by_mounting: [f64; 6],
     /// By how late the profile is.
     pub by_late: f64,
+    /// d, metres.
+    pub depth_m: f64,
+}
+
+/// Where points lie as close to the plane through the scanner, there is no relief to scale, metres.
+const LEAST_DEPTH_M: f64 = 0.05;
+
+impl Mean {
+    /// Multiplies by d₀/d, with the derivatives of d by the mounting and by how late it is.
+    fn scale(&mut self, depth_m: f64, by_mounting: &[f64; 6], by_late: f64) {
+        let factor = depth_m / self.depth_m;
+        self.residual_m *= factor;
+        let share = self.residual_m / self.depth_m;
+        self.by_shape = self.by_shape.map(|x| x * factor);
+        self.by_nodes = self.by_nodes.map(|x| x * factor);
+        for (by, of_depth) in self.by_mounting.iter_mut().zip(by_mounting) {
+            *by = *by * factor - share * of_depth;
+        }
+        self.by_late = self.by_late * factor - share * by_late;
+    }
 }
 
 /// The pose of a profile.
@@ -89,8 +113,8 @@ impl<'a> StepScans<'a> {
         pose.translation_m + pose.rotation * (arm + self.seen.mountings[scanner].translation_m)
     }
 
-    /// The mean of a row.
-    pub fn mean(&self, row: &ScanRow, points: &[RowPoint]) -> Mean {
+    /// The mean of a row; `depth_m` is d₀.
+    pub fn mean(&self, row: &ScanRow, points: &[RowPoint], depth_m: f64) -> Mean {
         let scanner = row.scanner as usize;
         let surfel = &self.seen.surfels[row.surfel as usize];
         let shape = &self.seen.shapes[row.surfel as usize];
@@ -103,6 +127,7 @@ impl<'a> StepScans<'a> {
         let mut by_nodes: NodeGradient = [0.0; _];
         let mut by_late = 0.0;
         let count = points.len() as f64;
+        let mut all_arms = Vec3::zeros();
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
             let in_body = pose.rotation.tr_mul(&direction);
@@ -118,19 +143,35 @@ impl<'a> StepScans<'a> {
             let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
             self.poses.pull_back(pose.time_s, &by_pose, &mut by_nodes);
             arm_moment += arms.cross(&in_body);
+            all_arms += arms;
             in_bodies += in_body * n;
             let turning = pose.rate_rad_s.cross(&levers);
             by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
         }
         let mean = sum / count;
         let (u, v) = (u_axis.dot(&mean), v_axis.dot(&mean));
-        Mean {
+        let mut found = Mean {
             residual_m: normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v),
             by_shape: [-1.0, -u, -v],
             by_nodes,
             by_mounting: six(arm_moment / count, in_bodies / count),
             by_late: by_late / count,
+            depth_m: 0.0,
+        };
+        // The depth turns with the profile in the middle: it is the factor of a small residual.
+        let pose = self.profile(scanner, points[points.len() / 2].profile);
+        let arm = all_arms / count;
+        let in_body = pose.rotation.tr_mul(normal);
+        found.depth_m = in_body.dot(&arm);
+        if depth_m.abs() > LEAST_DEPTH_M && found.depth_m * depth_m > 0.0 {
+            let moment = six(arm.cross(&in_body), Vec3::zeros());
+            let by_late = -in_body.dot(&pose.rate_rad_s.cross(&arm));
+            found.scale(depth_m, &moment, by_late);
+            let by_pose = moment.map(|x| -x * found.residual_m / found.depth_m);
+            self.poses
+                .pull_back(pose.time_s, &by_pose, &mut found.by_nodes);
         }
+        found
     }
 }
 
@@ -163,7 +204,7 @@ pub fn rows(
     let nodes = motion.pose_blocks(step);
     let bridge = motion.bridge_block(step);
     for row in rows {
-        let mean = scans.mean(row, seen.rows.points_of(row));
+        let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
         batch.begin_huber(group, mean.residual_m * w);

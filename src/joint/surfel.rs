@@ -90,6 +90,8 @@ pub struct ScanRow {
     pub count: u32,
     /// Class of the part of the surfel that it saw.
     pub coverage: u8,
+    /// How far its points lay from the scanner along the surfel's normal, metres, with its sign.
+    pub depth_m: f64,
 }
 
 /// A laser point of a row.
@@ -578,6 +580,7 @@ fn rows_of(
             first: rows.points.len() as u32,
             count: group.len() as u32,
             coverage: 0,
+            depth_m: 0.0,
         });
         rows.points.extend(group.iter().map(|(.., point, _)| {
             let point = &sample.points[*point as usize];
