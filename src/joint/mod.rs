@@ -3,7 +3,7 @@
 //! Nothing is fixed but what is known: surfels (patches of the surface with offset and two slopes),
 //! the poses behind the scans, the mountings and the constants are unknowns of one least-squares
 //! problem, whose observations are scans, IMU, prism, heading and the reference, each with its own
-//! noise. Start with [`adjust`], the algorithm; then see `surfel.rs` (which points belong to which
+//! noise. Start with [`adjust`], the algorithm; then see `surfel/` (which points belong to which
 //! patch), `scan.rs` (the scan factor), `motion/` (what lies behind poses), `problem.rs` (all rows)
 //! and `components.rs` (what residuals say about the model).
 
@@ -13,6 +13,7 @@ mod input;
 mod layout;
 mod model;
 pub mod motion;
+mod priors;
 mod problem;
 mod result;
 mod row;

@@ -4,10 +4,27 @@ use super::case::{Case, SURFEL_M};
 use crate::cloud::voxel::{VoxelKey, voxel_key};
 use crate::geometry::{Mat3, Vec3};
 use crate::joint::problem::{JointProblem, State};
+use crate::joint::surfel::ScanRow;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Residuals of the scan rows, metres, one point after the other.
-fn one_by_one(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
+/// How far the points of a row lie from their scanner along the normal, with the profile in the middle.
+fn depth_m(problem: &JointProblem<'_>, state: &State, step: usize, row: &ScanRow) -> f64 {
+    let points = problem.found.drives[0].points_of(row);
+    let scanner = row.scanner as usize;
+    let sample = problem.input.drives[0].scans.samples[scanner];
+    let middle = points[points.len() / 2].profile as usize;
+    let time_s = sample.profiles[middle].time_s - state.late_s[scanner];
+    let pose = state.motions[0].poses(step).at(time_s).world_from_body;
+    let mounting = state.mountings[scanner].body_from_scanner;
+    let depths = points.iter().map(|point| {
+        let arm_m = pose.rotation * (mounting.rotation * point.position_m);
+        problem.found.surfels[row.surfel as usize].axes[0].dot(&arm_m)
+    });
+    depths.sum::<f64>() / points.len() as f64
+}
+
+/// Residuals of the scan rows, metres, one point after the other; the points were sorted at `start`.
+fn one_by_one(problem: &JointProblem<'_>, start: &State, state: &State) -> Vec<f64> {
     let motion = state.motions[0].as_ref();
     let found = &problem.found.drives[0];
     let samples = &problem.input.drives[0].scans.samples;
@@ -28,7 +45,8 @@ fn one_by_one(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
                     .map(|axis| axis.dot(&(world_m - surfel.centre_m)));
                 n - (shape.x + shape.y * u + shape.z * v)
             });
-            all.push(distances.sum::<f64>() / f64::from(row.count));
+            let [before_m, now_m] = [start, state].map(|state| depth_m(problem, state, step, row));
+            all.push(distances.sum::<f64>() / f64::from(row.count) * before_m / now_m);
         }
     }
     all
@@ -42,8 +60,9 @@ fn a_row_is_the_mean_of_its_points() {
         let step: Vec<f64> = (0..problem.unknowns())
             .map(|i| 1e-3 * (1.7 * i as f64).sin())
             .collect();
-        let state = problem.retracted(&state, &step);
-        let slow = one_by_one(&problem, &state);
+        let start = state;
+        let state = problem.retracted(&start, &step);
+        let slow = one_by_one(&problem, &start, &state);
         let mut fast = Vec::new();
         let of_scans = problem.groups.first_scan..problem.groups.first_reference;
         problem.visit(&state, |batch| {

@@ -123,7 +123,7 @@ const DAMPING: DampingRule = DampingRule {
     least_lowered: 1e-2,
     floor: 0.0,
     largest: 1e9,
-    rounding: 1e-9,
+    rounding: 1e-5,
 };
 
 fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
@@ -139,12 +139,13 @@ const ZERO: f64 = 1e-8;
 fn at_the_solution_the_gradient_is_zero() {
     each(|name, mut problem, mut state| {
         solve(&mut problem, &mut state);
-        // Beyond 2.5 standard deviations, a row has a tenth of its weight as curvature, where Huber's
-        // loss has none: steps become shorter by a factor, not quadratically.
+        // With damping, if next to none, a step takes Huber's weights as they are. Where few rows
+        // beyond 2.5 standard deviations determine a direction, as without a reference, it leaves four
+        // fifths of the one before.
         let mut off = f64::INFINITY;
         let mut steps = 0;
-        while off > ZERO && steps < 60 {
-            state = problem.step(&state, 0.0).expect("positive definite");
+        while off > ZERO && steps < 150 {
+            state = problem.step(&state, 1e-12).expect("positive definite");
             let dense = Dense::new(&problem, &state);
             let terms = dense.jacobian.abs().tr_mul(&dense.residuals.abs());
             off = dense.g().component_div(&terms).amax();

@@ -1,0 +1,166 @@
+//! Rows of all that is known or assumed beforehand: surfels, the reference's errors, constants and
+//! mountings.
+
+use super::layout::REFERENCE;
+use super::problem::{HELD_SIGMA, JointProblem, LEAST_SIGMA_M, State};
+use super::row::RowBatch;
+use crate::calibration::Mounting;
+use crate::calibration::parameters::{change, euler_jacobian_body};
+use crate::geometry::Vec3;
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::heading::wrap;
+
+/// Standard deviations of priors so wide that they only keep the problem solvable: a surfel's offset
+/// (metres) and slopes without a reference, a mounting's position (metres) and rotation. Ten thousand
+/// surfels together may not hold the height of all to less than a metre.
+const SURFEL_SIGMA: [f64; 3] = [100.0, 1.0, 1.0];
+const MOUNTING_SIGMA: f64 = 1.0;
+/// Least standard deviation of the reference's slopes.
+const LEAST_SLOPE_SIGMA: f64 = 1e-4;
+
+impl JointProblem<'_> {
+    /// Priors of surfels and of the reference's surface errors.
+    pub fn surface(&self, state: &State, batch: &mut RowBatch) {
+        let surfels = self.found.surfels.iter().zip(&state.shapes).enumerate();
+        for (index, (surfel, shape)) in surfels {
+            let block = self.layout.first_surfel + index;
+            let Some(prior) = &surfel.prior else {
+                for (i, sigma) in SURFEL_SIGMA.iter().enumerate() {
+                    let mut by = [0.0; 3];
+                    by[i] = 1.0 / sigma;
+                    batch.begin(self.groups.assumed, 1.0, shape[i] / sigma);
+                    batch.touch(block, &by);
+                }
+                continue;
+            };
+            let group = self.groups.first_reference + surfel.class;
+            // How offset and slopes of the reference's plane move with its shift and rotation.
+            let [normal, u_axis, v_axis] = surfel.axes;
+            let arm = surfel.centre_m - self.centre_m;
+            let of_error: [[f64; REFERENCE]; 3] = [
+                (normal, arm.cross(&normal)),
+                (Vec3::zeros(), u_axis.cross(&normal)),
+                (Vec3::zeros(), v_axis.cross(&normal)),
+            ]
+            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
+            for i in 0..3 {
+                let floor = if i == 0 {
+                    LEAST_SIGMA_M
+                } else {
+                    LEAST_SLOPE_SIGMA
+                };
+                let w = 1.0 / (prior.sigma[i] * self.groups.scale[group]).hypot(floor);
+                let patch = if i == 0 {
+                    state.patches[prior.patch as usize]
+                } else {
+                    0.0
+                };
+                let terms = of_error[i].iter().zip(&state.reference);
+                let moved: f64 = terms.map(|(a, b)| a * b).sum::<f64>() + patch;
+                let mut by = [0.0; 3];
+                by[i] = w;
+                batch.begin(group, 1.0, (shape[i] - moved) * w);
+                batch.touch(block, &by);
+                if i == 0 && self.surface_m > 0.0 {
+                    batch.touch(self.layout.first_patch + prior.patch as usize, &[-w]);
+                }
+                if let Some(reference) = self.layout.reference {
+                    batch.touch(reference, &of_error[i].map(|x| -x * w));
+                }
+            }
+        }
+        let sigma = self.surface_m.max(HELD_SIGMA);
+        for (patch, value) in state.patches.iter().enumerate() {
+            batch.begin(self.groups.surface, 1.0, value / sigma);
+            batch.touch(self.layout.first_patch + patch, &[1.0 / sigma]);
+        }
+    }
+
+    /// Priors of all that couples with everything.
+    pub fn assumed(&self, state: &State, batch: &mut RowBatch) {
+        let group = self.groups.assumed;
+        if let Some(reference) = self.layout.reference {
+            for (i, value) in state.reference.iter().enumerate() {
+                let mut by = [0.0; REFERENCE];
+                by[i] = 1.0 / HELD_SIGMA;
+                batch.begin(group, 1.0, value * by[i]);
+                batch.touch(reference, &by);
+            }
+        }
+        for (place, (drive, column)) in self.layout.constant_owner.iter().enumerate() {
+            let constant = &state.motions[*drive].constants()[*column];
+            let w = 1.0 / constant.prior_sigma;
+            batch.begin(group, 1.0, constant.correction * w);
+            batch.touch(self.layout.first_constant + place, &[w]);
+        }
+        for (late, value) in self.layout.late.iter().zip(&state.late_s) {
+            if let Some(block) = late {
+                batch.begin(group, 1.0, *value);
+                batch.touch(*block, &[1.0]);
+            }
+        }
+        self.mountings(state, batch);
+    }
+
+    /// Priors of the mountings: wide, of fixed parameters, of held directions, and known values.
+    fn mountings(&self, state: &State, batch: &mut RowBatch) {
+        let change = change(&self.input.mountings, &state.mountings);
+        let along = |direction: &[f64]| -> f64 {
+            let terms = direction.iter().zip(change.iter());
+            terms.map(|(a, b)| a * b).sum()
+        };
+        let mut add = |direction: &[f64], moved: f64, weight: f64| {
+            batch.begin(self.groups.assumed, 1.0, moved * weight);
+            for (scanner, block) in self.layout.mountings.iter().enumerate() {
+                let of = &direction[6 * scanner..6 * scanner + 6];
+                if of.iter().any(|x| *x != 0.0) {
+                    // The unknowns are (δφ, δp).
+                    let by = [of[3], of[4], of[5], of[0], of[1], of[2]];
+                    batch.touch(*block, &by.map(|x| x * weight));
+                }
+            }
+        };
+        let count = 6 * state.mountings.len();
+        let starts = self.input.mountings.iter();
+        for (scanner, (mounting, start)) in state.mountings.iter().zip(starts).enumerate() {
+            let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
+            let turned = turned_rad(start, mounting);
+            for parameter in 0..6 {
+                let mut direction = vec![0.0; count];
+                let place = 6 * scanner;
+                direction[place + parameter] = 1.0;
+                add(&direction, along(&direction), 1.0 / MOUNTING_SIGMA);
+                if !mounting.fixed[parameter] {
+                    continue;
+                }
+                let mut moved = along(&direction);
+                if parameter >= 3 {
+                    direction[place + parameter] = 0.0;
+                    for axis in 0..3 {
+                        direction[place + 3 + axis] = angles[(parameter - 3, axis)];
+                    }
+                    moved = turned[parameter - 3];
+                }
+                add(&direction, moved, 1.0 / HELD_SIGMA);
+            }
+        }
+        for direction in &self.held {
+            let direction = direction.as_slice();
+            add(direction, along(direction), 1.0 / HELD_SIGMA);
+        }
+        for row in self.known.iter().flat_map(|w| w.row_iter()) {
+            let direction: Vec<f64> = row.iter().copied().collect();
+            add(&direction, along(&direction), 1.0);
+        }
+    }
+}
+
+/// By how much each Euler angle has turned, radians. The rotation vector would say the same to first
+/// order only, which is not enough for an angle that is held to [`HELD_SIGMA`].
+fn turned_rad(start: &Mounting, now: &Mounting) -> [f64; 3] {
+    let angles_deg = |mounting: &Mounting| {
+        euler_deg_from_rotation(now.convention, &mounting.body_from_scanner.rotation)
+    };
+    let (from, to) = (angles_deg(start), angles_deg(now));
+    std::array::from_fn(|i| wrap((to[i] - from[i]).to_radians()))
+}

@@ -1,0 +1,297 @@
+//! Which points belong to which surfel.
+
+use rayon::prelude::*;
+
+use super::cells::{ReferenceCells, Sums, centre_of, columns, surfaces};
+use super::regions::regions;
+use super::{
+    Association, CLASS_SIZES, CLASSES, COVERAGE_SHARES, COVERAGES, DriveRows, Gates, RowPoint,
+    ScanRow, Surfel, Tally,
+};
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
+use crate::joint::input::Scans;
+use crate::joint::motion::Motion;
+use crate::statistics::median;
+
+/// Fewest rows of a surfel without a reference: three are its own.
+const MIN_ROWS: u32 = 4;
+/// Time without a row after which a scanner is on another pass, seconds.
+const PASS_S: f64 = 3.0;
+/// Fewest points of a row.
+const MIN_ROW_POINTS: usize = 3;
+/// Surfels rougher than this multiple of the median are plants, clods and edges, which look different
+/// on each pass.
+const MAX_ROUGHNESS: f64 = 3.0;
+/// Points farther from their surfel than this many standard deviations are not of it.
+const GATE_SIGMAS: f64 = 4.0;
+/// Points count as near a surfel, even where they are beyond its gate, within this many sizes.
+const NEAR_SIZES: f64 = 0.6;
+
+/// One point at its place.
+#[derive(Clone, Copy)]
+struct Placed {
+    world_m: Vec3,
+    step: u32,
+    point: u32,
+}
+
+/// Finds the surfels and their rows for these motions and mountings. Scanner points and the
+/// reference are cut by the same voxels; a surfel takes its plane from the reference where there is
+/// one, and from the scans elsewhere.
+pub fn associate(
+    scans: &[Scans<'_>],
+    motions: &[Box<dyn Motion>],
+    mountings: &[BodyFromScanner],
+    late_s: &[f64],
+    reference: &ReferenceCells,
+    gates: &Gates,
+) -> Association {
+    // Of each drive and scanner.
+    let placed: Vec<Vec<Vec<Placed>>> = scans
+        .iter()
+        .zip(motions)
+        .map(|(scans, motion)| {
+            let scanners = 0..mountings.len();
+            let of = |s: usize| place(scans, motion.as_ref(), s, &mountings[s], late_s[s]);
+            scanners.into_par_iter().map(of).collect()
+        })
+        .collect();
+    let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
+    for point in placed.iter().flatten().flatten() {
+        let key = voxel_key(&point.world_m, gates.size_m);
+        let offset = point.world_m - centre_of(&key, gates.size_m);
+        cells.entry(key).or_default().add(&offset);
+    }
+    let columns = columns(&cells, reference, gates.size_m);
+    let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+    let mut surfels: Vec<Surfel> = Vec::new();
+    let mut by_key: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+    let fitted: Vec<Vec<(&[VoxelKey], Surfel)>> = columns
+        .par_iter()
+        .map(|column| surfaces(column, &cells, reference, gates))
+        .collect();
+    for (keys, mut surfel) in fitted.into_iter().flatten() {
+        if let Some(prior) = &mut surfel.prior {
+            let next = patches.len() as u32;
+            let key = voxel_key(&surfel.centre_m, gates.patch_m);
+            prior.patch = *patches.entry(key).or_insert(next);
+        }
+        for key in keys {
+            by_key.insert(*key, surfels.len() as u32);
+        }
+        surfels.push(surfel);
+    }
+    let mut tallies = vec![Tally::default(); surfels.len()];
+    let mut drives: Vec<DriveRows> = placed
+        .iter()
+        .zip(scans)
+        .zip(motions)
+        .map(|((placed, scans), motion)| {
+            rows_of(
+                placed,
+                scans,
+                motion.steps(),
+                (&surfels, &by_key),
+                gates,
+                &mut tallies,
+            )
+        })
+        .collect();
+    let regions = regions(&surfels, &tallies, gates);
+    for (surfel, tally) in surfels.iter_mut().zip(&tallies) {
+        if tally.free > 0.0 {
+            surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
+        }
+        let sizes = surfel.scatter_m / gates.size_m;
+        let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
+        surfel.class = class.unwrap_or(CLASSES - 1);
+    }
+    find_coverage(&surfels, mountings.len(), &mut drives);
+    drop_unseen(&mut surfels, &mut drives, scans);
+    Association {
+        surfels,
+        drives,
+        patches: patches.len(),
+        regions,
+    }
+}
+
+/// Places the points of one scanner.
+fn place(
+    scans: &Scans<'_>,
+    motion: &dyn Motion,
+    scanner: usize,
+    mounting: &BodyFromScanner,
+    late_s: f64,
+) -> Vec<Placed> {
+    let sample = scans.samples[scanner];
+    let mut profiles: Vec<Option<(u32, WorldFromBody)>> = vec![None; sample.profiles.len()];
+    let mut next = 0;
+    while next < profiles.len() {
+        let time_of = |profile: usize| sample.profiles[profile].time_s - late_s;
+        let Some(step) = motion.step_at(time_of(next)) else {
+            next += 1;
+            continue;
+        };
+        let poses = motion.poses(step);
+        while next < profiles.len() && motion.step_at(time_of(next)) == Some(step) {
+            profiles[next] = Some((step as u32, poses.at(time_of(next)).world_from_body));
+            next += 1;
+        }
+    }
+    let points = (0..).zip(&sample.points);
+    let placed = points.filter_map(|(index, point): (u32, _)| {
+        let (step, pose) = profiles[point.profile as usize]?;
+        Some(Placed {
+            world_m: pose.map(&mounting.map(&point.position_m)),
+            step,
+            point: index,
+        })
+    });
+    placed.collect()
+}
+
+/// The rows of a drive: its points sorted by step, surfel and scanner. Adds them to the tallies of the
+/// surfels.
+fn rows_of(
+    placed: &[Vec<Placed>],
+    scans: &Scans<'_>,
+    steps: usize,
+    (surfels, by_key): (&[Surfel], &VoxelMap<VoxelKey, u32>),
+    gates: &Gates,
+    tallies: &mut [Tally],
+) -> DriveRows {
+    // Step, surfel, scanner, point, and the bits of its distance from the surfel.
+    let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
+    for (scanner, points) in placed.iter().enumerate() {
+        let found = points.par_iter().filter_map(|point| {
+            let surfel = *by_key.get(&voxel_key(&point.world_m, gates.size_m))?;
+            let of = &surfels[surfel as usize];
+            let distance_m = of.axes[0].dot(&(point.world_m - of.centre_m));
+            (distance_m.abs() < NEAR_SIZES * gates.size_m).then_some((
+                point.step,
+                surfel,
+                scanner as u32,
+                point.point,
+                (distance_m as f32).to_bits(),
+            ))
+        });
+        seen.par_extend(found);
+    }
+    seen.par_sort_unstable();
+    let mut rows = DriveRows {
+        step_start: vec![0; steps + 1],
+        ..DriveRows::default()
+    };
+    let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
+    for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+        let (step, surfel, scanner, ..) = near[0];
+        let distance_m = |bits: u32| f64::from(f32::from_bits(bits));
+        let of_surfel = &mut tallies[surfel as usize];
+        of_surfel.near += near.len() as f64;
+        of_surfel.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
+        let sigma_m = surfels[surfel as usize].roughness_m.hypot(gates.misfit_m);
+        group.clear();
+        let within = |bits: u32| distance_m(bits).abs() < GATE_SIGMAS * sigma_m;
+        group.extend(near.iter().filter(|seen| within(seen.4)).copied());
+        if group.len() < MIN_ROW_POINTS {
+            continue;
+        }
+        let sample = scans.samples[scanner as usize];
+        let distances = || group.iter().map(|seen| distance_m(seen.4));
+        let count = group.len() as f64;
+        let mean = distances().sum::<f64>() / count;
+        of_surfel.squares_m2 += distances().map(|d| (d - mean).powi(2)).sum::<f64>();
+        of_surfel.free += count - 1.0;
+        rows.step_start[step as usize + 1] += 1;
+        rows.rows.push(ScanRow {
+            surfel,
+            scanner,
+            first: rows.points.len() as u32,
+            count: group.len() as u32,
+            coverage: 0,
+            depth_m: 0.0,
+        });
+        rows.points.extend(group.iter().map(|(.., point, _)| {
+            let point = &sample.points[*point as usize];
+            RowPoint {
+                profile: point.profile,
+                position_m: point.position_m,
+            }
+        }));
+    }
+    for step in 0..steps {
+        rows.step_start[step + 1] += rows.step_start[step];
+    }
+    rows
+}
+
+/// Finds how much of its surfel each row saw: its share of the points of the fullest row of the
+/// scanner.
+fn find_coverage(surfels: &[Surfel], scanners: usize, drives: &mut [DriveRows]) {
+    let place = |row: &ScanRow| row.surfel as usize * scanners + row.scanner as usize;
+    let mut fullest = vec![0_u32; surfels.len() * scanners];
+    for row in drives.iter().flat_map(|drive| &drive.rows) {
+        let most = &mut fullest[place(row)];
+        *most = row.count.max(*most);
+    }
+    for row in drives.iter_mut().flat_map(|drive| &mut drive.rows) {
+        let share = f64::from(row.count) / f64::from(fullest[place(row)]);
+        let class = COVERAGE_SHARES.iter().position(|most| share <= *most);
+        row.coverage = class.unwrap_or(COVERAGES - 1) as u8;
+    }
+}
+
+/// Leaves out surfels that nothing checks or that are much rougher than others, and their rows.
+fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[Scans<'_>]) {
+    let mut seen = vec![0_u32; surfels.len()];
+    // Drive, last time and scanner that saw each.
+    let mut before = vec![None; surfels.len()];
+    for (number, drive) in drives.iter().enumerate() {
+        for row in &drive.rows {
+            let surfel = row.surfel as usize;
+            let profile = drive.points_of(row)[0].profile as usize;
+            let time_s = scans[number].samples[row.scanner as usize].profiles[profile].time_s;
+            seen[surfel] += 1;
+            let again = before[surfel].is_some_and(|(drive, last_s, scanner)| {
+                drive != number || time_s > last_s + PASS_S || scanner != row.scanner
+            });
+            surfels[surfel].is_checked |= again;
+            before[surfel] = Some((number, time_s, row.scanner));
+        }
+    }
+    let roughness_m = |surfel: &Surfel| surfel.scatter_m.max(surfel.roughness_m);
+    let typical_m = median(surfels.iter().map(roughness_m)).unwrap_or(0.0);
+    let needed = |surfel: &Surfel| match &surfel.prior {
+        _ if roughness_m(surfel) > MAX_ROUGHNESS * typical_m => u32::MAX,
+        Some(_) => 1,
+        None => MIN_ROWS,
+    };
+    let mut next = 0;
+    let number: Vec<Option<u32>> = surfels
+        .iter()
+        .zip(&seen)
+        .map(|(surfel, seen)| {
+            (*seen >= needed(surfel)).then(|| {
+                next += 1;
+                next - 1
+            })
+        })
+        .collect();
+    for drive in drives {
+        let mut kept = Vec::with_capacity(drive.rows.len());
+        let mut step_start = vec![0];
+        for step in 0..drive.step_start.len() - 1 {
+            kept.extend(drive.of_step(step).iter().filter_map(|row| {
+                let surfel = number[row.surfel as usize]?;
+                Some(ScanRow { surfel, ..*row })
+            }));
+            step_start.push(kept.len() as u32);
+        }
+        drive.rows = kept;
+        drive.step_start = step_start;
+    }
+    let mut keep = number.iter();
+    surfels.retain(|_| keep.next().is_some_and(Option::is_some));
+}

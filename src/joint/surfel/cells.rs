@@ -1,0 +1,226 @@
+//! Points in voxels, and the surfaces that columns of voxels hold.
+
+use rayon::prelude::*;
+
+use super::{Gates, MIN_POINTS, ReferencePlane, Surfel};
+use crate::cloud::StructureTensor;
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::geometry::{Mat3, Vec3};
+
+/// Least standard deviation of the points of a surfel across its narrow side, as a share of its
+/// size; points spread over the whole width have 0.29.
+const MIN_WIDTH: f64 = 0.12;
+/// Largest standard deviation about the plane, as a share of that across the narrow side: beyond,
+/// it is no surface.
+const MAX_THICKNESS: f64 = 0.4;
+/// A surface lies clear of the faces of its voxel where so many standard deviations do.
+const CLEAR_SIGMAS: f64 = 3.0;
+
+/// Sums of points about the centre of their voxel.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Sums {
+    count: f64,
+    first: Vec3,
+    second: Mat3,
+}
+
+impl Sums {
+    pub fn add(&mut self, offset: &Vec3) {
+        self.count += 1.0;
+        self.first += offset;
+        self.second += offset * offset.transpose();
+    }
+
+    /// Adds sums that are about a centre `shift` away.
+    fn combine(&mut self, other: &Self, shift: &Vec3) {
+        let cross = other.first * shift.transpose();
+        self.count += other.count;
+        self.first += other.first + shift * other.count;
+        self.second +=
+            other.second + cross + cross.transpose() + shift * shift.transpose() * other.count;
+    }
+
+    fn tensor(&self, centre: &Vec3) -> StructureTensor {
+        let mean = self.first / self.count;
+        StructureTensor {
+            mean: centre + mean,
+            covariance: self.second / self.count - mean * mean.transpose(),
+            count: self.count as usize,
+        }
+    }
+}
+
+/// The reference's points in voxels of the surfels' size.
+#[derive(Debug, Clone, Default)]
+pub struct ReferenceCells {
+    cells: VoxelMap<VoxelKey, Sums>,
+}
+
+pub fn centre_of(key: &VoxelKey, size_m: f64) -> Vec3 {
+    Vec3::from_fn(|i, _| (key[i] as f64 + 0.5) * size_m)
+}
+
+impl ReferenceCells {
+    /// Sorts points into voxels.
+    pub fn new(points: &[Vec3], size_m: f64) -> Self {
+        let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
+        for point in points {
+            let key = voxel_key(point, size_m);
+            let centre = centre_of(&key, size_m);
+            cells.entry(key).or_default().add(&(point - centre));
+        }
+        Self { cells }
+    }
+}
+
+/// Voxels one above the other that one surface may cross, along the axis that is nearest to its
+/// normal. A voxel alone would cut the noise of a surface close to its face in two, and each half
+/// would keep its points whatever the mountings.
+pub fn columns(
+    cells: &VoxelMap<VoxelKey, Sums>,
+    reference: &ReferenceCells,
+    size_m: f64,
+) -> Vec<Vec<VoxelKey>> {
+    let mut keys: Vec<VoxelKey> = cells.keys().copied().collect();
+    keys.par_sort_unstable();
+    let axes: Vec<Option<usize>> = keys
+        .par_iter()
+        .map(|key| {
+            let mut sums = cells[key];
+            if let Some(known) = reference.cells.get(key) {
+                sums.combine(known, &Vec3::zeros());
+            }
+            let tensor = (sums.count >= MIN_POINTS).then(|| sums.tensor(&centre_of(key, size_m)));
+            Some(tensor?.normal()?.iamax())
+        })
+        .collect();
+    let known: VoxelMap<VoxelKey, usize> = keys
+        .iter()
+        .zip(&axes)
+        .filter_map(|(key, axis)| Some((*key, (*axis)?)))
+        .collect();
+    // A slice with few points belongs to the surface that a neighbour across its face holds.
+    let adopted = |key: &VoxelKey| {
+        (0..3).rev().find(|&axis| {
+            [-1, 1].into_iter().any(|side| {
+                let mut next = *key;
+                next[axis] += side;
+                known.get(&next) == Some(&axis)
+            })
+        })
+    };
+    let mut sorted: Vec<(usize, i64, i64, i64)> = keys
+        .iter()
+        .zip(&axes)
+        .filter_map(|(key, axis)| {
+            let axis = axis.or_else(|| adopted(key))?;
+            Some((axis, key[(axis + 1) % 3], key[(axis + 2) % 3], key[axis]))
+        })
+        .collect();
+    sorted.par_sort_unstable();
+    let next_to = |a: &(usize, i64, i64, i64), b: &(usize, i64, i64, i64)| {
+        (a.0, a.1, a.2, a.3 + 1) == (b.0, b.1, b.2, b.3)
+    };
+    sorted
+        .chunk_by(next_to)
+        .map(|run| {
+            let key = |&(axis, u, v, layer): &(usize, i64, i64, i64)| {
+                let mut key = [0; 3];
+                (key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3]) = (layer, u, v);
+                key
+            };
+            run.iter().map(key).collect()
+        })
+        .collect()
+}
+
+/// The sums of all voxels of a column about the centre of its first.
+fn sums_of(column: &[VoxelKey], cells: &VoxelMap<VoxelKey, Sums>, size_m: f64) -> Sums {
+    let centre = centre_of(&column[0], size_m);
+    let mut sums = Sums::default();
+    for key in column {
+        if let Some(own) = cells.get(key) {
+            sums.combine(own, &(centre_of(key, size_m) - centre));
+        }
+    }
+    sums
+}
+
+/// The surfaces in a column of voxels: one, or where it holds no single surface, as at the edge of a
+/// board above soil, those that lie within one voxel and clear of its faces.
+pub fn surfaces<'a>(
+    column: &'a [VoxelKey],
+    scanned: &VoxelMap<VoxelKey, Sums>,
+    reference: &ReferenceCells,
+    gates: &Gates,
+) -> Vec<(&'a [VoxelKey], Surfel)> {
+    if let Some(surfel) = fit(column, scanned, reference, gates) {
+        return vec![(column, surfel)];
+    }
+    if column.len() == 1 {
+        return Vec::new();
+    }
+    let axis = (0..3).find(|&i| column[0][i] != column[1][i]).unwrap_or(2);
+    let clear = |key: &&'a [VoxelKey]| {
+        let of = |cells: &VoxelMap<VoxelKey, Sums>| {
+            let sums = sums_of(key, cells, gates.size_m);
+            let mean = sums.first[axis] / sums.count;
+            let variance = sums.second[(axis, axis)] / sums.count - mean * mean;
+            let reach_m = mean.abs() + CLEAR_SIGMAS * variance.max(0.0).sqrt();
+            sums.count == 0.0 || reach_m < 0.5 * gates.size_m
+        };
+        of(scanned) && of(&reference.cells)
+    };
+    let single = column.chunks(1).filter(clear);
+    single
+        .filter_map(|key| Some((key, fit(key, scanned, reference, gates)?)))
+        .collect()
+}
+
+/// The surfel of a run of voxels, if there is a surface.
+fn fit(
+    column: &[VoxelKey],
+    scanned: &VoxelMap<VoxelKey, Sums>,
+    reference: &ReferenceCells,
+    gates: &Gates,
+) -> Option<Surfel> {
+    let reference = sums_of(column, &reference.cells, gates.size_m);
+    let scanned = sums_of(column, scanned, gates.size_m);
+    let reference = Some(&reference);
+    let reference = reference.filter(|sums| sums.count >= MIN_POINTS);
+    let sums = reference.unwrap_or(&scanned);
+    if sums.count < MIN_POINTS {
+        return None;
+    }
+    let tensor = sums.tensor(&centre_of(&column[0], gates.size_m));
+    let eigen = tensor.eigen();
+    let width_m = eigen.values.y.sqrt();
+    let roughness_m = eigen.values.z.sqrt();
+    let allowed_m = MAX_THICKNESS * width_m
+        + if reference.is_some() {
+            0.0
+        } else {
+            gates.misfit_m
+        };
+    if width_m < MIN_WIDTH * gates.size_m || roughness_m > allowed_m {
+        return None;
+    }
+    let axis = |i: usize| eigen.vectors.column(i).into_owned();
+    let slope = |value: f64| roughness_m / (sums.count * value).sqrt();
+    Some(Surfel {
+        centre_m: tensor.mean,
+        axes: [axis(2), axis(0), axis(1)],
+        roughness_m,
+        scatter_m: roughness_m,
+        class: 0,
+        is_checked: reference.is_some(),
+        prior: reference.map(|_| ReferencePlane {
+            sigma: [
+                roughness_m / sums.count.sqrt(),
+                slope(eigen.values.x),
+                slope(eigen.values.y),
+            ],
+            patch: 0,
+        }),
+    })
+}
