@@ -9,6 +9,7 @@ use super::layout::{Groups, REFERENCE};
 use super::model::BLOCKS_S;
 use super::problem::{JointProblem, State};
 use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove};
+use super::row::hampel;
 use super::settings::JointSettings;
 use super::surfel::{Association, Gates, ReferenceCells, associate};
 use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, Ended, levenberg_marquardt};
@@ -99,6 +100,9 @@ pub fn adjust(
         let begin = (&state, held, surface_m);
         let mut problem = JointProblem::new(input, settings, found, groups, begin);
         problem.judge_by(shared.as_ref());
+        if last {
+            problem.loss = hampel;
+        }
         let before = state.clone();
         let mut scalings = 0;
         loop {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE};
 use super::motion::{Motion, Places};
-use super::row::{Row, RowBatch};
+use super::row::{Loss, Row, RowBatch, huber};
 use super::scan::{self, ScanBlocks, Seen};
 use super::settings::JointSettings;
 use super::surfel::{Association, CLASSES, COVERAGES, ScanRow};
@@ -78,6 +78,8 @@ pub struct JointProblem<'a> {
     pub surface_m: f64,
     /// Directions of (δp, δφ) of all mountings that are held at their start values.
     pub held: Vec<DVector<f64>>,
+    /// Of scan rows.
+    pub loss: Loss,
     system: SparseSystem,
     factor: Option<SparseFactor>,
     /// Mean of all surfels, about which the reference turns, world.
@@ -117,6 +119,7 @@ impl<'a> JointProblem<'a> {
             groups,
             surface_m,
             held,
+            loss: huber,
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
             centre_m,
@@ -207,6 +210,7 @@ impl<'a> JointProblem<'a> {
             shapes: &state.shapes,
             mountings: state.poses(),
             late_s: &state.late_s,
+            loss: self.loss,
         }
     }
 

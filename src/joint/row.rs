@@ -30,6 +30,9 @@ const HUBER_SIGMAS: f64 = 2.5;
 /// only such rows see would be free; with the weight itself, the adjustment converges linearly.
 const BEYOND_CURVATURE: f64 = 0.1;
 
+/// Where Hampel's loss lets go of a row, and where it has: a leaf that moved is no noise.
+const HAMPEL_SIGMAS: [f64; 2] = [5.0, 8.0];
+
 /// The weight ψ(r)/r and the cost ρ(r) of a residual under Huber's loss.
 pub fn huber(residual: f64) -> (f64, f64) {
     let length = residual.abs();
@@ -41,6 +44,24 @@ pub fn huber(residual: f64) -> (f64, f64) {
         ),
     }
 }
+
+/// The same under Hampel's: ψ as Huber's up to 5, and from there falling to zero at 8.
+pub fn hampel(residual: f64) -> (f64, f64) {
+    let length = residual.abs();
+    let [from, to] = HAMPEL_SIGMAS;
+    if length <= from {
+        return huber(residual);
+    }
+    let left = (to - length).max(0.0) / (to - from);
+    let fallen = 0.5 * (to - from) * (1.0 - left * left);
+    (
+        HUBER_SIGMAS * left / length,
+        HUBER_SIGMAS * (from - 0.5 * HUBER_SIGMAS + fallen),
+    )
+}
+
+/// The weight and the cost of a residual.
+pub type Loss = fn(f64) -> (f64, f64);
 
 /// One row.
 #[derive(Debug, Clone, Copy)]
@@ -73,9 +94,9 @@ impl RowBatch {
         });
     }
 
-    /// Begins a row under Huber's loss.
-    pub fn begin_huber(&mut self, group: usize, residual: f64) {
-        let (weight, cost) = huber(residual);
+    /// Begins a row under a loss that gives its weight and cost.
+    pub fn begin_under(&mut self, loss: Loss, group: usize, residual: f64) {
+        let (weight, cost) = loss(residual);
         self.begin(group, weight, residual);
         if let Some(head) = self.heads.last_mut() {
             head.cost = cost;

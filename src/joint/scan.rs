@@ -1,7 +1,7 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
 use super::motion::{AT_BRIDGE, Motion, NodeGradient, StepPoses};
-use super::row::RowBatch;
+use super::row::{Loss, RowBatch};
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
 use crate::geometry::{BodyFromScanner, Mat3, Vec3};
@@ -16,6 +16,8 @@ pub struct Seen<'a> {
     pub mountings: Vec<BodyFromScanner>,
     /// How late the profiles of each scanner are.
     pub late_s: &'a [f64],
+    /// Of its rows.
+    pub loss: Loss,
 }
 
 /// A mean of points: r = (d₀/d) (h̄ − (a + b ū + c v̄)), metres, with h, u, v the coordinates of
@@ -207,7 +209,7 @@ pub fn rows(
         let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
-        batch.begin_huber(group, mean.residual_m * w);
+        batch.begin_under(seen.loss, group, mean.residual_m * w);
         let by = mean.by_nodes.map(|x| x * w);
         let width = poses.width;
         batch.touch(blocks.first_motion + nodes[0], &by[..width]);
