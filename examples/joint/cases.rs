@@ -5,7 +5,7 @@ use boresight::error::Error;
 use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::joint::JointSettings;
 use boresight::project::{Motion, Project};
-use boresight::simulation::Scenario;
+use boresight::simulation::{ScannerKind, ScannerSettings, Scenario};
 use boresight::trajectory::{Constant, Nodes, TrajectorySettings};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,7 +24,7 @@ pub struct Options {
 }
 
 /// All cases.
-pub const NAMES: [&str; 18] = [
+pub const NAMES: [&str; 22] = [
     "reference",
     "shift",
     "no-reference",
@@ -43,10 +43,17 @@ pub const NAMES: [&str; 18] = [
     "board",
     "sideways",
     "up",
+    "lidar",
+    "three-drives",
+    "odd",
+    "even",
 ];
 
 /// Plants of the drives with clods.
 const PLANTS_PER_M2: f64 = 10.0;
+
+/// Length of what is kept and left out in turn of odd and even halves, seconds: about a pass.
+const HALF_S: f64 = 25.0;
 
 /// How late stamps are, seconds.
 const LATE_S: f64 = 0.02;
@@ -64,6 +71,9 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
     let mut change: Box<dyn Fn(&mut Project)> = Box::new(|_| ());
     match name {
         "reference" | "plain-reference" => {}
+        "lidar" => scenario.scanners[1] = lidar(),
+        "three-drives" => setup.drives = 3,
+        "odd" | "even" => setup.keep = Some((HALF_S, name == "even")),
         "shift" => {
             // As large as the sigmas that are assumed where none are given.
             let sigma = JointSettings::default().reference;
@@ -158,6 +168,19 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         }
     });
     Ok(setup)
+}
+
+/// A spinning lidar that looks ahead and down, in the place of the right scanner.
+fn lidar() -> ScannerSettings {
+    ScannerSettings {
+        name: "lidar".into(),
+        kind: ScannerKind::Lidar,
+        translation_m: [0.4, 0.0, -0.3],
+        rotation_deg: [180.0, -35.0, 0.0],
+        initial_translation_m: [0.42, -0.01, -0.29],
+        initial_rotation_deg: [180.6, -34.5, 0.7],
+        latency_s: 0.0,
+    }
 }
 
 /// Saves most of two steps: from a few millimetres off the truth, with the finest voxels alone.

@@ -13,7 +13,7 @@ use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
-use boresight::project::Project;
+use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
 use boresight::trajectory::Trajectory;
 
@@ -29,6 +29,10 @@ pub struct Setup {
     /// `None`: it is not used.
     pub reference: Option<(Vec3, Vec3)>,
     pub joint: JointSettings,
+    /// Drives that are adjusted together; what is compared with the truth is the first.
+    pub drives: usize,
+    /// Keeps only scans of every second span of so many seconds, the even ones or the odd ones.
+    pub keep: Option<(f64, bool)>,
 }
 
 impl Setup {
@@ -41,6 +45,8 @@ impl Setup {
             project: Box::new(|_| ()),
             reference: Some((Vec3::zeros(), Vec3::zeros())),
             joint,
+            drives: 1,
+            keep: None,
         }
     }
 }
@@ -69,10 +75,17 @@ impl Run {
     /// Simulates the first drive of a scenario into a folder and adjusts it.
     pub fn new(setup: &Setup, folder: &Path) -> Result<Self> {
         let mut scenario = setup.scenario.clone();
-        scenario.drives.truncate(1);
+        scenario.drives.truncate(setup.drives);
         let files = simulate(&scenario, folder, &Silent)?;
         let mut project = Project::read(&files.drives[0].project)?;
         project.joint = setup.joint.clone();
+        let others = files.drives[1..].iter().zip(2..);
+        project.drives = others
+            .map(|(drive, number)| OtherDrive {
+                name: format!("drive-{number}"),
+                project: drive.project.clone(),
+            })
+            .collect();
         (setup.project)(&mut project);
         let exact = files.drives[0].folder.join("truth/trajectory.csv");
         let exact = Trajectory::new(format::read_trajectory(&exact)?)?;
@@ -83,7 +96,17 @@ impl Run {
         };
         let begun = Instant::now();
         let poses = stages::poses(&project, &Silent)?;
-        let samples = stages::samples(&project, &poses.trajectory, &Silent)?;
+        let mut samples = stages::samples(&project, &poses.trajectory, &Silent)?;
+        if let Some((span_s, even)) = setup.keep {
+            let start_s = poses.trajectory.span_s().0;
+            for sample in &mut samples {
+                let profiles = &sample.profiles;
+                sample.points.retain(|point| {
+                    let after_s = profiles[point.profile as usize].time_s - start_s;
+                    ((after_s / span_s) as i64 % 2 == 0) == even
+                });
+            }
+        }
         let settings = &project.calibration;
         let calibration =
             stages::calibration(&project, settings, &poses, &samples, &reference, &Silent)?;

@@ -12,7 +12,6 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use crate::joint::input::Scans;
 use crate::joint::motion::Motion;
-use crate::statistics::median;
 
 /// Fewest rows of a surfel without a reference: three are its own.
 const MIN_ROWS: u32 = 4;
@@ -20,9 +19,6 @@ const MIN_ROWS: u32 = 4;
 const PASS_S: f64 = 3.0;
 /// Fewest points of a row.
 const MIN_ROW_POINTS: usize = 3;
-/// Surfels rougher than this multiple of the median are plants, clods and edges, which look different
-/// on each pass.
-const MAX_ROUGHNESS: f64 = 3.0;
 /// Points farther from their surfel than this many standard deviations are not of it.
 const GATE_SIGMAS: f64 = 4.0;
 /// Points count as near a surfel, even where they are beyond its gate, within this many sizes.
@@ -243,7 +239,7 @@ fn find_coverage(surfels: &[Surfel], scanners: usize, drives: &mut [DriveRows]) 
     }
 }
 
-/// Leaves out surfels that nothing checks or that are much rougher than others, and their rows.
+/// Leaves out surfels that nothing checks, and their rows.
 fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[Scans<'_>]) {
     let mut seen = vec![0_u32; surfels.len()];
     // Drive, last time and scanner that saw each.
@@ -261,13 +257,7 @@ fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[Sca
             before[surfel] = Some((number, time_s, row.scanner));
         }
     }
-    let roughness_m = |surfel: &Surfel| surfel.scatter_m.max(surfel.roughness_m);
-    let typical_m = median(surfels.iter().map(roughness_m)).unwrap_or(0.0);
-    let needed = |surfel: &Surfel| match &surfel.prior {
-        _ if roughness_m(surfel) > MAX_ROUGHNESS * typical_m => u32::MAX,
-        Some(_) => 1,
-        None => MIN_ROWS,
-    };
+    let needed = |surfel: &Surfel| if surfel.prior.is_some() { 1 } else { MIN_ROWS };
     let mut next = 0;
     let number: Vec<Option<u32>> = surfels
         .iter()
