@@ -20,13 +20,11 @@ const TASK: usize = 64;
 /// Tasks whose rows are held at a time.
 const HELD: usize = 16;
 
-/// The least cost is close where the step before was shorter than this.
-const NEAR_SIGMAS: f64 = 1.0;
 /// Standard deviation of what is held, metres and radians.
 pub const HELD_SIGMA: f64 = 1e-8;
 /// How far the start values may be off: the unit of the damping of surfels (offset in metres, slopes),
 /// of mountings (metres, radians), latencies (seconds) and of the reference.
-const SURFEL_START_SIGMA: [f64; 3] = [0.01, 0.1, 0.1];
+const SURFEL_START_SIGMA: [f64; 3] = [10.0, 0.1, 0.1];
 const START_SIGMA: f64 = 0.02;
 
 /// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
@@ -256,25 +254,21 @@ impl<'a> JointProblem<'a> {
     }
 
     /// Assembles the normal equations at a state.
-    fn assemble(&mut self, state: &State, with_curvature: bool) {
+    fn assemble(&mut self, state: &State) {
         let mut system = std::mem::replace(&mut self.system, BlockPattern::new(vec![1]).analyse(1));
         system.zero();
         let sizes = &self.layout.sizes;
         self.visit(state, |batch| {
             for row in batch.rows() {
-                let weight = match with_curvature {
-                    true => row.curvature,
-                    false => row.weight,
-                };
-                scatter(&row, weight, sizes, &mut system);
+                scatter(&row, sizes, &mut system);
             }
         });
         self.system = system;
     }
 
-    /// Assembles and factorises at a state, without damping, with the weights of all rows.
+    /// Assembles and factorises at a state, without damping.
     pub fn factorise(&mut self, state: &State) -> Option<()> {
-        self.assemble(state, false);
+        self.assemble(state);
         self.factor = self.system.factorise(&[]).ok();
         self.factor.as_ref().map(|_| ())
     }
@@ -407,8 +401,8 @@ impl<'a> JointProblem<'a> {
     }
 }
 
-/// Adds a row to the normal equations, with this weight in H.
-fn scatter(row: &Row<'_>, weight: f64, sizes: &[usize], system: &mut SparseSystem) {
+/// Adds a row to the normal equations.
+fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
     if row.weight == 0.0 {
         return;
     }
@@ -428,7 +422,7 @@ fn scatter(row: &Row<'_>, weight: f64, sizes: &[usize], system: &mut SparseSyste
             other += sizes[b];
             let values = &mut values[..by_a.len() * by_b.len()];
             for (line, x) in values.chunks_exact_mut(by_b.len()).zip(by_a) {
-                let x = weight * x;
+                let x = row.weight * x;
                 line.iter_mut().zip(by_b).for_each(|(v, y)| *v = x * y);
             }
             system.add(system.slot(a, b), values);
@@ -447,12 +441,7 @@ impl LeastSquares for JointProblem<'_> {
     }
 
     fn step(&mut self, state: &State, damping: f64) -> Option<State> {
-        // With the curvature of the loss steps converge faster close to the least cost, and go too far
-        // elsewhere.
-        self.assemble(
-            state,
-            damping == 0.0 && self.decrement < NEAR_SIGMAS.powi(2),
-        );
+        self.assemble(state);
         let diagonal: Vec<f64> = match damping > 0.0 {
             true => self
                 .damping_sigma

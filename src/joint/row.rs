@@ -15,7 +15,6 @@ pub struct RowBatch {
 struct Head {
     group: u32,
     weight: f64,
-    curvature: f64,
     residual: f64,
     cost: f64,
     first_block: usize,
@@ -25,10 +24,6 @@ struct Head {
 /// Where Huber's loss turns from squares to lengths, standard deviations: 1 good row in 80 lies
 /// beyond.
 const HUBER_SIGMAS: f64 = 2.5;
-
-/// Curvature of a row beyond, as a share of its weight. Huber's own is zero, with which a surfel that
-/// only such rows see would be free; with the weight itself, the adjustment converges linearly.
-const BEYOND_CURVATURE: f64 = 0.1;
 
 /// Where Hampel's loss lets go of a row, and where it has: a leaf that moved is no noise.
 const HAMPEL_SIGMAS: [f64; 2] = [5.0, 8.0];
@@ -70,8 +65,6 @@ pub struct Row<'a> {
     pub group: usize,
     /// Weight that the loss leaves, 0 to 1; the cost is ½ weight · residual².
     pub weight: f64,
-    /// Second derivative of the cost by the residual, nearly: the weight where there is no loss.
-    pub curvature: f64,
     /// In standard deviations.
     pub residual: f64,
     /// Blocks, each once.
@@ -86,7 +79,6 @@ impl RowBatch {
         self.heads.push(Head {
             group: group as u32,
             weight,
-            curvature: weight,
             residual,
             cost: 0.5 * weight * residual * residual,
             first_block: self.blocks.len(),
@@ -100,9 +92,6 @@ impl RowBatch {
         self.begin(group, weight, residual);
         if let Some(head) = self.heads.last_mut() {
             head.cost = cost;
-            if weight < 1.0 {
-                head.curvature = BEYOND_CURVATURE * weight;
-            }
         }
     }
 
@@ -121,7 +110,6 @@ impl RowBatch {
             Row {
                 group: head.group as usize,
                 weight: head.weight,
-                curvature: head.curvature,
                 residual: head.residual,
                 blocks: &self.blocks[head.first_block..blocks_end],
                 by: &self.by[head.first_by..by_end],

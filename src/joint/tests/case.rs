@@ -303,7 +303,7 @@ impl Case {
             estimate_latency: vec![false, false],
             // Three seconds leave Huber's weights much to say: they converge by a fifth a step.
             settings: JointSettings {
-                max_iterations: 150,
+                max_iterations: 500,
                 ..JointSettings::default()
             },
             surface_m: 0.0,
