@@ -49,7 +49,7 @@ fn inspect_tells_what_the_joint_adjustment_assumes() {
     said(&[
         joint,
         "  size of surfels         50 mm (ten times the finest voxel)",
-        "  iterations              at most 30",
+        "  iterations              at most 50",
         "  lasting errors          none",
         "  3. adjust trajectory and mountings in one",
     ]);
