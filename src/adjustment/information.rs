@@ -5,16 +5,14 @@ use super::layout::TAIL;
 use super::problem::ChainProblem;
 use super::rows::Rows;
 use super::system::{BorderSystem, StepSystem, assemble};
+use crate::statistics::drawn_sign;
 
 /// Vectors of signs drawn; each gives tr R² to √(2 tr R⁴), some 20 % of it.
 const PROBES: u64 = 8;
 
-/// +1 or −1, as good as drawn for each probe and row (the finalizer of SplitMix64).
+/// The sign of a row in a probe.
 fn sign(probe: u64, step: usize, row: usize) -> f64 {
-    let mut x = (probe << 48 | (step as u64) << 8 | row as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    if (x ^ (x >> 31)) & 1 == 0 { 1.0 } else { -1.0 }
+    drawn_sign(probe << 48 | (step as u64) << 8 | row as u64)
 }
 
 /// tr R² over the rows of the chosen factors, R = I − J H⁻¹ Jᵀ, by |R z|² for random signs z

@@ -6,13 +6,14 @@
 
 use super::parameters::Mounting;
 use super::settings::CalibrationSettings;
-use crate::cloud::voxel::{VoxelKey, VoxelMap, squared_distance_to_centre, voxel_key};
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::{Error, Result};
 use crate::format::ProfileReader;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::{ExcludedPoints, Georeferencer};
 use crate::progress::Progress;
 use crate::sensor::ScanPoint;
+use crate::statistics::drawn;
 use crate::surface::{Profile, ProfilePoint};
 use crate::trajectory::Trajectory;
 
@@ -97,23 +98,28 @@ impl ScannerSample {
             let time_s = self.profiles[profile(index) as usize].time_s;
             thinner.add(index, time_s, &world);
         }
-        thinner.kept.sort_by_key(|&index| profile(index));
-        thinner.kept
+        let mut kept: Vec<u32> = thinner.kept.into_iter().map(|(index, _)| index).collect();
+        kept.sort_by_key(|&index| profile(index));
+        kept
     }
 }
 
-/// Keeps the point nearest the voxel's centre per voxel and pass. Points are added in time order.
+/// Keeps one point per voxel and pass, each of them with the same chance. The one nearest to the
+/// centre would be chosen by its noise: where many points share a voxel, a plane would come out
+/// nearer to the voxels' centres. Points are added in time order.
 struct Thinner<Point> {
     voxel_m: f64,
     pass_gap_s: f64,
     latest: VoxelMap<VoxelKey, Latest>,
-    kept: Vec<Point>,
+    /// Each with the number of points of its voxel and pass.
+    kept: Vec<(Point, u32)>,
+    seen: u64,
 }
 
+/// The latest pass of a voxel.
 struct Latest {
     kept: usize,
     seen_s: f64,
-    offset_squared: f64,
 }
 
 impl<Point> Thinner<Point> {
@@ -123,32 +129,32 @@ impl<Point> Thinner<Point> {
             pass_gap_s,
             latest: VoxelMap::default(),
             kept: Vec::new(),
+            seen: 0,
         }
     }
 
     fn add(&mut self, point: Point, time_s: f64, world: &Vec3) {
-        let key = voxel_key(world, self.voxel_m);
-        let offset_squared = squared_distance_to_centre(world, self.voxel_m);
         let next = self.kept.len();
-        let entry = self.latest.entry(key).or_insert(Latest {
+        let first = Latest {
             kept: next,
             seen_s: time_s,
-            offset_squared: f64::INFINITY,
-        });
-        if time_s - entry.seen_s > self.pass_gap_s {
-            *entry = Latest {
-                kept: next,
-                seen_s: time_s,
-                offset_squared: f64::INFINITY,
-            };
+        };
+        let key = voxel_key(world, self.voxel_m);
+        let pass = self.latest.entry(key).or_insert(first);
+        if time_s - pass.seen_s > self.pass_gap_s {
+            pass.kept = next;
         }
-        entry.seen_s = time_s;
-        if entry.kept == next {
-            self.kept.push(point);
-            entry.offset_squared = offset_squared;
-        } else if offset_squared < entry.offset_squared {
-            self.kept[entry.kept] = point;
-            entry.offset_squared = offset_squared;
+        pass.seen_s = time_s;
+        self.seen += 1;
+        if pass.kept == next {
+            self.kept.push((point, 1));
+            return;
+        }
+        let (kept, count) = &mut self.kept[pass.kept];
+        *count += 1;
+        // The k-th point takes the place with the chance 1/k (Vitter 1985).
+        if drawn(self.seen).is_multiple_of(u64::from(*count)) {
+            *kept = point;
         }
     }
 }
@@ -190,23 +196,26 @@ impl<'a> Sampler<'a> {
     fn finish(self) -> Result<ScannerSample> {
         self.georeferencer.check(&self.mounting.name)?;
         let mut kept = self.thinner.kept;
-        kept.sort_by(|a, b| a.0.total_cmp(&b.0));
+        kept.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
         let mut profiles: Vec<Profile> = Vec::new();
         let mut cursor = self.trajectory.cursor();
         // Every kept point has a pose, the same as when it was added.
-        let points = kept.into_iter().filter_map(|(time_s, position_m)| {
-            if profiles.last().is_none_or(|last| last.time_s != time_s) {
-                let world_from_body = cursor.pose_at(time_s)?;
-                profiles.push(Profile {
-                    time_s,
-                    world_from_body,
-                });
-            }
-            Some(ProfilePoint {
-                profile: profiles.len() as u32 - 1,
-                position_m,
-            })
-        });
+        let points = kept
+            .into_iter()
+            .filter_map(|((time_s, position_m), count)| {
+                if profiles.last().is_none_or(|last| last.time_s != time_s) {
+                    let world_from_body = cursor.pose_at(time_s)?;
+                    profiles.push(Profile {
+                        time_s,
+                        world_from_body,
+                    });
+                }
+                Some(ProfilePoint {
+                    profile: profiles.len() as u32 - 1,
+                    position_m,
+                    count,
+                })
+            });
         Ok(ScannerSample {
             points: points.collect(),
             profiles,
@@ -295,15 +304,42 @@ mod tests {
     ];
 
     #[test]
-    fn each_pass_keeps_the_point_nearest_the_centre() {
-        let kept = [(0.1, 0.45), (0.2, 1.2), (10.0, 0.8)];
+    fn each_pass_keeps_one_point() {
         let sample = sampled(&SEEN, 1.0).unwrap();
-        assert_eq!(found(&sample, 0..3), kept);
+        let [first, second, third] = found(&sample, 0..3)[..] else {
+            panic!("{} points", sample.points.len());
+        };
+        assert!(first.0 < 0.4 && first.1 < 1.0);
+        assert_eq!((second, third), ((0.2, 1.2), (10.0, 0.8)));
         let all = sampled(&SEEN, 0.01).unwrap();
         assert_eq!(found(&all, 0..6), SEEN);
         assert_eq!(all.profiles.len(), 5);
         let thinned = all.thinned(&BodyFromScanner::identity(), 1.0, 3.0);
-        assert_eq!(found(&all, thinned), kept);
+        assert_eq!(found(&all, thinned), found(&sample, 0..3));
+    }
+
+    #[test]
+    fn kept_points_lie_where_all_points_do() {
+        // Fifty points in each voxel, all in the upper half of it.
+        let points: Vec<_> = (0..100_000)
+            .map(|i| {
+                let x = f64::from(i / 50) + 0.5 + f64::from(i % 50) / 100.0;
+                (1e-5 * f64::from(i), x)
+            })
+            .collect();
+        let sample = sampled(&points, 1.0).unwrap();
+        let mean = |x: &mut dyn Iterator<Item = f64>| {
+            let (count, sum) = x.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x.fract()));
+            (count, sum / count)
+        };
+        let (count, kept) = mean(&mut sample.points.iter().map(|p| p.position_m.x));
+        let (_, all) = mean(&mut points.iter().map(|p| p.1));
+        assert_eq!(count, 2000.0);
+        // The standard deviation of one point is 0.144.
+        assert!(
+            (kept - all).abs() < 4.0 * 0.144 / count.sqrt(),
+            "{kept} and {all}"
+        );
     }
 
     #[test]

@@ -31,6 +31,7 @@ pub fn case() -> (SurfaceCloud, Vec<Mounting>) {
         points.push(ProfilePoint {
             profile: profiles.len() as u32,
             position_m,
+            count: 1,
         });
         profiles.push(Profile {
             time_s: i as f64 * 1e-3,

@@ -1,10 +1,12 @@
 //! Statistics of samples, and quantiles of the normal, χ² and Student's t distributions.
 
+mod draws;
 mod even;
 mod normal;
 mod sample;
 mod student;
 
+pub use draws::{drawn, drawn_sign};
 pub use even::EvenSample;
 pub use normal::{
     CHI_SQUARE_1_MEDIAN, NORMAL_97_5, NORMAL_97_5_ROUNDED, SIGMAS_PER_MAD, chi_square,
