@@ -38,6 +38,8 @@ pub enum Problem {
     NoOverlap,
     /// Too few data for the method.
     TooFew,
+    /// More than memory holds.
+    TooMany,
     /// Unknowns that the data do not determine.
     NotDetermined,
     /// A result that would overwrite one of its inputs.

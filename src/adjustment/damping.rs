@@ -19,6 +19,19 @@ pub struct DampingRule {
     pub rounding: f64,
 }
 
+impl DampingRule {
+    /// Steps are those of Gauss and Newton until one is refused.
+    pub const UNDAMPED: Self = Self {
+        initial: 0.0,
+        factor: 10.0,
+        least_raised: 1e-2,
+        least_lowered: 1e-2,
+        floor: 0.0,
+        largest: 1e9,
+        rounding: 1e-9,
+    };
+}
+
 /// The outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -76,16 +89,6 @@ impl Damping {
 mod tests {
     use super::*;
 
-    const FROM_ZERO: DampingRule = DampingRule {
-        initial: 0.0,
-        factor: 10.0,
-        least_raised: 1e-2,
-        least_lowered: 1e-2,
-        floor: 0.0,
-        largest: 1e9,
-        rounding: 1e-9,
-    };
-
     const RELATIVE: DampingRule = DampingRule {
         initial: 1e-6,
         factor: 10.0,
@@ -111,14 +114,14 @@ mod tests {
     #[test]
     fn refused_steps_raise_the_damping_until_it_is_given_up() {
         let powers = |first: i32| (first..).take_while(|p| *p <= 10).collect::<Vec<_>>();
-        assert_eq!(tried(FROM_ZERO)[1..], powers(-2));
+        assert_eq!(tried(DampingRule::UNDAMPED)[1..], powers(-2));
         let expected = [vec![-6], powers(-4), vec![11]].concat();
         assert_eq!(tried(RELATIVE), expected);
     }
 
     #[test]
     fn accepted_steps_lower_it_to_the_floor() {
-        let mut damping = Damping::new(FROM_ZERO);
+        let mut damping = Damping::new(DampingRule::UNDAMPED);
         for _ in 0..3 {
             assert_eq!(damping.judge(1.0, 1.1), Verdict::Refused);
         }
@@ -145,11 +148,11 @@ mod tests {
             (f64::INFINITY, f64::INFINITY),
             (1.0, f64::INFINITY),
         ] {
-            let mut damping = Damping::new(FROM_ZERO);
+            let mut damping = Damping::new(DampingRule::UNDAMPED);
             assert_eq!(damping.judge(cost, trial), Verdict::Refused);
         }
         // Rounding may raise a cost, and an infinite one is left.
-        let mut damping = Damping::new(FROM_ZERO);
+        let mut damping = Damping::new(DampingRule::UNDAMPED);
         assert_eq!(damping.judge(1.0, 1.0 + 1e-9), Verdict::Accepted);
         assert_eq!(damping.judge(f64::INFINITY, 1.0), Verdict::Accepted);
         assert_eq!(

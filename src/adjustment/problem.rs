@@ -15,15 +15,7 @@ const TASK: usize = 512;
 
 /// Damping is in units of the uncertainty of the start values; after a refused step it starts at a
 /// hundredth, and Gauss-Newton steps have none.
-const DAMPING: DampingRule = DampingRule {
-    initial: 0.0,
-    factor: 10.0,
-    least_raised: 1e-2,
-    least_lowered: 1e-2,
-    floor: 0.0,
-    largest: 1e9,
-    rounding: 1e-9,
-};
+const DAMPING: DampingRule = DampingRule::UNDAMPED;
 
 /// Factors on a chain with a border, as whitened rows.
 ///

@@ -4,24 +4,20 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::components::{Component, components, rescale};
+use super::conclude::conclude;
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
-use super::model::BLOCKS_S;
-use super::problem::{JointProblem, State};
-use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove};
-use super::row::hampel;
+use super::problem::JointProblem;
+use super::result::Joint;
 use super::settings::JointSettings;
+use super::state::State;
 use super::surfel::{Association, Gates, ReferenceCells, associate};
-use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, Ended, levenberg_marquardt};
+use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
 use crate::calibration::observability::LEVER_M;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
-use crate::trajectory::{EstimatedConstant, Trajectory};
 
-/// How far scans and reference may lie apart in each round, as shares of a surfel's size: what two
-/// steps leave, and then what an adjustment leaves.
-const MISFIT_SHARES: [f64; 3] = [0.12, 0.02, 0.02];
 /// Edge of the patches of the reference's surface errors, in sizes of a surfel.
 const PATCH_SIZES: f64 = 6.0;
 /// Scales of noise have settled where they change by less than this share.
@@ -33,26 +29,22 @@ const MIN_SURFELS: usize = 50;
 /// A parameter with a larger standard deviation is not determined, metres; rotations count as what
 /// they move at [`LEVER_M`].
 const MAX_SIGMA_M: f64 = 0.010;
-/// Length of the last step of each round in standard deviations: points are sorted anew after all but
-/// the last in any case.
-const ROUND_SIGMAS: [f64; 3] = [5.0, 0.5, CONVERGED_SIGMAS];
-/// A round that moves points by more than this share of a surfel is done again: they belong to other
-/// surfels then.
-const MAX_MOVE_SHARE: f64 = 0.1;
+/// Length of the last step, standard deviations, before points are sorted anew, and before the noise is
+/// estimated anew.
+const SORTING_SIGMAS: f64 = 5.0;
+const SCALING_SIGMAS: f64 = 0.5;
 /// Most rounds.
 const MAX_ROUNDS: usize = 10;
+
+/// Most entries of the factor of the normal equations, 8 bytes each.
+const MAX_FACTOR_ENTRIES: usize = 400_000_000;
 
 /// As for the trajectory alone, but for the rise of the cost: derivatives of poses between nodes are
 /// right to a hundredth, and where they vanish is not quite where the cost is least. A rise of 1e-5 is a
 /// step of a fraction of a standard deviation.
-const DAMPING: DampingRule = DampingRule {
-    initial: 0.0,
-    factor: 10.0,
-    least_raised: 1e-2,
-    least_lowered: 1e-2,
-    floor: 0.0,
-    largest: 1e9,
+pub const DAMPING: DampingRule = DampingRule {
     rounding: 1e-5,
+    ..DampingRule::UNDAMPED
 };
 
 /// Adjusts mountings and trajectories together.
@@ -68,104 +60,205 @@ pub fn adjust(
 ) -> Result<Joint> {
     let stage = progress.stage("joint adjustment", 0);
     let reference = ReferenceCells::new(input.reference, surfel_m);
-    let mut groups = Groups::new(input);
-    let mut state = start(input);
-    let surface_m = settings.reference.surface_m.unwrap_or(0.0);
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
-    let mut iterations = 0;
-    let mut done = None;
-    let mut shared = None;
-    let mut held = Vec::new();
-    let mut round = 0;
-    for _ in 0..MAX_ROUNDS {
+    let surface_m = settings.reference.surface_m.unwrap_or(0.0);
+    let mut state = start(input);
+    let (mut groups, mut held) = (Groups::new(input), Vec::new());
+    let mut steps = Steps {
+        max_iterations: settings.max_iterations,
+        iterations: 0,
+        shared: None,
+        progress,
+    };
+    let (mut round, mut again) = (Round::Coarse, false);
+    for repeat in 1..=MAX_ROUNDS {
         progress.check()?;
-        let last = round + 1 == MISFIT_SHARES.len();
         let gates = Gates {
             size_m: surfel_m,
-            misfit_m: MISFIT_SHARES[round] * surfel_m,
+            misfit_m: round.misfit_share() * surfel_m,
             patch_m: PATCH_SIZES * surfel_m,
         };
-        let poses = state.poses();
-        let found = associate(
-            &scans,
-            &state.motions,
-            &poses,
-            &state.late_s,
-            &reference,
-            &gates,
-        );
-        check_overlap(&found)?;
+        let (poses, late_s) = (state.poses(), &state.late_s);
+        let found = associate(&scans, &state.motions, &poses, late_s, &reference, &gates);
+        check_overlap(input, &found)?;
         state.shapes = vec![Vec3::zeros(); found.surfels.len()];
         state.patches = vec![0.0; found.patches];
         let begin = (&state, held, surface_m);
         let mut problem = JointProblem::new(input, settings, found, groups, begin);
-        problem.judge_by(shared.as_ref());
-        if last {
-            problem.loss = hampel;
+        check_size(&problem)?;
+        problem.judge_by(steps.shared.as_ref());
+        if again {
+            problem.fit_shapes(&mut state);
+            problem.find_trust(&state);
         }
         let before = state.clone();
-        let mut scalings = 0;
-        loop {
-            let most = settings.max_iterations.saturating_sub(iterations).max(1);
-            let until = (most, ROUND_SIGMAS[round]);
-            let ended = levenberg_marquardt(&mut problem, &mut state, DAMPING, until, progress)?;
-            iterations += ended.iterations;
-            if round == 0 {
-                break;
-            }
-            problem.factorise(&state).ok_or_else(not_determined)?;
-            let found = components(&problem, &state);
-            scalings += 1;
-            shared = problem.shared_covariance();
-            problem.judge_by(shared.as_ref());
-            let change = rescale(&mut problem, &found);
-            if !last {
-                break;
-            }
-            if problem.held.is_empty() {
-                problem.held = undetermined(&problem, shared.as_ref());
-                if !problem.held.is_empty() {
-                    problem.judge_by(None);
-                    continue;
-                }
-            }
-            if scalings >= MAX_SCALINGS || change < SETTLED_SCALE {
-                done = Some(conclude(&problem, &state, &found, (ended, iterations))?);
-                break;
-            }
-        }
+        let stop = match round {
+            Round::Coarse => steps.settle(&mut problem, &mut state, SORTING_SIGMAS)?,
+            Round::Fine => steps.weigh_and_settle(&mut problem, &mut state)?,
+        };
         let moved_m = problem.moved_m(&before, &state);
+        let settled = moved_m < round.move_share() * surfel_m;
+        if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
+            let found = steps.components(&mut problem, &state)?;
+            drop(stage);
+            return conclude(&problem, &state, &found, (stop, steps.iterations));
+        }
         (groups, held) = (problem.groups, problem.held);
-        if moved_m < MAX_MOVE_SHARE * surfel_m {
-            if last {
-                break;
-            }
-            round += 1;
+        again = round == Round::Fine;
+        if settled {
+            round = Round::Fine;
         }
     }
-    drop(stage);
-    done.ok_or_else(not_determined)
+    Err(not_determined())
+}
+
+/// A round sorts the points into surfels and adjusts all unknowns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Round {
+    /// From what two steps leave.
+    Coarse,
+    /// From what an adjustment leaves; the noise is estimated.
+    Fine,
+}
+
+impl Round {
+    /// How far scans and reference may lie apart, as a share of a surfel's size.
+    fn misfit_share(self) -> f64 {
+        match self {
+            Self::Coarse => 0.12,
+            Self::Fine => 0.02,
+        }
+    }
+
+    /// A round that moves points by more than this share of a surfel is done again: they belong to
+    /// other surfels then.
+    fn move_share(self) -> f64 {
+        match self {
+            Self::Coarse => 0.1,
+            Self::Fine => 0.02,
+        }
+    }
+}
+
+/// Steps of all rounds.
+struct Steps<'a> {
+    max_iterations: usize,
+    iterations: usize,
+    /// Covariance of the blocks that couple with everything, when the noise was last estimated.
+    shared: Option<DMatrix<f64>>,
+    progress: &'a dyn Progress,
+}
+
+impl Steps<'_> {
+    /// Steps until one is shorter than so many standard deviations.
+    fn settle(
+        &mut self,
+        problem: &mut JointProblem<'_>,
+        state: &mut State,
+        sigmas: f64,
+    ) -> Result<StopReason> {
+        let most = self.max_iterations.saturating_sub(self.iterations).max(1);
+        let ended = levenberg_marquardt(problem, state, DAMPING, (most, sigmas), self.progress)?;
+        self.iterations += ended.iterations;
+        Ok(ended.stop)
+    }
+
+    /// Estimates the noise, and which rows are trusted, in turn with steps.
+    fn weigh_and_settle(
+        &mut self,
+        problem: &mut JointProblem<'_>,
+        state: &mut State,
+    ) -> Result<StopReason> {
+        self.settle(problem, state, SCALING_SIGMAS)?;
+        problem.raise_noise(state);
+        for scaling in 1.. {
+            let found = self.components(problem, state)?;
+            let change = rescale(problem, &found);
+            self.hold(problem);
+            problem.find_trust(state);
+            if scaling == MAX_SCALINGS || change < SETTLED_SCALE {
+                break;
+            }
+            self.settle(problem, state, SCALING_SIGMAS)?;
+        }
+        self.settle(problem, state, CONVERGED_SIGMAS)
+    }
+
+    /// What the residuals say about the noise of each group.
+    fn components(
+        &mut self,
+        problem: &mut JointProblem<'_>,
+        state: &State,
+    ) -> Result<Vec<Component>> {
+        problem.factorise(state).ok_or_else(not_determined)?;
+        self.shared = problem.shared_covariance();
+        problem.judge_by(self.shared.as_ref());
+        Ok(components(problem, state))
+    }
+
+    /// Holds what nothing determines.
+    fn hold(&self, problem: &mut JointProblem<'_>) {
+        if !problem.held.is_empty() {
+            return;
+        }
+        problem.held = undetermined(problem, self.shared.as_ref());
+        if !problem.held.is_empty() {
+            problem.judge_by(None);
+        }
+    }
 }
 
 /// # Errors
-/// Too little of the surface that is known or seen twice.
-fn check_overlap(found: &Association) -> Result<()> {
-    let checked = found
-        .surfels
-        .iter()
-        .filter(|surfel| surfel.is_checked)
-        .count();
-    if checked >= MIN_SURFELS {
+/// A factor too large for memory: nearly all poses see the same surface, as those of a slow robot
+/// with a scanner that looks far.
+fn check_size(problem: &JointProblem<'_>) -> Result<()> {
+    let entries = problem.factor_entries();
+    if entries <= MAX_FACTOR_ENTRIES {
         return Ok(());
     }
     Err(Error::of(
-        Problem::TooFew,
+        Problem::TooMany,
         format!(
-            "only {checked} patches of the surface are known or seen in several passes; the joint \
-             adjustment needs {MIN_SURFELS}"
+            "the normal equations of the joint adjustment need {:.0} GB: too many poses see the \
+             same surface",
+            8e-9 * entries as f64
         ),
-        "drive several passes over the same surface, or give a reference",
+        "shorten the drive, limit the range of the scanner, or choose larger surfels with \
+         joint.surfel_m",
     ))
+}
+
+/// # Errors
+/// Too little of the surface that is known or seen twice, or too little that a scanner saw of it.
+fn check_overlap(input: &JointInput<'_>, found: &Association) -> Result<()> {
+    let checked = found.surfels.iter().filter(|surfel| surfel.is_checked);
+    let checked = checked.count();
+    if checked < MIN_SURFELS {
+        return Err(Error::of(
+            Problem::TooFew,
+            format!(
+                "only {checked} patches of the surface are known or seen in several passes; the \
+                 joint adjustment needs {MIN_SURFELS}"
+            ),
+            "drive several passes over the same surface, or give a reference",
+        ));
+    }
+    for (scanner, mounting) in (0..).zip(&input.mountings) {
+        let rows = found.drives.iter().flat_map(|drive| &drive.rows);
+        let rows = rows.filter(|row| row.scanner == scanner).count();
+        if rows < MIN_SURFELS {
+            return Err(Error::of(
+                Problem::TooFew,
+                format!(
+                    "scanner `{}` saw only {rows} patches of the surface; the joint adjustment \
+                     needs {MIN_SURFELS}",
+                    mounting.name
+                ),
+                "choose larger surfels with joint.surfel_m, or leave the scanner out",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
@@ -200,7 +293,7 @@ fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Ve
     found.into_iter().map(|(_, direction)| direction).collect()
 }
 
-fn not_determined() -> Error {
+pub fn not_determined() -> Error {
     Error::of(
         Problem::NotDetermined,
         "the joint adjustment is not determined",
@@ -218,123 +311,4 @@ fn start(input: &JointInput<'_>) -> State {
         patches: Vec::new(),
         reference: [0.0; REFERENCE],
     }
-}
-
-fn conclude(
-    problem: &JointProblem<'_>,
-    state: &State,
-    found: &[Component],
-    (ended, iterations): (Ended, usize),
-) -> Result<Joint> {
-    let factor = problem.factor().ok_or_else(not_determined)?;
-    let layout = &problem.layout;
-    let inverse = factor.selected_inverse();
-    let sides = problem.reference_sides();
-    // With the part of the reference's own errors.
-    let block = |a: usize, b: usize| {
-        let mut part = inverse.block(a, b)?;
-        let (row, column) = (problem.offset(a), problem.offset(b));
-        for side in sides
-            .iter()
-            .flat_map(|s| s.chunks_exact(problem.unknowns()))
-        {
-            for i in 0..part.nrows() {
-                for j in 0..part.ncols() {
-                    part[(i, j)] += side[row + i] * side[column + j];
-                }
-            }
-        }
-        Some(part)
-    };
-    let count = state.mountings.len();
-    let mut covariance = DMatrix::zeros(6 * count, 6 * count);
-    // The unknowns are (δφ, δp), the covariance is given over (δp, δφ).
-    let swapped = |i: usize| (i + 3) % 6;
-    for (i, &a) in layout.mountings.iter().enumerate() {
-        for (j, &b) in layout.mountings.iter().enumerate() {
-            let part = block(a, b).ok_or_else(not_determined)?;
-            for row in 0..6 {
-                for column in 0..6 {
-                    covariance[(6 * i + row, 6 * j + column)] =
-                        part[(swapped(row), swapped(column))];
-                }
-            }
-        }
-    }
-    let root = |x: f64| x.max(0.0).sqrt();
-    let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
-    let late_s = layout.late.iter().zip(&state.late_s);
-    let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
-    let constants = layout.constant_owner.iter().enumerate();
-    let constants = constants.map(|(place, (drive, column))| {
-        let constant = &state.motions[*drive].constants()[*column];
-        let sigma = sigma(layout.first_constant + place);
-        EstimatedConstant {
-            name: constant.name.clone(),
-            unit: constant.unit,
-            start: constant.base,
-            value: constant.base + constant.correction,
-            sigma,
-        }
-    });
-    let drives = problem.input.drives.iter().enumerate();
-    let drives = drives.map(|(index, drive)| {
-        let first = layout.first_motion[index];
-        let of = |a: usize, b: usize| block(first + a, first + b);
-        let records = state.motions[index].records(Some(&of));
-        let before = drive.motion.records(None);
-        let moved = records.iter().zip(&before).map(|(after, before)| {
-            let (turn_rad, shift_m) = after
-                .world_from_body
-                .perturbation_from(&before.world_from_body);
-            PoseMove {
-                time_s: after.time_s,
-                shift_m,
-                turn_rad,
-            }
-        });
-        let moved = moved.collect();
-        Ok(AdjustedDrive {
-            name: drive.name.clone(),
-            trajectory: Trajectory::new(records)?,
-            moved,
-            imu: problem.groups.names[problem.groups.first_motion[index]].clone(),
-            positions: BLOCKS_S
-                .iter()
-                .flat_map(|&block_s| state.motions[index].position_blocks(block_s))
-                .collect(),
-            residuals: state.motions[index].position_residuals(),
-        })
-    });
-    Ok(Joint {
-        mountings: state.mountings.clone(),
-        covariance,
-        late_s: late_s.collect(),
-        drives: drives.collect::<Result<_>>()?,
-        constants: constants.collect(),
-        reference: layout.reference.map(|_| problem.settings.reference),
-        surface_m: problem.surface_m,
-        regions: problem.found.regions.clone(),
-        held: problem.held.clone(),
-        groups: tests(&problem.groups, found),
-        stop: ended.stop,
-        iterations,
-        rows: problem.found.drives.iter().map(|d| d.rows.len()).sum(),
-        surfels: problem.found.surfels.len(),
-        unknowns: problem.unknowns(),
-    })
-}
-
-/// The tests of all groups; those of one name together.
-fn tests(groups: &Groups, found: &[Component]) -> Vec<GroupTest> {
-    let mut all: Vec<(String, Component)> = Vec::new();
-    for (name, component) in groups.names.iter().zip(found) {
-        match all.iter_mut().find(|(known, _)| known == name) {
-            Some((_, sum)) => *sum = sum.and(component),
-            None => all.push((name.clone(), *component)),
-        }
-    }
-    all.iter()
-        .map(|(name, component)| GroupTest::new(name, component))
-        .collect()
 }

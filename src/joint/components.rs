@@ -1,8 +1,10 @@
 //! What the residuals say about the noise of each group: Ω = Σ r² over the redundancy
 //! Σ (1 − j H⁻¹ jᵀ).
 
-use super::problem::{JointProblem, State};
+use super::problem::JointProblem;
 use super::row::{Row, RowBatch};
+use super::state::State;
+use crate::statistics::drawn_sign;
 
 /// Vectors of signs; each gives the trace to √(2 tr ((J H⁻¹ Jᵀ)²)).
 const PROBES: usize = 8;
@@ -11,6 +13,8 @@ const MIN_REDUNDANCY: f64 = 30.0;
 
 /// Largest step of Newton in ln s² (ln 4), unless ln(Ω/r) is larger itself.
 const MAX_STEP: f64 = 1.386;
+/// Largest n/r taken: where little is redundant, r falls with the scale, and the whole step overshoots.
+const MAX_EXPONENT: f64 = 3.0;
 
 /// The residuals of a group.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -40,12 +44,9 @@ impl Component {
     }
 }
 
-/// +1 or −1, as good as drawn for each probe and row (the finalizer of SplitMix64).
+/// The sign of a row in a probe.
 fn sign(probe: usize, row: usize) -> f64 {
-    let mut x = ((probe as u64) << 48 | row as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    if (x ^ (x >> 31)) & 1 == 0 { 1.0 } else { -1.0 }
+    drawn_sign((probe as u64) << 48 | row as u64)
 }
 
 /// Visits every row with its number and the places of its unknowns.
@@ -117,7 +118,8 @@ pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
         if problem.groups.is_estimated(group) && component.redundancy > MIN_REDUNDANCY {
             let ratio = (component.chi_square / component.redundancy).ln();
             let most = ratio.abs().max(MAX_STEP);
-            let newton = ratio * component.rows as f64 / component.redundancy;
+            let exponent = component.rows as f64 / component.redundancy;
+            let newton = ratio * exponent.min(MAX_EXPONENT);
             let factor = (0.5 * newton.clamp(-most, most)).exp();
             problem.groups.scale[group] *= factor;
             rows += component.rows as f64;

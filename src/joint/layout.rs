@@ -6,6 +6,8 @@ use super::surfel::{Association, CLASSES, COVERAGES};
 
 /// Errors of the reference: shift and rotation.
 pub const REFERENCE: usize = 6;
+/// Place of the shift up among them.
+pub const UP: usize = 2;
 
 /// The blocks: of each drive's motion, surfels, patches, and at the end all that couples with nearly
 /// everything: errors of the reference, constants, latencies and mountings.

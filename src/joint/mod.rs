@@ -9,8 +9,10 @@
 
 mod adjust;
 mod components;
+mod conclude;
 mod input;
 mod layout;
+mod look;
 mod model;
 pub mod motion;
 mod priors;
@@ -19,6 +21,7 @@ mod result;
 mod row;
 mod scan;
 mod settings;
+mod state;
 mod surfel;
 #[cfg(test)]
 mod tests;
@@ -28,6 +31,6 @@ pub use input::{JointDrive, JointInput, Scans};
 pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
-pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove};
+pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove, ReferenceError};
 pub use settings::{JointSettings, ReferenceSigma};
 pub use surfel::Region;

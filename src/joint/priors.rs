@@ -1,9 +1,11 @@
 //! Rows of all that is known or assumed beforehand: surfels, the reference's errors, constants and
 //! mountings.
 
-use super::layout::REFERENCE;
-use super::problem::{HELD_SIGMA, JointProblem, LEAST_SIGMA_M, State};
+use super::layout::{REFERENCE, UP};
+use super::problem::{HELD_SIGMA, JointProblem, LEAST_SIGMA_M};
 use super::row::RowBatch;
+use super::state::State;
+use super::surfel::{ReferencePlane, Surfel};
 use crate::calibration::Mounting;
 use crate::calibration::parameters::{change, euler_jacobian_body};
 use crate::geometry::Vec3;
@@ -15,10 +17,54 @@ use crate::geometry::heading::wrap;
 /// surfels together may not hold the height of all to less than a metre.
 const SURFEL_SIGMA: [f64; 3] = [100.0, 1.0, 1.0];
 const MOUNTING_SIGMA: f64 = 1.0;
-/// Least standard deviation of the reference's slopes.
-const LEAST_SLOPE_SIGMA: f64 = 1e-4;
+/// Least standard deviations of the reference's offset (metres) and slopes.
+const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
+
+/// What the reference says about one of (a, b, c) of a surfel.
+pub struct ReferenceRow {
+    /// a, b or c less what the reference says, in standard deviations.
+    pub residual: f64,
+    /// Inverse standard deviation.
+    pub weight: f64,
+    /// Derivatives of what it says by the error of the whole reference.
+    pub by_error: [f64; REFERENCE],
+}
 
 impl JointProblem<'_> {
+    /// What the reference says about (a, b, c) of a surfel that it knows.
+    pub fn reference_rows(
+        &self,
+        surfel: &Surfel,
+        prior: &ReferencePlane,
+        shape: &Vec3,
+        state: &State,
+    ) -> [ReferenceRow; 3] {
+        let scale = self.groups.scale[self.groups.first_reference + surfel.class];
+        let [normal, u_axis, v_axis] = surfel.axes;
+        let arm = surfel.centre_m - self.centre_m;
+        // How offset and slopes of the reference's plane move with its shift and rotation.
+        let by_error = [
+            (normal, arm.cross(&normal)),
+            (Vec3::zeros(), u_axis.cross(&normal)),
+            (Vec3::zeros(), v_axis.cross(&normal)),
+        ];
+        std::array::from_fn(|i| {
+            let (s, t) = by_error[i];
+            let by_error = [s.x, s.y, s.z, t.x, t.y, t.z];
+            let terms = by_error.iter().zip(&state.reference);
+            let mut said = terms.map(|(a, b)| a * b).sum::<f64>();
+            if i == 0 {
+                said += state.patches[prior.patch as usize];
+            }
+            let weight = 1.0 / (prior.sigma[i] * scale).hypot(LEAST_PLANE_SIGMA[i]);
+            ReferenceRow {
+                residual: (shape[i] - said) * weight,
+                weight,
+                by_error,
+            }
+        })
+    }
+
     /// Priors of surfels and of the reference's surface errors.
     pub fn surface(&self, state: &State, batch: &mut RowBatch) {
         let surfels = self.found.surfels.iter().zip(&state.shapes).enumerate();
@@ -34,38 +80,18 @@ impl JointProblem<'_> {
                 continue;
             };
             let group = self.groups.first_reference + surfel.class;
-            // How offset and slopes of the reference's plane move with its shift and rotation.
-            let [normal, u_axis, v_axis] = surfel.axes;
-            let arm = surfel.centre_m - self.centre_m;
-            let of_error: [[f64; REFERENCE]; 3] = [
-                (normal, arm.cross(&normal)),
-                (Vec3::zeros(), u_axis.cross(&normal)),
-                (Vec3::zeros(), v_axis.cross(&normal)),
-            ]
-            .map(|(s, t)| [s.x, s.y, s.z, t.x, t.y, t.z]);
-            for i in 0..3 {
-                let floor = if i == 0 {
-                    LEAST_SIGMA_M
-                } else {
-                    LEAST_SLOPE_SIGMA
-                };
-                let w = 1.0 / (prior.sigma[i] * self.groups.scale[group]).hypot(floor);
-                let patch = if i == 0 {
-                    state.patches[prior.patch as usize]
-                } else {
-                    0.0
-                };
-                let terms = of_error[i].iter().zip(&state.reference);
-                let moved: f64 = terms.map(|(a, b)| a * b).sum::<f64>() + patch;
+            let rows = self.reference_rows(surfel, prior, shape, state);
+            for (i, row) in rows.iter().enumerate() {
+                let w = row.weight;
                 let mut by = [0.0; 3];
                 by[i] = w;
-                batch.begin(group, 1.0, (shape[i] - moved) * w);
+                batch.begin(group, 1.0, row.residual);
                 batch.touch(block, &by);
                 if i == 0 && self.surface_m > 0.0 {
                     batch.touch(self.layout.first_patch + prior.patch as usize, &[-w]);
                 }
                 if let Some(reference) = self.layout.reference {
-                    batch.touch(reference, &of_error[i].map(|x| -x * w));
+                    batch.touch(reference, &row.by_error.map(|x| -x * w));
                 }
             }
         }
@@ -80,9 +106,15 @@ impl JointProblem<'_> {
     pub fn assumed(&self, state: &State, batch: &mut RowBatch) {
         let group = self.groups.assumed;
         if let Some(reference) = self.layout.reference {
+            let sigma = self.settings.reference;
             for (i, value) in state.reference.iter().enumerate() {
+                let sigma = match i {
+                    UP => HELD_SIGMA,
+                    0..UP => sigma.shift_m.max(HELD_SIGMA),
+                    _ => sigma.tilt_rad.max(HELD_SIGMA),
+                };
                 let mut by = [0.0; REFERENCE];
-                by[i] = 1.0 / HELD_SIGMA;
+                by[i] = 1.0 / sigma;
                 batch.begin(group, 1.0, value * by[i]);
                 batch.touch(reference, &by);
             }

@@ -4,16 +4,16 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::input::JointInput;
-use super::layout::{Groups, Layout, REFERENCE};
-use super::motion::{Motion, Places};
-use super::row::{Loss, Row, RowBatch, huber};
+use super::layout::{Groups, Layout, REFERENCE, UP};
+use super::motion::Places;
+use super::row::{Row, RowBatch};
 use super::scan::{self, ScanBlocks, Seen};
 use super::settings::JointSettings;
+use super::state::State;
 use super::surfel::{Association, CLASSES, COVERAGES, ScanRow};
 use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
-use crate::calibration::Mounting;
 use crate::calibration::parameters::moved;
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::Vec3;
 
 /// Steps per task.
 const TASK: usize = 64;
@@ -33,38 +33,6 @@ const STRIP_SHARE: f64 = 0.5;
 /// Least standard deviation of a row and of the reference's offset, metres.
 pub const LEAST_SIGMA_M: f64 = 1e-5;
 
-/// Values of all unknowns.
-pub struct State {
-    pub motions: Vec<Box<dyn Motion>>,
-    pub mountings: Vec<Mounting>,
-    pub late_s: Vec<f64>,
-    /// (a, b, c) of each surfel.
-    pub shapes: Vec<Vec3>,
-    /// Offsets of the reference's patches, metres.
-    pub patches: Vec<f64>,
-    /// Shift (metres) and rotation vector (radians) of the reference about its centre.
-    pub reference: [f64; REFERENCE],
-}
-
-impl Clone for State {
-    fn clone(&self) -> Self {
-        Self {
-            motions: self.motions.iter().map(|motion| motion.boxed()).collect(),
-            mountings: self.mountings.clone(),
-            late_s: self.late_s.clone(),
-            shapes: self.shapes.clone(),
-            patches: self.patches.clone(),
-            reference: self.reference,
-        }
-    }
-}
-
-impl State {
-    pub fn poses(&self) -> Vec<BodyFromScanner> {
-        self.mountings.iter().map(|m| m.body_from_scanner).collect()
-    }
-}
-
 /// The problem for one association of points with surfels.
 pub struct JointProblem<'a> {
     pub input: &'a JointInput<'a>,
@@ -76,8 +44,6 @@ pub struct JointProblem<'a> {
     pub surface_m: f64,
     /// Directions of (δp, δφ) of all mountings that are held at their start values.
     pub held: Vec<DVector<f64>>,
-    /// Of scan rows.
-    pub loss: Loss,
     system: SparseSystem,
     factor: Option<SparseFactor>,
     /// Mean of all surfels, about which the reference turns, world.
@@ -117,7 +83,6 @@ impl<'a> JointProblem<'a> {
             groups,
             surface_m,
             held,
-            loss: huber,
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
             centre_m,
@@ -143,25 +108,6 @@ impl<'a> JointProblem<'a> {
         problem
     }
 
-    /// Finds how far the points of each row lie from their scanner.
-    fn find_depths(&mut self, state: &State) {
-        for (drive, motion) in state.motions.iter().enumerate() {
-            let seen = self.seen(drive, state);
-            let of_step = |step: usize| {
-                let poses = motion.poses(step);
-                let scans = scan::StepScans::new(&seen, &poses);
-                let rows = seen.rows.of_step(step).iter();
-                let depth = |row| scans.mean(row, seen.rows.points_of(row), 0.0).depth_m;
-                rows.map(depth).collect::<Vec<f64>>()
-            };
-            let depths: Vec<Vec<f64>> = (0..motion.steps()).into_par_iter().map(of_step).collect();
-            let rows = self.found.drives[drive].rows.iter_mut();
-            for (row, depth_m) in rows.zip(depths.into_iter().flatten()) {
-                row.depth_m = depth_m;
-            }
-        }
-    }
-
     fn damping_sigma(&self, state: &State) -> Vec<f64> {
         let mut all: Vec<f64> = state
             .motions
@@ -182,25 +128,30 @@ impl<'a> JointProblem<'a> {
         self.system.unknowns()
     }
 
+    /// Entries of the factor of the normal equations.
+    pub fn factor_entries(&self) -> usize {
+        self.system.factor_entries()
+    }
+
     /// First scalar of a block.
     pub fn offset(&self, block: usize) -> usize {
         self.system.offset(block)
     }
 
     /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² with
-    /// the variance v of its surfel's points.
+    /// the variance v of its surfel's points and n effective points.
     pub fn noise(&self, row: &ScanRow) -> (usize, f64) {
         let surfel = &self.found.surfels[row.surfel as usize];
         let group = self.groups.first_scan
             + (row.scanner as usize * COVERAGES + usize::from(row.coverage)) * CLASSES
             + surfel.class;
         let variance = surfel.scatter_m.powi(2);
-        let share = STRIP_SHARE * STRIP_SHARE + 1.0 / f64::from(row.count);
+        let share = STRIP_SHARE * STRIP_SHARE + 1.0 / row.effective;
         let sigma_m = (variance * share).sqrt() * self.groups.scale[group];
         (group, sigma_m.hypot(LEAST_SIGMA_M))
     }
 
-    fn seen<'b>(&'b self, drive: usize, state: &'b State) -> Seen<'b> {
+    pub fn seen<'b>(&'b self, drive: usize, state: &'b State) -> Seen<'b> {
         Seen {
             rows: &self.found.drives[drive],
             samples: &self.input.drives[drive].scans.samples,
@@ -208,7 +159,6 @@ impl<'a> JointProblem<'a> {
             shapes: &state.shapes,
             mountings: state.poses(),
             late_s: &state.late_s,
-            loss: self.loss,
         }
     }
 
@@ -284,22 +234,16 @@ impl<'a> JointProblem<'a> {
         Some(self.factor.as_ref()?.covariance(sides, count))
     }
 
-    /// How all unknowns move with an error of the reference, times its standard deviation: one side
-    /// for shift and rotation along and about each axis. The reference is held where it is given, for
-    /// what the data say about its height hangs on micrometres; that it may be wrong belongs into the
-    /// covariance all the same.
-    pub fn reference_sides(&self) -> Option<Vec<f64>> {
-        let first = self.offset(self.layout.reference?);
-        let sigma = &self.settings.reference;
-        let unknowns = self.unknowns();
-        let mut sides = vec![0.0; unknowns * REFERENCE];
-        for (i, side) in sides.chunks_exact_mut(unknowns).enumerate() {
-            let sigma = if i < 3 { sigma.shift_m } else { sigma.tilt_rad };
-            // Moves the prior that holds it by one standard deviation.
-            side[first + i] = sigma / (HELD_SIGMA * HELD_SIGMA);
-        }
-        self.factor.as_ref()?.solve(&mut sides, REFERENCE);
-        Some(sides)
+    /// How all unknowns move with a shift of the reference up, times its standard deviation. It is
+    /// held, for what the data say about it hangs on some ten micrometres at the slopes of boards;
+    /// that it may be wrong belongs into the covariance all the same.
+    pub fn side_of_height(&self) -> Option<Vec<f64>> {
+        let place = self.offset(self.layout.reference?) + UP;
+        let mut side = vec![0.0; self.unknowns()];
+        // Moves the prior that holds it by one standard deviation.
+        side[place] = self.settings.reference.shift_m / (HELD_SIGMA * HELD_SIGMA);
+        self.factor.as_ref()?.solve(&mut side, 1);
+        Some(side)
     }
 
     /// Judges steps by this covariance of the blocks that couple with everything.
@@ -307,29 +251,6 @@ impl<'a> JointProblem<'a> {
         let count = self.unknowns() - self.offset(self.layout.last());
         let inverse = covariance.and_then(|c| Some(c.clone().cholesky()?.inverse()));
         self.metric = inverse.filter(|metric| metric.nrows() == count);
-    }
-
-    /// How far points move from one state to another, root mean square, metres.
-    pub fn moved_m(&self, from: &State, to: &State) -> f64 {
-        let places = [from, to].map(|state| {
-            let mut places = Vec::new();
-            for (drive, motion) in state.motions.iter().enumerate() {
-                let rows = &self.found.drives[drive];
-                let seen = self.seen(drive, state);
-                for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
-                    let poses = motion.poses(step);
-                    let scans = scan::StepScans::new(&seen, &poses);
-                    let row = &rows.of_step(step)[0];
-                    places.push(scans.first_point_m(row));
-                }
-            }
-            places
-        });
-        let squares = places[0]
-            .iter()
-            .zip(&places[1])
-            .map(|(a, b)| (b - a).norm_squared());
-        (squares.sum::<f64>() / places[0].len().max(1) as f64).sqrt()
     }
 
     /// The last factor.

@@ -26,8 +26,8 @@ pub struct Joint {
     pub drives: Vec<AdjustedDrive>,
     /// Constants estimated along.
     pub constants: Vec<EstimatedConstant>,
-    /// The errors of the whole reference that the standard deviations hold; `None` without one.
-    pub reference: Option<ReferenceSigma>,
+    /// Errors of the whole reference; `None` without one.
+    pub reference: Option<ReferenceError>,
     /// Standard deviation of the reference's errors over some decimetres, metres.
     pub surface_m: f64,
     /// Regions in which scans and reference disagree.
@@ -63,6 +63,57 @@ pub struct AdjustedDrive {
     pub residuals: Vec<PositionResiduals>,
     /// How far the adjustment moved each pose.
     pub moved: Vec<PoseMove>,
+}
+
+/// Where the reference as a whole lies against the world of the poses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReferenceError {
+    /// What was known beforehand.
+    pub prior: ReferenceSigma,
+    /// Shift of its middle, world, metres.
+    pub shift_m: Vec3,
+    /// Standard deviations of the shift, metres.
+    pub shift_sigma_m: Vec3,
+    /// Rotation vector about its middle, world, radians.
+    pub turn_rad: Vec3,
+    /// Standard deviations of the rotation, radians.
+    pub turn_sigma_rad: Vec3,
+}
+
+/// A reference is named as displaced where it is by more than this many standard deviations of the
+/// prior.
+const DISPLACED_SIGMAS: f64 = 2.0;
+
+impl ReferenceError {
+    /// What is more than the prior leads one to expect, in words.
+    pub fn describe(&self) -> Option<String> {
+        let prior = &self.prior;
+        let beyond = |value: &Vec3, sigma: f64| value.amax() > DISPLACED_SIGMAS * sigma;
+        let mut parts = Vec::new();
+        if prior.shift_m > 0.0 && beyond(&self.shift_m, prior.shift_m) {
+            let [east, north, up] = (1e3 * self.shift_m).into();
+            parts.push(format!(
+                "{east:+.1} mm east, {north:+.1} mm north and {up:+.1} mm up (reference.sigma_m is \
+                 {:.1} mm)",
+                1e3 * prior.shift_m
+            ));
+        }
+        if prior.tilt_rad > 0.0 && beyond(&self.turn_rad, prior.tilt_rad) {
+            let [east, north, up] = self.turn_rad.map(f64::to_degrees).into();
+            parts.push(format!(
+                "{east:+.3}°, {north:+.3}° and {up:+.3}° about east, north and up \
+                 (reference.sigma_deg is {:.3}°)",
+                prior.tilt_rad.to_degrees()
+            ));
+        }
+        (!parts.is_empty()).then(|| {
+            format!(
+                "the reference lies off the world of the poses by {}: is it in the coordinates of \
+                 the total station?",
+                parts.join(" and by ")
+            )
+        })
+    }
 }
 
 /// How far the adjustment moved a pose.

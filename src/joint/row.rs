@@ -21,15 +21,33 @@ struct Head {
     first_by: usize,
 }
 
+/// Beyond the first a row is trusted less, beyond the second not at all, standard deviations: a leaf
+/// that moved is no noise. With Huber's loss, these are the bends of Hampel's.
+const ROW_SIGMAS: [f64; 2] = [5.0, 8.0];
+/// The same of all rows of a surfel for the root mean square of their residuals: a leaf may move
+/// several of them by little each.
+const SURFEL_SIGMAS: [f64; 2] = [2.0, 3.0];
+
+/// How far a row with this residual is trusted, 0 to 1.
+pub fn row_trust(residual: f64) -> f64 {
+    falling(residual.abs(), ROW_SIGMAS)
+}
+
+/// How far a surfel with this root mean square of its residuals is trusted, 0 to 1.
+pub fn surfel_trust(rms: f64) -> f64 {
+    falling(rms, SURFEL_SIGMAS)
+}
+
+fn falling(length: f64, [from, to]: [f64; 2]) -> f64 {
+    ((to - length) / (to - from)).clamp(0.0, 1.0)
+}
+
 /// Where Huber's loss turns from squares to lengths, standard deviations: 1 good row in 80 lies
 /// beyond.
 const HUBER_SIGMAS: f64 = 2.5;
 
-/// Where Hampel's loss lets go of a row, and where it has: a leaf that moved is no noise.
-const HAMPEL_SIGMAS: [f64; 2] = [5.0, 8.0];
-
 /// The weight ψ(r)/r and the cost ρ(r) of a residual under Huber's loss.
-pub fn huber(residual: f64) -> (f64, f64) {
+fn huber(residual: f64) -> (f64, f64) {
     let length = residual.abs();
     match length <= HUBER_SIGMAS {
         true => (1.0, 0.5 * residual * residual),
@@ -39,24 +57,6 @@ pub fn huber(residual: f64) -> (f64, f64) {
         ),
     }
 }
-
-/// The same under Hampel's: ψ as Huber's up to 5, and from there falling to zero at 8.
-pub fn hampel(residual: f64) -> (f64, f64) {
-    let length = residual.abs();
-    let [from, to] = HAMPEL_SIGMAS;
-    if length <= from {
-        return huber(residual);
-    }
-    let left = (to - length).max(0.0) / (to - from);
-    let fallen = 0.5 * (to - from) * (1.0 - left * left);
-    (
-        HUBER_SIGMAS * left / length,
-        HUBER_SIGMAS * (from - 0.5 * HUBER_SIGMAS + fallen),
-    )
-}
-
-/// The weight and the cost of a residual.
-pub type Loss = fn(f64) -> (f64, f64);
 
 /// One row.
 #[derive(Debug, Clone, Copy)]
@@ -86,12 +86,12 @@ impl RowBatch {
         });
     }
 
-    /// Begins a row under a loss that gives its weight and cost.
-    pub fn begin_under(&mut self, loss: Loss, group: usize, residual: f64) {
-        let (weight, cost) = loss(residual);
-        self.begin(group, weight, residual);
+    /// Begins a row under Huber's loss that is trusted so far, 0 to 1.
+    pub fn begin_robust(&mut self, trust: f64, group: usize, residual: f64) {
+        let (weight, cost) = huber(residual);
+        self.begin(group, trust * weight, residual);
         if let Some(head) = self.heads.last_mut() {
-            head.cost = cost;
+            head.cost = trust * cost;
         }
     }
 
@@ -132,5 +132,35 @@ impl RowBatch {
         self.heads.clear();
         self.blocks.clear();
         self.by.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_weight_of_hubers_loss_is_its_slope_over_the_residual() {
+        let h = 1e-6;
+        for residual in [-9.0, -2.6, -2.4, -0.3, 0.1, 2.0, 2.49, 2.51, 7.0, 100.0] {
+            let slope = (huber(residual + h).1 - huber(residual - h).1) / (2.0 * h);
+            assert!((huber(residual).0 * residual - slope).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn rows_are_trusted_less_from_5_and_surfels_from_2_sigmas() {
+        let rows = [0.0, 4.9, -5.0, 6.5, -6.5, 8.0, 50.0].map(row_trust);
+        assert_eq!(rows, [1.0, 1.0, 1.0, 0.5, 0.5, 0.0, 0.0]);
+        assert_eq!([1.0, 2.0, 2.5, 3.0].map(surfel_trust), [1.0, 1.0, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn trust_scales_weight_and_cost() {
+        let mut batch = RowBatch::default();
+        batch.begin_robust(0.5, 0, 4.0);
+        assert_eq!(batch.cost(), 0.5 * huber(4.0).1);
+        let weights: Vec<f64> = batch.rows().map(|row| row.weight).collect();
+        assert_eq!(weights, [0.5 * huber(4.0).0]);
     }
 }

@@ -1,7 +1,7 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
 use super::motion::{AT_BRIDGE, Motion, NodeGradient, StepPoses};
-use super::row::{Loss, RowBatch};
+use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
 use crate::geometry::{BodyFromScanner, Mat3, Vec3};
@@ -16,11 +16,9 @@ pub struct Seen<'a> {
     pub mountings: Vec<BodyFromScanner>,
     /// How late the profiles of each scanner are.
     pub late_s: &'a [f64],
-    /// Of its rows.
-    pub loss: Loss,
 }
 
-/// A mean of points: r = (d₀/d) (h̄ − (a + b ū + c v̄)), metres, with h, u, v the coordinates of
+/// A weighted mean of points: r = (d₀/d) (h̄ − (a + b ū + c v̄)), metres, with h, u, v the coordinates of
 /// x_m = t_mb + R_mb (t_bs + R_bs x_s) in the frame of the surfel, d = n·R_mb R_bs x̄_s how far the
 /// points lie below the scanner along the surfel's normal, and d₀ what it was when they were sorted.
 ///
@@ -128,17 +126,17 @@ impl<'a> StepScans<'a> {
         let (mut arm_moment, mut in_bodies) = (Vec3::zeros(), Vec3::zeros());
         let mut by_nodes: NodeGradient = [0.0; _];
         let mut by_late = 0.0;
-        let count = points.len() as f64;
+        let count: f64 = points.iter().map(|point| point.weight).sum();
         let mut all_arms = Vec3::zeros();
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
             let in_body = pose.rotation.tr_mul(&direction);
             let mut arms = Vec3::zeros();
             for point in group {
-                arms += self.rotations[scanner] * point.position_m;
+                arms += self.rotations[scanner] * point.position_m * point.weight;
             }
             // All are linear in the points of one profile.
-            let n = group.len() as f64;
+            let n: f64 = group.iter().map(|point| point.weight).sum();
             let levers = arms + mounting.translation_m * n;
             let offset = pose.translation_m - surfel.centre_m;
             sum += pose.rotation * levers + offset * n;
@@ -209,7 +207,7 @@ pub fn rows(
         let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
-        batch.begin_under(seen.loss, group, mean.residual_m * w);
+        batch.begin_robust(row.trust, group, mean.residual_m * w);
         let by = mean.by_nodes.map(|x| x * w);
         let width = poses.width;
         batch.touch(blocks.first_motion + nodes[0], &by[..width]);

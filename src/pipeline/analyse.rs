@@ -210,6 +210,7 @@ fn warnings(
     let mut warnings: Vec<String> = refused.chain(missing.cloned()).chain(left_out).collect();
     if let Some(found) = joint.and_then(|joint| joint.found.as_ref()) {
         warnings.extend(found.regions.iter().map(|region| region.describe(origin_m)));
+        warnings.extend(found.reference.and_then(|reference| reference.describe()));
     }
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());

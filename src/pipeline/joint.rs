@@ -122,7 +122,7 @@ pub fn with_known_mountings(
 pub fn reason(error: Error) -> Result<String> {
     match error {
         Error::Data {
-            kind: Problem::TooFew | Problem::NotDetermined,
+            kind: Problem::TooFew | Problem::TooMany | Problem::NotDetermined,
             problem,
             ..
         } => Ok(problem),

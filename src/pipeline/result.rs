@@ -153,16 +153,22 @@ fn moved(drive: &AdjustedDrive) -> Value {
     })
 }
 
-/// The errors of the whole reference that the standard deviations hold; null without one.
+/// Errors of the whole reference; null without one.
 fn reference(found: &Joint) -> Value {
-    let Some(sigma) = &found.reference else {
+    let Some(reference) = &found.reference else {
         return Value::Null;
     };
+    let prior = &reference.prior;
+    let deg = |v: &Vec3| v.map(f64::to_degrees);
     json!({
-        "sigma_m": sigma.shift_m,
-        "sigma_deg": sigma.tilt_rad.to_degrees(),
-        "assumed": sigma.assumed,
+        "sigma_m": prior.shift_m,
+        "sigma_deg": prior.tilt_rad.to_degrees(),
+        "assumed": prior.assumed,
         "sigma_surface_m": found.surface_m,
+        "shift_m": reference.shift_m,
+        "shift_sigma_m": reference.shift_sigma_m,
+        "rotation_deg": deg(&reference.turn_rad),
+        "rotation_sigma_deg": deg(&reference.turn_sigma_rad),
     })
 }
 

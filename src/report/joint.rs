@@ -6,6 +6,7 @@ use super::html::{self, escape};
 use super::number;
 use super::verdicts;
 use crate::calibration::Mounting;
+use crate::geometry::Vec3;
 use crate::joint::{DECIDING_BLOCK_S, GroupTest, Joint, MAX_BLOCK_RMS, max_imu_ratio};
 
 /// Ratios of other groups than the IMU that exceed 1 by this factor, and by chance, are marked.
@@ -78,10 +79,10 @@ pub fn section(calibrations: &Calibrations) -> String {
     let Some(found) = calibrations.joint_found() else {
         return String::new();
     };
-    let regions: Vec<_> = verdicts::regions(found).collect();
+    let disagreements: Vec<_> = verdicts::disagreements(found).collect();
     chi_squares(found)
         + &blocks(found)
-        + &html::verdicts(&regions)
+        + &html::verdicts(&disagreements)
         + &reference(found)
         + &constants(found)
         + &course(calibrations, found)
@@ -171,22 +172,45 @@ fn block_cell(rms: f64, block_s: f64) -> String {
     format!("<td{class}>{}</td>", number::fixed(rms, 2))
 }
 
-/// Shift and rotation of the whole reference that the standard deviations hold.
+/// Where the reference as a whole was found, and what was known beforehand.
 fn reference(joint: &Joint) -> String {
-    let Some(sigma) = &joint.reference else {
+    let Some(found) = &joint.reference else {
         return String::new();
     };
-    let (assumed, remedy) = match sigma.assumed {
+    let prior = &found.prior;
+    let (assumed, remedy) = match prior.assumed {
         true => (
             " (assumed)",
             " The project gives none, so these are assumed: give <code>reference.sigma_m</code> and <code>reference.sigma_deg</code>.",
         ),
         false => ("", ""),
     };
+    let list = |values: [f64; 3], sigmas: [f64; 3], digits: usize| {
+        let one = |(value, sigma): (f64, f64)| {
+            let value = number::signed(number::fixed(value, digits));
+            format!("{value} ± {}", number::sigma(sigma))
+        };
+        values
+            .into_iter()
+            .zip(sigmas)
+            .map(one)
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let mm = |v: &Vec3| (1e3 * v).into();
+    let deg = |v: &Vec3| v.map(f64::to_degrees).into();
+    let estimate = match prior.shift_m.max(prior.tilt_rad) > 0.0 {
+        true => format!(
+            " It was found {}\u{202f}mm off to the east, north and up, and turned by {}° about them.",
+            list(mm(&found.shift_m), mm(&found.shift_sigma_m), 2),
+            list(deg(&found.turn_rad), deg(&found.turn_sigma_rad), 4),
+        ),
+        false => String::new(),
+    };
     format!(
-        "<p class=\"note\">The reference as a whole may be shifted by ± {}\u{202f}mm and turned by ± {}°{assumed} against the world of the poses. Nothing in the data shows a shift up, which enters the heights of the scanners one to one: the standard deviations hold it.{remedy}</p>\n",
-        number::shortest(1e3 * sigma.shift_m),
-        number::shortest(sigma.tilt_rad.to_degrees()),
+        "<p class=\"note\">The reference as a whole may be shifted by ± {}\u{202f}mm and turned by ± {}°{assumed} against the world of the poses.{estimate} A shift up shows hardly in the data and enters the heights of the scanners one to one: their standard deviations hold it.{remedy}</p>\n",
+        number::shortest(1e3 * prior.shift_m),
+        number::shortest(prior.tilt_rad.to_degrees()),
     )
 }
 

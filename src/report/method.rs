@@ -88,7 +88,7 @@ pub fn reference(result: &Calibration, joint: Option<&JointReport>) -> Option<St
     let joint = joint?
         .accepted()
         .filter(|_| result.method == Method::Joint)?;
-    let sigma = joint.reference.as_ref()?;
+    let sigma = joint.reference.as_ref()?.prior;
     let assumed = match sigma.assumed {
         true => " (assumed: give reference.sigma_m and reference.sigma_deg)",
         false => "",

@@ -31,7 +31,12 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
         lines.extend(last.map(|found| agreement(&drive.agreements, found)));
     }
     lines.extend(content.drives.iter().skip(1).filter_map(evaluation));
-    lines.extend(calibrations.joint_found().into_iter().flat_map(regions));
+    lines.extend(
+        calibrations
+            .joint_found()
+            .into_iter()
+            .flat_map(disagreements),
+    );
     lines.push(convergence(calibrations.result));
     lines.extend(sigmas(calibrations.result));
     let reference = method::reference(calibrations.result, calibrations.joint);
@@ -102,9 +107,10 @@ fn convergence(result: &Calibration) -> Verdict {
 }
 
 /// Where scans and reference disagree.
-pub fn regions(joint: &Joint) -> impl Iterator<Item = Verdict> {
-    let regions = joint.regions.iter();
-    regions.map(|region| Verdict::attention(capitalised(&region.describe(&Vec3::zeros()))))
+pub fn disagreements(joint: &Joint) -> impl Iterator<Item = Verdict> {
+    let regions = joint.regions.iter().map(|r| r.describe(&Vec3::zeros()));
+    let all = regions.chain(joint.reference.and_then(|reference| reference.describe()));
+    all.map(|text| Verdict::attention(capitalised(&text)))
 }
 
 fn capitalised(text: &str) -> String {

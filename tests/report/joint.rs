@@ -9,7 +9,7 @@ use boresight::comparison::MountingKind;
 use boresight::geometry::Vec3;
 use boresight::joint::{
     AdjustedDrive, GroupTest, Joint, JointReport, PoseMove, PositionBlocks, PositionResiduals,
-    ReferenceSigma, Region,
+    ReferenceError, ReferenceSigma, Region,
 };
 use boresight::pipeline::{Findings, result};
 use boresight::report::render;
@@ -75,7 +75,13 @@ fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
             value: -0.012_34,
             sigma: Some(0.000_21),
         }],
-        reference: Some(ReferenceSigma::default()),
+        reference: Some(ReferenceError {
+            prior: ReferenceSigma::default(),
+            shift_m: Vec3::new(5.1e-3, -0.2e-3, 0.0),
+            shift_sigma_m: Vec3::new(0.12e-3, 0.13e-3, 2e-3),
+            turn_rad: Vec3::new(1e-5, -2e-5, 3e-6),
+            turn_sigma_rad: Vec3::repeat(2e-5),
+        }),
         surface_m: 1.3e-4,
         regions: vec![Region {
             centre_m: Vec3::new(3.2, 1.4, 0.2),
@@ -202,6 +208,7 @@ fn an_accepted_adjustment_stands_beside_two_steps() {
         "Scanner right relative to left",
         "times better than either scanner on the body",
         "the scans lie 2.8 mm above the reference",
+        "The reference lies off the world of the poses by +5.1 mm east, -0.2 mm north",
         "mounting bends or slips",
         "Residuals of the positions in blocks of time",
         "± 0.005° (assumed)",
@@ -358,6 +365,7 @@ fn the_document_holds_the_joint_adjustment() {
     assert_eq!(region["centre_m"], json!([1_003.2, 2_001.4, 0.2]));
     assert_eq!(joint["reference"]["assumed"], true);
     assert_eq!(joint["reference"]["sigma_m"], 2e-3);
+    assert_eq!(joint["reference"]["shift_m"], json!([5.1e-3, -0.2e-3, 0.0]));
     assert_eq!(
         joint["scanner_latency_s"],
         json!({"left": {"value": 1.2e-3, "sigma": 0.1e-3}})

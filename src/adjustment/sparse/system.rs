@@ -54,7 +54,6 @@ impl SparseSystem {
     }
 
     /// Number of entries that L keeps, zeros of merged supernodes included.
-    #[cfg(test)]
     pub fn factor_entries(&self) -> usize {
         self.structure.l.len_val()
     }

@@ -12,6 +12,7 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use crate::joint::input::Scans;
 use crate::joint::motion::Motion;
+use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// Fewest rows of a surfel without a reference: three are its own.
 const MIN_ROWS: u32 = 4;
@@ -180,14 +181,19 @@ fn rows_of(
         step_start: vec![0; steps + 1],
         ..DriveRows::default()
     };
+    let excess_m: Vec<f64> = (0..placed.len())
+        .map(|scanner| excess_m(&seen, surfels, scanner as u32))
+        .collect();
     let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
         let (step, surfel, scanner, ..) = near[0];
-        let distance_m = |bits: u32| f64::from(f32::from_bits(bits));
         let of_surfel = &mut tallies[surfel as usize];
         of_surfel.near += near.len() as f64;
         of_surfel.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
-        let sigma_m = surfels[surfel as usize].roughness_m.hypot(gates.misfit_m);
+        let sigma_m = surfels[surfel as usize]
+            .roughness_m
+            .hypot(gates.misfit_m)
+            .hypot(excess_m[scanner as usize]);
         group.clear();
         let within = |bits: u32| distance_m(bits).abs() < GATE_SIGMAS * sigma_m;
         group.extend(near.iter().filter(|seen| within(seen.4)).copied());
@@ -196,6 +202,12 @@ fn rows_of(
         }
         let sample = scans.samples[scanner as usize];
         let distances = || group.iter().map(|seen| distance_m(seen.4));
+        let weights = || {
+            let point = |place: u32| &sample.points[place as usize];
+            group
+                .iter()
+                .map(move |(.., place, _)| f64::from(point(*place).count))
+        };
         let count = group.len() as f64;
         let mean = distances().sum::<f64>() / count;
         of_surfel.squares_m2 += distances().map(|d| (d - mean).powi(2)).sum::<f64>();
@@ -206,14 +218,17 @@ fn rows_of(
             scanner,
             first: rows.points.len() as u32,
             count: group.len() as u32,
+            effective: weights().sum::<f64>().powi(2) / weights().map(|w| w * w).sum::<f64>(),
             coverage: 0,
             depth_m: 0.0,
+            trust: 1.0,
         });
         rows.points.extend(group.iter().map(|(.., point, _)| {
             let point = &sample.points[*point as usize];
             RowPoint {
                 profile: point.profile,
                 position_m: point.position_m,
+                weight: f64::from(point.count),
             }
         }));
     }
@@ -221,6 +236,21 @@ fn rows_of(
         rows.step_start[step + 1] += rows.step_start[step];
     }
     rows
+}
+
+fn distance_m(bits: u32) -> f64 {
+    f64::from(f32::from_bits(bits))
+}
+
+/// By how much the points of a scanner scatter more than the surfels they lie on, metres: its own
+/// noise, if that is larger.
+fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32) -> f64 {
+    let own = || seen.iter().filter(|seen| seen.2 == scanner);
+    let distance_m = median(own().map(|seen| distance_m(seen.4).abs()));
+    let roughness_m = median(own().map(|seen| surfels[seen.1 as usize].roughness_m));
+    let square = |of: Option<f64>| of.unwrap_or(0.0).powi(2);
+    let excess_m2 = SIGMAS_PER_MAD.powi(2) * square(distance_m) - square(roughness_m);
+    excess_m2.max(0.0).sqrt()
 }
 
 /// Finds how much of its surfel each row saw: its share of the points of the fullest row of the

@@ -64,10 +64,15 @@ pub struct ScanRow {
     /// Places among the points.
     pub first: u32,
     pub count: u32,
+    /// (Σw)²/Σw² of the weights of its points: how many points of equal weight have the noise of
+    /// their mean.
+    pub effective: f64,
     /// Class of the part of the surfel that it saw.
     pub coverage: u8,
     /// How far its points lay from the scanner along the surfel's normal, metres, with its sign.
     pub depth_m: f64,
+    /// How far it is trusted, 0 to 1.
+    pub trust: f64,
 }
 
 /// A laser point of a row.
@@ -77,6 +82,8 @@ pub struct RowPoint {
     pub profile: u32,
     /// Scanner frame, metres.
     pub position_m: Vec3,
+    /// Number of laser points that it stands for.
+    pub weight: f64,
 }
 
 /// The rows of a drive.

@@ -3,7 +3,8 @@
 use super::case::{Case, SURFEL_M};
 use crate::cloud::voxel::{VoxelKey, voxel_key};
 use crate::geometry::{Mat3, Vec3};
-use crate::joint::problem::{JointProblem, State};
+use crate::joint::problem::JointProblem;
+use crate::joint::state::State;
 use crate::joint::surfel::ScanRow;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,9 +19,9 @@ fn depth_m(problem: &JointProblem<'_>, state: &State, step: usize, row: &ScanRow
     let mounting = state.mountings[scanner].body_from_scanner;
     let depths = points.iter().map(|point| {
         let arm_m = pose.rotation * (mounting.rotation * point.position_m);
-        problem.found.surfels[row.surfel as usize].axes[0].dot(&arm_m)
+        point.weight * problem.found.surfels[row.surfel as usize].axes[0].dot(&arm_m)
     });
-    depths.sum::<f64>() / points.len() as f64
+    depths.sum::<f64>() / points.iter().map(|point| point.weight).sum::<f64>()
 }
 
 /// Residuals of the scan rows, metres, one point after the other; the points were sorted at `start`.
@@ -43,10 +44,11 @@ fn one_by_one(problem: &JointProblem<'_>, start: &State, state: &State) -> Vec<f
                 let [n, u, v] = surfel
                     .axes
                     .map(|axis| axis.dot(&(world_m - surfel.centre_m)));
-                n - (shape.x + shape.y * u + shape.z * v)
+                point.weight * (n - (shape.x + shape.y * u + shape.z * v))
             });
+            let weight: f64 = found.points_of(row).iter().map(|point| point.weight).sum();
             let [before_m, now_m] = [start, state].map(|state| depth_m(problem, state, step, row));
-            all.push(distances.sum::<f64>() / f64::from(row.count) * before_m / now_m);
+            all.push(distances.sum::<f64>() / weight * before_m / now_m);
         }
     }
     all

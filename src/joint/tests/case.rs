@@ -7,7 +7,8 @@ use crate::geometry::so3::{exp, log};
 use crate::geometry::{BodyAxes, BodyFromScanner, Rotation, Vec3, WorldFromBody};
 use crate::joint::layout::{Groups, REFERENCE};
 use crate::joint::motion::Motion;
-use crate::joint::problem::{JointProblem, State};
+use crate::joint::problem::JointProblem;
+use crate::joint::state::State;
 use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
 use crate::joint::{
     ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, JointInput, JointSettings, Scans,
@@ -219,6 +220,7 @@ pub fn samples() -> Vec<ScannerSample> {
         sample.points.push(ProfilePoint {
             profile: sample.profiles.len() as u32 - 1,
             position_m: hit_m * (1.0 + RANGE_SIGMA_M * next() / hit_m.norm()),
+            count: 1 + sample.points.len() as u32 % 3,
         });
     };
     for profile in 0..180 {

@@ -34,6 +34,7 @@ fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
         let points = points.iter().map(|&position_m| ProfilePoint {
             profile: pass as u32,
             position_m,
+            count: 1,
         });
         sample.points.extend(points);
     }

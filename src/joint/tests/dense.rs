@@ -1,13 +1,13 @@
 //! The sparse problem against dense algebra, and against the chain of the trajectory.
 
 use super::case::{Case, Dense, estimated};
-use crate::adjustment::{
-    CONVERGED_SIGMAS, DampingRule, LeastSquares, StopReason, levenberg_marquardt,
-};
+use crate::adjustment::{CONVERGED_SIGMAS, LeastSquares, StopReason, levenberg_marquardt};
 use crate::calibration::ScannerSample;
+use crate::joint::adjust::DAMPING;
 use crate::joint::components::components;
 use crate::joint::motion::ChainMotion;
-use crate::joint::problem::{JointProblem, State};
+use crate::joint::problem::JointProblem;
+use crate::joint::state::State;
 use crate::progress::Silent;
 use nalgebra::{DMatrix, DVector};
 
@@ -116,16 +116,6 @@ fn step_and_covariances_are_those_of_dense_algebra() {
 }
 
 /// That of the adjustment.
-const DAMPING: DampingRule = DampingRule {
-    initial: 0.0,
-    factor: 10.0,
-    least_raised: 1e-2,
-    least_lowered: 1e-2,
-    floor: 0.0,
-    largest: 1e9,
-    rounding: 1e-5,
-};
-
 fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
     let ended = levenberg_marquardt(problem, state, DAMPING, (30, CONVERGED_SIGMAS), &Silent)
         .expect("not cancelled");

@@ -3,7 +3,8 @@
 use super::case::{Case, Dense, residuals};
 use crate::calibration::Mounting;
 use crate::geometry::{EulerConvention, Vec3};
-use crate::joint::problem::{JointProblem, State};
+use crate::joint::problem::JointProblem;
+use crate::joint::state::State;
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 

@@ -1,0 +1,145 @@
+//! The result of an adjustment that has ended.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::adjust::not_determined;
+use super::components::Component;
+use super::layout::Groups;
+use super::model::BLOCKS_S;
+use super::problem::JointProblem;
+use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove, ReferenceError};
+use super::state::State;
+use crate::adjustment::StopReason;
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::trajectory::{EstimatedConstant, Trajectory};
+
+/// The values of a state with their standard deviations, from the factor that the problem holds.
+///
+/// # Errors
+/// Normal equations that are not positive definite.
+pub fn conclude(
+    problem: &JointProblem<'_>,
+    state: &State,
+    found: &[Component],
+    (stop, iterations): (StopReason, usize),
+) -> Result<Joint> {
+    let factor = problem.factor().ok_or_else(not_determined)?;
+    let layout = &problem.layout;
+    let inverse = factor.selected_inverse();
+    let side = problem.side_of_height();
+    // With the part of the reference's height.
+    let block = |a: usize, b: usize| {
+        let mut part = inverse.block(a, b)?;
+        if let Some(side) = &side {
+            let (rows, columns) = part.shape();
+            let of = |place: usize, count| {
+                DVector::from_column_slice(&side[problem.offset(place)..][..count])
+            };
+            part += of(a, rows) * of(b, columns).transpose();
+        }
+        Some(part)
+    };
+    let count = state.mountings.len();
+    let mut covariance = DMatrix::zeros(6 * count, 6 * count);
+    // The unknowns are (δφ, δp), the covariance is given over (δp, δφ).
+    let swapped = |i: usize| (i + 3) % 6;
+    for (i, &a) in layout.mountings.iter().enumerate() {
+        for (j, &b) in layout.mountings.iter().enumerate() {
+            let part = block(a, b).ok_or_else(not_determined)?;
+            for row in 0..6 {
+                for column in 0..6 {
+                    covariance[(6 * i + row, 6 * j + column)] =
+                        part[(swapped(row), swapped(column))];
+                }
+            }
+        }
+    }
+    let root = |x: f64| x.max(0.0).sqrt();
+    let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
+    let late_s = layout.late.iter().zip(&state.late_s);
+    let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
+    let constants = layout.constant_owner.iter().enumerate();
+    let constants = constants.map(|(place, (drive, column))| {
+        let constant = &state.motions[*drive].constants()[*column];
+        let sigma = sigma(layout.first_constant + place);
+        EstimatedConstant {
+            name: constant.name.clone(),
+            unit: constant.unit,
+            start: constant.base,
+            value: constant.base + constant.correction,
+            sigma,
+        }
+    });
+    let drives = problem.input.drives.iter().enumerate();
+    let drives = drives.map(|(index, drive)| {
+        let first = layout.first_motion[index];
+        let of = |a: usize, b: usize| block(first + a, first + b);
+        let records = state.motions[index].records(Some(&of));
+        let before = drive.motion.records(None);
+        let moved = records.iter().zip(&before).map(|(after, before)| {
+            let (turn_rad, shift_m) = after
+                .world_from_body
+                .perturbation_from(&before.world_from_body);
+            PoseMove {
+                time_s: after.time_s,
+                shift_m,
+                turn_rad,
+            }
+        });
+        let moved = moved.collect();
+        Ok(AdjustedDrive {
+            name: drive.name.clone(),
+            trajectory: Trajectory::new(records)?,
+            moved,
+            imu: problem.groups.names[problem.groups.first_motion[index]].clone(),
+            positions: BLOCKS_S
+                .iter()
+                .flat_map(|&block_s| state.motions[index].position_blocks(block_s))
+                .collect(),
+            residuals: state.motions[index].position_residuals(),
+        })
+    });
+    Ok(Joint {
+        mountings: state.mountings.clone(),
+        covariance,
+        late_s: late_s.collect(),
+        drives: drives.collect::<Result<_>>()?,
+        constants: constants.collect(),
+        reference: layout.reference.and_then(|place| {
+            let variances = block(place, place)?.diagonal();
+            let part = |first: usize| Vec3::from_fn(|i, _| root(variances[first + i]));
+            let [x, y, z, turn @ ..] = state.reference;
+            Some(ReferenceError {
+                prior: problem.settings.reference,
+                shift_m: -Vec3::new(x, y, z),
+                shift_sigma_m: part(0),
+                turn_rad: -Vec3::from(turn),
+                turn_sigma_rad: part(3),
+            })
+        }),
+        surface_m: problem.surface_m,
+        regions: problem.found.regions.clone(),
+        held: problem.held.clone(),
+        groups: tests(&problem.groups, found),
+        stop,
+        iterations,
+        rows: problem.found.drives.iter().map(|d| d.rows.len()).sum(),
+        surfels: problem.found.surfels.len(),
+        unknowns: problem.unknowns(),
+    })
+}
+
+/// The tests of all groups; those of one name together.
+fn tests(groups: &Groups, found: &[Component]) -> Vec<GroupTest> {
+    let mut all: Vec<(String, Component)> = Vec::new();
+    for (name, component) in groups.names.iter().zip(found) {
+        match all.iter_mut().find(|(known, _)| known == name) {
+            Some((_, sum)) => *sum = sum.and(component),
+            None => all.push((name.clone(), *component)),
+        }
+    }
+    all.iter()
+        .map(|(name, component)| GroupTest::new(name, component))
+        .collect()
+}

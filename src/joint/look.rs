@@ -1,0 +1,165 @@
+//! What the scans say at one state, before the next step: how far rows lie from their scanner, how
+//! noisy they are and how far they are trusted, and where surfels start.
+
+use rayon::prelude::*;
+
+use super::motion::Motion;
+use super::problem::JointProblem;
+use super::row::{row_trust, surfel_trust};
+use super::scan::{Mean, StepScans};
+use super::state::State;
+use super::surfel::ScanRow;
+use crate::geometry::{Mat3, Vec3};
+use crate::statistics::{SIGMAS_PER_MAD, median};
+
+/// Residuals that are larger than their standard deviations by this factor say that their noise is not
+/// nearly known.
+const FAR_LARGER: f64 = 2.0;
+
+impl JointProblem<'_> {
+    /// Means of all rows at a state, with what `of` makes of each.
+    fn each_mean<T: Send>(
+        &self,
+        state: &State,
+        of: impl Fn(&ScanRow, &Mean) -> T + Sync,
+    ) -> Vec<Vec<T>> {
+        let drives = state.motions.iter().enumerate();
+        let of_drive = |(drive, motion): (usize, &Box<dyn Motion>)| {
+            let seen = self.seen(drive, state);
+            let of_step = |step: usize| {
+                let poses = motion.poses(step);
+                let scans = StepScans::new(&seen, &poses);
+                let rows = seen.rows.of_step(step).iter();
+                let mean = |row| of(row, &scans.mean(row, seen.rows.points_of(row), row.depth_m));
+                rows.map(mean).collect::<Vec<T>>()
+            };
+            let steps = (0..motion.steps()).into_par_iter();
+            let found: Vec<Vec<T>> = steps.map(of_step).collect();
+            found.into_iter().flatten().collect()
+        };
+        drives.map(of_drive).collect()
+    }
+
+    /// Finds how far the points of each row lie from their scanner.
+    pub fn find_depths(&mut self, state: &State) {
+        let depths = self.each_mean(state, |_, mean| mean.depth_m);
+        let rows = self
+            .found
+            .drives
+            .iter_mut()
+            .flat_map(|drive| &mut drive.rows);
+        for (row, depth_m) in rows.zip(depths.into_iter().flatten()) {
+            row.depth_m = depth_m;
+        }
+    }
+
+    /// Raises the noise of groups of scan rows whose residuals are far larger, by their medians: of
+    /// a scanner that is much noisier than the roughness of what it sees.
+    pub fn raise_noise(&mut self, state: &State) {
+        let found = self.each_mean(state, |row, mean| {
+            let (group, sigma_m) = self.noise(row);
+            (group, (mean.residual_m / sigma_m).abs())
+        });
+        let mut of_group = vec![Vec::new(); self.groups.names.len()];
+        for (group, residual) in found.into_iter().flatten() {
+            of_group[group].push(residual);
+        }
+        for (scale, residuals) in self.groups.scale.iter_mut().zip(of_group) {
+            let factor = SIGMAS_PER_MAD * median(residuals).unwrap_or(0.0);
+            if factor > FAR_LARGER {
+                *scale *= factor;
+            }
+        }
+    }
+
+    /// Finds how far each scan row is trusted by its residual at a state and by those of its surfel.
+    pub fn find_trust(&mut self, state: &State) {
+        let residuals = self.each_mean(state, |row, mean| mean.residual_m / self.noise(row).1);
+        // Squares and degrees of freedom.
+        let surfels = self.found.surfels.iter().zip(&state.shapes);
+        let mut of_surfel: Vec<(f64, f64)> = surfels
+            .map(|(surfel, shape)| {
+                surfel.prior.as_ref().map_or((0.0, -3.0), |prior| {
+                    let rows = self.reference_rows(surfel, prior, shape, state);
+                    (rows.iter().map(|row| row.residual.powi(2)).sum(), 0.0)
+                })
+            })
+            .collect();
+        let rows = || self.found.drives.iter().flat_map(|drive| &drive.rows);
+        for (row, residual) in rows().zip(residuals.iter().flatten()) {
+            let (squares, free) = &mut of_surfel[row.surfel as usize];
+            *squares += residual * residual;
+            *free += 1.0;
+        }
+        let of_surfel: Vec<f64> = of_surfel
+            .iter()
+            .map(|(squares, free)| surfel_trust((squares / free.max(1.0)).sqrt()))
+            .collect();
+        let rows = self
+            .found
+            .drives
+            .iter_mut()
+            .flat_map(|drive| &mut drive.rows);
+        for (row, residual) in rows.zip(residuals.into_iter().flatten()) {
+            row.trust = row_trust(residual).min(of_surfel[row.surfel as usize]);
+        }
+    }
+
+    /// Moves the surfels to where the scans see them from these poses.
+    pub fn fit_shapes(&self, state: &mut State) {
+        let found = self.each_mean(state, |row, mean| {
+            let by = Vec3::from(mean.by_shape) / self.noise(row).1;
+            (row.surfel, by, mean.residual_m / self.noise(row).1)
+        });
+        let mut normal: Vec<(Mat3, Vec3)> = self
+            .found
+            .surfels
+            .iter()
+            .zip(&state.shapes)
+            .map(|(surfel, shape)| {
+                let Some(prior) = &surfel.prior else {
+                    return (Mat3::identity() * f64::EPSILON, Vec3::zeros());
+                };
+                let rows = self.reference_rows(surfel, prior, shape, state);
+                let weights = Vec3::from_fn(|i, _| rows[i].weight);
+                let residuals = Vec3::from_fn(|i, _| rows[i].residual);
+                let squares = weights.component_mul(&weights);
+                (
+                    Mat3::from_diagonal(&squares),
+                    -weights.component_mul(&residuals),
+                )
+            })
+            .collect();
+        for (surfel, by, residual) in found.into_iter().flatten() {
+            let (matrix, side) = &mut normal[surfel as usize];
+            *matrix += by * by.transpose();
+            *side -= by * residual;
+        }
+        for (shape, (matrix, side)) in state.shapes.iter_mut().zip(normal) {
+            *shape += matrix.cholesky().map_or(Vec3::zeros(), |c| c.solve(&side));
+        }
+    }
+
+    /// How far points move from one state to another, root mean square, metres.
+    pub fn moved_m(&self, from: &State, to: &State) -> f64 {
+        let places = [from, to].map(|state| {
+            let mut places = Vec::new();
+            for (drive, motion) in state.motions.iter().enumerate() {
+                let rows = &self.found.drives[drive];
+                let seen = self.seen(drive, state);
+                for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
+                    let poses = motion.poses(step);
+                    let scans = StepScans::new(&seen, &poses);
+                    let row = &rows.of_step(step)[0];
+                    places.push(scans.first_point_m(row));
+                }
+            }
+            places
+        });
+        let squares = places[0]
+            .iter()
+            .zip(&places[1])
+            .map(|(a, b)| (b - a).norm_squared());
+        (squares.sum::<f64>() / places[0].len().max(1) as f64).sqrt()
+    }
+}

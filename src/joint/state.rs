@@ -1,0 +1,38 @@
+//! Values of all unknowns.
+
+use super::layout::REFERENCE;
+use super::motion::Motion;
+use crate::calibration::Mounting;
+use crate::geometry::{BodyFromScanner, Vec3};
+
+/// Values of all unknowns.
+pub struct State {
+    pub motions: Vec<Box<dyn Motion>>,
+    pub mountings: Vec<Mounting>,
+    pub late_s: Vec<f64>,
+    /// (a, b, c) of each surfel.
+    pub shapes: Vec<Vec3>,
+    /// Offsets of the reference's patches, metres.
+    pub patches: Vec<f64>,
+    /// Shift (metres) and rotation vector (radians) about its centre that the reference lacks.
+    pub reference: [f64; REFERENCE],
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        Self {
+            motions: self.motions.iter().map(|motion| motion.boxed()).collect(),
+            mountings: self.mountings.clone(),
+            late_s: self.late_s.clone(),
+            shapes: self.shapes.clone(),
+            patches: self.patches.clone(),
+            reference: self.reference,
+        }
+    }
+}
+
+impl State {
+    pub fn poses(&self) -> Vec<BodyFromScanner> {
+        self.mountings.iter().map(|m| m.body_from_scanner).collect()
+    }
+}
