@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::components::{Component, components, rescale};
-use super::conclude::conclude;
+use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
 use super::problem::JointProblem;
@@ -291,14 +291,6 @@ fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Ve
         .collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.into_iter().map(|(_, direction)| direction).collect()
-}
-
-pub fn not_determined() -> Error {
-    Error::of(
-        Problem::NotDetermined,
-        "the joint adjustment is not determined",
-        "use calibration.method = \"two-step\"",
-    )
 }
 
 /// The start values. Constants that drives share start where the first drive found them.

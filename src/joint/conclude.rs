@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::adjust::not_determined;
 use super::components::Component;
 use super::layout::Groups;
 use super::model::BLOCKS_S;
@@ -10,7 +9,7 @@ use super::problem::JointProblem;
 use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove, ReferenceError};
 use super::state::State;
 use crate::adjustment::StopReason;
-use crate::error::Result;
+use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
@@ -142,4 +141,13 @@ fn tests(groups: &Groups, found: &[Component]) -> Vec<GroupTest> {
     all.iter()
         .map(|(name, component)| GroupTest::new(name, component))
         .collect()
+}
+
+/// Normal equations that are not positive definite.
+pub fn not_determined() -> Error {
+    Error::of(
+        Problem::NotDetermined,
+        "the joint adjustment is not determined",
+        "use calibration.method = \"two-step\"",
+    )
 }

@@ -30,8 +30,9 @@ pub struct Mean {
     pub residual_m: f64,
     /// By (a, b, c).
     pub by_shape: [f64; 3],
-    /// By the leading unknowns of both nodes of the step and by its bridge. Each profile has its own share of them: the
-    /// shares at the mean time would be off by a twentieth for positions and by half for velocities.
+    /// By the leading unknowns of both nodes of the step and by its bridge. Each profile has its own
+    /// share of them: the shares at the mean time would be off by a twentieth for positions and by
+    /// half for velocities.
     pub by_nodes: NodeGradient,
     /// By the mounting (δφ, δp).
     pub by_mounting: [f64; 6],

@@ -57,6 +57,11 @@ impl BodyState {
 }
 
 impl Drive {
+    /// When scanners record: from one second before the robot moves until it has stopped.
+    pub fn recording_s(&self) -> (f64, f64) {
+        (self.moving_s.0 - 1.0, self.moving_s.1)
+    }
+
     /// The drive `index` of the scenario, starting at `start_s`.
     pub fn new(scenario: &Scenario, scene: &Scene, index: usize, start_s: f64) -> Self {
         let route = Route::new(scenario, &scenario.drives[index]);

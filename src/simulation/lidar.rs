@@ -33,7 +33,7 @@ impl<'a> Lidar<'a> {
         drive: &'a Drive,
         drive_index: usize,
     ) -> Self {
-        let span = (drive.moving_s.0 - 1.0, drive.moving_s.1);
+        let span = drive.recording_s();
         Self {
             scenario,
             scene,

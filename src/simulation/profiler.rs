@@ -47,7 +47,7 @@ pub struct Profiler<'a> {
 }
 
 impl<'a> Profiler<'a> {
-    /// The scanners, which record from one second before the robot moves until it has stopped.
+    /// The profile scanners of a drive.
     pub fn new(
         scenario: &'a Scenario,
         scene: &'a Scene,
@@ -62,7 +62,7 @@ impl<'a> Profiler<'a> {
                 Vec3::new(angle.sin(), 0.0, -angle.cos())
             })
             .collect();
-        let span = (drive.moving_s.0 - 1.0, drive.moving_s.1);
+        let span = drive.recording_s();
         Self {
             scenario,
             scene,
@@ -86,7 +86,8 @@ impl<'a> Profiler<'a> {
         self.scanners.partition_point(|&other| other < scanner)
     }
 
-    /// True time of a profile, which its time stamp exceeds by the scanner's latency. The scanners fire in turn, so that none sees another's laser line.
+    /// True time of a profile, which its time stamp exceeds by the scanner's latency. The scanners
+    /// fire in turn, so that none sees another's laser line.
     pub fn time_s(&self, scanner: usize, index: usize) -> f64 {
         let turn = self.place(scanner) as f64 / self.scanners.len() as f64;
         self.start_s + (index as f64 + turn) / self.scenario.profiles.rate_hz

@@ -267,6 +267,15 @@ pub struct Case {
 }
 
 impl Case {
+    /// The three kinds, with their names.
+    pub fn all() -> [(&'static str, Self); 3] {
+        [
+            ("all kinds of rows", Self::full()),
+            ("logs and scans", Self::plain()),
+            ("poses from a file", Self::from_file()),
+        ]
+    }
+
     /// Logs with constants and lasting errors, a reference, latencies: every kind of row.
     pub fn full() -> Self {
         let constants = [Constant::LeverArm(0), Constant::HeadingOffset];

@@ -42,11 +42,7 @@ fn difference(found: &DMatrix<f64>, dense: &DMatrix<f64>, (row, column): (usize,
 }
 
 fn each(mut test: impl FnMut(&str, JointProblem<'_>, State)) {
-    for (name, case) in [
-        ("all kinds of rows", Case::full()),
-        ("logs and scans", Case::plain()),
-        ("poses from a file", Case::from_file()),
-    ] {
+    for (name, case) in Case::all() {
         let input = case.input();
         let (problem, state) = case.problem(&input);
         test(name, problem, state);

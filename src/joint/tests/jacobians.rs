@@ -112,11 +112,7 @@ const FROM_START: f64 = 5e-2;
 #[test]
 fn every_row_meets_finite_differences() {
     let mut failed = Vec::new();
-    for (name, case) in [
-        ("all kinds of rows", Case::full()),
-        ("logs and scans", Case::plain()),
-        ("poses from a file", Case::from_file()),
-    ] {
+    for (name, case) in Case::all() {
         let input = case.input();
         let (problem, start) = case.problem(&input);
         for by in [0.0, 1e-3] {
