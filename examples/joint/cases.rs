@@ -24,7 +24,7 @@ pub struct Options {
 }
 
 /// All cases.
-pub const NAMES: [&str; 22] = [
+pub const NAMES: [&str; 23] = [
     "reference",
     "shift",
     "no-reference",
@@ -45,6 +45,7 @@ pub const NAMES: [&str; 22] = [
     "up",
     "lidar",
     "three-drives",
+    "evaluation",
     "odd",
     "even",
 ];
@@ -73,6 +74,7 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         "reference" | "plain-reference" => {}
         "lidar" => scenario.scanners[1] = lidar(),
         "three-drives" => setup.drives = 3,
+        "evaluation" => setup.evaluate = true,
         "odd" | "even" => setup.keep = Some((HALF_S, name == "even")),
         "shift" => {
             // As large as the sigmas that are assumed where none are given.

@@ -101,6 +101,15 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
             list(blocks.rms.iter().copied(), 2)
         );
     }
+    if let Some([two, one]) = &run.evaluation {
+        println!(
+            "{case} seed {seed} another drive: poses {:.3} {:.3} points {:.3} {:.3} mm",
+            two.poses_m * 1e3,
+            one.poses_m * 1e3,
+            two.points_m * 1e3,
+            one.points_m * 1e3,
+        );
+    }
     for region in &joint.regions {
         println!("{case} seed {seed} {}", region.describe(&Vec3::zeros()));
     }

@@ -10,7 +10,7 @@ use boresight::format;
 use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use boresight::joint::{Joint, JointSettings};
 use boresight::nalgebra::{DMatrix, DVector};
-use boresight::pipeline::joint::{Drive, report};
+use boresight::pipeline::joint::{Drive, report, with_known_mountings};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
@@ -33,6 +33,8 @@ pub struct Setup {
     pub drives: usize,
     /// Keeps only scans of every second span of so many seconds, the even ones or the odd ones.
     pub keep: Option<(f64, bool)>,
+    /// Whether the next drive is adjusted by the mountings found, without the reference.
+    pub evaluate: bool,
 }
 
 impl Setup {
@@ -47,6 +49,7 @@ impl Setup {
             joint,
             drives: 1,
             keep: None,
+            evaluate: false,
         }
     }
 }
@@ -69,17 +72,21 @@ pub struct Run {
     pub joint: Joint,
     /// What contradicts the joint adjustment.
     pub refused: Vec<String>,
+    /// Another drive with the mountings of both methods, with its own poses and adjusted.
+    pub evaluation: Option<[Found; 2]>,
 }
 
 impl Run {
     /// Simulates the first drive of a scenario into a folder and adjusts it.
     pub fn new(setup: &Setup, folder: &Path) -> Result<Self> {
         let mut scenario = setup.scenario.clone();
-        scenario.drives.truncate(setup.drives);
+        scenario
+            .drives
+            .truncate(setup.drives + usize::from(setup.evaluate));
         let files = simulate(&scenario, folder, &Silent)?;
         let mut project = Project::read(&files.drives[0].project)?;
         project.joint = setup.joint.clone();
-        let others = files.drives[1..].iter().zip(2..);
+        let others = files.drives[1..setup.drives].iter().zip(2..);
         project.drives = others
             .map(|(drive, number)| OtherDrive {
                 name: format!("drive-{number}"),
@@ -142,7 +149,41 @@ impl Run {
             .collect();
         let adjusted = &joint.drives[0].trajectory;
         let one_piece = check.found(joint.poses(), adjusted, &late_s, seconds);
+        let evaluation = setup.evaluate.then(|| {
+            let other = &files.drives[setup.drives];
+            let own = stages::aligned(&project, Project::read(&other.project)?)?;
+            let own = stages::with_mountings(&own, &calibration.poses());
+            let poses = stages::poses(&own, &Silent)?;
+            let samples = stages::samples(&own, &poses.trajectory, &Silent)?;
+            let drive = Drive {
+                name: "evaluation",
+                project: &own,
+                poses: &poses,
+                samples: &samples,
+            };
+            let mountings = joint.mountings.clone();
+            let adjusted = with_known_mountings(&drive, mountings, &joint.covariance, &Silent)?;
+            let exact = other.folder.join("truth/trajectory.csv");
+            let check = Check {
+                scenario: &scenario,
+                samples: &samples,
+                exact: &Trajectory::new(format::read_trajectory(&exact)?)?,
+                truth: &truth,
+            };
+            let still = [0.0; 2];
+            Ok::<_, Error>([
+                check.found(calibration.poses(), &poses.trajectory, &still, 0.0),
+                check.found(
+                    adjusted.poses(),
+                    &adjusted.drives[0].trajectory,
+                    &still,
+                    0.0,
+                ),
+            ])
+        });
+        let evaluation = evaluation.transpose()?;
         Ok(Self {
+            evaluation,
             truth,
             two_steps,
             one_piece,
