@@ -7,7 +7,7 @@ use super::components::{Component, components, rescale};
 use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
-use super::problem::JointProblem;
+use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::result::Joint;
 use super::settings::JointSettings;
 use super::state::State;
@@ -59,10 +59,10 @@ pub fn adjust(
     progress: &dyn Progress,
 ) -> Result<Joint> {
     let stage = progress.stage("joint adjustment", 0);
-    let reference = ReferenceCells::new(input.reference, surfel_m);
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
     let mut state = start(input);
+    let mut reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
     let (mut groups, mut held) = (Groups::new(input), Vec::new());
     let mut steps = Steps {
         max_iterations: settings.max_iterations,
@@ -96,12 +96,16 @@ pub fn adjust(
             Round::Coarse => steps.settle(&mut problem, &mut state, SORTING_SIGMAS)?,
             Round::Fine => steps.weigh_and_settle(&mut problem, &mut state)?,
         };
-        let moved_m = problem.moved_m(&before, &state);
+        let reference_m = Vec3::from_column_slice(&reference.place.left(&state.reference)[..3]);
+        let moved_m = problem.moved_m(&before, &state).max(reference_m.norm());
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
             let found = steps.components(&mut problem, &state)?;
             drop(stage);
             return conclude(&problem, &state, &found, (stop, steps.iterations));
+        }
+        if reference_m.norm() > LEAST_SIGMA_M {
+            reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
         }
         (groups, held) = (problem.groups, problem.held);
         again = round == Round::Fine;

@@ -41,7 +41,9 @@ impl JointProblem<'_> {
     ) -> [ReferenceRow; 3] {
         let scale = self.groups.scale[self.groups.first_reference + surfel.class];
         let [normal, u_axis, v_axis] = surfel.axes;
-        let arm = surfel.centre_m - self.centre_m;
+        let place = &self.found.reference;
+        let arm = surfel.centre_m - place.centre_m;
+        let left = place.left(&state.reference);
         // How offset and slopes of the reference's plane move with its shift and rotation.
         let by_error = [
             (normal, arm.cross(&normal)),
@@ -51,7 +53,7 @@ impl JointProblem<'_> {
         std::array::from_fn(|i| {
             let (s, t) = by_error[i];
             let by_error = [s.x, s.y, s.z, t.x, t.y, t.z];
-            let terms = by_error.iter().zip(&state.reference);
+            let terms = by_error.iter().zip(&left);
             let mut said = terms.map(|(a, b)| a * b).sum::<f64>();
             if i == 0 {
                 said += state.patches[prior.patch as usize];

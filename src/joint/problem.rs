@@ -46,8 +46,6 @@ pub struct JointProblem<'a> {
     pub held: Vec<DVector<f64>>,
     system: SparseSystem,
     factor: Option<SparseFactor>,
-    /// Mean of all surfels, about which the reference turns, world.
-    pub centre_m: Vec3,
     /// W with Wᵀ W the inverse covariance of mountings known beforehand.
     pub known: Option<DMatrix<f64>>,
     decrement: f64,
@@ -66,8 +64,6 @@ impl<'a> JointProblem<'a> {
     ) -> Self {
         let has_prior = found.surfels.iter().any(|surfel| surfel.prior.is_some());
         let layout = Layout::new(input, &state.motions, &found, has_prior);
-        let count = found.surfels.len().max(1) as f64;
-        let centre_m = found.surfels.iter().map(|s| s.centre_m).sum::<Vec3>() / count;
         let known = input.known.map(|covariance| {
             let size = covariance.nrows();
             let least = HELD_SIGMA * HELD_SIGMA;
@@ -85,7 +81,6 @@ impl<'a> JointProblem<'a> {
             held,
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
-            centre_m,
             known,
             decrement: f64::INFINITY,
             metric: None,

@@ -110,6 +110,7 @@ pub fn associate(
         surfels,
         drives,
         patches: patches.len(),
+        reference: reference.place,
         regions,
     }
 }

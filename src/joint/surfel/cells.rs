@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use super::{Gates, MIN_POINTS, ReferencePlane, Surfel};
 use crate::cloud::StructureTensor;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::geometry::so3::exp;
 use crate::geometry::{Mat3, Vec3};
+use crate::joint::layout::REFERENCE;
 
 /// Least standard deviation of the points of a surfel across its narrow side, as a share of its
 /// size; points spread over the whole width have 0.29.
@@ -54,6 +56,31 @@ impl Sums {
 #[derive(Debug, Clone, Default)]
 pub struct ReferenceCells {
     cells: VoxelMap<VoxelKey, Sums>,
+    /// Where the points were put.
+    pub place: ReferencePlace,
+}
+
+/// By how much the points of the reference were moved before they were sorted.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ReferencePlace {
+    /// Their middle as given, about which they turn, world, metres.
+    pub centre_m: Vec3,
+    /// Shift (metres) and rotation vector (radians).
+    pub moved: [f64; REFERENCE],
+}
+
+impl ReferencePlace {
+    fn new(points: &[Vec3], moved: [f64; REFERENCE]) -> Self {
+        Self {
+            centre_m: points.iter().sum::<Vec3>() / points.len().max(1) as f64,
+            moved,
+        }
+    }
+
+    /// What an error of the reference lacks yet.
+    pub fn left(&self, error: &[f64; REFERENCE]) -> [f64; REFERENCE] {
+        std::array::from_fn(|i| error[i] - self.moved[i])
+    }
 }
 
 pub fn centre_of(key: &VoxelKey, size_m: f64) -> Vec3 {
@@ -61,15 +88,20 @@ pub fn centre_of(key: &VoxelKey, size_m: f64) -> Vec3 {
 }
 
 impl ReferenceCells {
-    /// Sorts points into voxels.
-    pub fn new(points: &[Vec3], size_m: f64) -> Self {
+    /// Moves points by an error of the reference and sorts them into voxels.
+    pub fn new(points: &[Vec3], size_m: f64, error: [f64; REFERENCE]) -> Self {
+        let place = ReferencePlace::new(points, error);
+        let [x, y, z, turn @ ..] = error;
+        let shift_m = place.centre_m + Vec3::new(x, y, z);
+        let rotation = exp(&Vec3::from(turn)).to_rotation_matrix();
         let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
         for point in points {
-            let key = voxel_key(point, size_m);
+            let point = shift_m + rotation * (point - place.centre_m);
+            let key = voxel_key(&point, size_m);
             let centre = centre_of(&key, size_m);
             cells.entry(key).or_default().add(&(point - centre));
         }
-        Self { cells }
+        Self { cells, place }
     }
 }
 

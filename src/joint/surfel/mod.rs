@@ -6,7 +6,7 @@ mod cells;
 mod regions;
 
 pub use association::associate;
-pub use cells::ReferenceCells;
+pub use cells::{ReferenceCells, ReferencePlace};
 
 use crate::geometry::Vec3;
 
@@ -115,6 +115,8 @@ pub struct Association {
     pub drives: Vec<DriveRows>,
     /// Patches of the reference's surface errors.
     pub patches: usize,
+    /// Where the reference was put.
+    pub reference: ReferencePlace,
     /// Regions in which scans and reference disagree.
     pub regions: Vec<Region>,
 }

@@ -345,7 +345,7 @@ impl Case {
             &state.motions,
             &state.poses(),
             &state.late_s,
-            &ReferenceCells::new(&self.reference, SURFEL_M),
+            &ReferenceCells::new(&self.reference, SURFEL_M, [0.0; REFERENCE]),
             &Gates {
                 size_m: SURFEL_M,
                 misfit_m,

@@ -47,7 +47,7 @@ fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
         &[Box::new(motion)],
         &[BodyFromScanner::identity()],
         &[0.0],
-        &ReferenceCells::new(reference, SIZE_M),
+        &ReferenceCells::new(reference, SIZE_M, [0.0; 6]),
         &Gates {
             size_m: SIZE_M,
             misfit_m: 5e-4,

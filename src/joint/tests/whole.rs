@@ -3,8 +3,8 @@
 use super::case::{Case, SURFEL_M, truth};
 use crate::adjustment::StopReason;
 use crate::calibration::Mounting;
-use crate::geometry::EulerConvention;
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
+use crate::geometry::{EulerConvention, Vec3};
 use crate::joint::{Joint, adjust};
 use crate::progress::Silent;
 
@@ -46,6 +46,27 @@ fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
             );
         }
     }
+}
+
+#[test]
+fn a_reference_that_is_shifted_is_found_where_it_lies() {
+    let shift_m = Vec3::new(0.012, -0.008, 0.0);
+    let mut case = Case::full();
+    case.reference
+        .iter_mut()
+        .for_each(|point| *point += shift_m);
+    case.settings.reference.shift_m = 0.01;
+    case.settings.reference.tilt_rad = 0.0;
+    let found = adjusted(&case).reference.expect("a reference");
+    for axis in 0..2 {
+        let error_m = found.shift_m[axis] - shift_m[axis];
+        let sigma_m = found.shift_sigma_m[axis];
+        println!("axis {axis}: {error_m:e} of {sigma_m:e}");
+        assert!(error_m.abs() < 4.0 * sigma_m && sigma_m < 0.005);
+    }
+    // Its height is held, and its standard deviation what was known beforehand.
+    assert!(found.shift_m.z.abs() < 1e-6);
+    assert!((found.shift_sigma_m.z - 0.01).abs() < 1e-4);
 }
 
 #[test]
