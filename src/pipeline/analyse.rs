@@ -76,6 +76,7 @@ pub fn analyse(
         &mut job,
     )?;
     let mountings = mountings(project, &calibration, &variants, extras);
+    let doubts = poses.doubts.clone();
     let own = (poses, adjusted);
     let drives = drives::compare(
         &placed,
@@ -104,6 +105,7 @@ pub fn analyse(
         origin_m: project.origin_m,
         background_m: thinned_for_drawing(&reference),
         stages: job.stages().to_vec(),
+        doubts,
         warnings: job.warnings().to_vec(),
     };
     write(project, &findings, extras, &job)?;

@@ -6,7 +6,7 @@ use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::JointReport;
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Doubt, Trajectory};
 
 /// Options of a run beyond the project.
 #[derive(Debug, Clone, Default)]
@@ -49,6 +49,8 @@ pub struct Findings {
     pub background_m: Vec<Vec3>,
     /// Run times in order.
     pub stages: Vec<StageSeconds>,
+    /// Constants of the project that the drive contradicts, the gravest first.
+    pub doubts: Vec<Doubt>,
     /// Results that need attention.
     pub warnings: Vec<String>,
 }

@@ -1,6 +1,7 @@
 //! The job of a command: staged results, a stopwatch, progress and warnings.
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::Instant;
 
 use crate::error::{Error, Result};
@@ -35,7 +36,7 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Runs `work` and records its run time under `name`.
+    /// Runs `work` and records its run time under `name`, and its warnings.
     ///
     /// # Errors
     /// Errors of `work`; [`Error::Cancelled`].
@@ -46,7 +47,16 @@ impl<'a> Job<'a> {
     ) -> Result<T> {
         self.progress.check()?;
         let started = Instant::now();
-        let done = work(self.progress)?;
+        let listener = Listener {
+            progress: self.progress,
+            heard: Mutex::default(),
+        };
+        let done = work(&listener)?;
+        for warning in listener.heard.into_inner().unwrap_or_default() {
+            if !self.warnings.contains(&warning) {
+                self.warnings.push(warning);
+            }
+        }
         self.stages.push(StageSeconds {
             name: name.into(),
             seconds: started.elapsed().as_secs_f64(),
@@ -104,5 +114,40 @@ impl<'a> Job<'a> {
     pub fn commit(self) -> Result<()> {
         self.progress.check()?;
         self.staging.commit()
+    }
+}
+
+/// Passes everything on and keeps the warnings.
+struct Listener<'a> {
+    progress: &'a dyn Progress,
+    heard: Mutex<Vec<String>>,
+}
+
+impl Progress for Listener<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.progress.begin(stage, total);
+    }
+
+    fn advance(&self, units: u64) {
+        self.progress.advance(units);
+    }
+
+    fn end(&self) {
+        self.progress.end();
+    }
+
+    fn say(&self, message: &str) {
+        self.progress.say(message);
+    }
+
+    fn warn(&self, message: &str) {
+        self.progress.warn(message);
+        if let Ok(mut heard) = self.heard.lock() {
+            heard.push(message.to_owned());
+        }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
     }
 }

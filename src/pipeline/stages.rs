@@ -15,7 +15,9 @@ use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
-use crate::trajectory::{Estimate, PosteriorCovariance, Solution, Trajectory, estimate};
+use crate::trajectory::{
+    Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
+};
 
 /// Longest step between nodes that scans are to correct, seconds: also where the prism is lost.
 const JOINT_STEP_S: f64 = 0.25;
@@ -37,6 +39,8 @@ pub struct Poses {
     pub rejected_rows: Vec<RejectedRow>,
     /// Wall time of the estimation without reading; `None` if the poses came from a file.
     pub seconds: Option<f64>,
+    /// Constants of the project that the drive contradicts, the gravest first.
+    pub doubts: Vec<Doubt>,
 }
 
 impl Poses {
@@ -48,6 +52,7 @@ impl Poses {
             covariance: None,
             rejected_rows: Vec::new(),
             seconds: None,
+            doubts: Vec::new(),
         }
     }
 }
@@ -82,12 +87,18 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
         covariance,
         ..
     } = estimate(&logs.motion(), &logs.settings, progress)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let doubts = doubts(&logs.motion(), &logs.settings, &solution, progress)?;
+    for doubt in &doubts {
+        progress.warn(&doubt.describe());
+    }
     Ok(Poses {
         trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),
         covariance: Some(covariance),
         rejected_rows: logs.rejected,
-        seconds: Some(begun.elapsed().as_secs_f64()),
+        seconds: Some(seconds),
+        doubts,
     })
 }
 

@@ -16,7 +16,11 @@ use crate::trajectory::{SensorDiagnostics, Solution};
 /// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
 /// refused stands first.
 pub fn run(findings: &Findings, report: &str) -> String {
-    let methods = method::verdicts(&findings.calibration, findings.joint.as_ref());
+    let mut methods: Vec<_> = findings.doubts.iter().map(verdicts::doubt).collect();
+    methods.extend(method::verdicts(
+        &findings.calibration,
+        findings.joint.as_ref(),
+    ));
     let marked = |mark: &str, wanted: bool| -> String {
         let all = methods.iter();
         all.filter(|found| (found.status == Status::Attention) == wanted)

@@ -9,7 +9,7 @@ use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::progress::StageSeconds;
 use crate::sensor::{PoseRecord, RejectedRow};
-use crate::trajectory::Solution;
+use crate::trajectory::{Doubt, Solution};
 
 /// The whole report.
 #[derive(Debug, Clone, Default)]
@@ -34,6 +34,8 @@ pub struct Content<'a> {
     pub stages: &'a [StageSeconds],
     /// Peak resident memory, bytes.
     pub peak_memory_bytes: Option<u64>,
+    /// Constants of the project that the drive contradicts, the gravest first.
+    pub doubts: &'a [Doubt],
     /// Warnings in the order they were raised.
     pub warnings: &'a [String],
 }

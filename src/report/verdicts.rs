@@ -7,6 +7,7 @@ use crate::comparison::{Against, Agreement, Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3, so3};
 use crate::joint::Joint;
 use crate::statistics::NORMAL_97_5_ROUNDED;
+use crate::trajectory::Doubt;
 
 /// Clouds that agree worse than after two steps by more than this factor need attention: other core
 /// points alone change the RMSE by a few percent.
@@ -14,8 +15,9 @@ const WORSE_THAN_TWO_STEPS: f64 = 1.2;
 /// No error exceeds this many standard deviations by chance: 1 in 16 000 does.
 const NEVER_BY_CHANCE: f64 = 4.0;
 
-/// The summary: which method's values these are, then points that need attention, then the agreement of the clouds, then the
-/// quality of the mountings.
+/// The summary: constants of the project that the drive contradicts, which method's values these are,
+/// then points that need attention, then the agreement of the clouds, then the quality of the
+/// mountings.
 pub fn summary(content: &Content) -> Vec<Verdict> {
     let Some(calibrations) = &content.calibrations else {
         return Vec::new();
@@ -52,9 +54,15 @@ pub fn summary(content: &Content) -> Vec<Verdict> {
         lines.extend(constancy);
     }
     lines.sort_by_key(|line| line.status != Status::Attention);
-    let mut all = method::verdicts(calibrations.result, calibrations.joint);
+    let mut all: Vec<Verdict> = content.doubts.iter().map(doubt).collect();
+    all.extend(method::verdicts(calibrations.result, calibrations.joint));
     all.extend(lines);
     all
+}
+
+/// A constant of the project that the drive contradicts.
+pub fn doubt(doubt: &Doubt) -> Verdict {
+    Verdict::attention(capitalised(&doubt.describe()))
 }
 
 /// The agreement of the clouds of a drive that was not used in the calibration.

@@ -10,6 +10,7 @@ mod conclusion;
 pub(crate) mod constants;
 mod covariance;
 mod diagnostics;
+mod doubts;
 mod estimate;
 pub(crate) mod factors;
 mod gaps;
@@ -34,6 +35,7 @@ pub(crate) mod timeline;
 mod variance;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
+pub use doubts::{Doubt, doubts};
 pub use estimate::{Estimate, estimate};
 pub use imu_noise::{ImuDatasheet, ImuNoise};
 pub use interpolate::{PoseCursor, Trajectory};

@@ -61,6 +61,7 @@ impl Full {
             background_m: &self.background_m,
             stages: &self.stages,
             peak_memory_bytes: Some(1_234_567_890),
+            doubts: &[],
             warnings: &self.warnings,
         }
     }

@@ -5,6 +5,7 @@ mod common;
 #[path = "../common/consistency.rs"]
 mod consistency;
 mod constants;
+mod doubts;
 mod faults;
 mod faulty;
 mod logs_as_they_come;
