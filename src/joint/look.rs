@@ -23,8 +23,8 @@ impl JointProblem<'_> {
         state: &State,
         of: impl Fn(&ScanRow, &Mean) -> T + Sync,
     ) -> Vec<Vec<T>> {
-        let drives = state.motions.iter().enumerate();
-        let of_drive = |(drive, motion): (usize, &Box<dyn Motion>)| {
+        let drives = state.motions.iter().map(AsRef::as_ref).enumerate();
+        let of_drive = |(drive, motion): (usize, &dyn Motion)| {
             let seen = self.seen(drive, state);
             let of_step = |step: usize| {
                 let poses = motion.poses(step);
