@@ -178,7 +178,10 @@ impl Steps<'_> {
         for scaling in 1.. {
             let found = self.components(problem, state)?;
             let change = rescale(problem, &found);
-            self.hold(problem);
+            if self.hold(problem) {
+                // Residuals say nothing of trust before the mountings are back there.
+                self.settle(problem, state, SCALING_SIGMAS)?;
+            }
             problem.find_trust(state);
             if scaling == MAX_SCALINGS || change < SETTLED_SCALE {
                 break;
@@ -200,15 +203,16 @@ impl Steps<'_> {
         Ok(components(problem, state))
     }
 
-    /// Holds what nothing determines.
-    fn hold(&self, problem: &mut JointProblem<'_>) {
+    /// Holds what nothing determines, where it was before; returns whether there is any yet.
+    fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
         if !problem.held.is_empty() {
-            return;
+            return false;
         }
         problem.held = undetermined(problem, self.shared.as_ref());
         if !problem.held.is_empty() {
             problem.judge_by(None);
         }
+        !problem.held.is_empty()
     }
 }
 

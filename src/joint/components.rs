@@ -8,10 +8,12 @@ use crate::statistics::drawn_sign;
 
 /// Vectors of signs; each gives the trace to √(2 tr ((J H⁻¹ Jᵀ)²)).
 const PROBES: usize = 8;
-/// Groups with less redundancy keep their standard deviations.
+/// Groups with less redundancy, or within so many standard deviations of the probes of none, keep their
+/// standard deviations.
 const MIN_REDUNDANCY: f64 = 30.0;
+const PROBE_SIGMAS: f64 = 4.0;
 
-/// Largest step of Newton in ln s² (ln 4), unless ln(Ω/r) is larger itself.
+/// Largest step of Newton in ln s² (ln 4), unless the noise is larger by more.
 const MAX_STEP: f64 = 1.386;
 /// Largest n/r taken: where little is redundant, r falls with the scale, and the whole step overshoots.
 const MAX_EXPONENT: f64 = 3.0;
@@ -32,6 +34,13 @@ impl Component {
     /// the group.
     pub fn ratio(&self) -> Option<f64> {
         (self.redundancy > 1.0).then(|| self.chi_square / self.redundancy)
+    }
+
+    /// Whether its redundancy is more than what probes leave of none.
+    fn is_redundant(&self) -> bool {
+        let trace = (self.rows as f64 - self.redundancy).max(0.0);
+        let probe_sigma = (2.0 * trace / PROBES as f64).sqrt();
+        self.redundancy > MIN_REDUNDANCY.max(PROBE_SIGMAS * probe_sigma)
     }
 
     /// Both groups together.
@@ -115,12 +124,12 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
 pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
     let (mut rows, mut squares) = (0.0, 0.0);
     for (group, component) in found.iter().enumerate() {
-        if problem.groups.is_estimated(group) && component.redundancy > MIN_REDUNDANCY {
+        if problem.groups.is_estimated(group) && component.is_redundant() {
             let ratio = (component.chi_square / component.redundancy).ln();
-            let most = ratio.abs().max(MAX_STEP);
+            let most = ratio.max(MAX_STEP);
             let exponent = component.rows as f64 / component.redundancy;
             let newton = ratio * exponent.min(MAX_EXPONENT);
-            let factor = (0.5 * newton.clamp(-most, most)).exp();
+            let factor = (0.5 * newton.clamp(-MAX_STEP, most)).exp();
             problem.groups.scale[group] *= factor;
             rows += component.rows as f64;
             squares += component.rows as f64 * (factor - 1.0).powi(2);
