@@ -100,7 +100,7 @@ pub fn adjust(
         let moved_m = problem.moved_m(&before, &state).max(reference_m.norm());
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
-            let found = steps.components(&mut problem, &state)?;
+            let found = components_at(&mut problem, &state)?;
             drop(stage);
             return conclude(&problem, &state, &found, (stop, steps.iterations));
         }
@@ -176,7 +176,9 @@ impl Steps<'_> {
         self.settle(problem, state, SCALING_SIGMAS)?;
         problem.raise_noise(state);
         for scaling in 1.. {
-            let found = self.components(problem, state)?;
+            let found = components_at(problem, state)?;
+            self.shared = problem.shared_covariance();
+            problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &found);
             if self.hold(problem) {
                 // Residuals say nothing of trust before the mountings are back there.
@@ -191,18 +193,6 @@ impl Steps<'_> {
         self.settle(problem, state, CONVERGED_SIGMAS)
     }
 
-    /// What the residuals say about the noise of each group.
-    fn components(
-        &mut self,
-        problem: &mut JointProblem<'_>,
-        state: &State,
-    ) -> Result<Vec<Component>> {
-        problem.factorise(state).ok_or_else(not_determined)?;
-        self.shared = problem.shared_covariance();
-        problem.judge_by(self.shared.as_ref());
-        Ok(components(problem, state))
-    }
-
     /// Holds what nothing determines, where it was before; returns whether there is any yet.
     fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
         if !problem.held.is_empty() {
@@ -214,6 +204,12 @@ impl Steps<'_> {
         }
         !problem.held.is_empty()
     }
+}
+
+/// What the residuals at a state say about the noise of each group; the problem then holds the factor.
+fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
+    problem.factorise(state).ok_or_else(not_determined)?;
+    Ok(components(problem, state))
 }
 
 /// # Errors
@@ -252,8 +248,7 @@ fn check_overlap(input: &JointInput<'_>, found: &Association) -> Result<()> {
         ));
     }
     for (scanner, mounting) in (0..).zip(&input.mountings) {
-        let rows = found.drives.iter().flat_map(|drive| &drive.rows);
-        let rows = rows.filter(|row| row.scanner == scanner).count();
+        let rows = found.rows().filter(|row| row.scanner == scanner).count();
         if rows < MIN_SURFELS {
             return Err(Error::of(
                 Problem::TooFew,

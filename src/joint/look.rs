@@ -17,12 +17,12 @@ use crate::statistics::{SIGMAS_PER_MAD, median};
 const FAR_LARGER: f64 = 2.0;
 
 impl JointProblem<'_> {
-    /// Means of all rows at a state, with what `of` makes of each.
+    /// What `of` makes of the mean of each row at a state, in the order of the rows.
     fn each_mean<T: Send>(
         &self,
         state: &State,
         of: impl Fn(&ScanRow, &Mean) -> T + Sync,
-    ) -> Vec<Vec<T>> {
+    ) -> Vec<T> {
         let drives = state.motions.iter().map(AsRef::as_ref).enumerate();
         let of_drive = |(drive, motion): (usize, &dyn Motion)| {
             let seen = self.seen(drive, state);
@@ -34,21 +34,15 @@ impl JointProblem<'_> {
                 rows.map(mean).collect::<Vec<T>>()
             };
             let steps = (0..motion.steps()).into_par_iter();
-            let found: Vec<Vec<T>> = steps.map(of_step).collect();
-            found.into_iter().flatten().collect()
+            steps.map(of_step).collect::<Vec<_>>()
         };
-        drives.map(of_drive).collect()
+        drives.flat_map(of_drive).flatten().collect()
     }
 
     /// Finds how far the points of each row lie from their scanner.
     pub fn find_depths(&mut self, state: &State) {
         let depths = self.each_mean(state, |_, mean| mean.depth_m);
-        let rows = self
-            .found
-            .drives
-            .iter_mut()
-            .flat_map(|drive| &mut drive.rows);
-        for (row, depth_m) in rows.zip(depths.into_iter().flatten()) {
+        for (row, depth_m) in self.found.rows_mut().zip(depths) {
             row.depth_m = depth_m;
         }
     }
@@ -61,7 +55,7 @@ impl JointProblem<'_> {
             (group, (mean.residual_m / sigma_m).abs())
         });
         let mut of_group = vec![Vec::new(); self.groups.names.len()];
-        for (group, residual) in found.into_iter().flatten() {
+        for (group, residual) in found {
             of_group[group].push(residual);
         }
         for (scale, residuals) in self.groups.scale.iter_mut().zip(of_group) {
@@ -85,8 +79,7 @@ impl JointProblem<'_> {
                 })
             })
             .collect();
-        let rows = || self.found.drives.iter().flat_map(|drive| &drive.rows);
-        for (row, residual) in rows().zip(residuals.iter().flatten()) {
+        for (row, residual) in self.found.rows().zip(&residuals) {
             let (squares, free) = &mut of_surfel[row.surfel as usize];
             *squares += residual * residual;
             *free += 1.0;
@@ -95,12 +88,7 @@ impl JointProblem<'_> {
             .iter()
             .map(|(squares, free)| surfel_trust((squares / free.max(1.0)).sqrt()))
             .collect();
-        let rows = self
-            .found
-            .drives
-            .iter_mut()
-            .flat_map(|drive| &mut drive.rows);
-        for (row, residual) in rows.zip(residuals.into_iter().flatten()) {
+        for (row, residual) in self.found.rows_mut().zip(residuals) {
             row.trust = row_trust(residual).min(of_surfel[row.surfel as usize]);
         }
     }
@@ -108,8 +96,9 @@ impl JointProblem<'_> {
     /// Moves the surfels to where the scans see them from these poses.
     pub fn fit_shapes(&self, state: &mut State) {
         let found = self.each_mean(state, |row, mean| {
-            let by = Vec3::from(mean.by_shape) / self.noise(row).1;
-            (row.surfel, by, mean.residual_m / self.noise(row).1)
+            let (_, sigma_m) = self.noise(row);
+            let by = Vec3::from(mean.by_shape) / sigma_m;
+            (row.surfel, by, mean.residual_m / sigma_m)
         });
         let mut normal: Vec<(Mat3, Vec3)> = self
             .found
@@ -130,7 +119,7 @@ impl JointProblem<'_> {
                 )
             })
             .collect();
-        for (surfel, by, residual) in found.into_iter().flatten() {
+        for (surfel, by, residual) in found {
             let (matrix, side) = &mut normal[surfel as usize];
             *matrix += by * by.transpose();
             *side -= by * residual;

@@ -146,6 +146,7 @@ impl<'a> JointProblem<'a> {
         (group, sigma_m.hypot(LEAST_SIGMA_M))
     }
 
+    /// What the scan factors of a drive depend on at a state.
     pub fn seen<'b>(&'b self, drive: usize, state: &'b State) -> Seen<'b> {
         Seen {
             rows: &self.found.drives[drive],

@@ -258,11 +258,7 @@ pub struct ConstantText {
 
 /// An estimated constant in display units.
 pub fn constant_text(constant: &crate::trajectory::EstimatedConstant) -> ConstantText {
-    let (factor, unit) = match constant.unit {
-        "rad" => (1f64.to_degrees(), "°"),
-        "s" => (1e3, "ms"),
-        other => (1.0, other),
-    };
+    let (factor, unit) = constant.shown_in();
     let sigma = constant.sigma.map(|sigma| factor * sigma);
     // Sigma to two significant digits, the value to the same decimal.
     let decimals = sigma

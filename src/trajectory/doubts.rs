@@ -35,6 +35,8 @@ const MATCH_RAD: f64 = 0.035;
 pub struct Doubt {
     /// Which.
     pub constant: Constant,
+    /// Its name in the project.
+    pub name: String,
     /// Its components with the project's values and those found.
     pub values: Vec<EstimatedConstant>,
     /// How far the worst component is off, in standard deviations.
@@ -149,6 +151,7 @@ fn doubt(constant: Constant, settings: &TrajectorySettings, solution: &Solution)
     let worst = values.iter().filter_map(sigmas).fold(0.0, f64::max);
     (solution.converged && worst > MAX_SIGMAS).then_some(Doubt {
         constant,
+        name,
         values,
         sigmas: worst,
     })
@@ -173,30 +176,18 @@ fn squares(solution: &Solution) -> f64 {
 }
 
 impl Doubt {
-    /// A stable name: that of the constant.
-    pub fn name(&self) -> String {
-        match self.values.as_slice() {
-            [one] => one.name.clone(),
-            [first, ..] => first
-                .name
-                .rsplit_once('.')
-                .map_or("", |(name, _)| name)
-                .to_owned(),
-            [] => String::new(),
-        }
-    }
-
     /// What the drive finds, what it is likely to be, and what to write.
     pub fn describe(&self) -> String {
-        let name = self.name();
+        let name = &self.name;
         let list = |of: &dyn Fn(&EstimatedConstant) -> String| {
             self.values.iter().map(of).collect::<Vec<_>>().join(", ")
         };
-        let (factor, unit, digits) = match self.constant {
-            Constant::LeverArm(_) => (1.0, "m", 4),
-            Constant::TimeOffset(_) | Constant::HeadingTimeOffset => (1e3, "ms", 1),
-            Constant::HeadingOffset => (1f64.to_degrees(), "°", 2),
-            _ => (1.0, "m/s²", 4),
+        let first = self.values.first();
+        let (factor, unit) = first.map_or((1.0, ""), EstimatedConstant::shown_in);
+        let digits = match unit {
+            "ms" => 1,
+            "°" => 2,
+            _ => 4,
         };
         let with_sigma = |found: &EstimatedConstant| {
             let sigma = found.sigma.unwrap_or(f64::NAN) * factor;
@@ -218,10 +209,8 @@ impl Doubt {
 
     /// The line to write.
     fn remedy(&self) -> String {
-        let name = self.name();
-        let table = name
-            .split_once('.')
-            .map_or(name.as_str(), |(table, _)| table);
+        let name = self.name.as_str();
+        let table = name.split_once('.').map_or(name, |(table, _)| table);
         let value = self.values.first().map_or(f64::NAN, |found| found.value);
         match self.constant {
             Constant::LeverArm(_) => {
@@ -320,6 +309,7 @@ mod tests {
     fn lever_arm(of: &[(f64, f64); 3]) -> Doubt {
         Doubt {
             constant: Constant::LeverArm(0),
+            name: "prism.lever_arm".into(),
             values: values(of),
             sigmas: 50.0,
         }

@@ -143,6 +143,18 @@ pub struct EstimatedConstant {
     pub sigma: Option<f64>,
 }
 
+impl EstimatedConstant {
+    /// The factor to the unit in which it is shown, and that unit: angles in degrees, times in
+    /// milliseconds.
+    pub fn shown_in(&self) -> (f64, &'static str) {
+        match self.unit {
+            "rad" => (1f64.to_degrees(), "°"),
+            "s" => (1e3, "ms"),
+            other => (1.0, other),
+        }
+    }
+}
+
 /// A clock that was set during recording.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct ClockJump {

@@ -33,6 +33,7 @@ pub fn settings_of(scenario: &Scenario) -> TrajectorySettings {
 }
 
 /// What `estimate` takes.
+#[derive(Clone)]
 pub struct Logs {
     pub imu: Vec<ImuSample>,
     pub prism: Vec<PositionFix>,
@@ -46,12 +47,15 @@ impl Logs {
     }
 
     pub fn try_estimate(&self) -> Result<Estimate> {
-        let logs = MotionLogs {
+        estimate(&self.motion(), &self.settings, &Silent)
+    }
+
+    pub fn motion(&self) -> MotionLogs<'_> {
+        MotionLogs {
             imu: &self.imu,
             positions: std::slice::from_ref(&self.prism),
             heading: &self.heading,
-        };
-        estimate(&logs, &self.settings, &Silent)
+        }
     }
 }
 

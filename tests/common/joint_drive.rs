@@ -14,7 +14,7 @@ use boresight::pipeline::joint::{Drive, report, with_known_mountings};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
-use boresight::simulation::{Scenario, simulate};
+use boresight::simulation::{Scenario, SimulatedDrive, simulate};
 use boresight::trajectory::Trajectory;
 
 /// Unknowns of a mounting.
@@ -94,8 +94,7 @@ impl Run {
             })
             .collect();
         (setup.project)(&mut project);
-        let exact = files.drives[0].folder.join("truth/trajectory.csv");
-        let exact = Trajectory::new(format::read_trajectory(&exact)?)?;
+        let exact = true_poses(&files.drives[0])?;
         let truth = scenario.true_mountings();
         let reference = match &setup.reference {
             Some((shift_m, turn)) => moved(stages::reference(&project, &Silent)?, shift_m, turn),
@@ -163,11 +162,10 @@ impl Run {
             };
             let mountings = joint.mountings.clone();
             let adjusted = with_known_mountings(&drive, mountings, &joint.covariance, &Silent)?;
-            let exact = other.folder.join("truth/trajectory.csv");
             let check = Check {
                 scenario: &scenario,
                 samples: &samples,
-                exact: &Trajectory::new(format::read_trajectory(&exact)?)?,
+                exact: &true_poses(other)?,
                 truth: &truth,
             };
             let still = [0.0; 2];
@@ -238,6 +236,11 @@ impl Run {
         put(3, 9, back);
         jacobian
     }
+}
+
+fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
+    let file = drive.folder.join("truth/trajectory.csv");
+    Trajectory::new(format::read_trajectory(&file)?)
 }
 
 fn errors(found: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {

@@ -6,7 +6,7 @@ use super::consistency::{Logs, twin};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
 use boresight::simulation::{Drive, Scenario, Scene};
-use boresight::trajectory::{Doubt, MotionLogs, doubts};
+use boresight::trajectory::{Doubt, doubts};
 
 fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
     let mut scenario = Scenario::demo();
@@ -17,13 +17,8 @@ fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
 }
 
 fn doubted(logs: &Logs) -> Vec<Doubt> {
-    let motion = MotionLogs {
-        imu: &logs.imu,
-        positions: std::slice::from_ref(&logs.prism),
-        heading: &logs.heading,
-    };
-    let found = logs.estimate();
-    doubts(&motion, &logs.settings, &found.solution, &Silent).expect("tests of the constants")
+    let solution = logs.estimate().solution;
+    doubts(&logs.motion(), &logs.settings, &solution, &Silent).expect("tests of the constants")
 }
 
 fn prism_late(logs: &mut Logs, late_s: f64) {
@@ -137,16 +132,11 @@ fn mistakes_in_constants_are_named() {
     let clean = drive(81, |scenario| scenario.drives[0].passes.truncate(6));
     let mut failed = Vec::new();
     for (what, make, expected, likely) in MISTAKES {
-        let mut logs = Logs {
-            imu: clean.imu.clone(),
-            prism: clean.prism.clone(),
-            heading: clean.heading.clone(),
-            settings: clean.settings.clone(),
-        };
+        let mut logs = clean.clone();
         make(&mut logs);
         let begun = Instant::now();
         let found = doubted(&logs);
-        let mut names: Vec<String> = found.iter().map(Doubt::name).collect();
+        let mut names: Vec<String> = found.iter().map(|doubt| doubt.name.clone()).collect();
         println!("{what}: {:.2} s", begun.elapsed().as_secs_f64());
         found
             .iter()

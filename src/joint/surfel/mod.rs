@@ -121,6 +121,18 @@ pub struct Association {
     pub regions: Vec<Region>,
 }
 
+impl Association {
+    /// The rows of all drives, one drive behind the other.
+    pub fn rows(&self) -> impl Iterator<Item = &ScanRow> {
+        self.drives.iter().flat_map(|drive| &drive.rows)
+    }
+
+    /// The same, to be changed.
+    pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut ScanRow> {
+        self.drives.iter_mut().flat_map(|drive| &mut drive.rows)
+    }
+}
+
 /// A region in which scans and reference disagree, as where a board was moved.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Region {

@@ -111,7 +111,7 @@ fn step_and_covariances_are_those_of_dense_algebra() {
     });
 }
 
-/// That of the adjustment.
+/// With the damping of the adjustment.
 fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
     let ended = levenberg_marquardt(problem, state, DAMPING, (30, CONVERGED_SIGMAS), &Silent)
         .expect("not cancelled");
