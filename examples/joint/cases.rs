@@ -53,6 +53,9 @@ pub const NAMES: [&str; 23] = [
 /// Plants of the drives with clods.
 const PLANTS_PER_M2: f64 = 10.0;
 
+/// Directions of a revolution of the lidar: half of what such lidars have.
+const LIDAR_COLUMNS: usize = 720;
+
 /// Length of what is kept and left out in turn of odd and even halves, seconds: about a pass.
 const HALF_S: f64 = 25.0;
 
@@ -72,7 +75,10 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
     let mut change: Box<dyn Fn(&mut Project)> = Box::new(|_| ());
     match name {
         "reference" | "plain-reference" => {}
-        "lidar" => scenario.scanners[1] = lidar(),
+        "lidar" => {
+            scenario.scanners[1] = lidar();
+            scenario.lidar.columns = LIDAR_COLUMNS;
+        }
         "three-drives" => setup.drives = 3,
         "evaluation" => setup.evaluate = true,
         "odd" | "even" => setup.keep = Some((HALF_S, name == "even")),

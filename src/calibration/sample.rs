@@ -104,9 +104,12 @@ impl ScannerSample {
     }
 }
 
-/// Keeps one point per voxel and pass, each of them with the same chance. The one nearest to the
-/// centre would be chosen by its noise: where many points share a voxel, a plane would come out
-/// nearer to the voxels' centres. Points are added in time order.
+/// Keeps one point per voxel and pass, drawn by chance. The one nearest to the centre would be chosen
+/// by its noise: where many points share a voxel, a plane would come out nearer to the voxels' centres.
+///
+/// First a moment is drawn, in the same order of preference for all voxels, then one of its points:
+/// neighbouring voxels that a scanner keeps in sight for long keep points of the same moments.
+/// Points are added in time order.
 struct Thinner<Point> {
     voxel_m: f64,
     pass_gap_s: f64,
@@ -116,10 +119,16 @@ struct Thinner<Point> {
     seen: u64,
 }
 
+/// How long a moment is, seconds: a revolution of a lidar, at most a step of the trajectory.
+const MOMENT_S: f64 = 0.1;
+
 /// The latest pass of a voxel.
 struct Latest {
     kept: usize,
     seen_s: f64,
+    /// Preference of the moment of the point that is kept, and how many points it has so far.
+    moment: u32,
+    of_moment: u64,
 }
 
 impl<Point> Thinner<Point> {
@@ -134,26 +143,36 @@ impl<Point> Thinner<Point> {
     }
 
     fn add(&mut self, point: Point, time_s: f64, world: &Vec3) {
-        let next = self.kept.len();
-        let first = Latest {
-            kept: next,
-            seen_s: time_s,
-        };
-        let key = voxel_key(world, self.voxel_m);
-        let pass = self.latest.entry(key).or_insert(first);
-        if time_s - pass.seen_s > self.pass_gap_s {
-            pass.kept = next;
-        }
+        let moment = ((time_s / MOMENT_S).floor() as i64).trailing_zeros();
+        let pass = self
+            .latest
+            .entry(voxel_key(world, self.voxel_m))
+            .or_insert(Latest {
+                kept: usize::MAX,
+                seen_s: time_s,
+                moment,
+                of_moment: 0,
+            });
+        let is_over = time_s - pass.seen_s > self.pass_gap_s;
         pass.seen_s = time_s;
         self.seen += 1;
-        if pass.kept == next {
+        if is_over || pass.kept == usize::MAX {
+            pass.kept = self.kept.len();
+            (pass.moment, pass.of_moment) = (moment, 1);
             self.kept.push((point, 1));
             return;
         }
         let (kept, count) = &mut self.kept[pass.kept];
         *count += 1;
-        // The k-th point takes the place with the chance 1/k (Vitter 1985).
-        if drawn(self.seen).is_multiple_of(u64::from(*count)) {
+        if moment < pass.moment {
+            return;
+        }
+        if moment > pass.moment {
+            (pass.moment, pass.of_moment) = (moment, 0);
+        }
+        pass.of_moment += 1;
+        // The k-th point of a moment takes the place with the chance 1/k (Vitter 1985).
+        if drawn(self.seen).is_multiple_of(pass.of_moment) {
             *kept = point;
         }
     }
@@ -340,6 +359,17 @@ mod tests {
             (kept - all).abs() < 4.0 * 0.144 / count.sqrt(),
             "{kept} and {all}"
         );
+    }
+
+    #[test]
+    fn voxels_that_stay_in_sight_keep_points_of_the_same_moment() {
+        // Eight voxels, each seen now and then for 20 s.
+        let at = |i: u32| (0.013 * f64::from(i), f64::from(i % 8) + 0.5);
+        let points: Vec<_> = (0..1600).map(at).collect();
+        let sample = sampled(&points, 1.0).unwrap();
+        let times: Vec<f64> = found(&sample, 0..8).iter().map(|point| point.0).collect();
+        let (first, last) = (times[0], times[7]);
+        assert!(last - first < MOMENT_S, "{times:?}");
     }
 
     #[test]

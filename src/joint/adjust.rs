@@ -36,8 +36,11 @@ const SCALING_SIGMAS: f64 = 0.5;
 /// Most rounds.
 const MAX_ROUNDS: usize = 10;
 
-/// Most entries of the factor of the normal equations, 8 bytes each.
-const MAX_FACTOR_ENTRIES: usize = 400_000_000;
+/// Most entries of the factor of the normal equations, 8 bytes each: those of three drives with two
+/// profile scanners.
+const MAX_FACTOR_ENTRIES: usize = 350_000_000;
+/// Most steps from one keyframe to the next.
+const MAX_KEYFRAME_STEPS: usize = 64;
 
 /// As for the trajectory alone, but for the rise of the cost: derivatives of poses between nodes are
 /// right to a hundredth, and where they vanish is not quite where the cost is least. A rise of 1e-5 is a
@@ -71,21 +74,29 @@ pub fn adjust(
         progress,
     };
     let (mut round, mut again) = (Round::Coarse, false);
+    let mut keyframe_steps = vec![1; input.mountings.len()];
     for repeat in 1..=MAX_ROUNDS {
         progress.check()?;
-        let gates = Gates {
-            size_m: surfel_m,
-            misfit_m: round.misfit_share() * surfel_m,
-            patch_m: PATCH_SIZES * surfel_m,
+        let mut problem = loop {
+            let gates = Gates {
+                size_m: surfel_m,
+                misfit_m: round.misfit_share() * surfel_m,
+                patch_m: PATCH_SIZES * surfel_m,
+                keyframe_steps: keyframe_steps.clone(),
+            };
+            let (poses, late_s) = (state.poses(), &state.late_s);
+            let found = associate(&scans, &state.motions, &poses, late_s, &reference, &gates);
+            check_overlap(input, &found)?;
+            state.shapes = vec![Vec3::zeros(); found.surfels.len()];
+            state.patches = vec![0.0; found.patches];
+            let begin = (&state, held.clone(), surface_m);
+            let problem = JointProblem::new(input, settings, found, groups.clone(), begin);
+            if problem.factor_entries() <= MAX_FACTOR_ENTRIES {
+                break problem;
+            }
+            let fewer = fewer_keyframes(&problem, &keyframe_steps);
+            keyframe_steps = fewer.ok_or_else(|| too_large(&problem))?;
         };
-        let (poses, late_s) = (state.poses(), &state.late_s);
-        let found = associate(&scans, &state.motions, &poses, late_s, &reference, &gates);
-        check_overlap(input, &found)?;
-        state.shapes = vec![Vec3::zeros(); found.surfels.len()];
-        state.patches = vec![0.0; found.patches];
-        let begin = (&state, held, surface_m);
-        let mut problem = JointProblem::new(input, settings, found, groups, begin);
-        check_size(&problem)?;
         problem.judge_by(steps.shared.as_ref());
         if again {
             problem.fit_shapes(&mut state);
@@ -212,24 +223,33 @@ fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Co
     Ok(components(problem, state))
 }
 
-/// # Errors
-/// A factor too large for memory: nearly all poses see the same surface, as those of a slow robot
-/// with a scanner that looks far.
-fn check_size(problem: &JointProblem<'_>) -> Result<()> {
-    let entries = problem.factor_entries();
-    if entries <= MAX_FACTOR_ENTRIES {
-        return Ok(());
-    }
-    Err(Error::of(
+/// Half as many keyframes of the scanner with the most rows; `None` if it has few already.
+///
+/// Where nearly all poses see the same surface, as those of a robot with a lidar that looks far, nearly
+/// all nodes are coupled with each other. All else does without the rows between keyframes: a surfel
+/// that stays in sight is seen often enough.
+fn fewer_keyframes(problem: &JointProblem<'_>, keyframe_steps: &[usize]) -> Option<Vec<usize>> {
+    let rows_of = |scanner: usize| {
+        let rows = problem.found.rows();
+        rows.filter(|row| row.scanner as usize == scanner).count()
+    };
+    let fullest = (0..keyframe_steps.len()).max_by_key(|&scanner| rows_of(scanner))?;
+    let mut fewer = keyframe_steps.to_vec();
+    fewer[fullest] *= 2;
+    (fewer[fullest] <= MAX_KEYFRAME_STEPS).then_some(fewer)
+}
+
+fn too_large(problem: &JointProblem<'_>) -> Error {
+    Error::of(
         Problem::TooMany,
         format!(
             "the normal equations of the joint adjustment need {:.0} GB: too many poses see the \
              same surface",
-            8e-9 * entries as f64
+            8e-9 * problem.factor_entries() as f64
         ),
         "shorten the drive, limit the range of the scanner, or choose larger surfels with \
          joint.surfel_m",
-    ))
+    )
 }
 
 /// # Errors

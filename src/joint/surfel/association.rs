@@ -104,6 +104,9 @@ pub fn associate(
         let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
         surfel.class = class.unwrap_or(CLASSES - 1);
     }
+    for drive in &mut drives {
+        keep_keyframes(drive, &gates.keyframe_steps);
+    }
     find_coverage(&surfels, mountings.len(), &mut drives);
     drop_unseen(&mut surfels, &mut drives, scans);
     Association {
@@ -254,6 +257,24 @@ fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32
     excess_m2.max(0.0).sqrt()
 }
 
+/// Keeps of each scanner only the rows of its keyframes: of so many steps in turn the one with the most
+/// rows.
+fn keep_keyframes(drive: &mut DriveRows, keyframe_steps: &[usize]) {
+    for (scanner, &every) in (0..).zip(keyframe_steps).filter(|(_, every)| **every > 1) {
+        let rows_of = |step: usize| {
+            let rows = drive.of_step(step).iter();
+            rows.filter(|row| row.scanner == scanner).count()
+        };
+        let steps: Vec<usize> = (0..drive.step_start.len() - 1).collect();
+        let fullest = |window: &[usize]| window.iter().copied().max_by_key(|&step| rows_of(step));
+        let keyframes: Vec<usize> = steps.chunks(every).filter_map(fullest).collect();
+        drive.retain(|step, row| {
+            let is_kept = row.scanner != scanner || keyframes.binary_search(&step).is_ok();
+            is_kept.then_some(row.surfel)
+        });
+    }
+}
+
 /// Finds how much of its surfel each row saw: its share of the points of the fullest row of the
 /// scanner.
 fn find_coverage(surfels: &[Surfel], scanners: usize, drives: &mut [DriveRows]) {
@@ -301,17 +322,7 @@ fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[Sca
         })
         .collect();
     for drive in drives {
-        let mut kept = Vec::with_capacity(drive.rows.len());
-        let mut step_start = vec![0];
-        for step in 0..drive.step_start.len() - 1 {
-            kept.extend(drive.of_step(step).iter().filter_map(|row| {
-                let surfel = number[row.surfel as usize]?;
-                Some(ScanRow { surfel, ..*row })
-            }));
-            step_start.push(kept.len() as u32);
-        }
-        drive.rows = kept;
-        drive.step_start = step_start;
+        drive.retain(|_, row| number[row.surfel as usize]);
     }
     let mut keep = number.iter();
     surfels.retain(|_| keep.next().is_some_and(Option::is_some));

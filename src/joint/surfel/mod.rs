@@ -101,6 +101,21 @@ impl DriveRows {
         &self.rows[self.step_start[step] as usize..self.step_start[step + 1] as usize]
     }
 
+    /// Keeps the rows for which `surfel` returns one, by its new number, given their step.
+    fn retain(&mut self, surfel: impl Fn(usize, &ScanRow) -> Option<u32>) {
+        let mut kept = Vec::with_capacity(self.rows.len());
+        let mut step_start = vec![0];
+        for step in 0..self.step_start.len() - 1 {
+            kept.extend(self.of_step(step).iter().filter_map(|row| {
+                let surfel = surfel(step, row)?;
+                Some(ScanRow { surfel, ..*row })
+            }));
+            step_start.push(kept.len() as u32);
+        }
+        self.rows = kept;
+        self.step_start = step_start;
+    }
+
     /// The points of a row.
     pub fn points_of(&self, row: &ScanRow) -> &[RowPoint] {
         &self.points[row.first as usize..(row.first + row.count) as usize]
@@ -175,7 +190,7 @@ struct Tally {
 }
 
 /// What decides which points belong to a surfel.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Gates {
     /// Edge of the voxels, metres.
     pub size_m: f64,
@@ -183,4 +198,6 @@ pub struct Gates {
     pub misfit_m: f64,
     /// Edge of the patches of the reference's surface errors, metres.
     pub patch_m: f64,
+    /// Of so many steps in turn one has rows, for each scanner.
+    pub keyframe_steps: Vec<usize>,
 }

@@ -5,7 +5,7 @@ use crate::cloud::voxel::{VoxelKey, voxel_key};
 use crate::geometry::{Mat3, Vec3};
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
-use crate::joint::surfel::ScanRow;
+use crate::joint::surfel::{Association, ScanRow};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the points of a row lie from their scanner along the normal, with the profile in the middle.
@@ -247,4 +247,31 @@ fn surfels_and_rows_are_those_of_a_loop_over_all_points() {
             assert_eq!(&rows, expected);
         }
     }
+}
+
+#[test]
+fn between_keyframes_a_scanner_has_no_rows() {
+    let case = Case::full();
+    let input = case.input();
+    let all = case.associated(&input, 0.002);
+    let found = case.associated_at(&input, 0.002, vec![1, 4]);
+    let rows_of = |step: usize, scanner: u32, of: &Association| {
+        let rows = of.drives[0].of_step(step).iter();
+        rows.filter(|row| row.scanner == scanner).count()
+    };
+    let steps = all.drives[0].step_start.len() - 1;
+    let mut with_rows = 0;
+    for first in (0..steps).step_by(4) {
+        let window = first..(first + 4).min(steps);
+        let keyframes = window.clone().filter(|&step| rows_of(step, 1, &found) > 0);
+        assert!(keyframes.clone().count() <= 1);
+        for keyframe in keyframes {
+            with_rows += 1;
+            let most = window.clone().map(|step| rows_of(step, 1, &all)).max();
+            assert_eq!(Some(rows_of(keyframe, 1, &all)), most);
+        }
+    }
+    assert!(with_rows > 2, "{with_rows} keyframes");
+    let of_left = |of: &Association| (0..steps).map(|step| rows_of(step, 0, of)).sum::<usize>();
+    assert!(of_left(&found) > of_left(&all) * 9 / 10);
 }

@@ -339,6 +339,16 @@ impl Case {
     }
 
     pub fn associated(&self, input: &JointInput<'_>, misfit_m: f64) -> Association {
+        self.associated_at(input, misfit_m, Vec::new())
+    }
+
+    /// With the rows of keyframes, one of so many steps for each scanner.
+    pub fn associated_at(
+        &self,
+        input: &JointInput<'_>,
+        misfit_m: f64,
+        keyframe_steps: Vec<usize>,
+    ) -> Association {
         let state = self.state();
         associate(
             &[input.drives[0].scans.clone()],
@@ -350,6 +360,7 @@ impl Case {
                 size_m: SURFEL_M,
                 misfit_m,
                 patch_m: 0.3,
+                keyframe_steps,
             },
         )
     }

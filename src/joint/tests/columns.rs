@@ -52,6 +52,7 @@ fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
             size_m: SIZE_M,
             misfit_m: 5e-4,
             patch_m: 0.3,
+            keyframe_steps: Vec::new(),
         },
     )
 }
