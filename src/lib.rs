@@ -170,6 +170,7 @@
 //! | [`output`] | result files, written completely or not at all |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`statistics`] | median, quantiles, χ², Student's t |
+//! | [`verdict`] | statements about results, with severity and code |
 //! | [`sensor`] | measurements of each sensor, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
 //! | [`mod@format`] | readers and writers, one file per format; detection |
@@ -178,6 +179,7 @@
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
+//! | [`preflight`] | mistakes that raw logs and the first placement of the scans show |
 //! | [`joint`] | one adjustment of trajectory and mountings: surfels, scan factors, tests of the model |
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`tiles`] | clouds larger than memory: features, M3C2, thinning |
@@ -200,6 +202,7 @@ pub mod georeference;
 pub mod joint;
 pub mod output;
 pub mod pipeline;
+pub mod preflight;
 pub mod progress;
 pub mod project;
 pub mod report;
@@ -209,6 +212,7 @@ pub mod statistics;
 pub mod surface;
 pub mod tiles;
 pub mod trajectory;
+pub mod verdict;
 
 pub use error::{Error, Problem, Result};
 /// The linear algebra of the public interface.

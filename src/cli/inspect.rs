@@ -8,8 +8,9 @@ use super::describe;
 use super::print::unprintable;
 use crate::error::Result;
 use crate::format::{self, Format};
-use crate::pipeline::Outcome;
+use crate::pipeline::{self, Outcome};
 use crate::project::Project;
+use crate::verdict::Verdict;
 
 /// Describe files: format, span, rate, gaps, units, counts; for a project, what a run will do
 #[derive(Debug, clap::Args)]
@@ -28,12 +29,12 @@ impl Inspect {
     pub fn execute(&self) -> Result<(Outcome, bool)> {
         let mut documents = Vec::new();
         let mut texts = Vec::new();
-        let mut all_read = true;
+        let (mut all_read, mut verdicts) = (true, Vec::new());
         for file in &self.files {
             let inspected = if self.allan {
                 super::allan::inspect(file)
             } else {
-                inspect(file)
+                inspect(file, &mut verdicts)
             };
             let (document, text) = match inspected {
                 Ok(found) => found,
@@ -52,13 +53,15 @@ impl Inspect {
         let outcome = Outcome {
             result: json!({ "files": documents }),
             summary: texts.join("\n\n"),
-            files: Vec::new(),
+            verdicts: (!verdicts.is_empty()).then_some(verdicts),
+            ..Outcome::default()
         };
         Ok((outcome, all_read))
     }
 }
 
-fn inspect(file: &Path) -> Result<(Value, String)> {
+/// Adds what the logs of a project contradict to `verdicts`.
+fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
     if format::detect(file)? != Format::Project {
         let found = format::inspect(file)?;
         let document = serde_json::to_value(&found).map_err(unprintable)?;
@@ -67,11 +70,14 @@ fn inspect(file: &Path) -> Result<(Value, String)> {
     let project = Project::read(file)?;
     project.check_files()?;
     let resolved: Value = toml::from_str(&project.to_toml()?).map_err(unprintable)?;
-    let document = json!({
+    let found = pipeline::stages::preflight(&project)?;
+    let mut document = json!({
         "path": file.display().to_string(),
         "format": "project",
         "project": resolved,
         "steps": describe::steps(&project),
     });
+    pipeline::result::judge(&mut document, &found);
+    verdicts.extend(found);
     Ok((document, describe::project(&project)))
 }

@@ -22,6 +22,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use crate::pipeline::{self, Outcome};
+use crate::verdict::Headline;
 use context::{Context, ProjectArguments};
 use print::{print_error, print_outcome};
 use terminal::Terminal;
@@ -29,7 +30,7 @@ use terminal::Terminal;
 /// Calibrates laser profile scanners on a moving platform and validates the result.
 ///
 /// `boresight demo` runs everything on simulated drives; `boresight run project.toml` runs it
-/// on yours. Exit codes: 0 done, 1 failed, 2 wrong use.
+/// on yours. Exit codes: 0 done, 1 failed, 2 wrong use, 3 not usable (with --strict).
 #[derive(Debug, Parser)]
 #[command(name = "boresight", version, max_term_width = 100)]
 struct CommandLine {
@@ -50,6 +51,9 @@ struct Global {
     /// Seed of all random numbers [default: the scenario's, 1]
     #[arg(long, global = true, value_name = "N")]
     seed: Option<u64>,
+    /// Exit with code 3 if the result is not usable
+    #[arg(long, global = true)]
+    strict: bool,
     /// Print only the result and errors
     #[arg(long, global = true, conflicts_with = "verbose")]
     quiet: bool,
@@ -84,14 +88,16 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
-    let json = line.global.json;
+    let (json, strict) = (line.global.json, line.global.strict);
     let printed = execute(line).and_then(|(outcome, complete)| {
         print_outcome(&outcome, json)?;
-        Ok(complete)
+        let verdicts = outcome.verdicts.unwrap_or_default();
+        Ok((complete, Headline::of(&verdicts)))
     });
     match printed {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::from(1),
+        Ok((false, _)) => ExitCode::from(1),
+        Ok((true, Headline::Unusable)) if strict => ExitCode::from(3),
+        Ok((true, _)) => ExitCode::SUCCESS,
         Err(error) => {
             print_error(&error, json);
             ExitCode::from(1)

@@ -6,13 +6,15 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Location, Result};
 use crate::pipeline::Outcome;
+use crate::verdict::{Headline, Verdict};
 
 /// Prints the outcome of a command.
 pub(super) fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
     let mut text = if json {
         format!("{:#}\n", outcome.result)
     } else {
-        format!("{}\n", outcome.summary.trim_end())
+        let verdicts = outcome.verdicts.as_deref().map(marked).unwrap_or_default();
+        format!("{verdicts}{}\n", outcome.summary.trim_end())
     };
     if !json {
         if !outcome.files.is_empty() && outcome.summary.contains('\n') {
@@ -27,6 +29,14 @@ pub(super) fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         written => written.map_err(|error| Error::io("stdout", error)),
     }
+}
+
+/// The headline, and each statement to take care of behind a `!`.
+fn marked(verdicts: &[Verdict]) -> String {
+    let mut text = format!("result: {}\n\n", Headline::of(verdicts).text());
+    let marked = verdicts.iter().filter(|found| found.severity.is_marked());
+    text.extend(marked.map(|found| format!("! {}\n\n", found.text)));
+    text
 }
 
 /// Prints an error; if that fails, the message is lost.

@@ -5,6 +5,7 @@ use super::m3c2::{core_points, m3c2};
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::statistics::Statistics;
+use crate::cloud::voxel::{VoxelMap, voxel_key};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -54,6 +55,9 @@ pub struct Agreement {
     pub mounting: MountingKind,
     /// Statistics of the distances.
     pub statistics: Statistics,
+    /// Share of the core points with a distance among those that lie in the footprint of the cloud
+    /// compared, seen from above; NaN if none does.
+    pub coverage: f64,
     /// The distance at each core point.
     pub distances: M3c2,
 }
@@ -147,6 +151,24 @@ pub fn agreements(
     })
 }
 
+/// Edge of the cells of a footprint, metres.
+const FOOTPRINT_CELL_M: f64 = 0.1;
+
+/// See [`Agreement::coverage`].
+fn coverage(distances: &M3c2, compared: &[Vec3]) -> f64 {
+    let cell = |point: &Vec3| voxel_key(&Vec3::new(point.x, point.y, 0.0), FOOTPRINT_CELL_M);
+    let footprint: VoxelMap<_, ()> = compared.iter().map(|point| (cell(point), ())).collect();
+    let inside = distances.core.iter();
+    let inside = inside.filter(|core| footprint.contains_key(&cell(&core.point)));
+    let (with, all) = inside.fold((0.0, 0.0), |(with, all), core| {
+        (
+            with + f64::from(u8::from(core.distance_m.is_finite())),
+            all + 1.0,
+        )
+    });
+    with / all
+}
+
 /// The cloud compared with (`None` for the reference), the scanner compared, and the mounting.
 type Sides = (Option<usize>, usize, MountingKind);
 
@@ -184,6 +206,7 @@ impl Comparisons<'_> {
         match Statistics::of(&distances) {
             Ok(statistics) => {
                 let found = Agreement {
+                    coverage: coverage(&distances, compared),
                     scanner: scanner.into(),
                     against: other.map_or(Against::Reference, |name| Against::Scanner(name.into())),
                     mounting,

@@ -2,7 +2,7 @@
 
 use super::result::M3c2;
 use crate::error::{Error, Problem, Result};
-use crate::statistics::{mean, quantile, rms};
+use crate::statistics::{SIGMAS_PER_MAD, mean, quantile, rms};
 
 /// Statistics of the finite distances of a comparison, metres.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -20,6 +20,9 @@ pub struct Statistics {
     pub rmse_m: f64,
     /// Median distance.
     pub median_m: f64,
+    /// Normalised median absolute deviation, 1.4826 median |d − median|: the standard deviation where
+    /// edges and gaps do not decide it.
+    pub nmad_m: f64,
     /// Share of distances beyond their level of detection, among those that have one; NaN if none
     /// has.
     pub significant_share: f64,
@@ -44,6 +47,9 @@ impl Statistics {
         let (mean_m, rmse_m) = (mean(&sorted_m), rms(sorted_m.iter().copied()));
         let about_mean = sorted_m.iter().map(|d| (d - mean_m).powi(2)).sum::<f64>();
         sorted_m.sort_unstable_by(f64::total_cmp);
+        let median_m = quantile(&sorted_m, 0.5);
+        let mut off_m: Vec<f64> = sorted_m.iter().map(|d| (d - median_m).abs()).collect();
+        off_m.sort_unstable_by(f64::total_cmp);
         let judged: Vec<bool> = comparison
             .core
             .iter()
@@ -56,7 +62,8 @@ impl Statistics {
             mean_m,
             std_m: (about_mean / (count - 1.0)).sqrt(),
             rmse_m,
-            median_m: quantile(&sorted_m, 0.5),
+            median_m,
+            nmad_m: SIGMAS_PER_MAD * quantile(&off_m, 0.5),
             significant_share: significant as f64 / judged.len() as f64,
             sorted_m,
         })

@@ -34,6 +34,7 @@ mod pts;
 mod sbet;
 mod table;
 mod trajectory;
+mod unit;
 
 pub use bonn::BonnWriter;
 pub use cloud::read_cloud;

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use super::lines::{Lines, Separator, numbers};
+use super::unit::factor;
 use crate::error::{Error, Location, Result};
 
 /// The columns that a reader wants: those it needs, then those it can use.
@@ -22,7 +23,7 @@ impl Columns {
     pub(crate) fn are_in(&self, names: &[String]) -> bool {
         self.needed
             .iter()
-            .all(|needed| names.iter().any(|name| name == needed))
+            .all(|needed| names.iter().any(|name| factor(name, needed).is_some()))
     }
 
     fn describe(&self) -> String {
@@ -34,15 +35,23 @@ impl Columns {
     }
 }
 
+/// What a column of the file is among the wanted columns.
+#[derive(Debug, Clone, Copy)]
+struct Slot {
+    index: usize,
+    may_be_empty: bool,
+    /// From the file's unit to the wanted one.
+    factor: f64,
+}
+
 /// A table, read row by row.
 #[derive(Debug)]
 pub(crate) struct Table {
     lines: Lines,
     separator: Separator,
     names: Vec<String>,
-    /// For each column of the file: the index among the wanted columns, and whether it may be
-    /// empty.
-    slots: Vec<Option<(usize, bool)>>,
+    /// Of each column of the file.
+    slots: Vec<Option<Slot>>,
     width: usize,
     /// The last line read is a row that has not been returned yet.
     pending: bool,
@@ -114,12 +123,12 @@ impl Table {
             let slots = &self.slots;
             let outcome = self.separator.split(text, |i, cell| match slots.get(i) {
                 None | Some(None) => Ok(()),
-                Some(Some((slot, may_be_empty))) => match cell.parse::<f64>() {
+                Some(Some(slot)) => match cell.parse::<f64>() {
                     Ok(value) if value.is_finite() => {
-                        row[*slot] = value;
+                        row[slot.index] = value * slot.factor;
                         Ok(())
                     }
-                    _ if cell.is_empty() && *may_be_empty => Ok(()),
+                    _ if cell.is_empty() && slot.may_be_empty => Ok(()),
                     _ => Err(i),
                 },
             });
@@ -168,20 +177,25 @@ impl Table {
 }
 
 /// Looks up the wanted columns among `names`.
-fn match_columns(
-    lines: &Lines,
-    names: &[String],
-    columns: &Columns,
-) -> Result<Vec<Option<(usize, bool)>>> {
+fn match_columns(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option<Slot>>> {
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
     for (slot, wanted) in columns.wanted().enumerate() {
-        let mut places = names.iter().enumerate().filter(|(_, name)| *name == wanted);
+        let mut places = names
+            .iter()
+            .enumerate()
+            .filter_map(|(place, name)| Some((place, factor(name, wanted)?)));
         match (places.next(), places.next()) {
             (Some(_), Some(_)) => {
                 return Err(lines.error(format!("column {wanted} twice"), "each column once"));
             }
-            (Some((place, _)), None) => slots[place] = Some((slot, slot >= needed)),
+            (Some((place, factor)), None) => {
+                slots[place] = Some(Slot {
+                    index: slot,
+                    may_be_empty: slot >= needed,
+                    factor,
+                });
+            }
             (None, _) => {
                 // A name close to an optional column is a typing error, not an absent column; short
                 // names have too many close names.
@@ -270,10 +284,16 @@ mod tests {
     }
 
     #[test]
+    fn other_units_are_converted() {
+        let found = rows("time_ms,x_mm,sigma_cm\n1500,250,2\n").unwrap();
+        assert_eq!(found, [[1.5, 0.25, 0.02]]);
+    }
+
+    #[test]
     fn errors_name_line_finding_and_expectation() {
-        let text = message("time_s,x_mm\n1,2\n");
+        let text = message("time_s,x_me\n1,2\n");
         assert!(
-            text.contains("line 1") && text.contains("`x_mm` looks like `x_m`"),
+            text.contains("line 1") && text.contains("`x_me` looks like `x_m`"),
             "{text}"
         );
         let text = message("time_s,x_m,sgma_m\n1,2,3\n");
@@ -293,6 +313,8 @@ mod tests {
         let text = message("1,2\n");
         assert!(text.contains("2 numbers without a header"), "{text}");
         let text = message("time_s,x_m,x_m\n1,2,2\n");
+        assert!(text.contains("column x_m twice"), "{text}");
+        let text = message("time_s,x_m,x_mm\n1,2,2\n");
         assert!(text.contains("column x_m twice"), "{text}");
         assert!(message("# nothing\n").contains("no header"));
         assert!(message("time_s\0,x_m\n").contains("zero bytes"));

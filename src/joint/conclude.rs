@@ -58,6 +58,14 @@ pub fn conclude(
     let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
     let late_s = layout.late.iter().zip(&state.late_s);
     let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
+    let late_scores = layout
+        .late
+        .iter()
+        .enumerate()
+        .map(|(scanner, place)| match place {
+            Some(_) => None,
+            None => problem.latency_score(state, scanner),
+        });
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
         let constant = &state.motions[*drive].constants()[*column];
@@ -103,6 +111,8 @@ pub fn conclude(
         mountings: state.mountings.clone(),
         covariance,
         late_s: late_s.collect(),
+        late_scores: late_scores.collect(),
+        height_score: problem.height_score(state),
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
         reference: layout.reference.and_then(|place| {

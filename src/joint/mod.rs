@@ -20,6 +20,7 @@ mod problem;
 mod result;
 mod row;
 mod scan;
+mod score;
 mod settings;
 mod state;
 mod surfel;
@@ -31,6 +32,9 @@ pub use input::{JointDrive, JointInput, Scans};
 pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
-pub use result::{AdjustedDrive, GroupTest, Joint, JointReport, PoseMove, ReferenceError};
+pub use result::{
+    AdjustedDrive, GroupTest, Joint, JointReport, LateScanner, PoseMove, ReferenceError,
+};
+pub use score::Score;
 pub use settings::{JointSettings, ReferenceSigma};
 pub use surfel::Region;

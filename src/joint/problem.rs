@@ -159,7 +159,17 @@ impl<'a> JointProblem<'a> {
     }
 
     /// Visits all rows in a fixed order.
-    pub fn visit(&self, state: &State, mut visit: impl FnMut(&RowBatch)) {
+    pub fn visit(&self, state: &State, visit: impl FnMut(&RowBatch)) {
+        self.visit_with(state, &self.layout.late, visit);
+    }
+
+    /// The same with these blocks for the latencies of scanners.
+    pub fn visit_with(
+        &self,
+        state: &State,
+        late: &[Option<usize>],
+        mut visit: impl FnMut(&RowBatch),
+    ) {
         for drive in 0..self.input.drives.len() {
             let motion = state.motions[drive].as_ref();
             let places = Places {
@@ -172,7 +182,7 @@ impl<'a> JointProblem<'a> {
                 first_motion: self.layout.first_motion[drive],
                 first_surfel: self.layout.first_surfel,
                 mountings: self.layout.mountings.clone(),
-                late: self.layout.late.clone(),
+                late: late.to_vec(),
             };
             let steps: Vec<usize> = (0..=motion.steps()).collect();
             for held in steps.chunks(TASK * HELD) {

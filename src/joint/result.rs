@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::components::Component;
 use super::motion::{PositionBlocks, PositionResiduals};
+use super::score::Score;
 use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
@@ -22,6 +23,10 @@ pub struct Joint {
     /// Latency of each scanner's profiles where it was estimated: value and standard deviation,
     /// seconds.
     pub late_s: Vec<Option<(f64, f64)>>,
+    /// What the scans say of each latency that was held.
+    pub late_scores: Vec<Option<Score>>,
+    /// How far the scans put the reference above the world of the poses; its height is held.
+    pub height_score: Option<Score>,
     /// One a drive.
     pub drives: Vec<AdjustedDrive>,
     /// Constants estimated along.
@@ -80,6 +85,11 @@ pub struct ReferenceError {
     pub turn_sigma_rad: Vec3,
 }
 
+/// The height of a reference is named where it is off by more than this, metres, and by more standard
+/// deviations: some ten micrometres on the slopes of boards, which is what tells it, are no noise.
+const HEIGHT_M: f64 = 0.008;
+const HEIGHT_SIGMAS: f64 = 4.0;
+
 /// A reference is named as displaced where it is by more than this many standard deviations of the
 /// prior.
 const DISPLACED_SIGMAS: f64 = 2.0;
@@ -134,8 +144,37 @@ pub struct JointReport {
     pub found: Option<Joint>,
     /// Why its values are not those of the run, the gravest reason first; empty where they are.
     pub refused: Vec<String>,
+    /// Scanners whose profiles are later than the project says, and were corrected.
+    pub late: Vec<LateScanner>,
     /// Run time, seconds.
     pub seconds: f64,
+}
+
+/// A scanner whose profiles are later than the project says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LateScanner {
+    /// Its name.
+    pub name: String,
+    /// How late, seconds.
+    pub late: Score,
+    /// The offset that the project gives, seconds.
+    pub time_offset_s: f64,
+}
+
+impl LateScanner {
+    /// What was found and what to write, in words.
+    pub fn describe(&self) -> String {
+        let Score { value, sigma } = self.late;
+        format!(
+            "the profiles of scanner `{}` are {:.1} ± {:.1} ms {}, which was corrected: check its clock, \
+             or write time_offset_s = {:.4}",
+            self.name,
+            1e3 * value.abs(),
+            1e3 * sigma,
+            if value > 0.0 { "late" } else { "early" },
+            self.time_offset_s - value
+        )
+    }
 }
 
 impl JointReport {
@@ -197,6 +236,16 @@ impl Joint {
             },
             ..two_steps.clone()
         }
+    }
+
+    /// How far the reference lies above the world of the poses, where that is beyond doubt and beyond
+    /// what was known of it.
+    pub fn reference_height(&self) -> Option<Score> {
+        let known_m = self.reference.map_or(0.0, |found| found.prior.shift_m);
+        self.height_score.filter(|found| {
+            let most_m = HEIGHT_M.max(DISPLACED_SIGMAS * known_m);
+            found.value.abs() > most_m && found.sigmas() > HEIGHT_SIGMAS
+        })
     }
 
     /// The test of a group.

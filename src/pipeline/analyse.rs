@@ -50,12 +50,23 @@ pub fn analyse(
         stages::samples(project, &poses.trajectory, progress)
     })?;
     stages::check_reference(project, &samples, &reference)?;
+    let mut preflight = poses.preflight.clone();
+    let settings = job.timed("check placement", |progress| {
+        let (trajectory, samples) = (&poses.trajectory, &samples);
+        let placed = stages::check_placement(project, trajectory, samples, &reference, progress);
+        preflight.extend(placed.verdict);
+        Ok(stages::scales_for(
+            &project.calibration,
+            placed.apart_m,
+            progress,
+        ))
+    })?;
     let two_steps = job.timed("calibrate", |progress| {
-        let settings = &project.calibration;
-        stages::calibration(project, settings, &poses, &samples, &reference, progress)
+        stages::calibration(project, &settings, &poses, &samples, &reference, progress)
     })?;
     let joint = adjust_jointly(project, &poses, &samples, &two_steps, &reference, &mut job)?;
-    let mut variants = calibrate_variants(project, extras, &poses, &samples, &reference, &mut job)?;
+    let own = (&settings, &poses, samples.as_slice());
+    let mut variants = calibrate_variants(project, extras, own, &reference, &mut job)?;
     let left_out = stages::left_out(project, &samples);
     drop(samples);
     let accepted = joint.as_ref().and_then(JointReport::accepted);
@@ -96,7 +107,7 @@ pub fn analyse(
     ) {
         job.warn(warning);
     }
-    let findings = Findings {
+    let mut findings = Findings {
         calibration,
         joint,
         variants,
@@ -106,8 +117,12 @@ pub fn analyse(
         background_m: thinned_for_drawing(&reference),
         stages: job.stages().to_vec(),
         doubts,
+        preflight,
         warnings: job.warnings().to_vec(),
+        verdicts: Vec::new(),
     };
+    let content = page::content(project, &findings, extras);
+    findings.verdicts = verdicts(&content, &project.acceptance);
     write(project, &findings, extras, &job)?;
     job.commit()?;
     Ok(findings)
@@ -142,12 +157,10 @@ fn adjust_jointly(
 fn calibrate_variants(
     project: &Project,
     extras: &Extras,
-    poses: &Poses,
-    samples: &[ScannerSample],
+    (settings, poses, samples): (&CalibrationSettings, &Poses, &[ScannerSample]),
     reference: &[Vec3],
     job: &mut Job<'_>,
 ) -> Result<Vec<(Variant, Calibration)>> {
-    let settings = &project.calibration;
     let mut variants = Vec::new();
     if !reference.is_empty() {
         let found = job.shown("calibrate without reference", |progress| {
@@ -244,7 +257,8 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
     let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
     let project_then = stages::with_latencies(project, accepted);
     let calibrated = stages::with_mountings(&project_then, &findings.calibration.poses());
-    job.write("calibration.toml", &calibrated.scanners_to_toml()?)?;
+    let text = result::marked_toml(&calibrated, &findings.verdicts)?;
+    job.write("calibration.toml", &text)?;
     job.write("project.toml", &project.to_toml()?)?;
     let page = report::render(&page::content(project, findings, extras));
     job.write("report.html", &page)?;

@@ -15,6 +15,7 @@ use crate::format;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
+use crate::report::content::{Calibrations, Content};
 use crate::simulation::{self, Scenario};
 use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Trajectory;
@@ -98,6 +99,7 @@ pub fn simulate(scenario: &str, options: &Options, progress: &dyn Progress) -> R
             "drives": drives,
             "reference": { "file": files.reference, "points": files.reference_points },
         }),
+        verdicts: None,
         summary: format!(
             "{} drives, {points} laser points, {} reference points",
             drives.len(),
@@ -120,25 +122,36 @@ pub fn trajectory(
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let poses = stages::poses(project, progress)?;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
+    let (doubts, preflight) = (poses.doubts.clone(), poses.preflight.clone());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let path = job.path("trajectory.csv");
     stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
     let command = format!("boresight trajectory {}", project.path.display());
-    let content = page::trajectory(project, std::slice::from_ref(&drive), command);
+    let mut content = page::trajectory(project, std::slice::from_ref(&drive), command);
+    (content.doubts, content.preflight) = (&doubts, &preflight);
+    let verdicts = report::verdicts(&content, &project.acceptance);
+    // All else stands in the section of the trajectory.
+    let marked = verdicts
+        .iter()
+        .filter(|verdict| verdict.severity.is_marked());
+    content.verdicts = marked.cloned().collect();
     job.write("trajectory.html", &report::render(&content))?;
     job.commit()?;
     let solution = drive.solution.as_ref();
+    let mut result = json!({
+        "trajectory": solution.map(|solution| result::trajectory(solution, &drive.poses)),
+        "rejected_rows": drive.rejected_rows,
+        "poses": drive.poses.len(),
+        "span_s": [first_s, last_s],
+        "stages": { "estimate": { "seconds": seconds } },
+        "peak_memory_bytes": peak_memory_bytes(),
+    });
+    result::judge(&mut result, &verdicts);
     Ok(Outcome {
-        result: json!({
-            "trajectory": solution.map(|solution| result::trajectory(solution, &drive.poses)),
-            "rejected_rows": drive.rejected_rows,
-            "poses": drive.poses.len(),
-            "span_s": [first_s, last_s],
-            "stages": { "estimate": { "seconds": seconds } },
-            "peak_memory_bytes": peak_memory_bytes(),
-        }),
+        result,
         summary: summary::trajectory(solution, &drive.poses),
         files: files_in(&options.out, names),
+        verdicts: Some(verdicts),
     })
 }
 
@@ -153,15 +166,32 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let poses = stages::poses(project, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
     stages::check_reference(project, &samples, &reference)?;
-    let settings = &project.calibration;
-    let found = stages::calibration(project, settings, &poses, &samples, &reference, progress)?;
+    let (doubts, mut preflight) = (poses.doubts.clone(), poses.preflight.clone());
+    let trajectory = &poses.trajectory;
+    let placed = stages::check_placement(project, trajectory, &samples, &reference, progress);
+    preflight.extend(placed.verdict);
+    let settings = stages::scales_for(&project.calibration, placed.apart_m, progress);
+    let found = stages::calibration(project, &settings, &poses, &samples, &reference, progress)?;
+    let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
+    let content = Content {
+        calibrations: Some(Calibrations::alone(&found)),
+        drives: std::slice::from_ref(&drive),
+        doubts: &doubts,
+        preflight: &preflight,
+        ..Content::default()
+    };
+    let verdicts = report::verdicts(&content, &project.acceptance);
     let calibrated = stages::with_mountings(project, &found.poses());
-    job.write("calibration.toml", &calibrated.scanners_to_toml()?)?;
+    let text = result::marked_toml(&calibrated, &verdicts)?;
+    job.write("calibration.toml", &text)?;
     job.commit()?;
+    let mut result = result::calibrated(&found);
+    result::judge(&mut result, &verdicts);
     Ok(Outcome {
-        result: result::calibrated(&found),
+        result,
         summary: summary::mountings(&found),
         files: files_in(&options.out, names),
+        verdicts: Some(verdicts),
     })
 }
 
@@ -188,6 +218,7 @@ fn outcome(findings: &Findings, out: &Path) -> Outcome {
         result: result::document(findings),
         summary: summary::run(findings, &out.join("report.html").display().to_string()),
         files: files_in(out, names.into_iter().chain(clouds)),
+        verdicts: Some(findings.verdicts.clone()),
     }
 }
 

@@ -96,5 +96,6 @@ fn outcome(work: &FeatureSummary, settings: &FeatureSettings, target: PathBuf) -
         }),
         summary,
         files: vec![target],
+        ..Outcome::default()
     }
 }

@@ -7,6 +7,7 @@ use crate::joint::JointReport;
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
 use crate::trajectory::{Doubt, Trajectory};
+use crate::verdict::Verdict;
 
 /// Options of a run beyond the project.
 #[derive(Debug, Clone, Default)]
@@ -51,6 +52,10 @@ pub struct Findings {
     pub stages: Vec<StageSeconds>,
     /// Constants of the project that the drive contradicts, the gravest first.
     pub doubts: Vec<Doubt>,
+    /// What raw logs and the first placement of the scans contradict.
+    pub preflight: Vec<Verdict>,
     /// Results that need attention.
     pub warnings: Vec<String>,
+    /// What is said about the results, the gravest first.
+    pub verdicts: Vec<Verdict>,
 }

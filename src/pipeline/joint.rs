@@ -11,15 +11,16 @@ use crate::geometry::Vec3;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
     ChainMotion, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput, JointReport,
-    Scans, adjust, contradictions,
+    LateScanner, Scans, Score, adjust, contradictions,
 };
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, Project};
 use crate::trajectory::Solution;
 
-/// The IMU's noise is scaled where its residuals exceed it by more than this many standard
-/// deviations of the variance component.
-const NOISE_SIGMAS: f64 = 3.0;
+/// A scanner is late where the scans say so by more than this many standard deviations, and by more than
+/// matters, seconds.
+const LATE_SIGMAS: f64 = 5.0;
+const LEAST_LATENCY_S: f64 = 0.002;
 
 /// A drive before the adjustment.
 pub struct Drive<'a> {
@@ -76,21 +77,57 @@ pub fn report(
                 drives,
                 reference,
             };
-            adjust(&input, &project.joint, surfel_m(project), progress)
+            with_late_scanners(input, project, progress)
         });
     let seconds = begun.elapsed().as_secs_f64();
     Ok(match made {
-        Ok(found) => JointReport {
+        Ok((found, late)) => JointReport {
             refused: contradictions(&found),
             found: Some(found),
+            late,
             seconds,
         },
         Err(error) => JointReport {
             found: None,
             refused: vec![reason(error)?],
+            late: Vec::new(),
             seconds,
         },
     })
+}
+
+/// Adjusts, and again with the latencies of scanners that the scans contradict: those found are used.
+/// Held latencies are the default since a free one costs tx a third of its accuracy.
+fn with_late_scanners(
+    mut input: JointInput<'_>,
+    project: &Project,
+    progress: &dyn Progress,
+) -> Result<(Joint, Vec<LateScanner>)> {
+    let found = adjust(&input, &project.joint, surfel_m(project), progress)?;
+    let is_late = |score: &Option<Score>| {
+        score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
+    };
+    let late: Vec<bool> = found.late_scores.iter().map(is_late).collect();
+    if !late.contains(&true) {
+        return Ok((found, Vec::new()));
+    }
+    let estimated = input.estimate_latency.iter_mut().zip(&late);
+    estimated.for_each(|(estimate, late)| *estimate |= late);
+    let found = adjust(&input, &project.joint, surfel_m(project), progress)?;
+    let scanners = project.scanners.iter().zip(&found.late_s).zip(&late);
+    let named = scanners.filter_map(|((scanner, found), late)| {
+        let (value, sigma) = found.filter(|_| *late)?;
+        Some(LateScanner {
+            name: scanner.name.clone(),
+            late: Score { value, sigma },
+            time_offset_s: scanner.time_offset_s,
+        })
+    });
+    let named: Vec<LateScanner> = named.collect();
+    named
+        .iter()
+        .for_each(|scanner| progress.warn(&scanner.describe()));
+    Ok((found, named))
 }
 
 /// The poses of a drive adjusted with its own logs and scans, without a reference, by mountings that
@@ -149,7 +186,10 @@ fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
         (Some(covariance), Motion::Logs(logs)) => {
             let names = logs.settings.positions.iter().map(|p| p.name.clone());
             let chain = ChainMotion::new(covariance, names.collect(), &correlated(logs));
-            let scale = poses.solution.as_ref().map_or(1.0, noise_scale);
+            let scale = poses
+                .solution
+                .as_ref()
+                .map_or(1.0, Solution::imu_noise_factor);
             Box::new(chain.with_noise_scaled(scale))
         }
         _ => {
@@ -190,21 +230,4 @@ fn correlated(logs: &Logs) -> Vec<Option<CorrelatedError>> {
     let heading = &logs.settings.heading;
     let heading = error(vec![heading.sigma_correlated_rad], heading.correlation_s);
     positions.chain([heading]).collect()
-}
-
-/// The factor on the IMU's standard deviations that its residuals ask for without scans, where that
-/// is not chance: a vehicle that vibrates is no mounting that bends.
-fn noise_scale(solution: &Solution) -> f64 {
-    let of_imu = |name: &str| name == "gyro" || name == "accelerometer";
-    let sensors = solution.sensors.iter().filter(|s| of_imu(&s.name));
-    let (square, redundancy) = sensors.fold((0.0, 0.0), |(square, redundancy), sensor| {
-        (square + sensor.chi_square, redundancy + sensor.redundancy)
-    });
-    let ratio: f64 = square / redundancy;
-    let notable = ratio > 1.0 + NOISE_SIGMAS * (2.0 / redundancy).sqrt();
-    if redundancy > 1.0 && notable {
-        ratio.sqrt()
-    } else {
-        1.0
-    }
 }

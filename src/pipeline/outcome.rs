@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
+use crate::verdict::Verdict;
+
 /// Options of a command.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -14,7 +16,7 @@ pub struct Options {
 }
 
 /// Outcome of a command.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
     /// The result as one document, as in `result.json`.
     pub result: Value,
@@ -22,4 +24,6 @@ pub struct Outcome {
     pub summary: String,
     /// Files written, apart from the report, most important first.
     pub files: Vec<PathBuf>,
+    /// What is said about the result, the gravest first; `None` where nothing is judged.
+    pub verdicts: Option<Vec<Verdict>>,
 }

@@ -25,7 +25,9 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
         stages: &findings.stages,
         peak_memory_bytes: peak_memory_bytes(),
         doubts: &findings.doubts,
+        preflight: &findings.preflight,
         warnings: &findings.warnings,
+        verdicts: findings.verdicts.clone(),
     }
 }
 

@@ -8,10 +8,12 @@ use serde_json::json;
 use super::commands::files_in;
 use super::job::Job;
 use super::outcome::{Options, Outcome};
+use super::result::judge;
 use super::{clouds, stages};
 use crate::error::{Error, Location, Result};
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
+use crate::verdict::Verdict;
 
 /// A project with the mountings and poses that place its points: its own, or those that an earlier
 /// run found.
@@ -85,6 +87,22 @@ impl Placement {
         [self.calibration.as_ref().unwrap_or(own), poses]
     }
 
+    /// Says where a calibration lies that is newer than the project whose mountings are used.
+    fn newer_calibration(&self) -> Option<Verdict> {
+        let own = &self.project.path;
+        let found = own.with_file_name("out").join("calibration.toml");
+        let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
+        let is_newer = self.calibration.is_none() && changed(&found)? > changed(own)?;
+        is_newer.then(|| {
+            let text = format!(
+                "Placed with the mountings of {}, though {} is newer: give it with --calibration.",
+                own.display(),
+                found.display()
+            );
+            Verdict::care("georeference.mounting", text)
+        })
+    }
+
     /// `placed with the mountings of …, on the poses of …`
     fn description(&self) -> String {
         let [mountings, poses] = self.sources();
@@ -130,13 +148,20 @@ pub fn georeference(
     clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
     job.commit()?;
     let files = files_in(&options.out, names);
+    let verdicts: Vec<Verdict> = placement.newer_calibration().into_iter().collect();
+    for verdict in &verdicts {
+        progress.warn(&verdict.text);
+    }
     let [mountings_from, poses_from] = placement.sources();
+    let mut result = json!({
+        "clouds": files,
+        "mountings_from": mountings_from,
+        "poses_from": poses_from,
+    });
+    judge(&mut result, &verdicts);
     Ok(Outcome {
-        result: json!({
-            "clouds": files,
-            "mountings_from": mountings_from,
-            "poses_from": poses_from,
-        }),
+        result,
+        verdicts: Some(verdicts),
         summary: format!("{} clouds, {}", files.len(), placement.description()),
         files,
     })

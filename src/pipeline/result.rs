@@ -5,14 +5,17 @@ use serde_json::{Map, Value, json};
 use super::findings::Findings;
 use crate::calibration::{Calibration, Mounting, MountingForms, Variant};
 use crate::comparison::{Against, Agreements, MountingKind};
+use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::joint::{AdjustedDrive, Joint, JointReport};
 use crate::progress::StageSeconds;
+use crate::project::Project;
 use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
 use crate::sensor::PoseRecord;
 use crate::tiles::peak_memory_bytes;
 use crate::trajectory::{Solution, StopReason};
+use crate::verdict::{Headline, Verdict};
 
 /// The whole `result.json`.
 pub fn document(findings: &Findings) -> Value {
@@ -24,6 +27,7 @@ pub fn document(findings: &Findings) -> Value {
     document["drives"] = drives(&findings.drives);
     document["stages"] = stages(&findings.stages);
     document["warnings"] = json!(findings.warnings);
+    judge(&mut document, &findings.verdicts);
     document["peak_memory_bytes"] = json!(peak_memory_bytes());
     if let Some(drive) = findings.drives.first() {
         document["evaluation"] = evaluation(&drive.agreements);
@@ -51,6 +55,27 @@ pub fn document(findings: &Findings) -> Value {
         document["truth"] = truth.collect::<Map<_, _>>().into();
     }
     document
+}
+
+/// Puts `headline` and `verdicts` into a document.
+pub fn judge(document: &mut Value, verdicts: &[Verdict]) {
+    document["headline"] = json!(Headline::of(verdicts));
+    document["verdicts"] = json!(verdicts);
+}
+
+/// The mountings of a project for `calibration.toml`, below what is to be taken care of as comments.
+///
+/// # Errors
+/// See [`Project::scanners_to_toml`].
+pub fn marked_toml(project: &Project, verdicts: &[Verdict]) -> Result<String> {
+    let mut text = format!("# {}\n", Headline::of(verdicts).text());
+    for verdict in verdicts
+        .iter()
+        .filter(|verdict| verdict.severity.is_marked())
+    {
+        text += &format!("# ! {}\n", verdict.text.replace('\n', " "));
+    }
+    Ok(format!("{text}\n{}", project.scanners_to_toml()?))
 }
 
 /// Number of worst measurements listed.
@@ -204,7 +229,8 @@ fn evaluation(agreements: &Agreements) -> Value {
 
 fn comparisons(agreements: &Agreements, kind: MountingKind) -> Map<String, Value> {
     let entries = agreements.under(kind).map(|found| {
-        let statistics = json!(found.statistics);
+        let mut statistics = json!(found.statistics);
+        statistics["coverage"] = json!(found.coverage);
         match &found.against {
             Against::Reference => (found.scanner.clone(), json!({ "reference": statistics })),
             Against::Scanner(other) => (format!("{other}-{}", found.scanner), statistics),

@@ -12,15 +12,26 @@ use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::ExcludedPoints;
 use crate::joint::Joint;
-use crate::progress::Progress;
+use crate::preflight;
+use crate::progress::{Progress, Silent};
 use crate::project::{Logs, Motion, PosesFile, Project, Scanner};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{
-    Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
+    Constant, Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
 };
+use crate::verdict::{Severity, Verdict};
 
 /// Longest step between nodes that scans are to correct, seconds: also where the prism is lost.
 const JOINT_STEP_S: f64 = 0.25;
+
+/// The coarsest scale is at least as large as this many times the distance of the clouds.
+const SCALE_PER_MISFIT: f64 = 1.0;
+/// Where clouds lie farther apart, no scale helps, metres.
+const MAX_MISFIT_M: f64 = 5.0;
+
+/// An IMU noisier than its datasheet by more than this factor has its noise estimated: a vehicle that
+/// vibrates.
+const NOTABLE_NOISE: f64 = 1.2;
 
 /// Warning for poses without standard deviations.
 const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
@@ -41,6 +52,8 @@ pub struct Poses {
     pub seconds: Option<f64>,
     /// Constants of the project that the drive contradicts, the gravest first.
     pub doubts: Vec<Doubt>,
+    /// What the raw logs contradict.
+    pub preflight: Vec<Verdict>,
 }
 
 impl Poses {
@@ -53,6 +66,7 @@ impl Poses {
             rejected_rows: Vec::new(),
             seconds: None,
             doubts: Vec::new(),
+            preflight: Vec::new(),
         }
     }
 }
@@ -75,23 +89,85 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
     }
 }
 
+/// Puts right what the raw logs show beyond doubt, and says it, and what else they contradict.
+///
+/// # Errors
+/// See [`preflight::logs`].
+fn put_right(logs: &mut DriveLogs) -> Result<Vec<Verdict>> {
+    let mut said = Vec::new();
+    for late in preflight::late_logs(&logs.motion(), &logs.settings) {
+        match late.position {
+            Some(i) => logs.positions[i]
+                .iter_mut()
+                .for_each(|fix| fix.time_s -= late.late_s),
+            None => logs
+                .heading
+                .iter_mut()
+                .for_each(|fix| fix.time_s -= late.late_s),
+        }
+        said.push(late.verdict);
+    }
+    said.extend(preflight::logs(&logs.motion(), &logs.settings)?);
+    if said.iter().any(|v| v.code == preflight::HEADING_SIGN) {
+        logs.heading.clear();
+    }
+    for (fixes, position) in logs.positions.iter().zip(&mut logs.settings.positions) {
+        if let Some((factor, verdict)) = preflight::position_noise(fixes, position) {
+            position.sigma_m *= factor;
+            said.push(verdict);
+        }
+    }
+    Ok(said)
+}
+
 fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
+    let estimates_doubted = logs.estimates_doubted;
     let mut logs = DriveLogs::read(project, logs, progress)?;
     if project.is_joint && !project.scanners.is_empty() {
         logs.settings.max_step_s = JOINT_STEP_S;
     }
+    let contradicted = put_right(&mut logs)?;
+    for verdict in &contradicted {
+        progress.warn(&verdict.text);
+    }
+    if contradicted
+        .iter()
+        .any(|v| v.code == preflight::HEADING_SIGN)
+    {
+        logs.heading.clear();
+    }
     let begun = Instant::now();
+    let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
+    // Constants that fit wrong axes or signs say nothing.
+    let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
+    let mut doubts = match is_sound {
+        true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
+        false => Vec::new(),
+    };
+    doubts
+        .iter_mut()
+        .for_each(|doubt| doubt.is_used = estimates_doubted);
+    for doubt in &doubts {
+        progress.warn(&doubt.describe());
+    }
+    if estimates_doubted && !doubts.is_empty() {
+        let doubted = doubts.iter().map(|doubt| doubt.constant);
+        logs.settings.estimate.extend(doubted);
+        found = estimate(&logs.motion(), &logs.settings, progress)?;
+    }
+    let scale = Constant::ImuNoiseScale;
+    let is_noisy = found.solution.imu_noise_factor() > NOTABLE_NOISE;
+    if estimates_doubted && is_noisy && !logs.settings.estimate.contains(&scale) {
+        logs.settings.estimate.push(scale);
+        found = estimate(&logs.motion(), &logs.settings, progress)?;
+    }
+    let seconds = begun.elapsed().as_secs_f64();
     let Estimate {
         trajectory,
         solution,
         covariance,
         ..
-    } = estimate(&logs.motion(), &logs.settings, progress)?;
-    let seconds = begun.elapsed().as_secs_f64();
-    let doubts = doubts(&logs.motion(), &logs.settings, &solution, progress)?;
-    for doubt in &doubts {
-        progress.warn(&doubt.describe());
-    }
+    } = found;
     Ok(Poses {
         trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),
@@ -99,7 +175,22 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
         rejected_rows: logs.rejected,
         seconds: Some(seconds),
         doubts,
+        preflight: contradicted,
     })
+}
+
+/// What the raw logs of a project contradict, without adjusting anything; nothing where it has poses.
+///
+/// # Errors
+/// Errors of the readers; see [`preflight::logs`].
+pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
+    match &project.motion {
+        Motion::Logs(logs) => {
+            let mut logs = DriveLogs::read(project, logs, &Silent)?;
+            put_right(&mut logs)
+        }
+        Motion::Poses(_) => Ok(Vec::new()),
+    }
 }
 
 fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
@@ -249,6 +340,50 @@ pub fn check_reference(
         "check that the reference and the prism log are in the same world coordinates; or leave \
          [reference] out",
     ))
+}
+
+/// Says what is wrong with the placement of the scans, if anything is.
+pub fn check_placement(
+    project: &Project,
+    trajectory: &Trajectory,
+    samples: &[ScannerSample],
+    reference: &[Vec3],
+    progress: &dyn Progress,
+) -> preflight::Placed {
+    let found = preflight::scans(&preflight::Placement {
+        mountings: &mountings(project),
+        samples,
+        trajectory,
+        reference,
+    });
+    if let Some(verdict) = &found.verdict {
+        progress.warn(&verdict.text);
+    }
+    found
+}
+
+/// The settings of the project with coarser scales before its own where the clouds lie farther apart than
+/// those reach.
+pub fn scales_for(
+    settings: &CalibrationSettings,
+    apart_m: Option<f64>,
+    progress: &dyn Progress,
+) -> CalibrationSettings {
+    let mut settings = settings.clone();
+    let sizes = &mut settings.voxel_sizes_m;
+    let reach_m = apart_m.filter(|m| m.is_finite()).unwrap_or(0.0);
+    let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
+    while sizes
+        .first()
+        .is_some_and(|&coarsest_m| coarsest_m < least_m)
+    {
+        let coarser_m = 2.0 * sizes[0];
+        progress.say(&format!(
+            "the clouds lie {reach_m:.2} m apart: a scale of {coarser_m} m comes first"
+        ));
+        sizes.insert(0, coarser_m);
+    }
+    settings
 }
 
 /// Bounding box: the smallest and the largest coordinates; `None` without points.

@@ -7,7 +7,7 @@ use crate::calibration::{Calibration, PARAMETER_NAMES};
 use crate::comparison::MountingKind;
 use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::report::content::{Drive, Status};
+use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
 use crate::report::{method, verdicts};
 use crate::sensor::PoseRecord;
@@ -16,22 +16,12 @@ use crate::trajectory::{SensorDiagnostics, Solution};
 /// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
 /// refused stands first.
 pub fn run(findings: &Findings, report: &str) -> String {
-    let mut methods: Vec<_> = findings.doubts.iter().map(verdicts::doubt).collect();
-    methods.extend(method::verdicts(
-        &findings.calibration,
-        findings.joint.as_ref(),
-    ));
-    let marked = |mark: &str, wanted: bool| -> String {
-        let all = methods.iter();
-        all.filter(|found| (found.status == Status::Attention) == wanted)
-            .map(|found| format!("{mark}{}\n\n", found.text))
-            .collect()
-    };
+    let methods = method::verdicts(&findings.calibration, findings.joint.as_ref());
+    let methods = methods.iter().filter(|found| !found.severity.is_marked());
+    let methods: String = methods.map(|found| format!("{}\n\n", found.text)).collect();
     let reference = method::reference(&findings.calibration, findings.joint.as_ref());
     format!(
-        "{}report: {report}\n\n{}{}\n{}\n{}\n",
-        marked("! ", true),
-        marked("", false),
+        "report: {report}\n\n{methods}{}\n{}\n{}\n",
         mountings(&findings.calibration),
         reference.map_or(String::new(), |text| text + "\n"),
         distances(&findings.drives)

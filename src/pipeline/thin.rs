@@ -52,5 +52,6 @@ pub fn thin(
             voxel_m * 1e3
         ),
         files: vec![file],
+        ..Outcome::default()
     })
 }

@@ -8,6 +8,7 @@ use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
 use crate::joint::JointSettings;
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
+use crate::verdict::Acceptance;
 
 /// One drive, its sensors and the settings for processing it.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +36,8 @@ pub struct Project {
     pub joint: JointSettings,
     /// Settings of the comparisons.
     pub comparison: ComparisonSettings,
+    /// What results are held against.
+    pub acceptance: Acceptance,
     /// Other drives, adjusted together with this one.
     pub drives: Vec<OtherDrive>,
     /// Other drives, evaluated with the mountings calibrated here; their names differ from those of
@@ -63,6 +66,8 @@ pub struct Logs {
     pub heading: Option<LogFile>,
     /// Noise, lever arms, offsets; defaults for the heading if there is no heading log.
     pub settings: TrajectorySettings,
+    /// Whether constants that the drive contradicts are estimated with the trajectory.
+    pub estimates_doubted: bool,
 }
 
 /// A file of time-stamped records.

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::joint::ReferenceSigma;
 use crate::sensor::Observations;
-use crate::trajectory::{ImuNoise, PositionKind, PositionSettings, TrajectorySettings};
+use crate::trajectory::{ImuNoise, PositionKind, PositionSettings};
 
 /// See [`Project::to_toml`].
 pub(super) fn project(project: &Project) -> Result<String> {
@@ -71,12 +71,18 @@ fn written(project: &Project) -> Written {
             one_sided: Some(comparison.one_sided),
             min_points: Some(comparison.min_points),
         },
+        acceptance: written::Acceptance {
+            sigma_translation_m: Some(project.acceptance.sigma_translation_m),
+            sigma_rotation_deg: Some(degrees(project.acceptance.sigma_rotation_rad)),
+            distance_m: Some(project.acceptance.distance_m),
+            coverage: Some(project.acceptance.coverage),
+        },
         ..Default::default()
     };
     let mut trajectory = match &project.motion {
         Motion::Logs(logs) => {
             write_logs(logs, &mut written);
-            write_estimation(&logs.settings)
+            write_estimation(logs)
         }
         Motion::Poses(poses) => written::Trajectory {
             correlation_s: Some(project.joint.correlation_s),
@@ -124,14 +130,17 @@ fn write_poses(poses: &PosesFile) -> written::Trajectory {
     }
 }
 
-fn write_estimation(settings: &TrajectorySettings) -> written::Trajectory {
-    let names = settings
-        .estimate
-        .iter()
-        .map(|constant| constant.name(&settings.positions));
+fn write_estimation(logs: &Logs) -> written::Trajectory {
+    let settings = &logs.settings;
+    let names = settings.estimate.iter();
+    let names = names.map(|constant| constant.name(&settings.positions).into());
+    let estimate = match logs.estimates_doubted {
+        true => "auto".into(),
+        false => toml::Value::Array(names.collect()),
+    };
     written::Trajectory {
         nodes: Some(settings.nodes),
-        estimate: Some(names.collect()),
+        estimate: Some(estimate),
         zero_velocity: Some(settings.zero_velocity),
         ..Default::default()
     }

@@ -47,6 +47,9 @@ pub struct Written {
     /// Settings of the comparisons.
     #[serde(default)]
     pub comparison: Comparison,
+    /// What results are held against.
+    #[serde(default)]
+    pub acceptance: Acceptance,
     /// Other drives, adjusted together with this one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drive: Vec<OtherDrive>,
@@ -212,8 +215,9 @@ pub struct Trajectory {
     pub correlation_s: Option<f64>,
     /// Without `file`: `prism` (default) or `imu`.
     pub nodes: Option<Nodes>,
-    /// Without `file`: constants to estimate together with the trajectory. Default none.
-    pub estimate: Option<Vec<String>>,
+    /// Without `file`: constants to estimate together with the trajectory, or `"auto"`: those that
+    /// the drive contradicts. Default `"auto"`.
+    pub estimate: Option<toml::Value>,
     /// Without `file`: constrain the velocity to zero where the logs show rest. Default true.
     pub zero_velocity: Option<bool>,
     /// Largest standard deviation of a coordinate for points to be georeferenced. Default none.
@@ -334,6 +338,20 @@ pub struct Comparison {
     pub one_sided: Option<bool>,
     /// Fewest points of either cloud for a distance.
     pub min_points: Option<u32>,
+}
+
+/// `[acceptance]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Acceptance {
+    /// Largest standard deviation of a mounting's position. Default 0.005.
+    pub sigma_translation_m: Option<f64>,
+    /// Largest standard deviation of a mounting's rotation. Default 0.1.
+    pub sigma_rotation_deg: Option<f64>,
+    /// Largest median and NMAD of distances between clouds. Default 0.005.
+    pub distance_m: Option<f64>,
+    /// Least share of the common field that distances rest on. Default 0.5.
+    pub coverage: Option<f64>,
 }
 
 /// `[[drive]]` and `[[evaluation]]`

@@ -10,6 +10,7 @@ use crate::joint::{Joint, JointReport};
 use crate::progress::StageSeconds;
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::trajectory::{Doubt, Solution};
+use crate::verdict::Verdict;
 
 /// The whole report.
 #[derive(Debug, Clone, Default)]
@@ -36,8 +37,12 @@ pub struct Content<'a> {
     pub peak_memory_bytes: Option<u64>,
     /// Constants of the project that the drive contradicts, the gravest first.
     pub doubts: &'a [Doubt],
+    /// What raw logs and the first placement of the scans contradict.
+    pub preflight: &'a [Verdict],
     /// Warnings in the order they were raised.
     pub warnings: &'a [String],
+    /// What is said about the results, the gravest first; empty before it is found.
+    pub verdicts: Vec<Verdict>,
 }
 
 /// A calibration and what it is compared with. All list the same scanners in the same order.
@@ -55,6 +60,16 @@ pub struct Calibrations<'a> {
 }
 
 impl<'a> Calibrations<'a> {
+    /// A calibration without others.
+    pub fn alone(result: &'a Calibration) -> Self {
+        Self {
+            mountings: &[],
+            result,
+            joint: None,
+            variants: &[],
+        }
+    }
+
     /// The mountings of this kind, if there are any.
     pub fn mountings(&self, kind: MountingKind) -> Option<&'a [BodyFromScanner]> {
         let mut all = self.mountings.iter();
@@ -101,53 +116,6 @@ pub struct Drive {
     pub rejected_rows: Vec<RejectedRow>,
     /// Agreement of its clouds.
     pub agreements: Agreements,
-}
-
-/// Severity of a statement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Status {
-    /// All is well.
-    Good,
-    /// Needs attention.
-    Attention,
-    /// For information.
-    Neutral,
-}
-
-/// A statement in words that a field crew understands, for example "Left scanner: points agree with
-/// the reference scan to 1.3 mm (before: 43 mm)".
-#[derive(Debug, Clone, PartialEq)]
-pub struct Verdict {
-    /// Severity.
-    pub status: Status,
-    /// One or two sentences, with units.
-    pub text: String,
-}
-
-impl Verdict {
-    /// A statement that all is well.
-    pub fn good(text: impl Into<String>) -> Self {
-        Self {
-            status: Status::Good,
-            text: text.into(),
-        }
-    }
-
-    /// A statement that needs attention.
-    pub fn attention(text: impl Into<String>) -> Self {
-        Self {
-            status: Status::Attention,
-            text: text.into(),
-        }
-    }
-
-    /// A statement for information.
-    pub fn neutral(text: impl Into<String>) -> Self {
-        Self {
-            status: Status::Neutral,
-            text: text.into(),
-        }
-    }
 }
 
 /// A label and its value.

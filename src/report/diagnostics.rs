@@ -1,14 +1,19 @@
 //! Diagnostics of an adjusted trajectory, computed from its solution: the same numbers go
 //! into the page, `result.json` and the terminal.
 
-use super::content::Verdict;
 use super::number;
 use crate::sensor::PoseRecord;
 use crate::statistics::median;
 use crate::trajectory::{RejectionReason, SensorDiagnostics, Solution};
+use crate::verdict::{Severity, Verdict};
 
 /// An outage has position sigmas of more than this many times the median.
 pub const OUTAGE_FACTOR: f64 = 3.0;
+/// The constant that scales the noise of the IMU, and the value beyond which it needs attention.
+const NOISE_SCALE: &str = "imu.noise_scale";
+const CARE_NOISE: f64 = 3.0;
+/// Outages need attention where the standard deviation of the position exceeds this, metres.
+const CARE_OUTAGE_M: f64 = 0.01;
 /// Outages closer together than this are merged, seconds.
 const SAME_OUTAGE_S: f64 = 1.0;
 /// Residuals this many times larger than expected need attention.
@@ -303,54 +308,84 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         number::count(solution.nodes)
     );
     lines.push(match solution.converged {
-        true => Verdict::good(ended),
-        false => Verdict::attention(format!("{ended} Its standard deviations are invalid.")),
+        true => Verdict::good("trajectory.convergence", ended),
+        false => Verdict::fault(
+            "trajectory.convergence",
+            format!("{ended} Its standard deviations are invalid."),
+        ),
     });
     let measuring = |s: &&SensorDiagnostics| matches!(s.unit, "m" | "rad");
     for sensor in sensors_shown(solution).filter(measuring) {
         let name = sensor_name(&sensor.name);
         if is_notable(sensor) {
-            lines.push(Verdict::attention(format!(
+            let text = format!(
                 "The residuals of {name} are {}: its standard deviation in the project is too small, or an \
                  error is not modelled (latency, lever arm, mounting offset).",
                 chi_square_text(sensor)
-            )));
+            );
+            let verdict = Verdict::care(format!("{}.noise", sensor.name), text);
+            lines.push(verdict.with_value(sensor.rms_normalised, None));
         }
         let all = sensor.count + sensor.rejected;
         if sensor.rejected > 0 {
-            lines.push(Verdict::neutral(format!(
+            let text = format!(
                 "{} of {} records of {name} contradict the others and were rejected.",
                 number::count(sensor.rejected),
                 number::count(all)
-            )));
+            );
+            lines.push(Verdict::note(format!("{}.rejected", sensor.name), text));
         }
     }
+    let noise = solution.constants.iter().find(|c| c.name == NOISE_SCALE);
+    if let Some((found, sigma)) = noise.and_then(|found| Some((found, found.sigma?)))
+        && found.value > NOTABLE_FACTOR
+    {
+        let text = format!(
+            "The IMU is {} times as noisy as its datasheet says (vibration?): its noise was scaled.",
+            number::significant(found.value, 2)
+        );
+        let verdict = match found.value > CARE_NOISE {
+            true => Verdict::care(NOISE_SCALE, text),
+            false => Verdict::note(NOISE_SCALE, text),
+        };
+        lines.push(verdict.with_value(found.value, Some(sigma)));
+    }
     for jump in &solution.clock_jumps {
-        lines.push(Verdict::attention(format!(
+        let text = format!(
             "The clock of {} jumps by {} ms at {:.1} s: corrected.",
             sensor_name(&jump.sensor),
             number::fixed(1e3 * jump.size_s, 0),
             jump.time_s
-        )));
+        );
+        let verdict = Verdict::care(format!("{}.clock_jump", jump.sensor), text);
+        lines.push(verdict.with_value(jump.size_s, None));
     }
     if !solution.imu_gaps_s.is_empty() {
-        lines.push(Verdict::attention(format!(
+        let text = format!(
             "The IMU has no samples {}.",
             spans_text(&solution.imu_gaps_s)
-        )));
+        );
+        lines.push(Verdict::care("imu.gaps", text));
     }
     if let Some(sigmas) = sigmas
         && !sigmas.outages.is_empty()
     {
         let spans: Vec<(f64, f64)> = sigmas.outages.iter().map(|o| (o.from_s, o.to_s)).collect();
         let worst_m = sigmas.outages.iter().map(|o| o.max_position_m);
-        lines.push(Verdict::attention(format!(
+        let worst_m = worst_m.fold(0.0, f64::max);
+        let text = format!(
             "The standard deviation of the position exceeds {OUTAGE_FACTOR:.0} times its median of \
              {} mm {}: up to {} mm.",
             number::millimetres(sigmas.position_m.median),
             spans_text(&spans),
-            number::millimetres(worst_m.fold(0.0, f64::max))
-        )));
+            number::millimetres(worst_m)
+        );
+        let severity = match worst_m > CARE_OUTAGE_M {
+            true => Severity::Care,
+            false => Severity::Note,
+        };
+        let verdict = Verdict::new(severity, "trajectory.outage", text);
+        lines.push(verdict.with_value(worst_m, None));
     }
     let open: Vec<&str> = solution
         .constants
@@ -359,10 +394,11 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         .map(|c| c.name.as_str())
         .collect();
     if !open.is_empty() {
-        lines.push(Verdict::attention(format!(
+        let text = format!(
             "Not determined by this drive and held at the project's value: {}.",
             open.join(", ")
-        )));
+        );
+        lines.push(Verdict::care("trajectory.undetermined", text));
     }
     lines
 }

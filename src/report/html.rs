@@ -1,6 +1,6 @@
 //! Building blocks of HTML. All external text goes through [`escape`].
 
-use super::content::{Status, Verdict};
+use crate::verdict::{Severity, Verdict};
 
 /// `text` with everything that HTML or XML would read as markup replaced, and control characters
 /// shown as the replacement character.
@@ -72,10 +72,11 @@ pub fn verdicts(list: &[Verdict]) -> String {
     }
     let mut out = String::from("<ul class=\"verdicts\">\n");
     for verdict in list {
-        let (class, sign, word) = match verdict.status {
-            Status::Good => ("good", "✓", "good"),
-            Status::Attention => ("attention", "!", "attention"),
-            Status::Neutral => ("neutral", "·", "note"),
+        let (class, sign, word) = match verdict.severity {
+            Severity::Good => ("good", "✓", "good"),
+            Severity::Note => ("neutral", "·", "note"),
+            Severity::Care => ("attention", "!", "care"),
+            Severity::Fault => ("fault", "!", "fault"),
         };
         out.push_str(&format!(
             "<li class=\"{class}\"><span class=\"sign\" role=\"img\" aria-label=\"{word}\">{sign}</span><span>{}</span></li>\n",

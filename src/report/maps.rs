@@ -178,6 +178,7 @@ mod tests {
             core: core.collect(),
         };
         Agreement {
+            coverage: 1.0,
             scanner: "left".into(),
             against: Against::Reference,
             mounting: MountingKind::Final,

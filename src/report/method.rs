@@ -1,10 +1,10 @@
 //! Which method's values are reported, and how well scanners are known relative to each other: the
 //! same words in the page and in the terminal.
 
-use super::content::Verdict;
 use super::number;
 use crate::calibration::{Calibration, Method, RelativeMounting};
 use crate::joint::{Joint, JointReport};
+use crate::verdict::Verdict;
 
 /// Factors below this are not worth mentioning.
 const NOTABLE: f64 = 2.0;
@@ -29,12 +29,14 @@ pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdic
     }
     vec![
         match (result.method, joint.and_then(JointReport::accepted)) {
-            (Method::Joint, Some(joint)) => Verdict::good(accepted(joint)),
-            (Method::Paper, _) => Verdict::neutral(
+            (Method::Joint, Some(joint)) => Verdict::good("method.joint", accepted(joint)),
+            (Method::Paper, _) => Verdict::note(
+                "method.paper",
                 "These are the values of the paper's method: without standard deviations, and with the \
              poses as the trajectory left them.",
             ),
-            _ => Verdict::neutral(
+            _ => Verdict::note(
+                "method.two_steps",
                 "These are the values of two steps: the mountings after the trajectory, whose errors \
              they inherit.",
             ),
@@ -49,12 +51,13 @@ fn refusals(reasons: &[String], was_made: bool) -> impl Iterator<Item = Verdict>
         false => "could not be made",
     };
     reasons.iter().enumerate().map(move |(i, reason)| {
-        Verdict::attention(match i {
+        let text = match i {
             0 => format!(
                 "These are the values of two steps, as the joint adjustment {what}: {reason}."
             ),
             _ => format!("The joint adjustment was also refused because {reason}."),
-        })
+        };
+        Verdict::care("joint.refused", text)
     })
 }
 
@@ -152,7 +155,6 @@ fn worst(sigmas: &[Option<f64>; 6]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::content::Status;
 
     #[test]
     fn every_reason_of_a_refusal_needs_attention_the_gravest_first() {
@@ -161,7 +163,7 @@ mod tests {
             "so does `prism`".to_owned(),
         ];
         let found: Vec<Verdict> = refusals(&reasons, true).collect();
-        assert!(found.iter().all(|v| v.status == Status::Attention));
+        assert!(found.iter().all(|v| v.severity.is_marked()));
         assert!(
             found[0]
                 .text

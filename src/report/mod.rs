@@ -5,6 +5,7 @@
 //! of many points are small PNG images in data URIs.
 
 mod adjustment;
+mod agreement;
 mod axis;
 mod chart;
 pub mod content;
@@ -29,3 +30,4 @@ pub(crate) mod verdicts;
 
 pub use content::Content;
 pub use page::render;
+pub use verdicts::verdicts;

@@ -38,7 +38,7 @@ pub fn render(content: &Content) -> String {
          <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n<h1>{title}</h1>\n{}</header>\n\
          <main>\n{}{nav}{body}</main>\n</body>\n</html>\n",
         tables::provenance(content),
-        html::verdicts(&verdicts::summary(content)),
+        html::verdicts(&content.verdicts),
     )
 }
 

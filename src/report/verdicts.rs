@@ -1,114 +1,168 @@
-//! The summary of a run, in words that a field crew understands.
+//! What a run says about its results, in words that a field crew understands.
 
-use super::content::{Calibrations, Content, Drive, Status, Verdict};
-use super::{method, number};
+use super::content::{Calibrations, Content, Drive};
+use super::diagnostics::{self, PoseSigmas};
+use super::{agreement, method, number};
 use crate::calibration::{Calibration, Method, Variant};
-use crate::comparison::{Against, Agreement, Agreements, MountingKind};
+use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3, so3};
-use crate::joint::Joint;
+use crate::joint::{Joint, JointReport};
 use crate::statistics::NORMAL_97_5_ROUNDED;
-use crate::trajectory::Doubt;
+use crate::trajectory::{Constant, Doubt, Solution};
+use crate::verdict::{Acceptance, Severity, Verdict, capitalised};
 
-/// Clouds that agree worse than after two steps by more than this factor need attention: other core
-/// points alone change the RMSE by a few percent.
-const WORSE_THAN_TWO_STEPS: f64 = 1.2;
 /// No error exceeds this many standard deviations by chance: 1 in 16 000 does.
 const NEVER_BY_CHANCE: f64 = 4.0;
+/// A constant that is off by more than this is a fault: metres, seconds, radians, m/s².
+const FAULT_LEVER_ARM_M: f64 = 0.05;
+const FAULT_LATENCY_S: f64 = 0.03;
+const FAULT_OFFSET_RAD: f64 = 0.02;
+const FAULT_GRAVITY_M_S2: f64 = 0.1;
 
-/// The summary: constants of the project that the drive contradicts, which method's values these are,
-/// then points that need attention, then the agreement of the clouds, then the quality of the
-/// mountings.
-pub fn summary(content: &Content) -> Vec<Verdict> {
-    let Some(calibrations) = &content.calibrations else {
-        return Vec::new();
-    };
-    let constancy = constancy(calibrations.result);
-    let is_constant = constancy.as_ref().is_none_or(|v| v.status == Status::Good);
-    let mut lines = Vec::new();
-    if !is_constant {
-        lines.extend(constancy.clone());
+/// All that is said, the gravest first; then constants of the project that the drive contradicts, which
+/// method's values these are, the agreement of the clouds, and the quality of the mountings.
+pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
+    let mut all = content.preflight.to_vec();
+    all.extend(content.doubts.iter().map(doubt));
+    if let Some(calibrations) = &content.calibrations {
+        all.extend(of_calibration(calibrations, content.drives, acceptance));
     }
-    if let Some(drive) = content.drives.first() {
-        let last = drive.agreements.under(MountingKind::Final);
-        lines.extend(last.map(|found| agreement(&drive.agreements, found)));
+    for (number, drive) in content.drives.iter().enumerate() {
+        let Some(solution) = &drive.solution else {
+            continue;
+        };
+        let sigmas = PoseSigmas::of(&drive.poses);
+        let found = diagnostics::verdicts(solution, sigmas.as_ref());
+        // Of a whole run, what is well with the trajectories stands in their own section.
+        let is_said = |v: &Verdict| content.calibrations.is_none() || v.severity.is_marked();
+        all.extend(found.into_iter().filter(is_said).map(|mut verdict| {
+            if number > 0 {
+                verdict.text = format!("{}: {}", drive.name, verdict.text);
+            }
+            verdict
+        }));
     }
-    lines.extend(content.drives.iter().skip(1).filter_map(evaluation));
-    lines.extend(
-        calibrations
-            .joint_found()
-            .into_iter()
-            .flat_map(disagreements),
-    );
-    lines.push(convergence(calibrations.result));
-    lines.extend(sigmas(calibrations.result));
-    let reference = method::reference(calibrations.result, calibrations.joint);
-    lines.extend(reference.map(Verdict::neutral));
-    let relative = method::relative(calibrations.result).into_iter();
-    lines.extend(relative.map(Verdict::good));
-    if let Some(truth) = calibrations.mountings(MountingKind::Truth) {
-        lines.extend(errors(calibrations.result, truth));
-    }
-    let observability = observability(calibrations).into_iter();
-    lines.extend(observability.filter(|v| v.status != Status::Good));
-    if is_constant {
-        lines.extend(constancy);
-    }
-    lines.sort_by_key(|line| line.status != Status::Attention);
-    let mut all: Vec<Verdict> = content.doubts.iter().map(doubt).collect();
-    all.extend(method::verdicts(calibrations.result, calibrations.joint));
-    all.extend(lines);
+    all.sort_by_key(|verdict| {
+        let marked = verdict.severity.is_marked().then_some(verdict.severity);
+        std::cmp::Reverse(marked)
+    });
     all
 }
 
-/// A constant of the project that the drive contradicts.
-pub fn doubt(doubt: &Doubt) -> Verdict {
-    Verdict::attention(capitalised(&doubt.describe()))
+fn of_calibration(
+    calibrations: &Calibrations,
+    drives: &[Drive],
+    acceptance: &Acceptance,
+) -> Vec<Verdict> {
+    let result = calibrations.result;
+    let mut all = method::verdicts(result, calibrations.joint);
+    all.extend(agreement::verdicts(drives, acceptance));
+    let late = calibrations.joint.into_iter().flat_map(|joint| &joint.late);
+    all.extend(late.map(|scanner| {
+        let text = capitalised(&scanner.describe()) + ".";
+        let verdict = Verdict::care("scanner.time_offset", text);
+        verdict.with_value(scanner.late.value, Some(scanner.late.sigma))
+    }));
+    let joint = calibrations.joint_found();
+    all.extend(joint.into_iter().flat_map(disagreements));
+    let accepted = calibrations.joint.and_then(JointReport::accepted);
+    all.extend(accepted.and_then(height));
+    all.push(convergence(result));
+    if let Some(initial) = calibrations.mountings(MountingKind::Initial) {
+        all.extend(moved(result, initial));
+    }
+    all.extend(sigmas(result, acceptance));
+    let reference = method::reference(result, calibrations.joint);
+    all.extend(reference.map(|text| Verdict::note("reference.prior", text)));
+    let relative = method::relative(result).into_iter();
+    all.extend(relative.map(|text| Verdict::good("mounting.relative", text)));
+    if let Some(truth) = calibrations.mountings(MountingKind::Truth) {
+        all.extend(errors(result, truth));
+    }
+    all.extend(
+        observability(calibrations)
+            .into_iter()
+            .filter(|v| v.severity != Severity::Good),
+    );
+    all.extend(constancy(result));
+    let solution = drives.first().and_then(|drive| drive.solution.as_ref());
+    all.extend(solution.and_then(origin));
+    all
 }
 
-/// The agreement of the clouds of a drive that was not used in the calibration.
-fn evaluation(drive: &Drive) -> Option<Verdict> {
-    let all = &drive.agreements;
-    let mut is_worse = false;
-    let parts = all.under(MountingKind::Final).map(|found| {
-        let rmse_m = found.statistics.rmse_m;
-        let rmse = number::length(rmse_m);
-        let worse = worse_than_two_steps(all, found);
-        is_worse |= worse.is_some();
-        let aside = worse.map_or(String::new(), |two_steps| {
-            format!(
-                " (worse than after two steps: {})",
-                number::length(two_steps)
-            )
-        });
-        format!("{}: {rmse}{aside}", found.pair())
-    });
-    let parts: Vec<String> = parts.collect();
-    let text = format!(
-        "On {}, which was not used in the calibration: {}.",
-        drive.name,
-        parts.join("; ")
-    );
-    (!parts.is_empty()).then(|| match is_worse {
-        true => Verdict::attention(text),
-        false => Verdict::good(text),
+/// What the positions of the mountings rest on where no lever arm is estimated.
+fn origin(solution: &Solution) -> Option<Verdict> {
+    let is_estimated = solution
+        .constants
+        .iter()
+        .any(|c| c.name.contains(".lever_arm"));
+    (!is_estimated).then(|| {
+        Verdict::note(
+            "mounting.origin",
+            "Positions of the mountings rest on the lever arm as given: an error of it, up to the centimetres \
+             that the drive would show, shifts all of them alike, and no point in the world.",
+        )
     })
 }
 
-/// The RMSE after two steps where the clouds agree notably worse than then.
-fn worse_than_two_steps(all: &Agreements, found: &Agreement) -> Option<f64> {
-    let two_steps = all.counterpart(found, MountingKind::TwoStep)?;
-    let (before, after) = (two_steps.statistics.rmse_m, found.statistics.rmse_m);
-    (after > WORSE_THAN_TWO_STEPS * before).then_some(before)
+/// A constant of the project that the drive contradicts.
+fn doubt(doubt: &Doubt) -> Verdict {
+    let fault = match doubt.constant {
+        Constant::LeverArm(_) => FAULT_LEVER_ARM_M,
+        Constant::TimeOffset(_) | Constant::HeadingTimeOffset => FAULT_LATENCY_S,
+        Constant::HeadingOffset => FAULT_OFFSET_RAD,
+        _ => FAULT_GRAVITY_M_S2,
+    };
+    let severity = match doubt.off() > fault && !doubt.is_used {
+        true => Severity::Fault,
+        false => Severity::Care,
+    };
+    let verdict = Verdict::new(severity, &doubt.name, capitalised(&doubt.describe()));
+    match doubt.values.as_slice() {
+        [only] => verdict.with_value(only.value, only.sigma),
+        _ => verdict,
+    }
+}
+
+/// A mounting that was measured with a tape is not as far off: metres, radians.
+const MOVED_M: [f64; 2] = [0.4, 1.0];
+const MOVED_RAD: [f64; 2] = [0.35, 0.8];
+
+/// Mountings that ended far from where they started.
+fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
+    let pairs = result.mountings.iter().zip(initial);
+    let far = pairs.filter_map(|(mounting, initial)| {
+        let (turn, shift) = mounting.body_from_scanner.perturbation_from(initial);
+        let beyond = |i: usize| shift.norm() > MOVED_M[i] || turn.norm() > MOVED_RAD[i];
+        beyond(0).then(|| {
+            let text = format!(
+                "Scanner {} ended {} and {:.0}° from its start: is the start as wrong as that, or is this \
+                 another minimum?",
+                mounting.name,
+                number::length(shift.norm()),
+                turn.norm().to_degrees()
+            );
+            let verdict = match beyond(1) {
+                true => Verdict::fault("mounting.moved", text),
+                false => Verdict::care("mounting.moved", text),
+            };
+            verdict.with_value(shift.norm(), None)
+        })
+    });
+    far.collect()
 }
 
 fn convergence(result: &Calibration) -> Verdict {
+    const CODE: &str = "calibration.convergence";
     match (result.converged, result.method) {
-        (true, Method::Joint) => Verdict::good("The joint adjustment converged."),
-        (true, _) => Verdict::good("The adjustment converged at every scale."),
-        (false, Method::Joint) => {
-            Verdict::attention("The joint adjustment did not converge: the result may be wrong.")
-        }
-        (false, _) => Verdict::attention(
+        (true, Method::Joint) => Verdict::good(CODE, "The joint adjustment converged."),
+        (true, _) => Verdict::good(CODE, "The adjustment converged at every scale."),
+        (false, Method::Joint) => Verdict::fault(
+            CODE,
+            "The joint adjustment did not converge: the result may be wrong.",
+        ),
+        (false, _) => Verdict::fault(
+            CODE,
             "The adjustment did not converge at every scale: the result may be wrong.",
         ),
     }
@@ -116,21 +170,32 @@ fn convergence(result: &Calibration) -> Verdict {
 
 /// Where scans and reference disagree.
 pub fn disagreements(joint: &Joint) -> impl Iterator<Item = Verdict> {
-    let regions = joint.regions.iter().map(|r| r.describe(&Vec3::zeros()));
-    let all = regions.chain(joint.reference.and_then(|reference| reference.describe()));
-    all.map(|text| Verdict::attention(capitalised(&text)))
+    let regions = joint.regions.iter().map(|region| {
+        let text = capitalised(&region.describe(&Vec3::zeros()));
+        Verdict::care("reference.region", text).with_value(region.offset_m, None)
+    });
+    let shift = joint.reference.and_then(|reference| reference.describe());
+    regions.chain(shift.map(|text| Verdict::care("reference.shift", capitalised(&text))))
 }
 
-fn capitalised(text: &str) -> String {
-    let mut text = text.to_owned();
-    if let Some(first) = text.get_mut(0..1) {
-        first.make_ascii_uppercase();
-    }
-    text
+/// A reference that lies higher or lower than the drive says.
+fn height(joint: &Joint) -> Option<Verdict> {
+    joint.reference_height().map(|found| {
+        let text = format!(
+            "The reference lies {:.1} mm {} where the drive puts it (± {:.1} mm, by the slopes of boards): \
+             check the height of the total station, the lever arm of the prism, and the registration. All \
+             of it is in tz.",
+            1e3 * found.value.abs(),
+            if found.value > 0.0 { "above" } else { "below" },
+            1e3 * found.sigma
+        );
+        Verdict::fault("reference.height", text).with_value(found.value, Some(found.sigma))
+    })
 }
 
-/// The largest standard deviations of the mountings.
-fn sigmas(calibration: &Calibration) -> Option<Verdict> {
+/// The largest standard deviations of the mountings, against what is accepted.
+fn sigmas(calibration: &Calibration, acceptance: &Acceptance) -> Option<Verdict> {
+    const CODE: &str = "mounting.sigma";
     let mut worst = [0.0f64; 2];
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {
         let sigmas = calibration.sigmas(scanner, mounting.convention);
@@ -147,16 +212,40 @@ fn sigmas(calibration: &Calibration) -> Option<Verdict> {
     .into_iter()
     .flatten()
     .collect();
+    if parts.is_empty() {
+        return None;
+    }
     let sigmas = parts.join(" and ");
+    let limits = format!(
+        "{} and {}°",
+        number::length(acceptance.sigma_translation_m),
+        number::shortest(acceptance.sigma_rotation_rad.to_degrees())
+    );
     let is_constant = calibration.constancy.as_ref().is_none_or(|c| c.constant);
-    (!parts.is_empty()).then(|| match is_constant {
-        true => Verdict::good(format!(
-            "The mountings of the scanners are known to {sigmas} or better (one standard deviation)."
-        )),
-        false => Verdict::neutral(format!(
-            "Constant mountings would be known to {sigmas} or better. These are not constant, so their \
-             standard deviations are too small."
-        )),
+    let is_accepted =
+        length_m <= acceptance.sigma_translation_m && angle_rad <= acceptance.sigma_rotation_rad;
+    Some(match (is_constant, is_accepted) {
+        (true, true) => Verdict::good(
+            CODE,
+            format!(
+                "The mountings of the scanners are known to {sigmas} or better (one standard \
+                 deviation; accepted: {limits})."
+            ),
+        ),
+        (true, false) => Verdict::care(
+            CODE,
+            format!(
+                "The mountings of the scanners are known to {sigmas} only, and {limits} would be \
+                 accepted: drive over planes in more directions, or accept more with [acceptance]."
+            ),
+        ),
+        (false, _) => Verdict::note(
+            CODE,
+            format!(
+                "Constant mountings would be known to {sigmas} or better. These are not constant, so \
+                 their standard deviations are too small."
+            ),
+        ),
     })
 }
 
@@ -198,65 +287,27 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
         all - outside
     );
     let covered = outside as f64 <= outside_by_chance(all) && largest < NEVER_BY_CHANCE;
+    const CODE: &str = "truth.errors";
     (all > 0).then(|| match covered {
-        true => Verdict::good(text),
-        false => Verdict::attention(text),
+        true => Verdict::good(CODE, text),
+        false => Verdict::fault(CODE, text),
     })
-}
-
-fn agreement(all: &Agreements, found: &Agreement) -> Verdict {
-    let after = found.statistics.rmse_m;
-    let text = match &found.against {
-        Against::Reference => format!(
-            "Scanner {}: points agree with the reference scan to {}",
-            found.scanner,
-            number::length(after)
-        ),
-        Against::Scanner(other) => format!(
-            "Scanners {other} and {} agree with each other to {}",
-            found.scanner,
-            number::length(after)
-        ),
-    };
-    let rmse = |kind| {
-        let other = all.counterpart(found, kind);
-        other.map(|other| other.statistics.rmse_m)
-    };
-    let two_steps = rmse(MountingKind::TwoStep);
-    if let Some(two_steps) = worse_than_two_steps(all, found) {
-        return Verdict::attention(format!(
-            "{text}, worse than after two steps ({}).",
-            number::length(two_steps)
-        ));
-    }
-    let two_steps = two_steps.map_or(String::new(), |two_steps| {
-        format!(", after two steps: {}", number::length(two_steps))
-    });
-    match rmse(MountingKind::Initial) {
-        Some(before) if before < after => Verdict::attention(format!(
-            "{text}, worse than with the initial mounting ({}).",
-            number::length(before)
-        )),
-        Some(before) => Verdict::good(format!(
-            "{text} (before: {}{two_steps}).",
-            number::length(before)
-        )),
-        None => Verdict::good(format!("{text}.")),
-    }
 }
 
 /// The observability of the parameters.
 pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
+    const CODE: &str = "mounting.unobservable";
     let found = statements(calibrations.result, "").into_iter();
-    let mut lines: Vec<Verdict> = found.map(Verdict::attention).collect();
+    let mut lines: Vec<Verdict> = found.map(|text| Verdict::care(CODE, text)).collect();
     if lines.is_empty() {
         lines.push(Verdict::good(
+            CODE,
             "Every free parameter is determined by the data.",
         ));
     }
     if let Some(without) = calibrations.variant(Variant::WithoutReference) {
         let found = statements(without, " without a reference").into_iter();
-        lines.extend(found.map(Verdict::neutral));
+        lines.extend(found.map(|text| Verdict::note(CODE, text)));
     }
     lines
 }
@@ -275,16 +326,21 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
 /// The test of a constant mounting; `None` if it is not possible.
 pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
     let found = calibration.constancy.as_ref()?;
-    Some(match constancy_warning(calibration) {
-        Some(text) => Verdict::attention(text),
-        None => Verdict::good(format!(
-            "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
+    const CODE: &str = "mounting.constancy";
+    let verdict = match constancy_warning(calibration) {
+        Some(text) => Verdict::care(CODE, text),
+        None => Verdict::good(
+            CODE,
+            format!(
+                "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
              as the standard deviations of the poses explain.",
-            of_two_steps(calibration),
-            number::length(found.rms_m),
-            found.ratio
-        )),
-    })
+                of_two_steps(calibration),
+                number::length(found.rms_m),
+                found.ratio
+            ),
+        ),
+    };
+    Some(verdict.with_value(found.ratio, None))
 }
 
 /// A warning if the residuals along the drive show that the mounting is not constant.

@@ -41,6 +41,8 @@ pub struct Doubt {
     pub values: Vec<EstimatedConstant>,
     /// How far the worst component is off, in standard deviations.
     pub sigmas: f64,
+    /// Whether the value found is used, and not the project's.
+    pub is_used: bool,
 }
 
 /// The constants that the drive contradicts, those first that explain most. `solution` is that of the
@@ -154,6 +156,7 @@ fn doubt(constant: Constant, settings: &TrajectorySettings, solution: &Solution)
         name,
         values,
         sigmas: worst,
+        is_used: false,
     })
 }
 
@@ -176,6 +179,13 @@ fn squares(solution: &Solution) -> f64 {
 }
 
 impl Doubt {
+    /// How far the worst component is off, in its unit.
+    pub fn off(&self) -> f64 {
+        let all = self.values.iter();
+        all.map(|found| off(self.constant, found).abs())
+            .fold(0.0, f64::max)
+    }
+
     /// What the drive finds, what it is likely to be, and what to write.
     pub fn describe(&self) -> String {
         let name = &self.name;
@@ -196,10 +206,15 @@ impl Doubt {
         let given = |found: &EstimatedConstant| format!("{:.digits$}", found.start * factor);
         let likely = self.likely();
         let likely = likely.map_or(String::new(), |what| format!(" Is it {what}?"));
+        let then = match self.is_used {
+            true => "; the value found is used here".to_owned(),
+            false => {
+                format!(", or let it be estimated with trajectory.estimate = [\"{name}\"]")
+            }
+        };
         format!(
             "the drive contradicts `{name}`: it finds {} {unit} instead of {}, {:.0} standard \
-             deviations off.{likely} {}, or let it be estimated with trajectory.estimate = \
-             [\"{name}\"]",
+             deviations off.{likely} {}{then}",
             list(&with_sigma),
             list(&given),
             self.sigmas,
@@ -312,6 +327,7 @@ mod tests {
             name: "prism.lever_arm".into(),
             values: values(of),
             sigmas: 50.0,
+            is_used: false,
         }
     }
 

@@ -249,3 +249,26 @@ impl fmt::Display for Solution {
         Ok(())
     }
 }
+
+/// The IMU's noise is larger than expected where its residuals exceed it by more than this many standard
+/// deviations of the variance component.
+const NOISE_SIGMAS: f64 = 3.0;
+
+impl Solution {
+    /// The factor on the standard deviations of the IMU that its residuals ask for, where that is not
+    /// chance; 1 elsewhere.
+    pub fn imu_noise_factor(&self) -> f64 {
+        let of_imu = |name: &str| name == "gyro" || name == "accelerometer";
+        let sensors = self.sensors.iter().filter(|s| of_imu(&s.name));
+        let (square, redundancy) = sensors.fold((0.0, 0.0), |(square, redundancy), sensor| {
+            (square + sensor.chi_square, redundancy + sensor.redundancy)
+        });
+        let ratio: f64 = square / redundancy;
+        let notable = ratio > 1.0 + NOISE_SIGMAS * (2.0 / redundancy).sqrt();
+        if redundancy > 1.0 && notable {
+            ratio.sqrt()
+        } else {
+            1.0
+        }
+    }
+}

@@ -66,6 +66,8 @@ fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
     Joint {
         mountings: near.mountings.clone(),
         covariance: near.covariance.clone().expect("a covariance"),
+        late_scores: vec![None, None],
+        height_score: None,
         late_s: vec![Some((1.2e-3, 0.1e-3)), None],
         drives: vec![drive(full, east)],
         constants: vec![EstimatedConstant {
@@ -154,6 +156,7 @@ fn accepted() -> Full {
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
+        late: Vec::new(),
         found: Some(found),
         refused: Vec::new(),
         seconds: 6.1,
@@ -170,6 +173,7 @@ fn refused() -> Full {
     let near = full.variants[1].1.clone();
     let found = found(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
+        late: Vec::new(),
         found: Some(found),
         refused: vec![REASON.into()],
         seconds: 6.1,
@@ -334,7 +338,9 @@ fn document(full: Full) -> Value {
         background_m: full.background_m,
         stages: full.stages,
         doubts: Vec::new(),
+        preflight: Vec::new(),
         warnings: full.warnings,
+        verdicts: Vec::new(),
     })
 }
 
@@ -398,6 +404,7 @@ fn the_document_says_why_it_was_refused() {
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
+        late: Vec::new(),
         found: None,
         refused: vec!["only 12 patches of the surface are known".into()],
         seconds: 0.2,

@@ -11,7 +11,9 @@ use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3, Worl
 use boresight::joint::JointReport;
 use boresight::progress::StageSeconds;
 use boresight::report::content::*;
+use boresight::report::verdicts;
 use boresight::sensor::{PoseRecord, PoseSigma};
+use boresight::verdict::Acceptance;
 use nalgebra::{DMatrix, DVector};
 
 /// A value in [−1, 1] that looks random and depends on `i` alone.
@@ -45,7 +47,7 @@ pub struct Full {
 
 impl Full {
     pub fn content(&self) -> Content<'_> {
-        Content {
+        let mut content = Content {
             title: self.title.clone(),
             command: self.command.clone(),
             project: self.command.clone(),
@@ -61,9 +63,11 @@ impl Full {
             background_m: &self.background_m,
             stages: &self.stages,
             peak_memory_bytes: Some(1_234_567_890),
-            doubts: &[],
             warnings: &self.warnings,
-        }
+            ..Content::default()
+        };
+        content.verdicts = verdicts(&content, &Acceptance::default());
+        content
     }
 }
 
@@ -251,6 +255,7 @@ fn agreements(n: usize) -> Agreements {
         kinds.map(|(mounting, mean, wave, sigma)| {
             let distances = distances(n, mean, wave, sigma);
             Agreement {
+                coverage: 0.9,
                 scanner: (*scanner).into(),
                 against: against.clone(),
                 mounting,

@@ -5,8 +5,10 @@ use crate::adjustment::{CONVERGED_SIGMAS, LeastSquares, StopReason, levenberg_ma
 use crate::calibration::ScannerSample;
 use crate::joint::adjust::DAMPING;
 use crate::joint::components::components;
+use crate::joint::layout::UP;
 use crate::joint::motion::ChainMotion;
 use crate::joint::problem::JointProblem;
+use crate::joint::score::Score;
 use crate::joint::state::State;
 use crate::progress::Silent;
 use nalgebra::{DMatrix, DVector};
@@ -179,6 +181,50 @@ fn redundancies_by_probes_are_those_of_the_projection() {
             "{all}"
         );
     });
+}
+
+/// The best value of an unknown and its standard deviation, without the row that does nothing but hold it.
+fn freed(dense: &Dense, place: usize) -> (f64, f64) {
+    let mut weights = dense.weights.clone();
+    for (weight, row) in weights.iter_mut().zip(dense.jacobian.row_iter()) {
+        let holds = row[place] != 0.0 && row.iter().filter(|x| **x != 0.0).count() == 1;
+        *weight *= if holds { 0.0 } else { 1.0 };
+    }
+    let weighted = DMatrix::from_diagonal(&weights) * &dense.jacobian;
+    let covariance = inverse(&weighted.tr_mul(&dense.jacobian));
+    let step = -&covariance * weighted.tr_mul(&dense.residuals);
+    (step[place], covariance[(place, place)].sqrt())
+}
+
+#[test]
+fn scores_of_held_values_are_those_of_freed_ones() {
+    let near = |name: &str, score: Score, (value, sigma): (f64, f64)| {
+        println!("{name}: {score:?}, freed {value:e} ± {sigma:e}");
+        assert!((score.sigma / sigma - 1.0).abs() < 1e-3, "{name}");
+        assert!((score.value - value).abs() < 1e-2 * sigma, "{name}");
+    };
+    for (name, mut case) in Case::all() {
+        case.estimate_latency = vec![false, false];
+        let input = case.input();
+        let (mut problem, mut state) = case.problem(&input);
+        solve(&mut problem, &mut state);
+        problem.factorise(&state).expect("positive definite");
+        if let Some(reference) = problem.layout.reference {
+            let dense = Dense::new(&problem, &state);
+            let (down, sigma) = freed(&dense, problem.offset(reference) + UP);
+            let score = problem.height_score(&state).expect("factorised");
+            near(name, score, (-down, sigma));
+        }
+        for scanner in 0..2 {
+            let score = problem.latency_score(&state, scanner).expect("factorised");
+            let mut free = case.input();
+            free.estimate_latency[scanner] = true;
+            let (free, _) = case.problem(&free);
+            let block = free.layout.late[scanner].expect("estimated");
+            let dense = Dense::new(&free, &state);
+            near(name, score, freed(&dense, free.offset(block)));
+        }
+    }
 }
 
 #[test]

@@ -76,6 +76,26 @@ fn a_reference_that_is_shifted_is_found_where_it_lies() {
 }
 
 #[test]
+fn the_score_of_a_latency_is_what_estimating_it_finds() {
+    let mut case = Case::from_file();
+    // Stamps that are 0.5 ms late: a fraction of a millimetre.
+    let profiles = &mut case.samples[0].profiles;
+    profiles
+        .iter_mut()
+        .for_each(|profile| profile.time_s += 5e-4);
+    let score = adjusted(&case).late_scores[0].expect("held");
+    case.estimate_latency[0] = true;
+    let found = adjusted(&case);
+    assert!(found.late_scores[0].is_none());
+    let (late_s, sigma_s) = found.late_s[0].expect("estimated");
+    println!("{score:?}, estimated {late_s:e} ± {sigma_s:e}");
+    assert!((score.sigma / sigma_s - 1.0).abs() < 0.05);
+    // Which rows the loss trusts differs a little between both.
+    assert!((score.value - late_s).abs() < 0.5 * sigma_s);
+    assert!((late_s - 5e-4).abs() < 4.0 * sigma_s);
+}
+
+#[test]
 fn a_fixed_scanner_keeps_its_mounting_to_the_last_bit() {
     let mut case = Case::full();
     case.mountings[1] = Mounting {

@@ -49,6 +49,7 @@ pub fn compare(
         result,
         summary: summary(&statistics, settings),
         files: names.map(|name| options.out.join(name)).into(),
+        ..Outcome::default()
     })
 }
 

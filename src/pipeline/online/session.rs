@@ -154,6 +154,7 @@ impl<'a> Session<'a> {
             }),
             summary,
             files,
+            ..Outcome::default()
         })
     }
 }

@@ -5,6 +5,29 @@ use crate::error::Result;
 use crate::project::source::nearest;
 use crate::trajectory::{Constant, PositionKind, PositionSettings};
 
+/// What the drive contradicts is estimated.
+pub(in crate::project) const AUTO: &str = "auto";
+
+/// The names listed in `estimate`; `None` for `"auto"`, which is also the default.
+pub(super) fn listed(
+    table: &Table<'_>,
+    written: Option<&toml::Value>,
+) -> Result<Option<Vec<String>>> {
+    let expected = format!("\"{AUTO}\" or a list of constants such as [\"prism.lever_arm\"]");
+    let wrong =
+        |found: &toml::Value| table.error("estimate", format!("estimate = {found}"), &expected);
+    match written {
+        None => Ok(None),
+        Some(toml::Value::String(word)) if word == AUTO => Ok(None),
+        Some(toml::Value::Array(names)) => names
+            .iter()
+            .map(|name| name.as_str().map(str::to_owned).ok_or_else(|| wrong(name)))
+            .collect::<Result<Vec<_>>>()
+            .map(Some),
+        Some(other) => Err(wrong(other)),
+    }
+}
+
 /// The constants listed in `estimate`, in that order, without repetition.
 pub(super) fn constants(
     table: &Table<'_>,

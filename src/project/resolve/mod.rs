@@ -38,6 +38,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         is_joint: settings::is_joint(source, written)?,
         joint: settings::joint(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,
+        acceptance: settings::acceptance(source, &written.acceptance)?,
         drives,
         evaluations,
     })

@@ -131,9 +131,10 @@ fn logs(
     )?;
     let found = positions::positions(source, all)?;
     let (positions, position_settings): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let listed = estimate::listed(&table, trajectory.estimate.as_ref())?;
     let estimate = estimate::constants(
         &table,
-        trajectory.estimate.as_deref().unwrap_or_default(),
+        listed.as_deref().unwrap_or_default(),
         &position_settings,
         heading_log.is_some(),
     )?;
@@ -157,6 +158,7 @@ fn logs(
             estimate,
             zero_velocity: trajectory.zero_velocity.unwrap_or(true),
         },
+        estimates_doubted: listed.is_none(),
     })
 }
 

@@ -132,7 +132,7 @@ fn gnss(
         sigma_m: sigmas(table, gnss.sigma_m, GNSS_SIGMA_M)?,
         sigma_correlated_m,
         correlation_s,
-        lever_arm_m: table.vector("lever_arm_m", gnss.lever_arm_m)?,
+        lever_arm_m: table.on_body("lever_arm_m", gnss.lever_arm_m)?,
         station_m: None,
         loss: gnss.loss.unwrap_or_default(),
     };
@@ -173,7 +173,7 @@ fn prism(
         sigma_m,
         sigma_correlated_m,
         correlation_s,
-        lever_arm_m: table.vector("lever_arm_m", prism.lever_arm_m)?,
+        lever_arm_m: table.on_body("lever_arm_m", prism.lever_arm_m)?,
         station_m,
         loss: prism.loss.unwrap_or_default(),
     };

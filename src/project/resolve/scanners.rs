@@ -19,11 +19,22 @@ pub(in crate::project) fn scanners(
 ) -> Result<Vec<Scanner>> {
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
-    written
-        .iter()
-        .enumerate()
+    let scanners = written.iter().enumerate();
+    let scanners: Vec<Scanner> = scanners
         .map(|(index, scanner)| checked(source, index, scanner))
-        .collect()
+        .collect::<Result<_>>()?;
+    for (index, scanner) in scanners.iter().enumerate() {
+        let shares = |other: &&Scanner| other.profiles.iter().any(|p| scanner.profiles.contains(p));
+        if let Some(other) = scanners[..index].iter().find(shares) {
+            let table = Table {
+                index: Some(index),
+                ..Table::new(source, "scanner")
+            };
+            let found = format!("a file of scanner `{}`", other.name);
+            return Err(table.error("profiles", found, "files of this scanner alone"));
+        }
+    }
+    Ok(scanners)
 }
 
 fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<Scanner> {
@@ -36,7 +47,7 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
     }
     let convention = scanner.rotation_convention.unwrap_or_default();
     let rotation = rotation(&table, scanner, convention)?;
-    let translation_m = table.vector("translation_m", scanner.translation_m)?;
+    let translation_m = table.on_body("translation_m", scanner.translation_m)?;
     let mut fixed = [false; 6];
     for name in scanner.fixed.iter().flatten() {
         match PARAMETER_NAMES.iter().position(|known| known == name) {

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::joint::{JointSettings, ReferenceSigma};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Method, Written};
+use crate::verdict::Acceptance;
 
 /// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
 const MAX_NEIGHBOURS: usize = 1000;
@@ -151,6 +152,28 @@ fn at_least(table: &Table<'_>, key: &str, value: usize, least: usize, why: &str)
         format!("{key} = {value}"),
         &format!("{least} or more{why}"),
     ))
+}
+
+/// `[acceptance]`.
+pub(super) fn acceptance(source: &Source, written: &written::Acceptance) -> Result<Acceptance> {
+    let table = Table::new(source, "acceptance");
+    let default = Acceptance::default();
+    let positive = |key, value: Option<f64>, default| table.positive(key, value.unwrap_or(default));
+    let rotation = match written.sigma_rotation_deg {
+        Some(degrees) => table.positive("sigma_rotation_deg", degrees)?.to_radians(),
+        None => default.sigma_rotation_rad,
+    };
+    let coverage = positive("coverage", written.coverage, default.coverage)?;
+    if coverage > 1.0 {
+        return Err(table.error("coverage", &coverage.to_string(), "a share from 0 to 1"));
+    }
+    let sigma = written.sigma_translation_m;
+    Ok(Acceptance {
+        sigma_translation_m: positive("sigma_translation_m", sigma, default.sigma_translation_m)?,
+        sigma_rotation_rad: rotation,
+        distance_m: positive("distance_m", written.distance_m, default.distance_m)?,
+        coverage,
+    })
 }
 
 /// Lengths above 0.

@@ -79,6 +79,21 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// A place on the body: no platform is larger than an airliner.
+    pub fn on_body(&self, key: &str, value: [f64; 3]) -> Result<Vec3> {
+        const LARGEST_M: f64 = 50.0;
+        let place = self.vector(key, value)?;
+        let longest = place.amax();
+        match longest <= LARGEST_M {
+            true => Ok(place),
+            false => Err(self.error(
+                key,
+                format!("{key} with {longest} m from the IMU"),
+                "metres on the body, at most 50 (are these millimetres?)",
+            )),
+        }
+    }
+
     pub fn vector(&self, key: &str, values: [f64; 3]) -> Result<Vec3> {
         for value in values {
             self.finite(key, Some(value))?;

@@ -1,0 +1,359 @@
+//! What the logs of the motion say about units, axes and signs.
+
+use super::turns::{Turned, courses};
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+use crate::geometry::heading::wrap;
+use crate::sensor::{HeadingFix, ImuSample, PositionFix};
+use crate::statistics::{SIGMAS_PER_MAD, median};
+use crate::trajectory::{MotionLogs, PositionSettings, TrajectorySettings};
+use crate::verdict::Verdict;
+
+/// A median specific force within this share of a unit's gravity is in that unit.
+const GRAVITY_SHARE: f64 = 0.15;
+/// The mean specific force lies along the body's vertical axis to this cosine, or the axes are others.
+const LEAST_COSINE: f64 = 0.7;
+/// Mean direction cosines beyond this show that two angles go together.
+const CONCENTRATED: f64 = 0.8;
+/// Nothing on the ground moves as fast, m/s.
+const FASTEST_M_S: f64 = 60.0;
+/// Noise of positions beyond this many times their standard deviation is a unit, not noise.
+const NOISE_FACTOR: f64 = 100.0;
+
+/// Code of headings that turn the wrong way: nothing can be done with them.
+pub const HEADING_SIGN: &str = "heading.sign";
+
+/// What the logs contradict in the settings, the gravest first.
+///
+/// # Errors
+/// Specific forces in g, angular rates in degrees, headings in radians, positions in millimetres.
+pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<Verdict>> {
+    if logs.imu.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let up = check_forces(logs.imu)?;
+    let turned = Turned::new(logs.imu, &up);
+    let mut all = Vec::new();
+    let headings = angles_of(logs.heading);
+    let by_heading = turned.compare(&headings);
+    let turns_back = by_heading.is_some_and(|ratio| ratio.is_about(-1.0));
+    if turns_back && up.dot(&settings.axes.up()) < -LEAST_COSINE {
+        return Err(Error::data(
+            "the accelerations point the wrong way: with them for gravity, the headings turn to the left \
+             where the gyro turns to the right",
+            "negate the accelerations: at rest, the specific force points upwards",
+        ));
+    }
+    all.extend(axes(&up, settings));
+    let mut is_heading_wrong = false;
+    if let Some(ratio) = by_heading {
+        if is_in_radians(logs.heading) && ratio.gyro_rms_rad < std::f64::consts::PI {
+            return Err(Error::data(
+                "the headings lie between 0 and 6.3° while the body turns by more: they are in radians",
+                "name the column heading_rad, and they are converted",
+            ));
+        } else if ratio.is_about(1f64.to_radians()) {
+            return Err(gyro_in_degrees("the headings turn"));
+        } else if ratio.is_about(-1.0) {
+            is_heading_wrong = true;
+            all.push(opposite_heading(logs.heading, &logs.positions[0]));
+        }
+    }
+    for (fixes, position) in logs.positions.iter().zip(&settings.positions) {
+        let name = position.name.as_str();
+        check_position_unit(fixes, name, position.sigma_m.max())?;
+        let courses = courses(fixes);
+        if let Some(ratio) = turned.compare(&courses) {
+            if by_heading.is_none() && ratio.is_about(1f64.to_radians()) {
+                return Err(gyro_in_degrees(&format!("the course of `{name}` turns")));
+            }
+            if ratio.is_about(-1.0) {
+                all.push(Verdict::fault(
+                    format!("{name}.axes"),
+                    format!(
+                        "The course of `{name}` turns to the left where the gyro turns to the right: its \
+                         coordinates are left-handed. Are east and north exchanged, or one of them \
+                         negated?"
+                    ),
+                ));
+            }
+        }
+        if !is_heading_wrong {
+            all.extend(driven_direction(&headings, &courses, name));
+        }
+    }
+    Ok(all)
+}
+
+fn angles_of(headings: &[HeadingFix]) -> Vec<(f64, f64)> {
+    let all = headings.iter();
+    all.map(|fix| (fix.time_s, fix.heading_rad)).collect()
+}
+
+/// A log whose clock is seconds off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LateLog {
+    /// Which of the position logs; `None` for the headings.
+    pub position: Option<usize>,
+    /// By how much its stamps are late, seconds.
+    pub late_s: f64,
+    /// What is said.
+    pub verdict: Verdict,
+}
+
+/// Logs that turn with the gyro seconds earlier or later than they say.
+pub fn late_logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<LateLog> {
+    let Ok(up) = check_forces(logs.imu) else {
+        return Vec::new();
+    };
+    let turned = Turned::new(logs.imu, &up);
+    let mut streams = vec![(None, "heading", angles_of(logs.heading))];
+    for (i, (fixes, position)) in logs.positions.iter().zip(&settings.positions).enumerate() {
+        streams.push((Some(i), &position.name, courses(fixes)));
+    }
+    let late = streams.into_iter().filter_map(|(position, name, angles)| {
+        let late_s = turned.late_by(&angles)?;
+        let near = |seconds: &f64| (late_s.abs() - seconds).abs() < 0.5;
+        let why = match [18.0, 19.0, 37.0].iter().find(|s| near(s)) {
+            Some(18.0) => " (GPS and UTC differ by 18 s)",
+            Some(19.0) => " (TAI and GPS differ by 19 s)",
+            Some(_) => " (TAI and UTC differ by 37 s)",
+            None => "",
+        };
+        let text = format!(
+            "`{name}` turns with the gyro {:.1} s {} than its stamps say{why}: corrected in this run. Add \
+             {:+.1} to [{name}] time_offset_s.",
+            late_s.abs(),
+            if late_s > 0.0 { "earlier" } else { "later" },
+            -late_s
+        );
+        let verdict = Verdict::care(format!("{name}.time_offset"), text);
+        Some(LateLog {
+            position,
+            late_s,
+            verdict: verdict.with_value(-late_s, None),
+        })
+    });
+    late.collect()
+}
+
+/// Noise of neighbouring fixes beyond the standard deviation by this factor is stated wrongly.
+const STATED_FACTOR: f64 = 4.0;
+
+/// The factor on the standard deviations of a position log that the noise of neighbouring fixes asks for,
+/// where it is much larger than stated. Fourth differences leave nothing of the motion.
+pub fn position_noise(
+    fixes: &[PositionFix],
+    position: &PositionSettings,
+) -> Option<(f64, Verdict)> {
+    if fixes.iter().any(|fix| fix.covariance_m2.is_some()) {
+        return None;
+    }
+    let worst = (0..3).filter_map(|axis| {
+        let at = |fix: &PositionFix| fix.position_m[axis];
+        let differences = fixes.windows(5).map(|w| {
+            let sum = at(&w[0]) - 4.0 * at(&w[1]) + 6.0 * at(&w[2]) - 4.0 * at(&w[3]) + at(&w[4]);
+            sum.abs()
+        });
+        let noise_m = SIGMAS_PER_MAD * median(differences)? / 70f64.sqrt();
+        Some(noise_m / position.sigma_m[axis])
+    });
+    let factor = worst
+        .reduce(f64::max)
+        .filter(|factor| *factor > STATED_FACTOR)?;
+    let name = &position.name;
+    let text = format!(
+        "Neighbouring fixes of `{name}` scatter {factor:.0} times as much as its standard deviations say: \
+         they were raised by that in this run. Write sigma_m = {:.4}.",
+        factor * position.sigma_m.max()
+    );
+    let verdict = Verdict::care(format!("{name}.noise"), text);
+    Some((factor, verdict.with_value(factor, None)))
+}
+
+/// The direction of the mean specific force in the body.
+///
+/// # Errors
+/// Its median length is that of another unit.
+fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
+    let length = median(imu.iter().map(|sample| sample.accel_m_s2.norm())).unwrap_or(f64::NAN);
+    let is_about = |gravity: f64| (length / gravity - 1.0).abs() < GRAVITY_SHARE;
+    for (gravity, unit, end) in [(1.0, "g", "g"), (1000.0, "mg", "mg")] {
+        if is_about(gravity) {
+            return Err(Error::data(
+                format!(
+                    "the median specific force of the IMU is {length:.4} m/s²: the log is in {unit}"
+                ),
+                format!(
+                    "name the columns accel_x_{end}, accel_y_{end}, accel_z_{end}, and they are converted"
+                ),
+            ));
+        }
+    }
+    let mean = imu.iter().map(|sample| sample.accel_m_s2).sum::<Vec3>();
+    Ok(mean.try_normalize(0.0).unwrap_or_else(Vec3::z))
+}
+
+fn gyro_in_degrees(what: &str) -> Error {
+    Error::data(
+        format!("{what} by 1/57 of what the gyro says: its log is in degrees per second"),
+        "name the columns gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s, and they are converted",
+    )
+}
+
+/// Whether the specific force points where the body's upward axis does.
+fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<Verdict> {
+    let cosine = up.dot(&settings.axes.up());
+    if cosine > LEAST_COSINE {
+        return None;
+    }
+    let is = format!("{:?}", settings.axes).to_uppercase();
+    let is_opposite = cosine < -LEAST_COSINE;
+    let text = if is_opposite {
+        let other = if is == "FRD" { "FLU" } else { "FRD" };
+        format!(
+            "By gravity the z axis of the IMU points {}, and frame.body is \"{is}\": write body = \
+             \"{other}\".",
+            if is == "FRD" { "up" } else { "down" }
+        )
+    } else {
+        let axis = up.iamax();
+        format!(
+            "By gravity the {} axis of the IMU is the vertical one, and with frame.body = \"{is}\" it is z: \
+             are the columns of the IMU exchanged, or is it mounted on its side? Rotate its log into body \
+             axes.",
+            ["x", "y", "z"][axis]
+        )
+    };
+    // Only the start of the trajectory takes the axes from the project.
+    let verdict = match is_opposite {
+        true => Verdict::care("frame.body", text),
+        false => Verdict::fault("frame.body", text),
+    };
+    Some(verdict.with_value(cosine, None))
+}
+
+/// Whether all headings lie within 2π in degrees, and go round.
+fn is_in_radians(headings: &[HeadingFix]) -> bool {
+    let degrees = || headings.iter().map(|fix| fix.heading_rad.to_degrees());
+    let most = degrees().fold(f64::NEG_INFINITY, f64::max);
+    let least = degrees().fold(f64::INFINITY, f64::min);
+    let turn = std::f64::consts::TAU;
+    most - least > 0.5 && least > -0.51 * turn && most < 1.01 * turn && most - least < 1.01 * turn
+}
+
+/// Headings that turn against the gyro.
+fn opposite_heading(headings: &[HeadingFix], fixes: &[PositionFix]) -> Verdict {
+    let angles: Vec<(f64, f64)> = headings.iter().map(|h| (h.time_s, h.heading_rad)).collect();
+    // Counted from east, counter-clockwise: heading = 90° − course.
+    let courses = courses(fixes);
+    let sums = pairs(&angles, &courses).map(|(heading, course)| heading + course);
+    let from_east = direction(sums).is_some_and(|(mean, length)| {
+        length > CONCENTRATED && wrap(mean - std::f64::consts::FRAC_PI_2).abs() < 0.5
+    });
+    let likely = match from_east {
+        true => "they count counter-clockwise from east: write 90 − heading",
+        false => "they count counter-clockwise: negate them",
+    };
+    Verdict::care(
+        HEADING_SIGN,
+        format!(
+            "The headings turn to the left where the gyro turns to the right: {likely}. This run does \
+             without them."
+        ),
+    )
+}
+
+/// Where the body drives, by its headings.
+fn driven_direction(
+    headings: &[(f64, f64)],
+    courses: &[(f64, f64)],
+    name: &str,
+) -> Option<Verdict> {
+    let differences = pairs(headings, courses).map(|(heading, course)| heading - course);
+    let (mean, length) = direction(differences)?;
+    let off_deg = mean.to_degrees();
+    (length > CONCENTRATED && off_deg.abs() > 45.0).then(|| {
+        let text = format!(
+            "By its headings the body drives {off_deg:.0}° beside where it looks (course of `{name}`): are \
+             the antennas exchanged or across, or does it drive backwards?"
+        );
+        let text = text.replace('-', "−");
+        Verdict::care("heading.direction", text).with_value(mean, None)
+    })
+}
+
+/// Headings and courses at nearly the same times.
+fn pairs(
+    headings: &[(f64, f64)],
+    courses: &[(f64, f64)],
+) -> impl Iterator<Item = (f64, f64)> + Clone {
+    const NEAR_S: f64 = 0.5;
+    courses.iter().filter_map(move |&(time_s, course)| {
+        let next = headings.partition_point(|h| h.0 < time_s);
+        let near = headings.get(next)?;
+        ((near.0 - time_s).abs() < NEAR_S).then_some((near.1, course))
+    })
+}
+
+/// Mean direction of angles and the length of their mean vector; `None` with few.
+fn direction(angles: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
+    let count = angles.clone().count();
+    let (sin, cos) = angles.fold((0.0, 0.0), |(sin, cos), a| (sin + a.sin(), cos + a.cos()));
+    (count >= 10).then(|| (sin.atan2(cos), sin.hypot(cos) / count as f64))
+}
+
+/// # Errors
+/// Positions that jump about by kilometres are millimetres.
+fn check_position_unit(fixes: &[PositionFix], name: &str, sigma_m: f64) -> Result<()> {
+    let pairs = fixes
+        .windows(2)
+        .filter(|pair| pair[1].time_s > pair[0].time_s);
+    let speed = median(pairs.map(|pair| {
+        (pair[1].position_m - pair[0].position_m).norm() / (pair[1].time_s - pair[0].time_s)
+    }));
+    // Second differences: the noise, whatever the speed.
+    let noise_m =
+        median(fixes.windows(3).map(|w| {
+            (w[0].position_m - w[1].position_m * 2.0 + w[2].position_m).norm() / 6f64.sqrt()
+        }));
+    match (speed, noise_m) {
+        (Some(speed), Some(noise_m)) if speed > FASTEST_M_S && noise_m > NOISE_FACTOR * sigma_m => {
+            Err(Error::data(
+                format!(
+                    "`{name}` moves at {speed:.0} m/s with a noise of {noise_m:.1} m: its log is in \
+                     millimetres"
+                ),
+                "name the columns east_mm, north_mm, up_mm, and they are converted",
+            ))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::STANDARD_GRAVITY_M_S2;
+
+    #[test]
+    fn forces_in_g_are_refused_and_others_give_the_vertical() {
+        let samples = |force: Vec3| {
+            (0..100)
+                .map(|i| ImuSample {
+                    time_s: 0.01 * f64::from(i),
+                    gyro_rad_s: Vec3::zeros(),
+                    accel_m_s2: force,
+                })
+                .collect::<Vec<_>>()
+        };
+        let up = check_forces(&samples(Vec3::new(0.0, 0.0, -STANDARD_GRAVITY_M_S2))).unwrap();
+        assert_eq!(up, -Vec3::z());
+        for (force, unit) in [(-1.0, "accel_x_g"), (1000.0, "accel_x_mg")] {
+            let error = check_forces(&samples(Vec3::new(0.0, 0.0, force))).unwrap_err();
+            let text = format!("{error}");
+            assert!(text.contains("the log is in"), "{text}");
+            assert!(format!("{error:?}").contains(unit), "{error:?}");
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! How much the body turned, by the gyro and by other sensors.
+
+use crate::geometry::Vec3;
+use crate::geometry::heading::wrap;
+use crate::sensor::{ImuSample, PositionFix};
+
+/// Turns are compared over spans of this length, seconds: the gyro's bias is small and the course has
+/// changed.
+const SPAN_S: f64 = 3.0;
+/// A course is that of a way of this length, metres: several times the noise of its ends.
+const COURSE_WAY_M: f64 = 0.3;
+/// A course over a longer time says little of where the body looked, seconds.
+const COURSE_SPAN_S: f64 = 6.0;
+/// Least root mean square of the turns for a comparison, radians.
+const LEAST_TURN_RAD: f64 = 0.1;
+/// Clocks that differ are looked for up to here, seconds; smaller differences are estimated.
+const MAX_LATE_S: f64 = 60.0;
+const LEAST_LATE_S: f64 = 2.0;
+/// Correlations with and without the right latency.
+const CLEAR: f64 = 0.9;
+const UNCLEAR: f64 = 0.7;
+/// Fewest spans.
+const MIN_SPANS: usize = 20;
+
+/// The integral of the rate about the upward axis, clockwise seen from above.
+pub struct Turned {
+    times_s: Vec<f64>,
+    clockwise_rad: Vec<f64>,
+}
+
+impl Turned {
+    /// Integrates the gyro about `up` (body axes, unit length).
+    pub fn new(imu: &[ImuSample], up: &Vec3) -> Self {
+        let mut clockwise_rad = Vec::with_capacity(imu.len());
+        let mut sum = 0.0;
+        for pair in imu.windows(2) {
+            clockwise_rad.push(sum);
+            sum -= up.dot(&pair[0].gyro_rad_s) * (pair[1].time_s - pair[0].time_s);
+        }
+        clockwise_rad.push(sum);
+        Self {
+            times_s: imu.iter().map(|sample| sample.time_s).collect(),
+            clockwise_rad,
+        }
+    }
+
+    /// `None` outside of the log.
+    fn at(&self, time_s: f64) -> Option<f64> {
+        let next = self.times_s.partition_point(|t| *t < time_s);
+        (self.times_s[0] <= time_s)
+            .then(|| self.clockwise_rad.get(next).copied())
+            .flatten()
+    }
+
+    /// By how much the stamps of angles are late, seconds, where they turn with the gyro at that latency
+    /// and not without it.
+    pub fn late_by(&self, angles: &[(f64, f64)]) -> Option<f64> {
+        let now = self.compare(angles).map_or(0.0, |found| found.correlation);
+        let best = |from_s: f64, to_s: f64, step_s: f64| {
+            let steps = ((to_s - from_s) / step_s).round() as i32;
+            let all = (0..=steps).map(|i| from_s + step_s * f64::from(i));
+            let all = all.filter_map(|late_s| Some((late_s, self.compare_late(angles, late_s)?)));
+            all.filter(|(_, found)| found.is_about(1.0))
+                .max_by(|a, b| a.1.correlation.total_cmp(&b.1.correlation))
+        };
+        let (coarse_s, found) = best(-MAX_LATE_S, MAX_LATE_S, 0.5)?;
+        let is_clear = coarse_s.abs() > LEAST_LATE_S && found.correlation > CLEAR && now < UNCLEAR;
+        let (late_s, _) = best(coarse_s - 0.5, coarse_s + 0.5, 0.05).filter(|_| is_clear)?;
+        Some(late_s)
+    }
+
+    /// Compares the turns of angles at times (seconds, radians clockwise) with those of the gyro.
+    pub fn compare(&self, angles: &[(f64, f64)]) -> Option<Ratio> {
+        self.compare_late(angles, 0.0)
+    }
+
+    /// The same with angles whose stamps are late by so much, seconds.
+    fn compare_late(&self, angles: &[(f64, f64)], late_s: f64) -> Option<Ratio> {
+        let (mut gg, mut gh, mut hh, mut spans) = (0.0, 0.0, 0.0, 0);
+        let mut from = 0;
+        for (to, &(time_s, angle)) in angles.iter().enumerate() {
+            if time_s - angles[from].0 < SPAN_S {
+                continue;
+            }
+            let ends = [angles[from].0, time_s].map(|time_s| self.at(time_s - late_s));
+            if let [Some(start), Some(end)] = ends
+                && time_s - angles[from].0 < 2.0 * SPAN_S
+            {
+                let (gyro, other) = (end - start, wrap(angle - angles[from].1));
+                gg += gyro * gyro;
+                gh += gyro * other;
+                hh += other * other;
+                spans += 1;
+            }
+            from = to;
+        }
+        let rms = |sum: f64| (sum / f64::from(spans.max(1))).sqrt();
+        let turns = spans as usize >= MIN_SPANS && rms(gg).max(rms(hh)) > LEAST_TURN_RAD;
+        turns.then(|| Ratio {
+            slope: gh / gg,
+            correlation: gh / (gg * hh).sqrt(),
+            gyro_rms_rad: rms(gg),
+        })
+    }
+}
+
+/// Turns of another sensor over those of the gyro.
+#[derive(Debug, Clone, Copy)]
+pub struct Ratio {
+    /// 1 where both agree.
+    pub slope: f64,
+    /// How well a factor explains one by the other.
+    pub correlation: f64,
+    /// Turns by the gyro.
+    pub gyro_rms_rad: f64,
+}
+
+impl Ratio {
+    /// Whether the slope is this one, to a third.
+    pub fn is_about(&self, slope: f64) -> bool {
+        self.correlation.abs() > 0.7 && (self.slope / slope - 1.0).abs() < 0.33
+    }
+}
+
+/// Courses over the ground, clockwise from north, at the middle times of ways, for positions that move.
+pub fn courses(fixes: &[PositionFix]) -> Vec<(f64, f64)> {
+    let mut found = Vec::new();
+    let mut from = 0;
+    for (to, fix) in fixes.iter().enumerate() {
+        let way = fix.position_m - fixes[from].position_m;
+        if way.xy().norm() > COURSE_WAY_M {
+            let (start_s, end_s) = (fixes[from].time_s, fix.time_s);
+            if end_s - start_s < COURSE_SPAN_S {
+                found.push((0.5 * (start_s + end_s), way.x.atan2(way.y)));
+            }
+            from = to;
+        }
+    }
+    found
+}

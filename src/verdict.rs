@@ -1,0 +1,161 @@
+//! What the program says about its results: statements with a severity and a stable code.
+
+use serde::Serialize;
+
+/// Severity of a statement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// All is well.
+    Good,
+    /// For information.
+    Note,
+    /// The result may be used by who knows why this is said.
+    Care,
+    /// The result is wrong, or nothing shows that it is right.
+    Fault,
+}
+
+impl Severity {
+    /// Whether it stands first, behind a `!`.
+    pub fn is_marked(self) -> bool {
+        self >= Self::Care
+    }
+}
+
+/// A statement in words that a field crew understands, for example "Left scanner: points agree with
+/// the reference scan to 1.3 mm (before: 43 mm)".
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// How grave it is.
+    pub severity: Severity,
+    /// What it is about, stable from version to version, for example `prism.lever_arm`; listed in
+    /// docs/verdicts.md.
+    pub code: String,
+    /// One or two sentences, with units.
+    pub text: String,
+    /// The number that it rests on, in SI units and radians, if it is one.
+    pub value: Option<f64>,
+    /// Its standard deviation.
+    pub sigma: Option<f64>,
+}
+
+impl Verdict {
+    /// A statement without a number.
+    pub fn new(severity: Severity, code: impl Into<String>, text: impl Into<String>) -> Self {
+        Self {
+            severity,
+            code: code.into(),
+            text: text.into(),
+            value: None,
+            sigma: None,
+        }
+    }
+
+    /// [`Severity::Good`].
+    pub fn good(code: impl Into<String>, text: impl Into<String>) -> Self {
+        Self::new(Severity::Good, code, text)
+    }
+
+    /// [`Severity::Note`].
+    pub fn note(code: impl Into<String>, text: impl Into<String>) -> Self {
+        Self::new(Severity::Note, code, text)
+    }
+
+    /// [`Severity::Care`].
+    pub fn care(code: impl Into<String>, text: impl Into<String>) -> Self {
+        Self::new(Severity::Care, code, text)
+    }
+
+    /// [`Severity::Fault`].
+    pub fn fault(code: impl Into<String>, text: impl Into<String>) -> Self {
+        Self::new(Severity::Fault, code, text)
+    }
+
+    /// The same with its number.
+    pub fn with_value(mut self, value: f64, sigma: Option<f64>) -> Self {
+        (self.value, self.sigma) = (Some(value), sigma);
+        self
+    }
+}
+
+/// What a result is held against.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Acceptance {
+    /// Largest standard deviation of a mounting's position along an axis, metres.
+    pub sigma_translation_m: f64,
+    /// Largest standard deviation of a mounting's rotation about an axis, radians.
+    pub sigma_rotation_rad: f64,
+    /// Largest median and largest normalised median absolute deviation of distances between clouds,
+    /// metres.
+    pub distance_m: f64,
+    /// Least share of the common field that the distances rest on.
+    pub coverage: f64,
+}
+
+impl Default for Acceptance {
+    fn default() -> Self {
+        Self {
+            sigma_translation_m: 0.005,
+            sigma_rotation_rad: 0.1_f64.to_radians(),
+            distance_m: 0.005,
+            coverage: 0.5,
+        }
+    }
+}
+
+/// What all verdicts come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Headline {
+    /// No fault, and nothing to take care of.
+    Usable,
+    /// Something to take care of.
+    Care,
+    /// A fault.
+    Unusable,
+}
+
+impl Headline {
+    /// That of the gravest verdict.
+    pub fn of(verdicts: &[Verdict]) -> Self {
+        match verdicts.iter().map(|verdict| verdict.severity).max() {
+            Some(Severity::Fault) => Self::Unusable,
+            Some(Severity::Care) => Self::Care,
+            _ => Self::Usable,
+        }
+    }
+
+    /// In words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Usable => "usable",
+            Self::Care => "usable with care",
+            Self::Unusable => "not usable",
+        }
+    }
+}
+
+/// The text with a capital first letter.
+pub fn capitalised(text: &str) -> String {
+    let mut text = text.to_owned();
+    if let Some(first) = text.get_mut(0..1) {
+        first.make_ascii_uppercase();
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_headline_is_that_of_the_gravest() {
+        let good = Verdict::good("a", "");
+        let (care, fault) = (Verdict::care("b", ""), Verdict::fault("c", ""));
+        assert_eq!(Headline::of(&[]), Headline::Usable);
+        assert_eq!(Headline::of(std::slice::from_ref(&good)), Headline::Usable);
+        assert_eq!(Headline::of(&[care.clone(), good.clone()]), Headline::Care);
+        assert_eq!(Headline::of(&[care, fault, good]), Headline::Unusable);
+    }
+}
