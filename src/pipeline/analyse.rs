@@ -16,6 +16,7 @@ use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::content::Drive;
 use crate::report::{self, verdicts};
+use crate::verdict::Severity;
 
 /// Results other than the clouds.
 const RESULTS: [&str; 5] = [
@@ -64,7 +65,14 @@ pub fn analyse(
     let two_steps = job.timed("calibrate", |progress| {
         stages::calibration(project, &settings, &poses, &samples, &reference, progress)
     })?;
-    let joint = adjust_jointly(project, &poses, &samples, &two_steps, &reference, &mut job)?;
+    // Scans that are not where they belong would take minutes to be refused.
+    let is_sound = preflight.iter().all(|v| v.severity != Severity::Fault);
+    let joint = match project.is_joint && is_sound {
+        true => Some(adjust_jointly(
+            project, &poses, &samples, &two_steps, &reference, &mut job,
+        )?),
+        false => None,
+    };
     let own = (&settings, &poses, samples.as_slice());
     let mut variants = calibrate_variants(project, extras, own, &reference, &mut job)?;
     let left_out = stages::left_out(project, &samples);
@@ -128,7 +136,7 @@ pub fn analyse(
     Ok(findings)
 }
 
-/// Adjusts mountings and trajectories together, where the project asks for it.
+/// Adjusts mountings and trajectories together.
 fn adjust_jointly(
     project: &Project,
     poses: &Poses,
@@ -136,10 +144,7 @@ fn adjust_jointly(
     two_steps: &Calibration,
     reference: &[Vec3],
     job: &mut Job<'_>,
-) -> Result<Option<JointReport>> {
-    if !project.is_joint {
-        return Ok(None);
-    }
+) -> Result<JointReport> {
     let name = drives::name_of(project);
     let own = joint::Drive {
         name: &name,
@@ -147,10 +152,9 @@ fn adjust_jointly(
         poses,
         samples,
     };
-    let report = job.timed("adjust jointly", |progress| {
+    job.timed("adjust jointly", |progress| {
         joint::report(&own, two_steps, reference, progress)
-    });
-    report.map(Some)
+    })
 }
 
 /// Calibrates the same drive under every other condition that `extras` and the reference allow.

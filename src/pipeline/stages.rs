@@ -211,15 +211,34 @@ fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
     Ok(nodes)
 }
 
+/// # Errors
+/// Two scanners with a file in common.
+fn check_own_files(project: &Project) -> Result<()> {
+    for (index, scanner) in project.scanners.iter().enumerate() {
+        for other in &project.scanners[..index] {
+            let mut files = other.profiles.iter();
+            if let Some(file) = files.find(|file| scanner.profiles.contains(file)) {
+                let (file, a, b) = (file.display(), &other.name, &scanner.name);
+                return Err(Error::data(
+                    format!("{file}: the profiles of both scanner `{a}` and scanner `{b}`"),
+                    "give each scanner its own file",
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Reads and thins the profiles of every scanner.
 ///
 /// # Errors
-/// See [`sample_profiles`].
+/// Scanners with a file in common; see [`sample_profiles`].
 pub fn samples(
     project: &Project,
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
+    check_own_files(project)?;
     let all = project
         .scanners
         .iter()

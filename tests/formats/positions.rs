@@ -232,9 +232,9 @@ fn what_cannot_be_meant_is_said() {
             "line 2: found the covariance 1, 1, 1, 2, 0, 0 m2, expected a positive definite",
         ),
         (
-            &sigmas("sigma_mm", "5"),
+            &sigmas("sigma_me", "5"),
             &found,
-            "`sigma_mm` looks like `sigma_m`",
+            "`sigma_me` looks like `sigma_m`",
         ),
     ] {
         let message = refusal(text, observations);

@@ -156,7 +156,7 @@ pub const MISTAKES: &[Mistake] = &[
     ),
     mistake(
         "a board moved by 10 mm",
-        &["reference.region", "joint.refused"],
+        &["reference.region", "joint.refused", "reference.shift"],
         |field| {
             field.reference(|p| {
                 let on_board = (p.x - 3.6).abs() < 0.6 && (p.y - 1.2).abs() < 0.6 && p.z > 0.1;
@@ -169,7 +169,7 @@ pub const MISTAKES: &[Mistake] = &[
             row[4..7].iter_mut().for_each(|a| *a /= 9.81)
         });
     }),
-    mistake("times of the prism in ms", &["time_s", "unit"], |field| {
+    mistake("times of the prism in ms", &["do not overlap"], |field| {
         field.rows("prism.csv", |row| row[0] *= 1000.0);
     }),
     mistake("gyro in degrees", &["gyro_x_deg_s"], |field| {
@@ -248,7 +248,7 @@ pub const MISTAKES: &[Mistake] = &[
     }),
     mistake(
         "left profiles for both",
-        &["a file of scanner `left`"],
+        &["the profiles of both scanner `left`"],
         |field| {
             field.project("profiles = \"right.bin\"", "profiles = \"left.bin\"");
         },

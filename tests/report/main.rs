@@ -33,7 +33,7 @@ fn a_full_page_is_whole_and_small() {
     assert!(page.len() < 5_000_000, "{} bytes", page.len());
     for text in [
         "Calibration of drive-1",
-        "points agree with the reference scan to 1.3 mm",
+        "Scanner left and the reference scan: RMSE 1.3 mm",
         "Scanner left",
         "Scanner right",
         "unobservable",

@@ -20,21 +20,9 @@ pub(in crate::project) fn scanners(
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
     let scanners = written.iter().enumerate();
-    let scanners: Vec<Scanner> = scanners
+    scanners
         .map(|(index, scanner)| checked(source, index, scanner))
-        .collect::<Result<_>>()?;
-    for (index, scanner) in scanners.iter().enumerate() {
-        let shares = |other: &&Scanner| other.profiles.iter().any(|p| scanner.profiles.contains(p));
-        if let Some(other) = scanners[..index].iter().find(shares) {
-            let table = Table {
-                index: Some(index),
-                ..Table::new(source, "scanner")
-            };
-            let found = format!("a file of scanner `{}`", other.name);
-            return Err(table.error("profiles", found, "files of this scanner alone"));
-        }
-    }
-    Ok(scanners)
+        .collect()
 }
 
 fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<Scanner> {
