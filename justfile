@@ -38,6 +38,10 @@ montecarlo SEEDS="10":
 joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
+# Fifty clean drives, of which at most two may raise a `!`
+clean-drives:
+    cargo test --release --test mistakes -- --ignored --nocapture
+
 # Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

@@ -225,3 +225,41 @@ fn poses_beside_points_lead_back_to_the_points() {
 fn millimetres(point: &Vec3) -> [i64; 3] {
     [point.x, point.y, point.z].map(|x| (x * 1e3).round() as i64)
 }
+
+/// The calibration as commands make it: with coarser scales where the passes lie farther apart than the
+/// project's reach.
+fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
+    let poses = stages::poses(project, &Silent).unwrap();
+    let samples = stages::samples(project, &poses.trajectory, &Silent).unwrap();
+    let start = stages::with_start(project, &samples, &[], &Silent);
+    let placed = stages::check_placement(&start, &poses.trajectory, &samples, &[], &Silent);
+    assert!(placed.verdict.is_none_or(|v| !v.severity.is_marked()));
+    let settings = stages::scales_for(&project.calibration, placed.apart_m, &Silent);
+    let found = stages::calibration(&start, &settings, &poses, &samples, &[], &Silent).unwrap();
+    (found, settings.voxel_sizes_m)
+}
+
+#[test]
+fn starts_ten_degrees_off_and_scales_too_fine_end_at_the_same_rotation() {
+    let all = vec![2.0, 1.0, 0.5, 0.25, 0.1, 0.05];
+    let starts = (0..6).map(|i| {
+        let mut start = Vec3::zeros();
+        start[i % 3] = if i < 3 { 10.0 } else { -10.0 };
+        (start, all.clone())
+    });
+    let fine = (Vec3::zeros(), vec![0.2, 0.1, 0.05]);
+    for (start, sizes) in starts.chain([fine]) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut project = project(start, folder.path());
+        project.calibration.voxel_sizes_m = sizes;
+        let (found, sizes) = calibrated_from_the_misfit(&project);
+        let mounting = found.mountings[0].body_from_scanner;
+        println!(
+            "from {:?} with {sizes:?}: {:?}, off {}",
+            start.as_slice(),
+            rotation_deg(&mounting).as_slice(),
+            off_deg(&mounting)
+        );
+        assert!(off_deg(&mounting) < NEAR_DEG);
+    }
+}

@@ -16,6 +16,7 @@ mod relative;
 mod result;
 mod sample;
 mod scale;
+mod search;
 mod serialize;
 mod settings;
 #[cfg(test)]
@@ -34,6 +35,7 @@ pub use relative::{RelativeMounting, ScannerFromScanner, relative};
 pub use result::{Calibration, Scale};
 pub use sample::{ScannerSample, sample_profiles};
 pub use scale::Ending;
+pub use search::better_start;
 pub use serialize::{MountingForms, ScannerResult};
 pub use settings::{CalibrationSettings, Method};
 pub use variant::Variant;

@@ -52,18 +52,16 @@ pub fn analyse(
     })?;
     stages::check_reference(project, &samples, &reference)?;
     let mut preflight = poses.preflight.clone();
-    let settings = job.timed("check placement", |progress| {
-        let (trajectory, samples) = (&poses.trajectory, &samples);
-        let placed = stages::check_placement(project, trajectory, samples, &reference, progress);
+    let (start, settings) = job.timed("check placement", |progress| {
+        let start = stages::with_start(project, &samples, &reference, progress);
+        let trajectory = &poses.trajectory;
+        let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
         preflight.extend(placed.verdict);
-        Ok(stages::scales_for(
-            &project.calibration,
-            placed.apart_m,
-            progress,
-        ))
+        let settings = stages::scales_for(&project.calibration, placed.apart_m, progress);
+        Ok((start, settings))
     })?;
     let two_steps = job.timed("calibrate", |progress| {
-        stages::calibration(project, &settings, &poses, &samples, &reference, progress)
+        stages::calibration(&start, &settings, &poses, &samples, &reference, progress)
     })?;
     // Scans that are not where they belong would take minutes to be refused.
     let is_sound = preflight.iter().all(|v| v.severity != Severity::Fault);
@@ -74,7 +72,7 @@ pub fn analyse(
         false => None,
     };
     let own = (&settings, &poses, samples.as_slice());
-    let mut variants = calibrate_variants(project, extras, own, &reference, &mut job)?;
+    let mut variants = calibrate_variants(&start, extras, own, &reference, &mut job)?;
     let left_out = stages::left_out(project, &samples);
     drop(samples);
     let accepted = joint.as_ref().and_then(JointReport::accepted);

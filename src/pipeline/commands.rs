@@ -168,10 +168,11 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     stages::check_reference(project, &samples, &reference)?;
     let (doubts, mut preflight) = (poses.doubts.clone(), poses.preflight.clone());
     let trajectory = &poses.trajectory;
-    let placed = stages::check_placement(project, trajectory, &samples, &reference, progress);
+    let start = stages::with_start(project, &samples, &reference, progress);
+    let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
     preflight.extend(placed.verdict);
     let settings = stages::scales_for(&project.calibration, placed.apart_m, progress);
-    let found = stages::calibration(project, &settings, &poses, &samples, &reference, progress)?;
+    let found = stages::calibration(&start, &settings, &poses, &samples, &reference, progress)?;
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let content = Content {
         calibrations: Some(Calibrations::alone(&found)),

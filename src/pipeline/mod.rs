@@ -16,6 +16,7 @@ pub mod online;
 mod outcome;
 mod page;
 mod placement;
+mod poses;
 pub mod result;
 pub mod stages;
 mod summary;

@@ -1,0 +1,122 @@
+//! A coarse search over rotations, for starts beyond the reach of any scale.
+
+use super::parameters::Mounting;
+use super::sample::ScannerSample;
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
+use crate::statistics::median;
+
+/// Steps of the search, degrees: each is tried until nothing is better.
+const STEPS_DEG: [f64; 4] = [10.0, 5.0, 2.5, 1.25];
+/// Most moves of one length.
+const MAX_MOVES: usize = 4;
+/// Most points of a scanner that are placed.
+const MAX_POINTS: usize = 20_000;
+/// A voxel is as large as this share of what a step moves.
+const VOXEL_SHARE: f64 = 0.5;
+/// A start is left only where the clouds then take up less space by this share.
+const LEAST_GAIN: f64 = 0.15;
+/// And each move takes off at least this share.
+const LEAST_MOVE_GAIN: f64 = 0.03;
+
+/// Rotations from which the clouds take up much less space than from the given ones, as many voxels at half
+/// of what a step moves; `None` where the given ones are as good.
+///
+/// Clouds that do not overlap are each as sharp as can be, so that no measure of sharpness says that they
+/// are apart; the space that all take up together does.
+pub fn better_start(
+    mountings: &[Mounting],
+    samples: &[ScannerSample],
+    reference: &[Vec3],
+) -> Option<Vec<BodyFromScanner>> {
+    let mut poses: Vec<BodyFromScanner> = mountings.iter().map(|m| m.body_from_scanner).collect();
+    let mut has_moved = false;
+    for scanner in 0..poses.len() {
+        if mountings[scanner].fixed[3..].contains(&true) {
+            continue;
+        }
+        let sample = &samples[scanner];
+        let Some(range_m) = median(sample.points.iter().map(|p| p.position_m.norm())) else {
+            continue;
+        };
+        let others = || {
+            let others = (0..poses.len()).filter(|other| *other != scanner);
+            let placed = others.flat_map(|other| placed(&samples[other], &poses[other]));
+            placed.chain(reference.iter().copied())
+        };
+        let voxels: Vec<(f64, VoxelMap<VoxelKey, ()>)> = STEPS_DEG
+            .iter()
+            .map(|step_deg| {
+                let voxel_m = VOXEL_SHARE * step_deg.to_radians() * range_m;
+                (voxel_m, occupied(others(), voxel_m))
+            })
+            .collect();
+        // From the longest steps, and from shorter ones alone: long ones may leave a start that is near.
+        let ends = (0..STEPS_DEG.len()).map(|first| {
+            let steps = STEPS_DEG.iter().zip(&voxels).skip(first);
+            steps.fold(poses[scanner], |pose, (step_deg, voxels)| {
+                descended(sample, pose, step_deg.to_radians(), voxels)
+            })
+        });
+        let finest = &voxels[STEPS_DEG.len() - 1];
+        let space_of = |pose: &BodyFromScanner| space(sample, pose, finest);
+        let found = ends.map(|pose| (space_of(&pose), pose));
+        let Some((after, pose)) = found.min_by_key(|(space, _)| *space) else {
+            continue;
+        };
+        if (after as f64) < (1.0 - LEAST_GAIN) * space_of(&poses[scanner]) as f64 {
+            poses[scanner] = pose;
+            has_moved = true;
+        }
+    }
+    has_moved.then_some(poses)
+}
+
+/// Where steps of this length about all axes end.
+fn descended(
+    sample: &ScannerSample,
+    start: BodyFromScanner,
+    step: f64,
+    voxels: &(f64, VoxelMap<VoxelKey, ()>),
+) -> BodyFromScanner {
+    let mut best = (space(sample, &start, voxels), start);
+    for _ in 0..MAX_MOVES {
+        let neighbours = (0..27).map(|i| {
+            let turn = Vec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+            let turn: Rotation = so3::exp(&((turn - Vec3::repeat(1.0)) * step));
+            BodyFromScanner::new(turn * best.1.rotation, best.1.translation_m)
+        });
+        let found = neighbours.map(|pose| (space(sample, &pose, voxels), pose));
+        match found.min_by_key(|(space, _)| *space) {
+            Some(found) if (found.0 as f64) < (1.0 - LEAST_MOVE_GAIN) * best.0 as f64 => {
+                best = found;
+            }
+            _ => break,
+        }
+    }
+    best.1
+}
+
+fn placed<'a>(
+    sample: &'a ScannerSample,
+    pose: &'a BodyFromScanner,
+) -> impl Iterator<Item = Vec3> + use<'a> {
+    let every = sample.points.len().div_ceil(MAX_POINTS).max(1);
+    sample.placed(pose).step_by(every)
+}
+
+fn occupied(points: impl Iterator<Item = Vec3>, voxel_m: f64) -> VoxelMap<VoxelKey, ()> {
+    points
+        .map(|point| (voxel_key(&point, voxel_m), ()))
+        .collect()
+}
+
+/// Number of voxels that a scanner occupies and nothing else does.
+fn space(
+    sample: &ScannerSample,
+    pose: &BodyFromScanner,
+    (voxel_m, base): &(f64, VoxelMap<VoxelKey, ()>),
+) -> usize {
+    let own = occupied(placed(sample, pose), *voxel_m);
+    own.keys().filter(|key| !base.contains_key(*key)).count()
+}

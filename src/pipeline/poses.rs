@@ -1,0 +1,198 @@
+//! The stage that makes the poses: logs put right, adjusted, and their constants tested; or a file read.
+
+use std::time::Instant;
+
+use super::logs::DriveLogs;
+use crate::error::Result;
+use crate::format;
+use crate::geometry::Vec3;
+use crate::preflight::{HEADING_SIGN, late_logs, logs as contradictions, position_noise};
+use crate::progress::{Progress, Silent};
+use crate::project::{Logs, Motion, PosesFile, Project};
+use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
+use crate::trajectory::{
+    Constant, Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
+};
+use crate::verdict::{Severity, Verdict};
+
+/// Longest step between nodes that scans are to correct, seconds: also where the prism is lost.
+const JOINT_STEP_S: f64 = 0.25;
+
+/// An IMU noisier than its datasheet by more than this factor has its noise estimated: a vehicle that
+/// vibrates.
+const NOTABLE_NOISE: f64 = 1.2;
+
+/// Warning for poses without standard deviations.
+const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
+     assume exact poses and are too small";
+
+/// The trajectory of the body and its uncertainty.
+#[derive(Debug)]
+pub struct Poses {
+    /// The poses, the project's origin subtracted.
+    pub trajectory: Trajectory,
+    /// Result of the adjustment; `None` if the poses came from a file.
+    pub solution: Option<Solution>,
+    /// Joint covariance of the poses; `None` if they came from a file.
+    pub covariance: Option<PosteriorCovariance>,
+    /// Rows of the logs without a measurement.
+    pub rejected_rows: Vec<RejectedRow>,
+    /// Wall time of the estimation without reading; `None` if the poses came from a file.
+    pub seconds: Option<f64>,
+    /// Constants of the project that the drive contradicts, the gravest first.
+    pub doubts: Vec<Doubt>,
+    /// What the raw logs contradict.
+    pub preflight: Vec<Verdict>,
+}
+
+impl Poses {
+    /// Poses without a joint covariance.
+    pub fn from_file(trajectory: Trajectory) -> Self {
+        Self {
+            trajectory,
+            solution: None,
+            covariance: None,
+            rejected_rows: Vec::new(),
+            seconds: None,
+            doubts: Vec::new(),
+            preflight: Vec::new(),
+        }
+    }
+}
+
+/// Estimates the trajectory from the logs, or reads it.
+///
+/// # Errors
+/// Errors of the readers and the adjustment.
+pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
+    match &project.motion {
+        Motion::Logs(logs) => poses_from_logs(project, logs, progress),
+        Motion::Poses(file) => {
+            let nodes = read_poses(file, &project.origin_m)?;
+            if nodes.iter().all(|node| node.sigma.is_none()) {
+                progress.warn(POSES_WITHOUT_SIGMA);
+            }
+            let trajectory = Trajectory::new(nodes)?.with_limits(project.limits)?;
+            Ok(Poses::from_file(trajectory))
+        }
+    }
+}
+
+/// Puts right what the raw logs show beyond doubt, and says it, and what else they contradict.
+///
+/// # Errors
+/// See [`crate::preflight::logs`].
+fn put_right(logs: &mut DriveLogs) -> Result<Vec<Verdict>> {
+    let mut said = Vec::new();
+    for late in late_logs(&logs.motion(), &logs.settings) {
+        match late.position {
+            Some(i) => logs.positions[i]
+                .iter_mut()
+                .for_each(|fix| fix.time_s -= late.late_s),
+            None => logs
+                .heading
+                .iter_mut()
+                .for_each(|fix| fix.time_s -= late.late_s),
+        }
+        said.push(late.verdict);
+    }
+    said.extend(contradictions(&logs.motion(), &logs.settings)?);
+    if said.iter().any(|v| v.code == HEADING_SIGN) {
+        logs.heading.clear();
+    }
+    for (fixes, position) in logs.positions.iter().zip(&mut logs.settings.positions) {
+        if let Some((factor, verdict)) = position_noise(fixes, position) {
+            position.sigma_m *= factor;
+            said.push(verdict);
+        }
+    }
+    Ok(said)
+}
+
+fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
+    let estimates_doubted = logs.estimates_doubted;
+    let mut logs = DriveLogs::read(project, logs, progress)?;
+    if project.is_joint && !project.scanners.is_empty() {
+        logs.settings.max_step_s = JOINT_STEP_S;
+    }
+    let contradicted = put_right(&mut logs)?;
+    for verdict in &contradicted {
+        progress.warn(&verdict.text);
+    }
+    if contradicted.iter().any(|v| v.code == HEADING_SIGN) {
+        logs.heading.clear();
+    }
+    let begun = Instant::now();
+    let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
+    // Constants that fit wrong axes or signs say nothing.
+    let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
+    let mut doubts = match is_sound {
+        true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
+        false => Vec::new(),
+    };
+    doubts
+        .iter_mut()
+        .for_each(|doubt| doubt.is_used = estimates_doubted);
+    for doubt in &doubts {
+        progress.warn(&doubt.describe());
+    }
+    if estimates_doubted && !doubts.is_empty() {
+        let doubted = doubts.iter().map(|doubt| doubt.constant);
+        logs.settings.estimate.extend(doubted);
+        found = estimate(&logs.motion(), &logs.settings, progress)?;
+    }
+    let scale = Constant::ImuNoiseScale;
+    let is_noisy = found.solution.imu_noise_factor() > NOTABLE_NOISE;
+    if estimates_doubted && is_noisy && !logs.settings.estimate.contains(&scale) {
+        logs.settings.estimate.push(scale);
+        found = estimate(&logs.motion(), &logs.settings, progress)?;
+    }
+    let seconds = begun.elapsed().as_secs_f64();
+    let Estimate {
+        trajectory,
+        solution,
+        covariance,
+        ..
+    } = found;
+    Ok(Poses {
+        trajectory: trajectory.with_limits(project.limits)?,
+        solution: Some(solution),
+        covariance: Some(covariance),
+        rejected_rows: logs.rejected,
+        seconds: Some(seconds),
+        doubts,
+        preflight: contradicted,
+    })
+}
+
+/// What the raw logs of a project contradict, without adjusting anything; nothing where it has poses.
+///
+/// # Errors
+/// Errors of the readers; see [`crate::preflight::logs`].
+pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
+    match &project.motion {
+        Motion::Logs(logs) => {
+            let mut logs = DriveLogs::read(project, logs, &Silent)?;
+            put_right(&mut logs)
+        }
+        Motion::Poses(_) => Ok(Vec::new()),
+    }
+}
+
+fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
+    let mut nodes = format::read_trajectory(&file.path)?;
+    for node in &mut nodes {
+        node.time_s += file.time_offset_s;
+        node.world_from_body.translation_m -= origin_m;
+        if node.sigma.is_none()
+            && let (Some(position), Some(rotation)) =
+                (file.sigma_position_m, file.sigma_rotation_rad)
+        {
+            node.sigma = Some(PoseSigma {
+                position_m: Vec3::repeat(position),
+                rotation_rad: Vec3::repeat(rotation),
+            });
+        }
+    }
+    Ok(nodes)
+}
