@@ -1,5 +1,7 @@
 //! A coarse search over rotations, for starts beyond the reach of any scale.
 
+use rayon::prelude::*;
+
 use super::parameters::Mounting;
 use super::sample::ScannerSample;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
@@ -11,7 +13,7 @@ const STEPS_DEG: [f64; 4] = [10.0, 5.0, 2.5, 1.25];
 /// Most moves of one length.
 const MAX_MOVES: usize = 4;
 /// Most points of a scanner that are placed.
-const MAX_POINTS: usize = 20_000;
+const MAX_POINTS: usize = 8_000;
 /// A voxel is as large as this share of what a step moves.
 const VOXEL_SHARE: f64 = 0.5;
 /// A start is left only where the clouds then take up less space by this share.
@@ -86,8 +88,12 @@ fn descended(
             let turn: Rotation = so3::exp(&((turn - Vec3::repeat(1.0)) * step));
             BodyFromScanner::new(turn * best.1.rotation, best.1.translation_m)
         });
-        let found = neighbours.map(|pose| (space(sample, &pose, voxels), pose));
-        match found.min_by_key(|(space, _)| *space) {
+        let found: Vec<(usize, BodyFromScanner)> = neighbours
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|pose| (space(sample, &pose, voxels), pose))
+            .collect();
+        match found.into_iter().min_by_key(|(space, _)| *space) {
             Some(found) if (found.0 as f64) < (1.0 - LEAST_MOVE_GAIN) * best.0 as f64 => {
                 best = found;
             }

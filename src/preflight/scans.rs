@@ -223,13 +223,13 @@ fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alternat
             );
             add(poses, "scanner.convention", text);
         }
-        for j in i + 1..own.len() {
+        for (j, other) in mountings.iter().enumerate().skip(i + 1) {
             let mut poses = own.to_vec();
             poses.swap(i, j);
             let text = format!(
                 "with the profiles of `{name}` and `{}` exchanged: the files, or the mountings, are those of \
                  the other scanner.",
-                mountings[j].name
+                other.name
             );
             add(poses, "scanner.swapped", text);
         }

@@ -11,17 +11,18 @@ const WORSE_THAN_TWO_STEPS: f64 = 1.2;
 /// Distances beyond this many times what is accepted are a fault.
 const FAULT_FACTOR: f64 = 4.0;
 
-/// The agreement of the clouds of each drive with the final mounting, held against what is accepted; the
-/// first drive is that of the calibration.
+/// The agreement of the clouds of each drive with the final mounting, held against what is accepted: each
+/// pair of the first drive, which is that of the calibration, and one line for each of the others.
 pub fn verdicts(drives: &[Drive], acceptance: &Acceptance) -> Vec<Verdict> {
     let mut all = Vec::new();
     for (number, drive) in drives.iter().enumerate() {
-        let found = drive.agreements.under(MountingKind::Final);
-        all.extend(found.map(|found| match number {
-            0 => of_own(&drive.agreements, found, acceptance),
-            _ => of_other(&drive.name, &drive.agreements, found, acceptance),
-        }));
-        let missing = drive.agreements.missing.iter();
+        let agreements = &drive.agreements;
+        let found = agreements.under(MountingKind::Final);
+        match number {
+            0 => all.extend(found.map(|found| of_own(agreements, found, acceptance))),
+            _ => all.extend(of_other(drive, acceptance)),
+        }
+        let missing = agreements.missing.iter();
         all.extend(missing.map(|text| Verdict::fault("agreement.missing", text)));
     }
     all
@@ -51,51 +52,62 @@ fn of_own(all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> Verdi
         true => String::new(),
         false => format!(" ({})", others.join(", ")),
     };
-    judged(all, found, acceptance, (&clouds, &aside))
-}
-
-/// On a drive that was not used in the calibration.
-fn of_other(name: &str, all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> Verdict {
-    let clouds = format!(
-        "On {name}, which was not used in the calibration, {}",
-        found.pair()
-    );
-    judged(all, found, acceptance, (&clouds, ""))
-}
-
-fn judged(
-    all: &Agreements,
-    found: &Agreement,
-    acceptance: &Acceptance,
-    (clouds, aside): (&str, &str),
-) -> Verdict {
     let statistics = &found.statistics;
-    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-    let off_m = statistics.median_m.abs().max(statistics.nmad_m);
+    let (severity, why) = judged(all, found, acceptance);
     let text = format!(
-        "{clouds}: RMSE {}{aside}, median {}, NMAD {}, over {} of their common field",
+        "{clouds}: RMSE {}{aside}, NMAD {}, over {} of their common field: {why}.",
         number::length(statistics.rmse_m),
-        number::length(statistics.median_m),
         number::length(statistics.nmad_m),
         percent(found.coverage),
     );
+    let verdict = Verdict::new(severity, code(found), text);
+    verdict.with_value(statistics.rmse_m, None)
+}
+
+/// On a drive that was not used in the calibration: `None` without distances.
+fn of_other(drive: &Drive, acceptance: &Acceptance) -> Option<Verdict> {
+    let all = &drive.agreements;
+    let found = || all.under(MountingKind::Final);
+    let parts = found().map(|found| {
+        let statistics = &found.statistics;
+        let [rmse, nmad] = [statistics.rmse_m, statistics.nmad_m].map(number::length);
+        format!("{} {rmse} (NMAD {nmad})", found.pair())
+    });
+    let parts: Vec<String> = parts.collect();
+    let judged = found().map(|found| judged(all, found, acceptance));
+    let (severity, why) = judged.max_by_key(|(severity, _)| *severity)?;
+    let text = format!(
+        "On {}, which was not used in the calibration, RMSE of {}: {why}.",
+        drive.name,
+        parts.join(", ")
+    );
+    Some(Verdict::new(severity, "agreement.evaluation", text))
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+/// How grave the distances of two clouds are, and why.
+fn judged(all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> (Severity, String) {
+    let statistics = &found.statistics;
+    let off_m = statistics.median_m.abs().max(statistics.nmad_m);
     let limit = number::length(acceptance.distance_m);
-    let least = percent(acceptance.coverage);
-    let (severity, why) = if found.coverage.is_nan() || found.coverage < acceptance.coverage {
-        (
-            Severity::Fault,
-            format!("too little to compare (accepted: {least})"),
-        )
+    if found.coverage.is_nan() || found.coverage < acceptance.coverage {
+        let why = format!(
+            "{} of the common field are too little to compare (accepted: {})",
+            percent(found.coverage),
+            percent(acceptance.coverage)
+        );
+        (Severity::Fault, why)
     } else if off_m > FAULT_FACTOR * acceptance.distance_m {
-        (
-            Severity::Fault,
-            format!("far apart (accepted: median and NMAD of {limit})"),
-        )
+        let off = number::length(off_m);
+        let why = format!("far apart, by {off} in median or NMAD (accepted: {limit})");
+        (Severity::Fault, why)
     } else if off_m > acceptance.distance_m {
-        (
-            Severity::Care,
-            format!("more than the {limit} that is accepted of median and NMAD"),
-        )
+        let off = number::length(off_m);
+        let why = format!("{off} in median or NMAD are more than the {limit} that is accepted");
+        (Severity::Care, why)
     } else if is_worse_than_two_steps(all, found) {
         (Severity::Care, "worse than after two steps".to_owned())
     } else {
@@ -103,9 +115,7 @@ fn judged(
             Severity::Good,
             format!("within the {limit} that is accepted"),
         )
-    };
-    let verdict = Verdict::new(severity, code(found), format!("{text}: {why}."));
-    verdict.with_value(statistics.rmse_m, None)
+    }
 }
 
 /// Whether the clouds agree notably worse than after two steps.

@@ -9,6 +9,7 @@ use super::{
 };
 use crate::calibration::Method;
 use crate::geometry::Vec3;
+use crate::verdict::Headline;
 
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
@@ -36,10 +37,28 @@ pub fn render(content: &Content) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{title}</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n<h1>{title}</h1>\n{}</header>\n\
-         <main>\n{}{nav}{body}</main>\n</body>\n</html>\n",
+         <main>\n{}{}{nav}{body}</main>\n</body>\n</html>\n",
         tables::provenance(content),
+        headline(content),
         html::verdicts(&content.verdicts),
     )
+}
+
+/// What all verdicts come to (markup); empty without any.
+fn headline(content: &Content) -> String {
+    let headline = Headline::of(&content.verdicts);
+    let class = match headline {
+        Headline::Usable => "good",
+        Headline::Care => "attention",
+        Headline::Unusable => "fault",
+    };
+    match content.verdicts.is_empty() {
+        true => String::new(),
+        false => format!(
+            "<p class=\"headline {class}\">Result: {}</p>\n",
+            headline.text()
+        ),
+    }
 }
 
 /// Identifier, heading and markup of each section; the markup is empty without data.

@@ -55,7 +55,7 @@ impl Ended {
 
     fn names(&self, mistake: &Mistake) -> bool {
         let is_named = |name: &&str| self.said.iter().any(|said| said.contains(*name));
-        mistake.names.is_empty() || mistake.names.iter().any(|name| is_named(&name))
+        mistake.names.is_empty() || mistake.names.iter().any(is_named)
     }
 }
 

@@ -282,7 +282,7 @@ fn clouds_that_agree_worse_than_after_two_steps_need_attention() {
         .map(|rest| rest.split("</li>").next().unwrap())
         .collect();
     for text in [
-        "after two steps: 2.3 mm), median",
+        "after two steps: 2.3 mm), NMAD",
         "worse than after two steps",
         "On drive-2, which was not used in the calibration",
     ] {

@@ -165,7 +165,7 @@ pub(super) fn acceptance(source: &Source, written: &written::Acceptance) -> Resu
     };
     let coverage = positive("coverage", written.coverage, default.coverage)?;
     if coverage > 1.0 {
-        return Err(table.error("coverage", &coverage.to_string(), "a share from 0 to 1"));
+        return Err(table.error("coverage", coverage.to_string(), "a share from 0 to 1"));
     }
     let sigma = written.sigma_translation_m;
     Ok(Acceptance {
