@@ -72,6 +72,12 @@ impl Verdict {
         Self::new(Severity::Fault, code, text)
     }
 
+    /// The same of another drive.
+    pub fn on(mut self, drive: &str) -> Self {
+        self.text = format!("{drive}: {}", self.text);
+        self
+    }
+
     /// The same with its number.
     pub fn with_value(mut self, value: f64, sigma: Option<f64>) -> Self {
         (self.value, self.sigma) = (Some(value), sigma);

@@ -231,7 +231,7 @@ fn millimetres(point: &Vec3) -> [i64; 3] {
 fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let poses = stages::poses(project, &Silent).unwrap();
     let samples = stages::samples(project, &poses.trajectory, &Silent).unwrap();
-    let start = stages::with_start(project, &samples, &[], &Silent);
+    let (start, _) = stages::with_start(project, &samples, &[], &Silent);
     let placed = stages::check_placement(&start, &poses.trajectory, &samples, &[], &Silent);
     assert!(placed.verdict.is_none_or(|v| !v.severity.is_marked()));
     let settings = stages::scales_for(&project.calibration, placed.apart_m, &Silent);

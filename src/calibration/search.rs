@@ -18,6 +18,8 @@ const MAX_POINTS: usize = 8_000;
 const VOXEL_SHARE: f64 = 0.5;
 /// A start is left only where the clouds then take up less space by this share.
 const LEAST_GAIN: f64 = 0.15;
+/// Fewest points of a voxel, on average, for its clouds to take up a space.
+const POINTS_PER_VOXEL: usize = 3;
 /// And each move takes off at least this share.
 const LEAST_MOVE_GAIN: f64 = 0.03;
 
@@ -60,8 +62,14 @@ pub fn better_start(
                 descended(sample, pose, step_deg.to_radians(), voxels)
             })
         });
-        let finest = &voxels[STEPS_DEG.len() - 1];
-        let space_of = |pose: &BodyFromScanner| space(sample, pose, finest);
+        // The finest voxels that hold several points: where each is alone, all take up the same.
+        let points = placed(sample, &poses[scanner]).count();
+        let space_in = |pose: &BodyFromScanner, level: usize| space(sample, pose, &voxels[level]);
+        let full = |level: &usize| POINTS_PER_VOXEL * space_in(&poses[scanner], *level) < points;
+        let Some(level) = (0..STEPS_DEG.len()).rev().find(full) else {
+            continue;
+        };
+        let space_of = |pose: &BodyFromScanner| space_in(pose, level);
         let found = ends.map(|pose| (space_of(&pose), pose));
         let Some((after, pose)) = found.min_by_key(|(space, _)| *space) else {
             continue;
@@ -108,7 +116,10 @@ fn placed<'a>(
     pose: &'a BodyFromScanner,
 ) -> impl Iterator<Item = Vec3> + use<'a> {
     let every = sample.points.len().div_ceil(MAX_POINTS).max(1);
-    sample.placed(pose).step_by(every)
+    sample.points.iter().step_by(every).map(|point| {
+        let body = &sample.profiles[point.profile as usize].world_from_body;
+        body.map(&pose.map(&point.position_m))
+    })
 }
 
 fn occupied(points: impl Iterator<Item = Vec3>, voxel_m: f64) -> VoxelMap<VoxelKey, ()> {

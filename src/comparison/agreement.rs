@@ -5,7 +5,7 @@ use super::m3c2::{core_points, m3c2};
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::statistics::Statistics;
-use crate::cloud::voxel::{VoxelMap, voxel_key};
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -56,7 +56,7 @@ pub struct Agreement {
     /// Statistics of the distances.
     pub statistics: Statistics,
     /// Share of the core points with a distance among those that lie in the footprint of the cloud
-    /// compared, seen from above; NaN if none does.
+    /// compared, seen from above and half a metre about its heights; NaN if none does.
     pub coverage: f64,
     /// The distance at each core point.
     pub distances: M3c2,
@@ -83,8 +83,8 @@ pub struct Agreements {
     /// All pairs: every scanner with the reference, then every pair of scanners. Those of one pair
     /// are consecutive, in the order of [`MountingKind`].
     pub found: Vec<Agreement>,
-    /// Comparisons without any distance, in words.
-    pub missing: Vec<String>,
+    /// Comparisons under the final mounting without any distance: of what, and why.
+    pub missing: Vec<(Against, String)>,
 }
 
 impl Agreements {
@@ -154,12 +154,24 @@ pub fn agreements(
 /// Edge of the cells of a footprint, metres.
 const FOOTPRINT_CELL_M: f64 = 0.1;
 
+/// And how far above and below its points a cell reaches, metres: another storey is another field.
+const FOOTPRINT_REACH_M: f64 = 0.5;
+
 /// See [`Agreement::coverage`].
 fn coverage(distances: &M3c2, compared: &[Vec3]) -> f64 {
     let cell = |point: &Vec3| voxel_key(&Vec3::new(point.x, point.y, 0.0), FOOTPRINT_CELL_M);
-    let footprint: VoxelMap<_, ()> = compared.iter().map(|point| (cell(point), ())).collect();
-    let inside = distances.core.iter();
-    let inside = inside.filter(|core| footprint.contains_key(&cell(&core.point)));
+    let mut footprint: VoxelMap<VoxelKey, (f64, f64)> = VoxelMap::default();
+    for point in compared {
+        let (low, high) = footprint.entry(cell(point)).or_insert((point.z, point.z));
+        (*low, *high) = (low.min(point.z), high.max(point.z));
+    }
+    let inside = distances.core.iter().filter(|core| {
+        footprint
+            .get(&cell(&core.point))
+            .is_some_and(|(low, high)| {
+                (low - FOOTPRINT_REACH_M..=high + FOOTPRINT_REACH_M).contains(&core.point.z)
+            })
+    });
     let (with, all) = inside.fold((0.0, 0.0), |(with, all), core| {
         (
             with + f64::from(u8::from(core.distance_m.is_finite())),
@@ -179,7 +191,7 @@ struct Comparisons<'a> {
     settings: &'a ComparisonSettings,
     progress: &'a dyn Progress,
     found: Vec<(Sides, Agreement)>,
-    missing: Vec<String>,
+    missing: Vec<(Against, String)>,
 }
 
 impl Comparisons<'_> {
@@ -189,12 +201,14 @@ impl Comparisons<'_> {
         sides @ (against, scanner, mounting): Sides,
     ) -> Result<()> {
         let (drive, scanner) = (self.drive, self.scanners[scanner]);
+        let other = against.map(|other| self.scanners[other]);
+        let against = other.map_or(Against::Reference, |name| Against::Scanner(name.into()));
+        let is_final = mounting == MountingKind::Final;
         if compared.is_empty() || core.is_empty() {
             let text = format!("{drive}: scanner `{scanner}` has no points to compare");
-            self.missing.push(text);
+            self.missing.extend(is_final.then_some((against, text)));
             return Ok(());
         }
-        let other = against.map(|other| self.scanners[other]);
         let stage = format!(
             "comparing {scanner} with {} ({drive}, {})",
             other.unwrap_or("reference"),
@@ -208,14 +222,17 @@ impl Comparisons<'_> {
                 let found = Agreement {
                     coverage: coverage(&distances, compared),
                     scanner: scanner.into(),
-                    against: other.map_or(Against::Reference, |name| Against::Scanner(name.into())),
+                    against,
                     mounting,
                     statistics,
                     distances,
                 };
                 self.found.push((sides, found));
             }
-            Err(reason) => self.missing.push(format!("{drive}: {reason}")),
+            Err(reason) => {
+                let text = format!("{drive}: {reason}");
+                self.missing.extend(is_final.then_some((against, text)));
+            }
         }
         Ok(())
     }

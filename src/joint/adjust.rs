@@ -233,10 +233,11 @@ fn fewer_keyframes(problem: &JointProblem<'_>, keyframe_steps: &[usize]) -> Opti
         let rows = problem.found.rows();
         rows.filter(|row| row.scanner as usize == scanner).count()
     };
-    let fullest = (0..keyframe_steps.len()).max_by_key(|&scanner| rows_of(scanner))?;
+    let dense = (0..keyframe_steps.len()).filter(|s| 2 * keyframe_steps[*s] <= MAX_KEYFRAME_STEPS);
+    let fullest = dense.max_by_key(|&scanner| rows_of(scanner))?;
     let mut fewer = keyframe_steps.to_vec();
     fewer[fullest] *= 2;
-    (fewer[fullest] <= MAX_KEYFRAME_STEPS).then_some(fewer)
+    Some(fewer)
 }
 
 fn too_large(problem: &JointProblem<'_>) -> Error {

@@ -53,7 +53,8 @@ pub fn analyse(
     stages::check_reference(project, &samples, &reference)?;
     let mut preflight = poses.preflight.clone();
     let (start, settings) = job.timed("check placement", |progress| {
-        let start = stages::with_start(project, &samples, &reference, progress);
+        let (start, said) = stages::with_start(project, &samples, &reference, progress);
+        preflight.extend(said);
         let trajectory = &poses.trajectory;
         let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
         preflight.extend(placed.verdict);
@@ -69,6 +70,10 @@ pub fn analyse(
         true => Some(adjust_jointly(
             project, &poses, &samples, &two_steps, &reference, &mut job,
         )?),
+        false if project.is_joint => Some(JointReport {
+            refused: vec!["logs or scans have the fault that stands first".into()],
+            ..JointReport::default()
+        }),
         false => None,
     };
     let own = (&settings, &poses, samples.as_slice());
@@ -220,6 +225,7 @@ fn warnings(
     left_out: Vec<String>,
 ) -> Vec<String> {
     let missing = drives.iter().flat_map(|drive| &drive.agreements.missing);
+    let missing = missing.map(|(_, text)| text);
     let refused = joint.into_iter().flat_map(|joint| &joint.refused);
     let refused = refused.map(|reason| {
         format!("the result is that of two steps, not of the joint adjustment: {reason}")

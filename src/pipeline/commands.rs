@@ -168,7 +168,8 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     stages::check_reference(project, &samples, &reference)?;
     let (doubts, mut preflight) = (poses.doubts.clone(), poses.preflight.clone());
     let trajectory = &poses.trajectory;
-    let start = stages::with_start(project, &samples, &reference, progress);
+    let (start, said) = stages::with_start(project, &samples, &reference, progress);
+    preflight.extend(said);
     let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
     preflight.extend(placed.verdict);
     let settings = stages::scales_for(&project.calibration, placed.apart_m, progress);

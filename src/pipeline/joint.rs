@@ -113,7 +113,12 @@ fn with_late_scanners(
     }
     let estimated = input.estimate_latency.iter_mut().zip(&late);
     estimated.for_each(|(estimate, late)| *estimate |= late);
-    let found = adjust(&input, &project.joint, surfel_m(project), progress)?;
+    let found = match adjust(&input, &project.joint, surfel_m(project), progress) {
+        Ok(freed) => freed,
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        // With latencies held it could be made.
+        Err(_) => return Ok((found, Vec::new())),
+    };
     let scanners = project.scanners.iter().zip(&found.late_s).zip(&late);
     let named = scanners.filter_map(|((scanner, found), late)| {
         let (value, sigma) = found.filter(|_| *late)?;

@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use super::logs::DriveLogs;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
-use crate::preflight::{HEADING_SIGN, late_logs, logs as contradictions, position_noise};
+use crate::preflight::{HEADING_SIGN, Log, late_logs, logs as contradictions, position_noise};
 use crate::progress::{Progress, Silent};
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
@@ -85,14 +85,14 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
 fn put_right(logs: &mut DriveLogs) -> Result<Vec<Verdict>> {
     let mut said = Vec::new();
     for late in late_logs(&logs.motion(), &logs.settings) {
-        match late.position {
-            Some(i) => logs.positions[i]
-                .iter_mut()
-                .for_each(|fix| fix.time_s -= late.late_s),
-            None => logs
-                .heading
-                .iter_mut()
-                .for_each(|fix| fix.time_s -= late.late_s),
+        let on_time = |time_s: &mut f64| *time_s -= late.late_s;
+        match late.log {
+            Log::Imu => logs.imu.iter_mut().for_each(|s| on_time(&mut s.time_s)),
+            Log::Position(i) => {
+                let fixes = logs.positions[i].iter_mut();
+                fixes.for_each(|fix| on_time(&mut fix.time_s));
+            }
+            Log::Heading => logs.heading.iter_mut().for_each(|h| on_time(&mut h.time_s)),
         }
         said.push(late.verdict);
     }
@@ -101,12 +101,30 @@ fn put_right(logs: &mut DriveLogs) -> Result<Vec<Verdict>> {
         logs.heading.clear();
     }
     for (fixes, position) in logs.positions.iter().zip(&mut logs.settings.positions) {
-        if let Some((factor, verdict)) = position_noise(fixes, position) {
-            position.sigma_m *= factor;
+        if let Some((factors, verdict)) = position_noise(fixes, position) {
+            position.sigma_m.component_mul_assign(&factors);
             said.push(verdict);
         }
     }
     Ok(said)
+}
+
+/// The estimate with more constants free, which the settings then are; `None` where that leads nowhere.
+fn with_freed(
+    logs: &mut DriveLogs,
+    constants: &[Constant],
+    progress: &dyn Progress,
+) -> Result<Option<Estimate>> {
+    let held = logs.settings.estimate.clone();
+    logs.settings.estimate.extend(constants);
+    match estimate(&logs.motion(), &logs.settings, progress) {
+        Ok(found) if found.solution.converged => Ok(Some(found)),
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        _ => {
+            logs.settings.estimate = held;
+            Ok(None)
+        }
+    }
 }
 
 fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
@@ -119,9 +137,6 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
     for verdict in &contradicted {
         progress.warn(&verdict.text);
     }
-    if contradicted.iter().any(|v| v.code == HEADING_SIGN) {
-        logs.heading.clear();
-    }
     let begun = Instant::now();
     let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
     // Constants that fit wrong axes or signs say nothing.
@@ -130,22 +145,24 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
         true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
         false => Vec::new(),
     };
-    doubts
-        .iter_mut()
-        .for_each(|doubt| doubt.is_used = estimates_doubted);
+    if estimates_doubted && !doubts.is_empty() {
+        let doubted: Vec<Constant> = doubts.iter().map(|doubt| doubt.constant).collect();
+        if let Some(freed) = with_freed(&mut logs, &doubted, progress)? {
+            found = freed;
+            doubts.iter_mut().for_each(|doubt| doubt.is_used = true);
+        }
+    }
     for doubt in &doubts {
         progress.warn(&doubt.describe());
     }
-    if estimates_doubted && !doubts.is_empty() {
-        let doubted = doubts.iter().map(|doubt| doubt.constant);
-        logs.settings.estimate.extend(doubted);
-        found = estimate(&logs.motion(), &logs.settings, progress)?;
-    }
     let scale = Constant::ImuNoiseScale;
     let is_noisy = found.solution.imu_noise_factor() > NOTABLE_NOISE;
-    if estimates_doubted && is_noisy && !logs.settings.estimate.contains(&scale) {
-        logs.settings.estimate.push(scale);
-        found = estimate(&logs.motion(), &logs.settings, progress)?;
+    if estimates_doubted
+        && is_noisy
+        && !logs.settings.estimate.contains(&scale)
+        && let Some(scaled) = with_freed(&mut logs, &[scale], progress)?
+    {
+        found = scaled;
     }
     let seconds = begun.elapsed().as_secs_f64();
     let Estimate {

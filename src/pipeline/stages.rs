@@ -17,9 +17,10 @@ use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::sensor::PoseRecord;
 use crate::trajectory::Trajectory;
+use crate::verdict::Verdict;
 
-/// The coarsest scale is at least as large as this many times the distance of the clouds.
-const SCALE_PER_MISFIT: f64 = 1.0;
+/// The coarsest scale reaches as far as the clouds lie apart where it is this share of it.
+const SCALE_PER_MISFIT: f64 = 0.5;
 /// Where clouds lie farther apart, no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
 
@@ -194,27 +195,31 @@ pub fn check_placement(
 }
 
 /// The project with the rotations from which its calibration starts: its own, unless the clouds take up
-/// much less space with others.
+/// much less space with others, which is said.
 pub fn with_start(
     project: &Project,
     samples: &[ScannerSample],
     reference: &[Vec3],
     progress: &dyn Progress,
-) -> Project {
+) -> (Project, Vec<Verdict>) {
     let Some(better) = better_start(&mountings(project), samples, reference) else {
-        return project.clone();
+        return (project.clone(), Vec::new());
     };
-    for (scanner, pose) in project.scanners.iter().zip(&better) {
-        let turn = scanner.body_from_scanner.rotation.angle_to(&pose.rotation);
-        if turn > 0.0 {
-            progress.say(&format!(
-                "scanner `{}`: the clouds take up less space with its start turned by {:.1}°",
-                scanner.name,
-                turn.to_degrees()
-            ));
-        }
-    }
-    with_mountings(project, &better)
+    let turns = project.scanners.iter().zip(&better).map(|(scanner, pose)| {
+        let own = &scanner.body_from_scanner;
+        (&scanner.name, own.rotation.angle_to(&pose.rotation))
+    });
+    let said = turns.filter(|(_, turn)| *turn > 0.0).map(|(name, turn)| {
+        let text = format!(
+            "The calibration starts with scanner {name} turned by {:.1}°, as the clouds then take up much less \
+             space: is the rotation in the project as wrong as that?",
+            turn.to_degrees()
+        );
+        progress.warn(&text);
+        Verdict::care("mounting.start", text).with_value(turn, None)
+    });
+    let said = said.collect();
+    (with_mountings(project, &better), said)
 }
 
 /// The settings of the project with coarser scales before its own where the clouds lie farther apart than

@@ -47,7 +47,8 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
     all.extend(axes(&up, settings));
     let mut is_heading_wrong = false;
     if let Some(ratio) = by_heading {
-        if is_in_radians(logs.heading) && ratio.gyro_rms_rad < std::f64::consts::PI {
+        let is_less = ratio.slope.abs() < 0.1 && ratio.gyro_rms_rad < std::f64::consts::PI;
+        if is_in_radians(logs.heading) && is_less {
             return Err(Error::data(
                 "the headings lie between 0 and 6.3° while the body turns by more: they are in radians",
                 "name the column heading_rad, and they are converted",
@@ -90,11 +91,22 @@ fn angles_of(headings: &[HeadingFix]) -> Vec<(f64, f64)> {
     all.map(|fix| (fix.time_s, fix.heading_rad)).collect()
 }
 
+/// A log of the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Log {
+    /// Rates and specific forces.
+    Imu,
+    /// One of the position logs.
+    Position(usize),
+    /// Headings.
+    Heading,
+}
+
 /// A log whose clock is seconds off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LateLog {
-    /// Which of the position logs; `None` for the headings.
-    pub position: Option<usize>,
+    /// Which.
+    pub log: Log,
     /// By how much its stamps are late, seconds.
     pub late_s: f64,
     /// What is said.
@@ -107,12 +119,32 @@ pub fn late_logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<La
         return Vec::new();
     };
     let turned = Turned::new(logs.imu, &up);
-    let mut streams = vec![(None, "heading", angles_of(logs.heading))];
+    let mut streams = vec![(Log::Heading, "heading", angles_of(logs.heading))];
     for (i, (fixes, position)) in logs.positions.iter().zip(&settings.positions).enumerate() {
-        streams.push((Some(i), &position.name, courses(fixes)));
+        streams.push((Log::Position(i), &position.name, courses(fixes)));
     }
-    let late = streams.into_iter().filter_map(|(position, name, angles)| {
-        let late_s = turned.late_by(&angles)?;
+    streams.retain(|(_, _, angles)| !angles.is_empty());
+    let late = streams
+        .iter()
+        .filter_map(|(log, name, angles)| Some((*log, *name, turned.late_by(angles)?)));
+    let late: Vec<(Log, &str, f64)> = late.collect();
+    // Where all others agree, it is the clock of the IMU.
+    if let [(_, _, first_s), .., (_, _, last_s)] = late[..]
+        && late.len() == streams.len()
+        && (first_s - last_s).abs() < SAME_LATENCY_S
+    {
+        return vec![LateLog::new(Log::Imu, "imu", -first_s)];
+    }
+    let late = late.into_iter();
+    late.map(|(log, name, late_s)| LateLog::new(log, name, late_s))
+        .collect()
+}
+
+/// Latencies that differ by less are the same, seconds.
+const SAME_LATENCY_S: f64 = 0.5;
+
+impl LateLog {
+    fn new(log: Log, name: &str, late_s: f64) -> Self {
         let near = |seconds: &f64| (late_s.abs() - seconds).abs() < 0.5;
         let why = match [18.0, 19.0, 37.0].iter().find(|s| near(s)) {
             Some(18.0) => " (GPS and UTC differ by 18 s)",
@@ -121,54 +153,79 @@ pub fn late_logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<La
             None => "",
         };
         let text = format!(
-            "`{name}` turns with the gyro {:.1} s {} than its stamps say{why}: corrected in this run. Add \
-             {:+.1} to [{name}] time_offset_s.",
+            "By its turns, `{name}` is {:.1} s {} than the other logs{why}: a run corrects it. Add {:+.1} to \
+             [{name}] time_offset_s.",
             late_s.abs(),
-            if late_s > 0.0 { "earlier" } else { "later" },
+            if late_s > 0.0 { "later" } else { "earlier" },
             -late_s
         );
         let verdict = Verdict::care(format!("{name}.time_offset"), text);
-        Some(LateLog {
-            position,
+        Self {
+            log,
             late_s,
             verdict: verdict.with_value(-late_s, None),
-        })
-    });
-    late.collect()
+        }
+    }
 }
 
 /// Noise of neighbouring fixes beyond the standard deviation by this factor is stated wrongly.
 const STATED_FACTOR: f64 = 4.0;
 
-/// The factor on the standard deviations of a position log that the noise of neighbouring fixes asks for,
-/// where it is much larger than stated. Fourth differences leave nothing of the motion.
+/// Fixes of a longer time are not neighbours: the motion would count as noise, seconds.
+const NEIGHBOURS_S: f64 = 1.2;
+
+/// The factors on the standard deviations of a position log, east, north, up, that the noise of neighbouring
+/// fixes asks for, where one of them is much larger than stated. Fourth differences leave nothing of a
+/// smooth motion.
 pub fn position_noise(
     fixes: &[PositionFix],
     position: &PositionSettings,
-) -> Option<(f64, Verdict)> {
+) -> Option<(Vec3, Verdict)> {
     if fixes.iter().any(|fix| fix.covariance_m2.is_some()) {
         return None;
     }
-    let worst = (0..3).filter_map(|axis| {
-        let at = |fix: &PositionFix| fix.position_m[axis];
-        let differences = fixes.windows(5).map(|w| {
-            let sum = at(&w[0]) - 4.0 * at(&w[1]) + 6.0 * at(&w[2]) - 4.0 * at(&w[3]) + at(&w[4]);
-            sum.abs()
-        });
-        let noise_m = SIGMAS_PER_MAD * median(differences)? / 70f64.sqrt();
-        Some(noise_m / position.sigma_m[axis])
-    });
-    let factor = worst
-        .reduce(f64::max)
-        .filter(|factor| *factor > STATED_FACTOR)?;
+    let differences: Vec<Vec3> = fixes.windows(5).filter_map(fourth_difference).collect();
+    if differences.len() < fixes.len() / 2 {
+        return None;
+    }
+    let mut factors = Vec3::repeat(1.0);
+    for axis in 0..3 {
+        let noise_m = SIGMAS_PER_MAD * median(differences.iter().map(|d| d[axis].abs()))?;
+        factors[axis] = (noise_m / position.sigma_m[axis]).max(1.0);
+    }
+    if factors.max() < STATED_FACTOR {
+        return None;
+    }
     let name = &position.name;
+    let [east, north, up] = factors.component_mul(&position.sigma_m).into();
     let text = format!(
-        "Neighbouring fixes of `{name}` scatter {factor:.0} times as much as its standard deviations say: \
-         they were raised by that in this run. Write sigma_m = {:.4}.",
-        factor * position.sigma_m.max()
+        "Neighbouring fixes of `{name}` scatter up to {:.0} times as much as its standard deviations say: a \
+         run raises them. Write sigma_m = [{east:.4}, {north:.4}, {up:.4}].",
+        factors.max()
     );
     let verdict = Verdict::care(format!("{name}.noise"), text);
-    Some((factor, verdict.with_value(factor, None)))
+    Some((factors, verdict.with_value(factors.max(), None)))
+}
+
+/// Σ wᵢ pᵢ with wᵢ ∝ 1/∏ⱼ(tᵢ − tⱼ) of unit length: zero for cubic motions, and the noise of one fix.
+fn fourth_difference(fixes: &[PositionFix]) -> Option<Vec3> {
+    let times = || fixes.iter().map(|fix| fix.time_s);
+    let span_s = fixes[fixes.len() - 1].time_s - fixes[0].time_s;
+    let is_apart = fixes.windows(2).all(|pair| pair[1].time_s > pair[0].time_s);
+    if !is_apart || span_s > NEIGHBOURS_S {
+        return None;
+    }
+    let weights = times().enumerate().map(|(i, t)| {
+        let others = times().enumerate().filter(|(j, _)| *j != i);
+        others.map(|(_, other)| t - other).product::<f64>().recip()
+    });
+    let weights: Vec<f64> = weights.collect();
+    let length = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
+    let terms = fixes
+        .iter()
+        .zip(&weights)
+        .map(|(fix, w)| fix.position_m * (w / length));
+    Some(terms.sum())
 }
 
 /// The direction of the mean specific force in the body.
@@ -258,7 +315,7 @@ fn opposite_heading(headings: &[HeadingFix], fixes: &[PositionFix]) -> Verdict {
     Verdict::care(
         HEADING_SIGN,
         format!(
-            "The headings turn to the left where the gyro turns to the right: {likely}. This run does \
+            "The headings turn to the left where the gyro turns to the right: {likely}. A run does \
              without them."
         ),
     )

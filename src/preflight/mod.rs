@@ -6,5 +6,5 @@ mod logs;
 mod scans;
 mod turns;
 
-pub use logs::{HEADING_SIGN, LateLog, late_logs, logs, position_noise};
+pub use logs::{HEADING_SIGN, LateLog, Log, late_logs, logs, position_noise};
 pub use scans::{Placed, Placement, scans};

@@ -4,12 +4,14 @@
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
-use crate::statistics::{median, quantile};
+use crate::statistics::quantile;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
 /// Edge of the columns in which heights are compared, metres.
 const COLUMN_M: f64 = 0.25;
+/// Most height of a level in a column: a board of 55° has as much, metres.
+const LEVEL_M: f64 = 0.36;
 /// Fewest points of a cloud in a column.
 const MIN_POINTS: usize = 3;
 /// Clouds of one scanner are told apart by blocks of time, seconds: about a pass.
@@ -74,7 +76,8 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         });
         misfit(&clouds.collect::<Vec<_>>(), &reference)
     };
-    let apart_m = misfit(&own, 0.0);
+    let is = misfit(&own, 0.0);
+    let apart_m = is.map(|(m, _)| m);
     if apart_m.is_some_and(|m| m < ROUGH_M) {
         return Placed {
             apart_m,
@@ -84,12 +87,14 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
     let left = alternatives(placement.mountings, &own)
         .into_iter()
         .filter_map(|alternative| {
-            let left_m = misfit(&alternative.poses, alternative.late_s)?;
-            Some((left_m, alternative))
+            let (left_m, common) = misfit(&alternative.poses, alternative.late_s)?;
+            // One that moves clouds out of each other's way is none.
+            let enough = is.is_none_or(|(_, own)| common >= own / 2);
+            enough.then_some((left_m, alternative))
         });
     let best = left.min_by(|a, b| a.0.total_cmp(&b.0));
     let explains =
-        |left_m: f64| left_m < ROUGH_M && apart_m.is_none_or(|m| left_m < LEFT_SHARE * m);
+        |left_m: f64| left_m < ROUGH_M && apart_m.is_some_and(|m| left_m < LEFT_SHARE * m);
     let apart = apart_m.map_or("apart".to_owned(), |m| format!("{m:.2} m apart"));
     let verdict = match (best, apart_m) {
         (Some((left_m, found)), _) if explains(left_m) => {
@@ -141,7 +146,7 @@ fn clouds(
 /// Median heights by column.
 type Columns = VoxelMap<VoxelKey, f64>;
 
-/// Median height of the points in each column.
+/// Median height of the points in each column that has one level: not floor and ceiling.
 fn columns(points: impl Iterator<Item = Vec3>) -> Columns {
     let mut heights: VoxelMap<VoxelKey, Vec<f64>> = VoxelMap::default();
     for point in points {
@@ -151,15 +156,18 @@ fn columns(points: impl Iterator<Item = Vec3>) -> Columns {
     let enough = heights
         .into_iter()
         .filter(|(_, all)| all.len() >= MIN_POINTS);
-    enough
-        .filter_map(|(key, all)| Some((key, median(all)?)))
-        .collect()
+    let levels = enough.filter_map(|(key, mut all)| {
+        all.sort_unstable_by(f64::total_cmp);
+        let height = quantile(&all, 0.9) - quantile(&all, 0.1);
+        (height < LEVEL_M).then(|| (key, quantile(&all, 0.5)))
+    });
+    levels.collect()
 }
 
 /// Distances in height of each scanner's clouds from the reference, or from what was seen first where there
 /// is none: three quarters are smaller, for the worst scanner. Most of a field is flat and fits however
-/// clouds are shifted. `None` where a scanner shares too little.
-fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<f64> {
+/// clouds are shifted. And how many columns all share; `None` where a scanner shares too few.
+fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<(f64, usize)> {
     let mut first = reference.clone();
     if reference.is_empty() {
         // Of two scanners, not of two moments of one, where both have been.
@@ -169,7 +177,7 @@ fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<f64> {
             }
         }
     }
-    let mut worst_m: Option<f64> = None;
+    let (mut worst_m, mut common_columns): (Option<f64>, usize) = (None, 0);
     for clouds in scanners {
         let common = clouds.iter().flatten();
         let apart = common.filter_map(|(key, height)| Some((height - first.get(key)?).abs()));
@@ -181,11 +189,12 @@ fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<f64> {
             }
             return None;
         }
+        common_columns += apart.len();
         apart.sort_unstable_by(f64::total_cmp);
         let apart_m = quantile(&apart, 0.75);
         worst_m = Some(worst_m.map_or(apart_m, |worst_m| worst_m.max(apart_m)));
     }
-    worst_m
+    Some((worst_m?, common_columns))
 }
 
 fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alternative> {

@@ -19,6 +19,8 @@ const LEAST_LATE_S: f64 = 2.0;
 /// Correlations with and without the right latency.
 const CLEAR: f64 = 0.9;
 const UNCLEAR: f64 = 0.7;
+/// How much better the right latency is than any other.
+const UNIQUE: f64 = 0.05;
 /// Fewest spans.
 const MIN_SPANS: usize = 20;
 
@@ -55,13 +57,22 @@ impl Turned {
     /// By how much the stamps of angles are late, seconds, where they turn with the gyro at that latency
     /// and not without it.
     pub fn late_by(&self, angles: &[(f64, f64)]) -> Option<f64> {
-        let now = self.compare(angles).map_or(0.0, |found| found.correlation);
+        let now = self.compare(angles)?.correlation.abs();
         let best = |from_s: f64, to_s: f64, step_s: f64| {
             let steps = ((to_s - from_s) / step_s).round() as i32;
             let all = (0..=steps).map(|i| from_s + step_s * f64::from(i));
             let all = all.filter_map(|late_s| Some((late_s, self.compare_late(angles, late_s)?)));
-            all.filter(|(_, found)| found.is_about(1.0))
-                .max_by(|a, b| a.1.correlation.total_cmp(&b.1.correlation))
+            let all = all.filter(|(_, found)| found.is_about(1.0));
+            let mut all: Vec<(f64, Ratio)> = all.collect();
+            all.sort_by(|a, b| b.1.correlation.total_cmp(&a.1.correlation));
+            let first = *all.first()?;
+            // Rows of a field turn alike.
+            let mut others = all
+                .iter()
+                .filter(|(late_s, _)| (late_s - first.0).abs() > LEAST_LATE_S);
+            let is_unique =
+                others.all(|(_, other)| other.correlation < first.1.correlation - UNIQUE);
+            is_unique.then_some(first)
         };
         let (coarse_s, found) = best(-MAX_LATE_S, MAX_LATE_S, 0.5)?;
         let is_clear = coarse_s.abs() > LEAST_LATE_S && found.correlation > CLEAR && now < UNCLEAR;

@@ -23,7 +23,10 @@ pub fn verdicts(drives: &[Drive], acceptance: &Acceptance) -> Vec<Verdict> {
             _ => all.extend(of_other(drive, acceptance)),
         }
         let missing = agreements.missing.iter();
-        all.extend(missing.map(|text| Verdict::fault("agreement.missing", text)));
+        all.extend(missing.map(|(against, text)| match against {
+            Against::Reference => Verdict::fault("agreement.missing", text),
+            Against::Scanner(_) => Verdict::care("agreement.missing", text),
+        }));
     }
     all
 }
@@ -93,13 +96,18 @@ fn judged(all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> (Seve
     let statistics = &found.statistics;
     let off_m = statistics.median_m.abs().max(statistics.nmad_m);
     let limit = number::length(acceptance.distance_m);
-    if found.coverage.is_nan() || found.coverage < acceptance.coverage {
+    if found.coverage.is_nan() {
+        (Severity::Fault, "nothing in common".to_owned())
+    } else if found.coverage < acceptance.coverage {
         let why = format!(
             "{} of the common field are too little to compare (accepted: {})",
             percent(found.coverage),
             percent(acceptance.coverage)
         );
-        (Severity::Fault, why)
+        match found.against {
+            Against::Reference => (Severity::Fault, why),
+            Against::Scanner(_) => (Severity::Care, why),
+        }
     } else if off_m > FAULT_FACTOR * acceptance.distance_m {
         let off = number::length(off_m);
         let why = format!("far apart, by {off} in median or NMAD (accepted: {limit})");

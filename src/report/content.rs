@@ -116,6 +116,10 @@ pub struct Drive {
     pub rejected_rows: Vec<RejectedRow>,
     /// Agreement of its clouds.
     pub agreements: Agreements,
+    /// What its raw logs contradict.
+    pub preflight: Vec<Verdict>,
+    /// Constants of its project that it contradicts.
+    pub doubts: Vec<Doubt>,
 }
 
 /// A label and its value.

@@ -27,6 +27,11 @@ pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
     if let Some(calibrations) = &content.calibrations {
         all.extend(of_calibration(calibrations, content.drives, acceptance));
     }
+    for drive in content.drives.iter().skip(1) {
+        let found = drive.preflight.iter().cloned();
+        let found = found.chain(drive.doubts.iter().map(doubt));
+        all.extend(found.map(|verdict| verdict.on(&drive.name)));
+    }
     for (number, drive) in content.drives.iter().enumerate() {
         let Some(solution) = &drive.solution else {
             continue;
@@ -35,11 +40,10 @@ pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
         let found = diagnostics::verdicts(solution, sigmas.as_ref());
         // Of a whole run, what is well with the trajectories stands in their own section.
         let is_said = |v: &Verdict| content.calibrations.is_none() || v.severity.is_marked();
-        all.extend(found.into_iter().filter(is_said).map(|mut verdict| {
-            if number > 0 {
-                verdict.text = format!("{}: {}", drive.name, verdict.text);
-            }
-            verdict
+        let found = found.into_iter().filter(is_said);
+        all.extend(found.map(|verdict| match number {
+            0 => verdict,
+            _ => verdict.on(&drive.name),
         }));
     }
     all.sort_by_key(|verdict| {

@@ -5,6 +5,7 @@ use super::consistency::error;
 use super::{Logs, quantile, quaternion, rms, vec3};
 use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
+use boresight::preflight;
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
 use boresight::trajectory::Estimate;
 use boresight::trajectory::{
@@ -306,4 +307,38 @@ fn recorded_flight_finds_lever_arm_and_latency_from_any_side() {
         assert!((late_s - turning_s).abs() <= 5e-3, "{late_s}");
         assert!((by_m - found[0].0).norm() < 5e-4 && (late_s - found[0].1).abs() < 5e-4);
     }
+}
+
+#[test]
+#[cfg_attr(not(has_data), ignore = "BORESIGHT_DATA is not set")]
+fn a_real_flight_is_not_taken_for_a_mistake() {
+    let logs = euroc().logs;
+    let motion = logs.motion();
+    let found = preflight::logs(&motion, &logs.settings).expect("units are right");
+    assert!(found.is_empty(), "{found:?}");
+    assert!(preflight::late_logs(&motion, &logs.settings).is_empty());
+    let position = &logs.settings.positions[0];
+    let noise = preflight::position_noise(&logs.prism, position);
+    assert!(noise.is_none(), "{noise:?}");
+}
+
+/// Vibration is aliased where half of the samples are dropped: the noise that the IMU's yaml states is too
+/// small by far.
+#[test]
+#[cfg_attr(not(has_data), ignore = "BORESIGHT_DATA is not set")]
+fn a_recorded_flight_with_half_its_samples_has_its_noise_scaled() {
+    let flight = euroc();
+    let mut logs = flight.logs.clone();
+    logs.imu = logs.imu.iter().step_by(2).copied().collect();
+    let (held_mm, held) = errors_outside(&flight, &logs, (0.0, 0.0));
+    let factor = held.solution.imu_noise_factor();
+    logs.settings.estimate = vec![Constant::ImuNoiseScale];
+    let (scaled_mm, scaled) = errors_outside(&flight, &logs, (0.0, 0.0));
+    println!(
+        "noise factor {factor:.1}, {held_mm:.2} mm → {scaled_mm:.2} mm, {:?}",
+        scaled.solution.constants
+    );
+    // A run estimates the scale from 1.2 on.
+    assert!(factor > 1.2);
+    assert!(scaled_mm <= held_mm.min(8.0));
 }
