@@ -234,7 +234,7 @@ fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let (start, _) = stages::with_start(project, &samples, &[], &Silent);
     let placed = stages::check_placement(&start, &poses.trajectory, &samples, &[], &Silent);
     assert!(placed.verdict.is_none_or(|v| !v.severity.is_marked()));
-    let settings = stages::scales_for(&project.calibration, placed.apart_m, &Silent);
+    let settings = stages::scales_for(&start, &samples, placed.apart_m, &Silent);
     let found = stages::calibration(&start, &settings, &poses, &samples, &[], &Silent).unwrap();
     (found, settings.voxel_sizes_m)
 }

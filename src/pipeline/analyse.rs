@@ -58,7 +58,7 @@ pub fn analyse(
         let trajectory = &poses.trajectory;
         let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
         preflight.extend(placed.verdict);
-        let settings = stages::scales_for(&project.calibration, placed.apart_m, progress);
+        let settings = stages::scales_for(&start, &samples, placed.apart_m, progress);
         Ok((start, settings))
     })?;
     let two_steps = job.timed("calibrate", |progress| {

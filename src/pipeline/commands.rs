@@ -172,7 +172,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     preflight.extend(said);
     let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
     preflight.extend(placed.verdict);
-    let settings = stages::scales_for(&project.calibration, placed.apart_m, progress);
+    let settings = stages::scales_for(&start, &samples, placed.apart_m, progress);
     let found = stages::calibration(&start, &settings, &poses, &samples, &reference, progress)?;
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let content = Content {

@@ -7,6 +7,7 @@ use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, better_start, calibrate,
     sample_profiles,
 };
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -21,6 +22,8 @@ use crate::verdict::Verdict;
 
 /// The coarsest scale reaches as far as the clouds lie apart where it is this share of it.
 const SCALE_PER_MISFIT: f64 = 0.5;
+/// Fewest neighbourhoods of a scale that is added.
+const NEIGHBOURHOODS: usize = 10;
 /// Where clouds lie farther apart, no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
 
@@ -223,21 +226,32 @@ pub fn with_start(
 }
 
 /// The settings of the project with coarser scales before its own where the clouds lie farther apart than
-/// those reach.
+/// those reach, as far as they hold enough points.
 pub fn scales_for(
-    settings: &CalibrationSettings,
+    project: &Project,
+    samples: &[ScannerSample],
     apart_m: Option<f64>,
     progress: &dyn Progress,
 ) -> CalibrationSettings {
-    let mut settings = settings.clone();
-    let sizes = &mut settings.voxel_sizes_m;
+    let mut settings = project.calibration.clone();
     let reach_m = apart_m.filter(|m| m.is_finite()).unwrap_or(0.0);
     let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
-    while sizes
-        .first()
-        .is_some_and(|&coarsest_m| coarsest_m < least_m)
-    {
-        let coarser_m = 2.0 * sizes[0];
+    let voxels = |voxel_m: f64| {
+        let poses = initial_poses(project);
+        let points = samples
+            .iter()
+            .zip(&poses)
+            .flat_map(|(s, pose)| s.placed(pose));
+        let occupied: VoxelMap<VoxelKey, ()> = points
+            .map(|point| (voxel_key(&point, voxel_m), ()))
+            .collect();
+        occupied.len()
+    };
+    let sizes = &mut settings.voxel_sizes_m;
+    while let Some(coarser_m) = sizes.first().filter(|m| **m < least_m).map(|m| 2.0 * m) {
+        if voxels(coarser_m) < NEIGHBOURHOODS * settings.neighbours {
+            break;
+        }
         progress.say(&format!(
             "the clouds lie {reach_m:.2} m apart: a scale of {coarser_m} m comes first"
         ));
