@@ -79,7 +79,16 @@ impl ScannerSample {
 
     /// Positions of the points in the world for this mounting, metres.
     pub fn placed(&self, body_from_scanner: &BodyFromScanner) -> impl Iterator<Item = Vec3> {
-        self.points.iter().map(|point| {
+        self.placed_each(1, body_from_scanner)
+    }
+
+    /// The same of each `every`-th point.
+    pub(super) fn placed_each(
+        &self,
+        every: usize,
+        body_from_scanner: &BodyFromScanner,
+    ) -> impl Iterator<Item = Vec3> {
+        self.points.iter().step_by(every).map(|point| {
             let pose = &self.profiles[point.profile as usize].world_from_body;
             pose.map(&body_from_scanner.map(&point.position_m))
         })
@@ -144,20 +153,21 @@ impl<Point> Thinner<Point> {
 
     fn add(&mut self, point: Point, time_s: f64, world: &Vec3) {
         let moment = ((time_s / MOMENT_S).floor() as i64).trailing_zeros();
-        let pass = self
-            .latest
-            .entry(voxel_key(world, self.voxel_m))
-            .or_insert(Latest {
-                kept: usize::MAX,
-                seen_s: time_s,
-                moment,
-                of_moment: 0,
-            });
-        let is_over = time_s - pass.seen_s > self.pass_gap_s;
+        let next = self.kept.len();
+        let first = Latest {
+            kept: next,
+            seen_s: time_s,
+            moment,
+            of_moment: 0,
+        };
+        let key = voxel_key(world, self.voxel_m);
+        let pass = self.latest.entry(key).or_insert(first);
+        if time_s - pass.seen_s > self.pass_gap_s {
+            pass.kept = next;
+        }
         pass.seen_s = time_s;
         self.seen += 1;
-        if is_over || pass.kept == usize::MAX {
-            pass.kept = self.kept.len();
+        if pass.kept == next {
             (pass.moment, pass.of_moment) = (moment, 1);
             self.kept.push((point, 1));
             return;

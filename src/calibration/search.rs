@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::parameters::Mounting;
 use super::sample::ScannerSample;
-use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::cloud::voxel::{VoxelKey, VoxelMap, occupied};
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use crate::statistics::median;
 
@@ -111,21 +111,13 @@ fn descended(
     best.1
 }
 
+/// At most [`MAX_POINTS`] of a scanner's points in the world.
 fn placed<'a>(
     sample: &'a ScannerSample,
     pose: &'a BodyFromScanner,
 ) -> impl Iterator<Item = Vec3> + use<'a> {
     let every = sample.points.len().div_ceil(MAX_POINTS).max(1);
-    sample.points.iter().step_by(every).map(|point| {
-        let body = &sample.profiles[point.profile as usize].world_from_body;
-        body.map(&pose.map(&point.position_m))
-    })
-}
-
-fn occupied(points: impl Iterator<Item = Vec3>, voxel_m: f64) -> VoxelMap<VoxelKey, ()> {
-    points
-        .map(|point| (voxel_key(&point, voxel_m), ()))
-        .collect()
+    sample.placed_each(every, pose)
 }
 
 /// Number of voxels that a scanner occupies and nothing else does.

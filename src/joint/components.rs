@@ -68,11 +68,7 @@ fn each_row(
     let mut places = Vec::new();
     problem.visit(state, |batch: &RowBatch| {
         for row in batch.rows() {
-            places.clear();
-            for &block in row.blocks {
-                let first = problem.offset(block as usize);
-                places.extend(first..first + problem.layout.sizes[block as usize]);
-            }
+            problem.places(&row, &mut places);
             take(number, &row, &places);
             number += 1;
         }

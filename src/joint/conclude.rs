@@ -58,14 +58,11 @@ pub fn conclude(
     let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
     let late_s = layout.late.iter().zip(&state.late_s);
     let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
-    let late_scores = layout
-        .late
-        .iter()
-        .enumerate()
-        .map(|(scanner, place)| match place {
-            Some(_) => None,
-            None => problem.latency_score(state, scanner),
-        });
+    let late_scores = layout.late.iter().enumerate().map(|(scanner, place)| {
+        // Nobody asks by mountings that are known.
+        let is_asked = place.is_none() && problem.input.known.is_none();
+        is_asked.then(|| problem.latency_score(state, scanner))?
+    });
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
         let constant = &state.motions[*drive].constants()[*column];

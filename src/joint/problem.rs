@@ -158,6 +158,18 @@ impl<'a> JointProblem<'a> {
         }
     }
 
+    /// Finds the places of a row's unknowns; a value that is not among them comes after all.
+    pub fn places(&self, row: &Row<'_>, places: &mut Vec<usize>) {
+        places.clear();
+        for &block in row.blocks {
+            let block = block as usize;
+            match self.layout.sizes.get(block) {
+                Some(size) => places.extend(self.offset(block)..self.offset(block) + size),
+                None => places.push(self.unknowns()),
+            }
+        }
+    }
+
     /// Visits all rows in a fixed order.
     pub fn visit(&self, state: &State, visit: impl FnMut(&RowBatch)) {
         self.visit_with(state, &self.layout.late, visit);

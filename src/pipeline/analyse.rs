@@ -51,32 +51,32 @@ pub fn analyse(
         stages::samples(project, &poses.trajectory, progress)
     })?;
     stages::check_reference(project, &samples, &reference)?;
-    let mut preflight = poses.preflight.clone();
-    let (start, settings) = job.timed("check placement", |progress| {
-        let (start, said) = stages::with_start(project, &samples, &reference, progress);
-        preflight.extend(said);
+    let start = job.timed("check placement", |progress| {
         let trajectory = &poses.trajectory;
-        let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
-        preflight.extend(placed.verdict);
-        let settings = stages::scales_for(&start, &samples, placed.apart_m, progress);
-        Ok((start, settings))
+        Ok(stages::start(
+            project, trajectory, &samples, &reference, progress,
+        ))
     })?;
     let two_steps = job.timed("calibrate", |progress| {
-        stages::calibration(&start, &settings, &poses, &samples, &reference, progress)
+        let stages::Start {
+            project, settings, ..
+        } = &start;
+        stages::calibration(project, settings, &poses, &samples, &reference, progress)
     })?;
     // Scans that are not where they belong would take minutes to be refused.
-    let is_sound = preflight.iter().all(|v| v.severity != Severity::Fault);
-    let joint = match project.is_joint && is_sound {
-        true => Some(adjust_jointly(
+    let mut said = poses.preflight.iter().chain(&start.said);
+    let is_faulty = said.any(|verdict| verdict.severity == Severity::Fault);
+    let joint = match (project.is_joint, is_faulty) {
+        (true, false) => Some(adjust_jointly(
             project, &poses, &samples, &two_steps, &reference, &mut job,
         )?),
-        false if project.is_joint => Some(JointReport {
+        (true, true) => Some(JointReport {
             refused: vec!["logs or scans have the fault that stands first".into()],
             ..JointReport::default()
         }),
-        false => None,
+        (false, _) => None,
     };
-    let own = (&settings, &poses, samples.as_slice());
+    let own = (&poses, samples.as_slice());
     let mut variants = calibrate_variants(&start, extras, own, &reference, &mut job)?;
     let left_out = stages::left_out(project, &samples);
     drop(samples);
@@ -98,7 +98,6 @@ pub fn analyse(
         &mut job,
     )?;
     let mountings = mountings(project, &calibration, &variants, extras);
-    let doubts = poses.doubts.clone();
     let own = (poses, adjusted);
     let drives = drives::compare(
         &placed,
@@ -127,8 +126,7 @@ pub fn analyse(
         origin_m: project.origin_m,
         background_m: thinned_for_drawing(&reference),
         stages: job.stages().to_vec(),
-        doubts,
-        preflight,
+        placement: start.said,
         warnings: job.warnings().to_vec(),
         verdicts: Vec::new(),
     };
@@ -162,9 +160,11 @@ fn adjust_jointly(
 
 /// Calibrates the same drive under every other condition that `extras` and the reference allow.
 fn calibrate_variants(
-    project: &Project,
+    stages::Start {
+        project, settings, ..
+    }: &stages::Start,
     extras: &Extras,
-    (settings, poses, samples): (&CalibrationSettings, &Poses, &[ScannerSample]),
+    (poses, samples): (&Poses, &[ScannerSample]),
     reference: &[Vec3],
     job: &mut Job<'_>,
 ) -> Result<Vec<(Variant, Calibration)>> {

@@ -122,13 +122,11 @@ pub fn trajectory(
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let poses = stages::poses(project, progress)?;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
-    let (doubts, preflight) = (poses.doubts.clone(), poses.preflight.clone());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let path = job.path("trajectory.csv");
     stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
     let command = format!("boresight trajectory {}", project.path.display());
     let mut content = page::trajectory(project, std::slice::from_ref(&drive), command);
-    (content.doubts, content.preflight) = (&doubts, &preflight);
     let verdicts = report::verdicts(&content, &project.acceptance);
     // All else stands in the section of the trajectory.
     let marked = verdicts
@@ -166,20 +164,22 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let poses = stages::poses(project, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
     stages::check_reference(project, &samples, &reference)?;
-    let (doubts, mut preflight) = (poses.doubts.clone(), poses.preflight.clone());
     let trajectory = &poses.trajectory;
-    let (start, said) = stages::with_start(project, &samples, &reference, progress);
-    preflight.extend(said);
-    let placed = stages::check_placement(&start, trajectory, &samples, &reference, progress);
-    preflight.extend(placed.verdict);
-    let settings = stages::scales_for(&start, &samples, placed.apart_m, progress);
-    let found = stages::calibration(&start, &settings, &poses, &samples, &reference, progress)?;
+    let start = stages::start(project, trajectory, &samples, &reference, progress);
+    let settings = &start.settings;
+    let found = stages::calibration(
+        &start.project,
+        settings,
+        &poses,
+        &samples,
+        &reference,
+        progress,
+    )?;
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let content = Content {
         calibrations: Some(Calibrations::alone(&found)),
         drives: std::slice::from_ref(&drive),
-        doubts: &doubts,
-        preflight: &preflight,
+        placement: &start.said,
         ..Content::default()
     };
     let verdicts = report::verdicts(&content, &project.acceptance);

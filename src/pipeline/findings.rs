@@ -6,7 +6,7 @@ use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::JointReport;
 use crate::progress::StageSeconds;
 use crate::report::content::Drive;
-use crate::trajectory::{Doubt, Trajectory};
+use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
 /// Options of a run beyond the project.
@@ -50,10 +50,8 @@ pub struct Findings {
     pub background_m: Vec<Vec3>,
     /// Run times in order.
     pub stages: Vec<StageSeconds>,
-    /// Constants of the project that the drive contradicts, the gravest first.
-    pub doubts: Vec<Doubt>,
-    /// What raw logs and the first placement of the scans contradict.
-    pub preflight: Vec<Verdict>,
+    /// What the first placement of the scans contradicts.
+    pub placement: Vec<Verdict>,
     /// Results that need attention.
     pub warnings: Vec<String>,
     /// What is said about the results, the gravest first.

@@ -24,8 +24,7 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
         background_m: &findings.background_m,
         stages: &findings.stages,
         peak_memory_bytes: peak_memory_bytes(),
-        doubts: &findings.doubts,
-        preflight: &findings.preflight,
+        placement: &findings.placement,
         warnings: &findings.warnings,
         verdicts: findings.verdicts.clone(),
     }

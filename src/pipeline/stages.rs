@@ -7,13 +7,13 @@ use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, better_start, calibrate,
     sample_profiles,
 };
-use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::cloud::voxel::occupied;
 use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::ExcludedPoints;
 use crate::joint::Joint;
-use crate::preflight::{Placed, Placement, scans};
+use crate::preflight::{Placement, scans};
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::sensor::PoseRecord;
@@ -177,33 +177,50 @@ pub fn check_reference(
     ))
 }
 
-/// Says what is wrong with the placement of the scans, if anything is.
-pub fn check_placement(
+/// From where the calibration of a project begins.
+pub struct Start {
+    /// The project with the rotations from which it starts: its own, unless the clouds take up much less
+    /// space with others.
+    pub project: Project,
+    /// Its settings, with coarser scales before its own where the clouds lie farther apart than those reach.
+    pub settings: CalibrationSettings,
+    /// What the placement of the scans contradicts.
+    pub said: Vec<Verdict>,
+}
+
+/// Looks how the scans lie with the mountings of the project, and finds from where to begin.
+pub fn start(
     project: &Project,
     trajectory: &Trajectory,
     samples: &[ScannerSample],
     reference: &[Vec3],
     progress: &dyn Progress,
-) -> Placed {
-    let found = scans(&Placement {
-        mountings: &mountings(project),
+) -> Start {
+    let (project, mut said) = with_start(project, samples, reference);
+    let placed = scans(&Placement {
+        mountings: &mountings(&project),
         samples,
         trajectory,
         reference,
     });
-    if let Some(verdict) = &found.verdict {
+    said.extend(placed.verdict);
+    for verdict in &said {
         progress.warn(&verdict.text);
     }
-    found
+    let settings = scales_for(&project, samples, placed.apart_m, progress);
+    Start {
+        project,
+        settings,
+        said,
+    }
 }
 
-/// The project with the rotations from which its calibration starts: its own, unless the clouds take up
-/// much less space with others, which is said.
-pub fn with_start(
+/// The project with the rotations from which its calibration starts, and what is said of those that are not
+/// its own.
+fn with_start(
     project: &Project,
     samples: &[ScannerSample],
     reference: &[Vec3],
-    progress: &dyn Progress,
 ) -> (Project, Vec<Verdict>) {
     let Some(better) = better_start(&mountings(project), samples, reference) else {
         return (project.clone(), Vec::new());
@@ -218,34 +235,26 @@ pub fn with_start(
              space: is the rotation in the project as wrong as that?",
             turn.to_degrees()
         );
-        progress.warn(&text);
         Verdict::care("mounting.start", text).with_value(turn, None)
     });
-    let said = said.collect();
-    (with_mountings(project, &better), said)
+    (with_mountings(project, &better), said.collect())
 }
 
 /// The settings of the project with coarser scales before its own where the clouds lie farther apart than
 /// those reach, as far as they hold enough points.
-pub fn scales_for(
+fn scales_for(
     project: &Project,
     samples: &[ScannerSample],
     apart_m: Option<f64>,
     progress: &dyn Progress,
 ) -> CalibrationSettings {
     let mut settings = project.calibration.clone();
-    let reach_m = apart_m.filter(|m| m.is_finite()).unwrap_or(0.0);
+    let reach_m = apart_m.unwrap_or(0.0);
     let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
+    let poses = initial_poses(project);
     let voxels = |voxel_m: f64| {
-        let poses = initial_poses(project);
-        let points = samples
-            .iter()
-            .zip(&poses)
-            .flat_map(|(s, pose)| s.placed(pose));
-        let occupied: VoxelMap<VoxelKey, ()> = points
-            .map(|point| (voxel_key(&point, voxel_m), ()))
-            .collect();
-        occupied.len()
+        let placed = samples.iter().zip(&poses);
+        occupied(placed.flat_map(|(s, pose)| s.placed(pose)), voxel_m).len()
     };
     let sizes = &mut settings.voxel_sizes_m;
     while let Some(coarser_m) = sizes.first().filter(|m| **m < least_m).map(|m| 2.0 * m) {

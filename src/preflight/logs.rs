@@ -1,9 +1,10 @@
 //! What the logs of the motion say about units, axes and signs.
 
+use super::TIME_SCALES_S;
 use super::turns::{Turned, courses};
 use crate::error::{Error, Result};
-use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
+use crate::geometry::{BodyAxes, Vec3};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 use crate::trajectory::{MotionLogs, PositionSettings, TrajectorySettings};
@@ -45,7 +46,6 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
         ));
     }
     all.extend(axes(&up, settings));
-    let mut is_heading_wrong = false;
     if let Some(ratio) = by_heading {
         let is_less = ratio.slope.abs() < 0.1 && ratio.gyro_rms_rad < std::f64::consts::PI;
         if is_in_radians(logs.heading) && is_less {
@@ -55,9 +55,8 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
             ));
         } else if ratio.is_about(1f64.to_radians()) {
             return Err(gyro_in_degrees("the headings turn"));
-        } else if ratio.is_about(-1.0) {
-            is_heading_wrong = true;
-            all.push(opposite_heading(logs.heading, &logs.positions[0]));
+        } else if turns_back {
+            all.push(opposite_heading(&headings, &courses(&logs.positions[0])));
         }
     }
     for (fixes, position) in logs.positions.iter().zip(&settings.positions) {
@@ -79,7 +78,7 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
                 ));
             }
         }
-        if !is_heading_wrong {
+        if !turns_back {
             all.extend(driven_direction(&headings, &courses, name));
         }
     }
@@ -145,13 +144,11 @@ const SAME_LATENCY_S: f64 = 0.5;
 
 impl LateLog {
     fn new(log: Log, name: &str, late_s: f64) -> Self {
-        let near = |seconds: &f64| (late_s.abs() - seconds).abs() < 0.5;
-        let why = match [18.0, 19.0, 37.0].iter().find(|s| near(s)) {
-            Some(18.0) => " (GPS and UTC differ by 18 s)",
-            Some(19.0) => " (TAI and GPS differ by 19 s)",
-            Some(_) => " (TAI and UTC differ by 37 s)",
-            None => "",
-        };
+        let near = |(seconds, _): &&(f64, &str)| (late_s.abs() - seconds).abs() < SAME_LATENCY_S;
+        let scales = TIME_SCALES_S.iter().find(near);
+        let why = scales.map_or(String::new(), |(seconds, scales)| {
+            format!(" ({scales} differ by {seconds} s)")
+        });
         let text = format!(
             "By its turns, `{name}` is {:.1} s {} than the other logs{why}: a run corrects it. Add {:+.1} to \
              [{name}] time_offset_s.",
@@ -235,14 +232,14 @@ fn fourth_difference(fixes: &[PositionFix]) -> Option<Vec3> {
 fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
     let length = median(imu.iter().map(|sample| sample.accel_m_s2.norm())).unwrap_or(f64::NAN);
     let is_about = |gravity: f64| (length / gravity - 1.0).abs() < GRAVITY_SHARE;
-    for (gravity, unit, end) in [(1.0, "g", "g"), (1000.0, "mg", "mg")] {
+    for (gravity, unit) in [(1.0, "g"), (1000.0, "mg")] {
         if is_about(gravity) {
             return Err(Error::data(
                 format!(
                     "the median specific force of the IMU is {length:.4} m/s²: the log is in {unit}"
                 ),
                 format!(
-                    "name the columns accel_x_{end}, accel_y_{end}, accel_z_{end}, and they are converted"
+                    "name the columns accel_x_{unit}, accel_y_{unit}, accel_z_{unit}, and they are converted"
                 ),
             ));
         }
@@ -264,14 +261,15 @@ fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<Verdict> {
     if cosine > LEAST_COSINE {
         return None;
     }
-    let is = format!("{:?}", settings.axes).to_uppercase();
+    let (is, other, points) = match settings.axes {
+        BodyAxes::Frd => ("FRD", "FLU", "up"),
+        BodyAxes::Flu => ("FLU", "FRD", "down"),
+    };
     let is_opposite = cosine < -LEAST_COSINE;
     let text = if is_opposite {
-        let other = if is == "FRD" { "FLU" } else { "FRD" };
         format!(
-            "By gravity the z axis of the IMU points {}, and frame.body is \"{is}\": write body = \
-             \"{other}\".",
-            if is == "FRD" { "up" } else { "down" }
+            "By gravity the z axis of the IMU points {points}, and frame.body is \"{is}\": write body = \
+             \"{other}\"."
         )
     } else {
         let axis = up.iamax();
@@ -300,11 +298,9 @@ fn is_in_radians(headings: &[HeadingFix]) -> bool {
 }
 
 /// Headings that turn against the gyro.
-fn opposite_heading(headings: &[HeadingFix], fixes: &[PositionFix]) -> Verdict {
-    let angles: Vec<(f64, f64)> = headings.iter().map(|h| (h.time_s, h.heading_rad)).collect();
+fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Verdict {
     // Counted from east, counter-clockwise: heading = 90° − course.
-    let courses = courses(fixes);
-    let sums = pairs(&angles, &courses).map(|(heading, course)| heading + course);
+    let sums = pairs(headings, courses).map(|(heading, course)| heading + course);
     let from_east = direction(sums).is_some_and(|(mean, length)| {
         length > CONCENTRATED && wrap(mean - std::f64::consts::FRAC_PI_2).abs() < 0.5
     });

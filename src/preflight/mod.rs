@@ -6,5 +6,12 @@ mod logs;
 mod scans;
 mod turns;
 
+/// Differences of time scales, seconds.
+const TIME_SCALES_S: [(f64, &str); 3] = [
+    (18.0, "GPS and UTC"),
+    (19.0, "TAI and GPS"),
+    (37.0, "TAI and UTC"),
+];
+
 pub use logs::{HEADING_SIGN, LateLog, Log, late_logs, logs, position_noise};
 pub use scans::{Placed, Placement, scans};

@@ -1,6 +1,7 @@
 //! Whether the scans, placed with the mountings of the project, make a surface at all, and which usual
 //! mistake explains it if they do not.
 
+use super::TIME_SCALES_S;
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
@@ -24,13 +25,6 @@ const MAX_POINTS: usize = 30_000;
 const ROUGH_M: f64 = 0.2;
 /// An alternative explains what is off where it leaves this share of it.
 const LEFT_SHARE: f64 = 0.4;
-/// Differences of time scales: GPS and UTC, TAI and GPS, TAI and UTC, seconds.
-const SCALES_S: [(f64, &str); 3] = [
-    (18.0, "GPS and UTC differ by that"),
-    (19.0, "TAI and GPS differ by that"),
-    (37.0, "TAI and UTC differ by that"),
-];
-
 /// The scans of a drive before the calibration.
 pub struct Placement<'a> {
     /// As the project has them.
@@ -76,9 +70,11 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         });
         misfit(&clouds.collect::<Vec<_>>(), &reference)
     };
-    let is = misfit(&own, 0.0);
-    let apart_m = is.map(|(m, _)| m);
-    if apart_m.is_some_and(|m| m < ROUGH_M) {
+    let Some((own_m, own_columns)) = misfit(&own, 0.0) else {
+        return Placed::default();
+    };
+    let apart_m = Some(own_m);
+    if own_m < ROUGH_M {
         return Placed {
             apart_m,
             verdict: None,
@@ -89,32 +85,27 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         .filter_map(|alternative| {
             let (left_m, common) = misfit(&alternative.poses, alternative.late_s)?;
             // One that moves clouds out of each other's way is none.
-            let enough = is.is_none_or(|(_, own)| common >= own / 2);
-            enough.then_some((left_m, alternative))
+            (common >= own_columns / 2).then_some((left_m, alternative))
         });
     let best = left.min_by(|a, b| a.0.total_cmp(&b.0));
-    let explains =
-        |left_m: f64| left_m < ROUGH_M && apart_m.is_some_and(|m| left_m < LEFT_SHARE * m);
-    let apart = apart_m.map_or("apart".to_owned(), |m| format!("{m:.2} m apart"));
-    let verdict = match (best, apart_m) {
-        (Some((left_m, found)), _) if explains(left_m) => {
-            let text = format!(
-                "Placed with the project's mountings the clouds lie {apart}. Only {left_m:.2} m remain {}",
-                found.text
-            );
-            Some(Verdict::fault(found.code, text).with_value(left_m, None))
+    let apart = format!("Placed with the project's mountings the clouds lie {own_m:.2} m apart");
+    let verdict = match best {
+        Some((left_m, found)) if left_m < ROUGH_M.min(LEFT_SHARE * own_m) => {
+            let text = format!("{apart}. Only {left_m:.2} m remain {}", found.text);
+            Verdict::fault(found.code, text).with_value(left_m, None)
         }
-        (_, Some(m)) => {
+        _ => {
             let text = format!(
-                "Placed with the project's mountings the clouds lie {apart}: if the result is wrong, check \
-                 translation, rotation and rotation_convention of the scanners, their files, their clocks, \
-                 and where the reference lies."
+                "{apart}: if the result is wrong, check translation, rotation and rotation_convention of the \
+                 scanners, their files, their clocks, and where the reference lies."
             );
-            Some(Verdict::note("placement.misfit", text).with_value(m, None))
+            Verdict::note("placement.misfit", text).with_value(own_m, None)
         }
-        (_, None) => None,
     };
-    Placed { apart_m, verdict }
+    Placed {
+        apart_m,
+        verdict: Some(verdict),
+    }
 }
 
 /// The points of a scanner in the world, later by so much, by the blocks of time in which it saw them.
@@ -285,11 +276,11 @@ fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alternat
          way round."
             .into(),
     );
-    for (scale_s, why) in SCALES_S {
+    for (scale_s, scales) in TIME_SCALES_S {
         for late_s in [scale_s, -scale_s] {
             let text = format!(
-                "with {late_s:+.0} s added to the times of the scanners: {why}. Write time_offset_s = \
-                 {late_s:.1} for each scanner."
+                "with {late_s:+.0} s added to the times of the scanners: {scales} differ by that. Write \
+                 time_offset_s = {late_s:.1} for each scanner."
             );
             all.push(Alternative {
                 poses: own.to_vec(),

@@ -35,10 +35,8 @@ pub struct Content<'a> {
     pub stages: &'a [StageSeconds],
     /// Peak resident memory, bytes.
     pub peak_memory_bytes: Option<u64>,
-    /// Constants of the project that the drive contradicts, the gravest first.
-    pub doubts: &'a [Doubt],
-    /// What raw logs and the first placement of the scans contradict.
-    pub preflight: &'a [Verdict],
+    /// What the first placement of the scans contradicts.
+    pub placement: &'a [Verdict],
     /// Warnings in the order they were raised.
     pub warnings: &'a [String],
     /// What is said about the results, the gravest first; empty before it is found.

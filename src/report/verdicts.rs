@@ -5,7 +5,7 @@ use super::diagnostics::{self, PoseSigmas};
 use super::{agreement, method, number};
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::MountingKind;
-use crate::geometry::{BodyFromScanner, Vec3, so3};
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::statistics::NORMAL_97_5_ROUNDED;
 use crate::trajectory::{Constant, Doubt, Solution};
@@ -22,12 +22,20 @@ const FAULT_GRAVITY_M_S2: f64 = 0.1;
 /// All that is said, the gravest first; then constants of the project that the drive contradicts, which
 /// method's values these are, the agreement of the clouds, and the quality of the mountings.
 pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
-    let mut all = content.preflight.to_vec();
-    all.extend(content.doubts.iter().map(doubt));
+    let (own, others) = match content.drives {
+        [own, others @ ..] => (Some(own), others),
+        [] => (None, content.drives),
+    };
+    let mut all: Vec<Verdict> = own
+        .into_iter()
+        .flat_map(|own| own.preflight.clone())
+        .collect();
+    all.extend_from_slice(content.placement);
+    all.extend(own.into_iter().flat_map(|own| &own.doubts).map(doubt));
     if let Some(calibrations) = &content.calibrations {
         all.extend(of_calibration(calibrations, content.drives, acceptance));
     }
-    for drive in content.drives.iter().skip(1) {
+    for drive in others {
         let found = drive.preflight.iter().cloned();
         let found = found.chain(drive.doubts.iter().map(doubt));
         all.extend(found.map(|verdict| verdict.on(&drive.name)));
@@ -266,10 +274,8 @@ fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdic
     let mut worst = [0.0f64; 2];
     let (mut outside, mut all, mut largest) = (0usize, 0usize, 0.0f64);
     for (scanner, (mounting, truth)) in calibration.mountings.iter().zip(truth).enumerate() {
-        let found = &mounting.body_from_scanner;
-        let shift = found.translation_m - truth.translation_m;
-        // The rotation vector ψ of R_found = Exp(ψ) R_true, in body axes like the covariance.
-        let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+        // In body axes like the covariance.
+        let (turn, shift) = mounting.body_from_scanner.perturbation_from(truth);
         for (parameter, error) in shift.iter().chain(turn.iter()).enumerate() {
             let row = 6 * scanner + parameter;
             let variance = covariance[(row, row)];

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use boresight::error::Result;
 use boresight::format;
-use boresight::geometry::{BodyFromScanner, Vec3, so3};
+use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::pipeline::{Extras, Findings, analyse};
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -93,9 +93,7 @@ impl Field {
         for (scanner, (mounting, truth)) in
             calibration.mountings.iter().zip(&self.truth).enumerate()
         {
-            let found = &mounting.body_from_scanner;
-            let shift = found.translation_m - truth.translation_m;
-            let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+            let (turn, shift) = mounting.body_from_scanner.perturbation_from(truth);
             for (parameter, error) in shift.iter().chain(turn.iter()).enumerate() {
                 let place = 6 * scanner + parameter;
                 let sigma = covariance[(place, place)].sqrt();

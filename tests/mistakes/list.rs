@@ -156,7 +156,7 @@ pub const MISTAKES: &[Mistake] = &[
     ),
     mistake(
         "a board moved by 10 mm",
-        &["reference.region", "joint.refused", "reference.shift"],
+        &["reference.region", "joint.refused"],
         |field| {
             field.reference(|p| {
                 let on_board = (p.x - 3.6).abs() < 0.6 && (p.y - 1.2).abs() < 0.6 && p.z > 0.1;

@@ -333,8 +333,7 @@ fn document(full: Full) -> Value {
         origin_m: Vec3::new(1_000.0, 2_000.0, 0.0),
         background_m: full.background_m,
         stages: full.stages,
-        doubts: Vec::new(),
-        preflight: Vec::new(),
+        placement: Vec::new(),
         warnings: full.warnings,
         verdicts: Vec::new(),
     })

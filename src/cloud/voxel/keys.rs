@@ -22,6 +22,13 @@ pub fn voxel_key(point: &Vec3, voxel_m: f64) -> VoxelKey {
     ]
 }
 
+/// The voxels that points lie in.
+pub fn occupied(points: impl Iterator<Item = Vec3>, voxel_m: f64) -> VoxelMap<VoxelKey, ()> {
+    points
+        .map(|point| (voxel_key(&point, voxel_m), ()))
+        .collect()
+}
+
 /// Squared distance from `point` to the centre of its voxel, in units of the edge.
 #[inline]
 pub fn squared_distance_to_centre(point: &Vec3, voxel_m: f64) -> f64 {

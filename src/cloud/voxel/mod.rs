@@ -12,6 +12,6 @@ mod pieces;
 mod tests;
 mod thinning;
 
-pub use keys::{VoxelHasher, VoxelKey, VoxelMap, squared_distance_to_centre, voxel_key};
+pub use keys::{VoxelHasher, VoxelKey, VoxelMap, occupied, squared_distance_to_centre, voxel_key};
 pub use pieces::Thinner;
 pub use thinning::{thin, thin_by};
