@@ -42,6 +42,10 @@ joint SEEDS="30" FIRST="1" *ARGS:
 clean-drives:
     cargo test --release --test mistakes -- --ignored --nocapture
 
+# From how far away the calibration ends at the same minimum, by STARTS random starts at each distance
+basin STARTS="100" DRIVE="":
+    cargo run --release --example basin -- {{STARTS}} {{DRIVE}}
+
 # Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

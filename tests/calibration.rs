@@ -66,6 +66,24 @@ fn assert_honest(found: &Calibration, label: &str) {
         );
     }
     assert!(found.converged);
+    let minimum = found.minimum.as_ref().unwrap();
+    assert!(minimum.other.is_none(), "{label}");
+    assert_eq!(minimum.back, minimum.starts, "{label}");
+}
+
+/// Started with the scanners exchanged, the calibration ends in one of many minima.
+#[test]
+fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
+    let case = case();
+    let mut project = case.project.clone();
+    let [left, right] = project.scanners.as_mut_slice() else {
+        panic!("two scanners");
+    };
+    std::mem::swap(&mut left.body_from_scanner, &mut right.body_from_scanner);
+    project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&project, &case.own, &case.reference);
+    assert!(found.minimum.unwrap().other.is_some());
+    assert!(found.covariance.is_none());
 }
 
 #[test]

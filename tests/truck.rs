@@ -5,65 +5,21 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
-
 use boresight::calibration::Calibration;
 use boresight::cloud::NeighbourIndex;
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
 use boresight::joint::adjust;
 use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Scans};
+use boresight::pipeline::start::{Start, start};
 use boresight::pipeline::{clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::trajectory::Trajectory;
 use common::demo_drive::calibrate;
-
-/// An independent multi-start fit of the mean omnivariance, rotation vector in degrees.
-const KNOWN_DEG: [f64; 3] = [1.48, -0.81, 0.30];
+use common::truck::{KNOWN_DEG, project, project_with, truck};
 
 /// The known rotation has two decimals, and other starts end up to 0.02° apart.
 const NEAR_DEG: f64 = 0.03;
-
-fn truck() -> PathBuf {
-    common::data("boresight_truck/Truck.adc.laz")
-}
-
-/// The whole file as one 3-D scanner whose lever arm is held.
-fn project(start_deg: Vec3, folder: &Path) -> Project {
-    project_with("", start_deg, folder)
-}
-
-/// The same with more to say about the poses.
-fn project_with(of_poses: &str, start_deg: Vec3, folder: &Path) -> Project {
-    let start = so3::exp(&start_deg.map(f64::to_radians));
-    let q = start.coords;
-    let laz = truck();
-    let text = format!(
-        r#"
-        [trajectory]
-        file = "{0}"
-        {5}
-        [[scanner]]
-        name = "lidar"
-        profiles = "{0}"
-        translation_m = [0.0, 0.0, 0.0]
-        quaternion_xyzw = [{1}, {2}, {3}, {4}]
-        fixed = ["tx", "ty", "tz"]
-        [calibration]
-        voxel_sizes_m = [2.0, 1.0, 0.5, 0.25, 0.1, 0.05]
-        neighbours = 20
-        "#,
-        laz.display(),
-        q.x,
-        q.y,
-        q.z,
-        q.w,
-        of_poses
-    );
-    let path = folder.join("project.toml");
-    std::fs::write(&path, text).unwrap();
-    Project::read(&path).unwrap()
-}
 
 fn calibrated(project: &Project) -> Calibration {
     let poses = stages::poses(project, &Silent).unwrap();
@@ -231,11 +187,11 @@ fn millimetres(point: &Vec3) -> [i64; 3] {
 fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let poses = stages::poses(project, &Silent).unwrap();
     let samples = stages::samples(project, &poses.trajectory, &Silent).unwrap();
-    let start = stages::start(project, &poses.trajectory, &samples, &[], &Silent);
+    let start = start(project, &poses.trajectory, &samples, &[], &Silent);
     let own = |code: &str| code == "mounting.start";
     let mut said = start.said.iter();
     assert!(said.all(|v| own(&v.code) || !v.severity.is_marked()));
-    let stages::Start {
+    let Start {
         project, settings, ..
     } = start;
     let found = stages::calibration(&project, &settings, &poses, &samples, &[], &Silent).unwrap();

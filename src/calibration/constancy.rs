@@ -61,6 +61,52 @@ pub struct Constancy {
     /// correlation coefficient.
     #[serde(rename = "strongest_correlation", serialize_with = "named")]
     pub strongest: Option<(&'static str, f64)>,
+    /// The jump that explains most of the residuals of a scanner.
+    pub jump: Option<Jump>,
+}
+
+/// A change of the residuals from one value to another.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Jump {
+    /// Which scanner.
+    pub scanner: usize,
+    /// Between the last block before it and the first one after it, seconds.
+    pub time_s: f64,
+    /// By how much, metres.
+    pub step_m: f64,
+    /// Correlation of the residuals with it.
+    pub correlation: f64,
+}
+
+impl Jump {
+    /// The jump of a scanner's blocks that leaves the least squares; `None` with few blocks.
+    fn of(scanner: usize, blocks: &[Block]) -> Option<Self> {
+        let count = blocks.len() as f64;
+        let values = || blocks.iter().map(|block| block.mean_m);
+        let mean = values().sum::<f64>() / count;
+        let all: f64 = values().map(|value| (value - mean).powi(2)).sum();
+        let mut before = 0.0;
+        let mut best: Option<Self> = None;
+        for (index, pair) in blocks.windows(2).enumerate() {
+            before += pair[0].mean_m - mean;
+            let (left, right) = ((index + 1) as f64, count - (index + 1) as f64);
+            if left.min(right) < MIN_BLOCKS as f64 / 2.0 || all == 0.0 {
+                continue;
+            }
+            // Σ (x − mean)² = within both parts + (Σ left)² (1/left + 1/right).
+            let step_m = -before * (1.0 / left + 1.0 / right);
+            let correlation = (before * before * (1.0 / left + 1.0 / right) / all).sqrt();
+            if best.is_none_or(|best| correlation > best.correlation) {
+                best = Some(Self {
+                    scanner,
+                    time_s: 0.5 * (pair[0].time_s + pair[1].time_s),
+                    step_m,
+                    correlation,
+                });
+            }
+        }
+        best
+    }
 }
 
 fn named<S: serde::Serializer>(
@@ -134,6 +180,11 @@ impl Constancy {
             rms_m: rms(all.iter().map(|block| block.mean_m)),
             constant: ratio < MAX_RATIO,
             strongest: strongest_correlation(&blocks, trajectory),
+            jump: blocks
+                .iter()
+                .enumerate()
+                .filter_map(|(scanner, blocks)| Jump::of(scanner, blocks))
+                .max_by(|a, b| a.correlation.total_cmp(&b.correlation)),
             blocks,
         })
     }
@@ -235,5 +286,26 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         ab / (aa * bb).sqrt()
     } else {
         0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_is_found_where_it_is() {
+        let blocks: Vec<Block> = (0..40)
+            .map(|i| Block {
+                time_s: 2.0 * f64::from(i),
+                mean_m: if i < 25 { 1e-3 } else { -2e-3 } + 1e-4 * f64::from(i % 3 - 1),
+                expected_sigma_m: 1e-3,
+            })
+            .collect();
+        let jump = Jump::of(1, &blocks).unwrap();
+        assert_eq!((jump.scanner, jump.time_s), (1, 49.0));
+        assert!((jump.step_m + 3e-3).abs() < 2e-5, "{}", jump.step_m);
+        assert!(jump.correlation > 0.99);
+        assert_eq!(Jump::of(0, &blocks[..9]), None);
     }
 }

@@ -232,7 +232,7 @@ mod tests {
             (
                 &full,
                 &settings,
-                "only 3 points remain with voxels of 0.05 m",
+                "only 3 points remain with voxels of 0.005 m",
             ),
         ] {
             let input = Input::new(vec![mounting.clone()], samples, &trajectory);

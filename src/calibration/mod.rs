@@ -9,6 +9,7 @@ mod adjust;
 mod constancy;
 mod cost;
 mod input;
+mod minimum;
 pub(crate) mod observability;
 mod paper;
 pub(crate) mod parameters;
@@ -21,6 +22,7 @@ mod serialize;
 mod settings;
 #[cfg(test)]
 mod small_case;
+mod spacing;
 mod uncertainty;
 mod variant;
 
@@ -29,6 +31,7 @@ use std::time::Instant;
 
 pub use constancy::{Block, Constancy};
 pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
+pub use minimum::Minimum;
 pub use observability::{Observability, UnobservableDirection};
 pub use parameters::{Mounting, PARAMETER_NAMES};
 pub use relative::{RelativeMounting, ScannerFromScanner, relative};
@@ -38,9 +41,10 @@ pub use scale::Ending;
 pub use search::better_start;
 pub use serialize::{MountingForms, ScannerResult};
 pub use settings::{CalibrationSettings, Method};
+pub use spacing::point_spacing_m;
 pub use variant::Variant;
 
-use crate::error::Result;
+use crate::error::{Error, Problem, Result};
 use crate::progress::Progress;
 use scale::{Adjusted, ScaleProblem, Solved, State};
 
@@ -77,18 +81,44 @@ pub fn calibrate(
     };
     let mut mountings = input.mountings.clone();
     for &voxel_m in coarser_m {
-        mountings = solve(mountings, voxel_m)?.state.mountings;
+        mountings = match solve(mountings.clone(), voxel_m) {
+            Ok(solved) => solved.state.mountings,
+            // A scale too coarse for the scene leaves more to the next.
+            Err(Error::Data {
+                kind: Problem::TooFew,
+                problem,
+                ..
+            }) => {
+                progress.say(&format!("a scale is left out: {problem}"));
+                stage.advance(1)?;
+                mountings
+            }
+            Err(error) => return Err(error),
+        };
     }
     let solved = solve(mountings, finest_m)?;
     drop(stage);
     let _stage = progress.stage("uncertainty", 0);
+    let minimum = match settings.method {
+        Method::Paper => None,
+        Method::TwoStep | Method::Joint => {
+            Minimum::of(input, &solved.state.mountings, settings, progress)?
+        }
+    };
+    // The standard deviations of a minimum that may be the wrong one say nothing, and the paper's method
+    // has none.
+    let is_doubtful = minimum
+        .as_ref()
+        .is_some_and(|minimum| minimum.other.is_some());
+    let has_covariance = settings.method != Method::Paper && !is_doubtful;
     Ok(Calibration {
         method: settings.method,
         converged: scales.iter().all(|scale| scale.ending.is_converged()),
-        covariance: match settings.method {
-            Method::Paper => None,
-            Method::TwoStep | Method::Joint => uncertainty::covariance(input, &solved),
-        },
+        covariance: has_covariance
+            .then(|| uncertainty::covariance(input, &solved))
+            .flatten(),
+        origin_sigma_m: 0.0,
+        minimum,
         constancy: Constancy::of(&solved.state.surface, input.trajectory),
         mountings: solved.state.mountings,
         observability: solved.observability,

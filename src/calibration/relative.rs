@@ -181,6 +181,8 @@ mod tests {
                 shares: Vec::new(),
                 unobservable: Vec::new(),
             },
+            origin_sigma_m: 0.0,
+            minimum: None,
             constancy: None,
         }
     }
@@ -233,6 +235,23 @@ mod tests {
             assert!((1e-6..3e-6).contains(&sigma.unwrap()), "{found:?}");
         }
         assert!((found.first_from_scanner.translation_m.norm() - 1.1521).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_error_of_the_origin_moves_all_alike() {
+        let held = |row: usize| if row == 8 { 0.0 } else { 1e-6 };
+        let before = calibration(DMatrix::from_fn(
+            12,
+            12,
+            |i, j| if i == j { held(i) } else { 0.0 },
+        ));
+        let after = before.clone().with_origin_sigma(2e-3);
+        let covariance = after.covariance.as_ref().unwrap();
+        assert!((covariance[(0, 0)] - 5e-6).abs() < 1e-18 && covariance[(0, 6)] == 4e-6);
+        assert_eq!((covariance[(2, 8)], covariance[(8, 8)]), (0.0, 0.0));
+        assert_eq!(covariance[(3, 3)], 1e-6);
+        let [x_before, x_after] = [&before, &after].map(|c| c.relative()[0].sigma[3].unwrap());
+        assert!((x_before - x_after).abs() < 1e-12);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::constancy::Constancy;
+use super::minimum::Minimum;
 use super::observability::Observability;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, poses};
 use super::scale::Ending;
@@ -24,8 +25,12 @@ pub struct Calibration {
     /// parameters; `None` if the normal matrix is singular, and for the paper's method, which has
     /// no covariance.
     pub covariance: Option<DMatrix<f64>>,
+    /// Standard deviation of the body's origin along each axis, which the covariance includes, metres.
+    pub origin_sigma_m: f64,
     /// What the data determine.
     pub observability: Observability,
+    /// Whether the mountings came back after they were moved away; `None` where that was not tried.
+    pub minimum: Option<Minimum>,
     /// Test of a constant mounting; `None` if it is not possible.
     pub constancy: Option<Constancy>,
 }
@@ -108,6 +113,25 @@ impl Calibration {
             };
             (variance > 0.0).then(|| variance.sqrt())
         })
+    }
+
+    /// Adds an error of the body's origin, which shifts all mountings alike, to what is free of the
+    /// covariance: a standard deviation along each axis, metres.
+    pub fn with_origin_sigma(mut self, sigma_m: f64) -> Self {
+        self.origin_sigma_m = sigma_m;
+        let Some(covariance) = &mut self.covariance else {
+            return self;
+        };
+        for axis in 0..3 {
+            let rows = (0..self.mountings.len()).map(|scanner| 6 * scanner + axis);
+            let free: Vec<usize> = rows.filter(|&row| covariance[(row, row)] > 0.0).collect();
+            for &row in &free {
+                for &column in &free {
+                    covariance[(row, column)] += sigma_m * sigma_m;
+                }
+            }
+        }
+        self
     }
 
     /// Correlations of (δp, δφ) of all scanners, NaN for fixed and unobservable parameters.

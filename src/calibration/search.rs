@@ -1,4 +1,4 @@
-//! A coarse search over rotations, for starts beyond the reach of any scale.
+//! A coarse search over mountings, for starts beyond the reach of any scale.
 
 use rayon::prelude::*;
 
@@ -8,7 +8,8 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, occupied};
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use crate::statistics::median;
 
-/// Steps of the search, degrees: each is tried until nothing is better.
+/// Steps of the search, degrees: each is tried until nothing is better, with shifts as large as half of what
+/// it moves.
 const STEPS_DEG: [f64; 4] = [10.0, 5.0, 2.5, 1.25];
 /// Most moves of one length.
 const MAX_MOVES: usize = 4;
@@ -23,7 +24,7 @@ const POINTS_PER_VOXEL: usize = 3;
 /// And each move takes off at least this share.
 const LEAST_MOVE_GAIN: f64 = 0.03;
 
-/// Rotations from which the clouds take up much less space than from the given ones, as many voxels at half
+/// Mountings from which the clouds take up much less space than from the given ones, as many voxels at half
 /// of what a step moves; `None` where the given ones are as good.
 ///
 /// Clouds that do not overlap are each as sharp as can be, so that no measure of sharpness says that they
@@ -36,7 +37,12 @@ pub fn better_start(
     let mut poses: Vec<BodyFromScanner> = mountings.iter().map(|m| m.body_from_scanner).collect();
     let mut has_moved = false;
     for scanner in 0..poses.len() {
-        if mountings[scanner].fixed[3..].contains(&true) {
+        let fixed = mountings[scanner].fixed;
+        let free = Free {
+            shifts: !fixed[..3].contains(&true),
+            turns: !fixed[3..].contains(&true),
+        };
+        if !free.shifts && !free.turns {
             continue;
         }
         let sample = &samples[scanner];
@@ -59,7 +65,7 @@ pub fn better_start(
         let ends = (0..STEPS_DEG.len()).map(|first| {
             let steps = STEPS_DEG.iter().zip(&voxels).skip(first);
             steps.fold(poses[scanner], |pose, (step_deg, voxels)| {
-                descended(sample, pose, step_deg.to_radians(), voxels)
+                descended(sample, pose, step_deg.to_radians(), voxels, free)
             })
         });
         // The finest voxels that hold several points: where each is alone, all take up the same.
@@ -82,20 +88,35 @@ pub fn better_start(
     has_moved.then_some(poses)
 }
 
-/// Where steps of this length about all axes end.
+/// What of a mounting may be changed.
+#[derive(Clone, Copy)]
+struct Free {
+    shifts: bool,
+    turns: bool,
+}
+
+/// Where turns by this angle about all axes, and shifts by a voxel along them, end.
 fn descended(
     sample: &ScannerSample,
     start: BodyFromScanner,
-    step: f64,
+    angle: f64,
     voxels: &(f64, VoxelMap<VoxelKey, ()>),
+    free: Free,
 ) -> BodyFromScanner {
+    let corner = |i: i32| Vec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+    let corners = || (0..27).map(|i| corner(i) - Vec3::repeat(1.0));
     let mut best = (space(sample, &start, voxels), start);
     for _ in 0..MAX_MOVES {
-        let neighbours = (0..27).map(|i| {
-            let turn = Vec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
-            let turn: Rotation = so3::exp(&((turn - Vec3::repeat(1.0)) * step));
-            BodyFromScanner::new(turn * best.1.rotation, best.1.translation_m)
+        let now = best.1;
+        let turned = corners().filter(|_| free.turns).map(|corner| {
+            let turn: Rotation = so3::exp(&(corner * angle));
+            BodyFromScanner::new(turn * now.rotation, now.translation_m)
         });
+        let shifted = corners().filter(|_| free.shifts);
+        let shifted = shifted.map(|corner| {
+            BodyFromScanner::new(now.rotation, now.translation_m + corner * voxels.0)
+        });
+        let neighbours = turned.chain(shifted);
         let found: Vec<(usize, BodyFromScanner)> = neighbours
             .collect::<Vec<_>>()
             .into_par_iter()

@@ -6,6 +6,7 @@ use nalgebra::DMatrix;
 use serde::{Serialize, Serializer};
 
 use super::constancy::Constancy;
+use super::minimum::Minimum;
 use super::observability::Observability;
 use super::parameters::PARAMETER_NAMES;
 use super::relative::{self, RelativeMounting};
@@ -111,6 +112,8 @@ impl Serialize for Calibration {
             scales: &'a [Scale],
             #[serde(flatten)]
             observability: &'a Observability,
+            origin_sigma_m: f64,
+            minimum: &'a Option<Minimum>,
             mounting_constant: &'a Option<Constancy>,
             parameters: Vec<Parameter>,
             covariance: Option<Vec<Vec<f64>>>,
@@ -134,6 +137,8 @@ impl Serialize for Calibration {
             scanners: self.scanners(),
             scales: &self.scales,
             observability: &self.observability,
+            origin_sigma_m: self.origin_sigma_m,
+            minimum: &self.minimum,
             mounting_constant: &self.constancy,
             parameters: parameters.collect(),
             covariance: self.covariance.as_ref().map(rows),

@@ -77,7 +77,9 @@ fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> 
         "project": resolved,
         "steps": describe::steps(&project),
     });
-    pipeline::result::judge(&mut document, &found);
-    verdicts.extend(found);
+    if !found.is_empty() {
+        pipeline::result::judge(&mut document, &found);
+        verdicts.extend(found);
+    }
     Ok((document, describe::project(&project)))
 }

@@ -12,6 +12,7 @@ use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
+use crate::verdict::Verdict;
 
 /// Mountings and trajectories adjusted together.
 #[derive(Debug, Clone)]
@@ -144,6 +145,8 @@ pub struct JointReport {
     pub found: Option<Joint>,
     /// Why its values are not those of the run, the gravest reason first; empty where they are.
     pub refused: Vec<String>,
+    /// What the logs of the other drives contradict.
+    pub others: Vec<Verdict>,
     /// Scanners whose profiles are later than the project says, and were corrected.
     pub late: Vec<LateScanner>,
     /// Run time, seconds.

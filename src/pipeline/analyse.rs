@@ -5,6 +5,7 @@ use std::path::Path;
 use super::findings::{Extras, Findings};
 use super::job::Job;
 use super::stages::Poses;
+use super::start::{self, Start};
 use super::{clouds, drives, joint, page, result, stages};
 use crate::calibration::{Calibration, CalibrationSettings, Method, ScannerSample, Variant};
 use crate::cloud::voxel;
@@ -47,31 +48,41 @@ pub fn analyse(
 
     let reference = job.timed("reference", |progress| stages::reference(project, progress))?;
     let poses = job.timed("trajectory", |progress| stages::poses(project, progress))?;
-    let samples = job.timed("sample", |progress| {
-        stages::samples(project, &poses.trajectory, progress)
+    let (project, samples) = job.timed("sample", |progress| {
+        let project = start::with_scales(project, &poses.trajectory, progress)?;
+        let samples = stages::samples(&project, &poses.trajectory, progress)?;
+        Ok((project, samples))
     })?;
+    let project = &project;
     stages::check_reference(project, &samples, &reference)?;
     let start = job.timed("check placement", |progress| {
         let trajectory = &poses.trajectory;
-        Ok(stages::start(
+        Ok(start::start(
             project, trajectory, &samples, &reference, progress,
         ))
     })?;
     let two_steps = job.timed("calibrate", |progress| {
-        let stages::Start {
+        let Start {
             project, settings, ..
         } = &start;
         stages::calibration(project, settings, &poses, &samples, &reference, progress)
     })?;
     // Scans that are not where they belong would take minutes to be refused.
     let mut said = poses.preflight.iter().chain(&start.said);
-    let is_faulty = said.any(|verdict| verdict.severity == Severity::Fault);
-    let joint = match (project.is_joint, is_faulty) {
-        (true, false) => Some(adjust_jointly(
+    let minimum = two_steps.minimum.as_ref();
+    let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
+        Some("logs or scans have the fault that stands first")
+    } else if minimum.is_some_and(|minimum| minimum.other.is_some()) {
+        Some("two steps found another minimum that fits as well")
+    } else {
+        None
+    };
+    let joint = match (project.is_joint, hindrance) {
+        (true, None) => Some(adjust_jointly(
             project, &poses, &samples, &two_steps, &reference, &mut job,
         )?),
-        (true, true) => Some(JointReport {
-            refused: vec!["logs or scans have the fault that stands first".into()],
+        (true, Some(reason)) => Some(JointReport {
+            refused: vec![reason.into()],
             ..JointReport::default()
         }),
         (false, _) => None,
@@ -98,6 +109,7 @@ pub fn analyse(
         &mut job,
     )?;
     let mountings = mountings(project, &calibration, &variants, extras);
+    let origin_sigma_m = stages::origin_sigma_m(project, poses.solution.as_ref());
     let own = (poses, adjusted);
     let drives = drives::compare(
         &placed,
@@ -107,6 +119,13 @@ pub fn analyse(
         kept,
         &mut job,
     )?;
+    // An error of the origin moves no point of a drive, and is left out until here.
+    let calibration = calibration.with_origin_sigma(origin_sigma_m);
+    let variants = variants.into_iter().map(|(variant, found)| match variant {
+        Variant::ExactPoses => (variant, found),
+        _ => (variant, found.with_origin_sigma(origin_sigma_m)),
+    });
+    let variants = variants.collect();
 
     for warning in warnings(
         &project.origin_m,
@@ -160,9 +179,9 @@ fn adjust_jointly(
 
 /// Calibrates the same drive under every other condition that `extras` and the reference allow.
 fn calibrate_variants(
-    stages::Start {
+    Start {
         project, settings, ..
-    }: &stages::Start,
+    }: &Start,
     extras: &Extras,
     (poses, samples): (&Poses, &[ScannerSample]),
     reference: &[Vec3],
@@ -238,7 +257,7 @@ fn warnings(
     if !calibration.converged {
         warnings.push("the calibration did not converge at every scale".into());
     }
-    warnings.extend(verdicts::constancy_warning(calibration));
+    warnings.extend(report::constancy::warning(calibration));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     if solution.is_some_and(|solution| !solution.converged) {
         warnings

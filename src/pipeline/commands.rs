@@ -8,7 +8,7 @@ use super::analyse::analyse;
 use super::findings::{Extras, Findings, Truth};
 use super::job::Job;
 use super::outcome::{Options, Outcome};
-use super::{clouds, drives, page, result, stages, summary};
+use super::{clouds, drives, page, result, stages, start, summary};
 use crate::comparison::Agreements;
 use crate::error::Result;
 use crate::format;
@@ -162,10 +162,11 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let reference = stages::reference(project, progress)?;
     let poses = stages::poses(project, progress)?;
+    let project = &start::with_scales(project, &poses.trajectory, progress)?;
     let samples = stages::samples(project, &poses.trajectory, progress)?;
     stages::check_reference(project, &samples, &reference)?;
     let trajectory = &poses.trajectory;
-    let start = stages::start(project, trajectory, &samples, &reference, progress);
+    let start = start::start(project, trajectory, &samples, &reference, progress);
     let settings = &start.settings;
     let found = stages::calibration(
         &start.project,
@@ -175,6 +176,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
         &reference,
         progress,
     )?;
+    let found = found.with_origin_sigma(stages::origin_sigma_m(project, poses.solution.as_ref()));
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let content = Content {
         calibrations: Some(Calibrations::alone(&found)),

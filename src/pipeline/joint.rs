@@ -15,6 +15,7 @@ use crate::joint::{
 };
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, Project};
+use crate::report;
 use crate::trajectory::Solution;
 
 /// A scanner is late where the scans say so by more than this many standard deviations, and by more than
@@ -47,13 +48,16 @@ pub fn report(
 ) -> Result<JointReport> {
     let begun = Instant::now();
     let project = own.project;
-    let mut others = Vec::new();
+    let (mut others, mut said) = (Vec::new(), Vec::new());
     for other in &project.drives {
         let aligned = stages::with_mountings(
             &stages::aligned(project, Project::read(&other.project)?)?,
             &two_steps.poses(),
         );
         let poses = stages::poses(&aligned, progress)?;
+        let doubts = poses.doubts.iter().map(report::doubt);
+        let contradicted = poses.preflight.iter().cloned().chain(doubts);
+        said.extend(contradicted.map(|verdict| verdict.on(&other.name)));
         let samples = stages::samples(&aligned, &poses.trajectory, progress)?;
         others.push((other.name.as_str(), aligned, poses, samples));
     }
@@ -84,12 +88,14 @@ pub fn report(
         Ok((found, late)) => JointReport {
             refused: contradictions(&found),
             found: Some(found),
+            others: said,
             late,
             seconds,
         },
         Err(error) => JointReport {
             found: None,
             refused: vec![reason(error)?],
+            others: said,
             late: Vec::new(),
             seconds,
         },

@@ -19,6 +19,7 @@ mod placement;
 mod poses;
 pub mod result;
 pub mod stages;
+pub mod start;
 mod summary;
 pub mod thin;
 

@@ -9,11 +9,14 @@ use super::commands::files_in;
 use super::job::Job;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
-use super::{clouds, stages};
+use super::{clouds, drives, stages};
+use crate::comparison::Agreements;
 use crate::error::{Error, Location, Result};
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
-use crate::verdict::Verdict;
+use crate::report;
+use crate::report::content::Content;
+use crate::verdict::{Verdict, capitalised};
 
 /// A project with the mountings and poses that place its points: its own, or those that an earlier
 /// run found.
@@ -148,10 +151,21 @@ pub fn georeference(
     clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
     job.commit()?;
     let files = files_in(&options.out, names);
-    let verdicts: Vec<Verdict> = placement.newer_calibration().into_iter().collect();
-    for verdict in &verdicts {
-        progress.warn(&verdict.text);
+    let newer = placement.newer_calibration();
+    if let Some(newer) = &newer {
+        progress.warn(&newer.text);
     }
+    let own = || {
+        let text = capitalised(&placement.description()) + ".";
+        Verdict::good("georeference.mounting", text)
+    };
+    let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
+    let content = Content {
+        drives: std::slice::from_ref(&drive),
+        ..Content::default()
+    };
+    let mut verdicts = report::verdicts(&content, &project.acceptance);
+    verdicts.extend(newer.or_else(|| Some(own())));
     let [mountings_from, poses_from] = placement.sources();
     let mut result = json!({
         "clouds": files,

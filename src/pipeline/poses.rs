@@ -182,7 +182,8 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
     })
 }
 
-/// What the raw logs of a project contradict, without adjusting anything; nothing where it has poses.
+/// What the raw logs of a project contradict, or that they do not, without adjusting anything; nothing where
+/// it has poses.
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
@@ -190,7 +191,14 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     match &project.motion {
         Motion::Logs(logs) => {
             let mut logs = DriveLogs::read(project, logs, &Silent)?;
-            put_right(&mut logs)
+            let mut said = put_right(&mut logs)?;
+            if said.is_empty() {
+                said.push(Verdict::good(
+                    "logs.consistent",
+                    "Units, axes, signs and clocks of the logs do not contradict each other or the project.",
+                ));
+            }
+            Ok(said)
         }
         Motion::Poses(_) => Ok(Vec::new()),
     }

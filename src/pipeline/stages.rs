@@ -4,28 +4,17 @@ use std::path::Path;
 
 pub use super::poses::{Poses, poses, preflight};
 use crate::calibration::{
-    Calibration, CalibrationSettings, Input, Mounting, ScannerSample, better_start, calibrate,
-    sample_profiles,
+    Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
-use crate::cloud::voxel::occupied;
 use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::ExcludedPoints;
 use crate::joint::Joint;
-use crate::preflight::{Placement, scans};
 use crate::progress::Progress;
-use crate::project::{Project, Scanner};
+use crate::project::{Motion, Project, Scanner};
 use crate::sensor::PoseRecord;
-use crate::trajectory::Trajectory;
-use crate::verdict::Verdict;
-
-/// The coarsest scale reaches as far as the clouds lie apart where it is this share of it.
-const SCALE_PER_MISFIT: f64 = 0.5;
-/// Fewest neighbourhoods of a scale that is added.
-const NEIGHBOURHOODS: usize = 10;
-/// Where clouds lie farther apart, no scale helps, metres.
-const MAX_MISFIT_M: f64 = 5.0;
+use crate::trajectory::{Solution, Trajectory};
 
 /// # Errors
 /// Two scanners with a file in common.
@@ -177,98 +166,6 @@ pub fn check_reference(
     ))
 }
 
-/// From where the calibration of a project begins.
-pub struct Start {
-    /// The project with the rotations from which it starts: its own, unless the clouds take up much less
-    /// space with others.
-    pub project: Project,
-    /// Its settings, with coarser scales before its own where the clouds lie farther apart than those reach.
-    pub settings: CalibrationSettings,
-    /// What the placement of the scans contradicts.
-    pub said: Vec<Verdict>,
-}
-
-/// Looks how the scans lie with the mountings of the project, and finds from where to begin.
-pub fn start(
-    project: &Project,
-    trajectory: &Trajectory,
-    samples: &[ScannerSample],
-    reference: &[Vec3],
-    progress: &dyn Progress,
-) -> Start {
-    let (project, mut said) = with_start(project, samples, reference);
-    let placed = scans(&Placement {
-        mountings: &mountings(&project),
-        samples,
-        trajectory,
-        reference,
-    });
-    said.extend(placed.verdict);
-    for verdict in &said {
-        progress.warn(&verdict.text);
-    }
-    let settings = scales_for(&project, samples, placed.apart_m, progress);
-    Start {
-        project,
-        settings,
-        said,
-    }
-}
-
-/// The project with the rotations from which its calibration starts, and what is said of those that are not
-/// its own.
-fn with_start(
-    project: &Project,
-    samples: &[ScannerSample],
-    reference: &[Vec3],
-) -> (Project, Vec<Verdict>) {
-    let Some(better) = better_start(&mountings(project), samples, reference) else {
-        return (project.clone(), Vec::new());
-    };
-    let turns = project.scanners.iter().zip(&better).map(|(scanner, pose)| {
-        let own = &scanner.body_from_scanner;
-        (&scanner.name, own.rotation.angle_to(&pose.rotation))
-    });
-    let said = turns.filter(|(_, turn)| *turn > 0.0).map(|(name, turn)| {
-        let text = format!(
-            "The calibration starts with scanner {name} turned by {:.1}°, as the clouds then take up much less \
-             space: is the rotation in the project as wrong as that?",
-            turn.to_degrees()
-        );
-        Verdict::care("mounting.start", text).with_value(turn, None)
-    });
-    (with_mountings(project, &better), said.collect())
-}
-
-/// The settings of the project with coarser scales before its own where the clouds lie farther apart than
-/// those reach, as far as they hold enough points.
-fn scales_for(
-    project: &Project,
-    samples: &[ScannerSample],
-    apart_m: Option<f64>,
-    progress: &dyn Progress,
-) -> CalibrationSettings {
-    let mut settings = project.calibration.clone();
-    let reach_m = apart_m.unwrap_or(0.0);
-    let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
-    let poses = initial_poses(project);
-    let voxels = |voxel_m: f64| {
-        let placed = samples.iter().zip(&poses);
-        occupied(placed.flat_map(|(s, pose)| s.placed(pose)), voxel_m).len()
-    };
-    let sizes = &mut settings.voxel_sizes_m;
-    while let Some(coarser_m) = sizes.first().filter(|m| **m < least_m).map(|m| 2.0 * m) {
-        if voxels(coarser_m) < NEIGHBOURHOODS * settings.neighbours {
-            break;
-        }
-        progress.say(&format!(
-            "the clouds lie {reach_m:.2} m apart: a scale of {coarser_m} m comes first"
-        ));
-        sizes.insert(0, coarser_m);
-    }
-    settings
-}
-
 /// Bounding box: the smallest and the largest coordinates; `None` without points.
 fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
     points.fold(None, |found, point| {
@@ -371,6 +268,21 @@ pub fn calibration(
     calibrate(&input, settings, progress)
 }
 
+/// Standard deviation of the body's origin along each axis, metres: that of the lever arm of the best
+/// position sensor, or 0 where lever arms are estimated or there are none.
+pub fn origin_sigma_m(project: &Project, solution: Option<&Solution>) -> f64 {
+    let (Motion::Logs(logs), Some(solution)) = (&project.motion, solution) else {
+        return 0.0;
+    };
+    let mut constants = solution.constants.iter();
+    if constants.any(|constant| constant.name.contains(".lever_arm")) {
+        return 0.0;
+    }
+    let positions = logs.settings.positions.iter();
+    let best = positions.min_by(|a, b| a.sigma_m.norm().total_cmp(&b.sigma_m.norm()));
+    best.map_or(0.0, |best| best.sigma_lever_arm_m)
+}
+
 /// The project with the latencies of its scanners corrected, where an adjustment found them.
 pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
     let mut project = project.clone();
@@ -390,7 +302,7 @@ pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
     project
 }
 
-/// The evaluation project with its scanners in the order of `project`, and with the same
+/// The project of another drive with its scanners in the order of `project`, and with the same scales and
 /// comparison.
 pub fn aligned(project: &Project, mut other: Project) -> Result<Project> {
     let mut scanners = Vec::new();
@@ -407,6 +319,8 @@ pub fn aligned(project: &Project, mut other: Project) -> Result<Project> {
         })?);
     }
     other.scanners = scanners;
+    other.calibration = project.calibration.clone();
+    other.has_auto_scales = project.has_auto_scales;
     other.comparison = project.comparison.clone();
     other.origin_m = project.origin_m;
     other.limits = other.limits.or(project.limits);

@@ -2,6 +2,8 @@
 //!
 //! Units that cannot be meant are errors; all else is said as a [`Verdict`](crate::verdict::Verdict).
 
+mod alternatives;
+mod fans;
 mod logs;
 mod scans;
 mod turns;
@@ -13,5 +15,6 @@ const TIME_SCALES_S: [(f64, &str); 3] = [
     (37.0, "TAI and UTC"),
 ];
 
+pub use fans::fans;
 pub use logs::{HEADING_SIGN, LateLog, Log, late_logs, logs, position_noise};
 pub use scans::{Placed, Placement, scans};

@@ -1,11 +1,11 @@
 //! Whether the scans, placed with the mountings of the project, make a surface at all, and which usual
 //! mistake explains it if they do not.
 
-use super::TIME_SCALES_S;
+use super::alternatives::{Alternative, alternatives};
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
-use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
-use crate::statistics::quantile;
+use crate::geometry::{BodyFromScanner, Vec3};
+use crate::statistics::{median, quantile};
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -25,6 +25,9 @@ const MAX_POINTS: usize = 30_000;
 const ROUGH_M: f64 = 0.2;
 /// An alternative explains what is off where it leaves this share of it.
 const LEFT_SHARE: f64 = 0.4;
+/// Two explanations are as good where they leave as much to this factor.
+const AS_WELL: f64 = 1.2;
+
 /// The scans of a drive before the calibration.
 pub struct Placement<'a> {
     /// As the project has them.
@@ -37,21 +40,49 @@ pub struct Placement<'a> {
     pub reference: &'a [Vec3],
 }
 
-/// One way in which the project may be meant.
-struct Alternative {
-    poses: Vec<BodyFromScanner>,
-    late_s: f64,
-    code: &'static str,
-    text: String,
+/// How far clouds lie apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Misfit {
+    /// Three quarters of what is seen twice lie closer, metres.
+    pub apart_m: f64,
+    /// In how many columns something is seen twice.
+    pub columns: usize,
 }
 
 /// How the scans lie with the mountings of the project.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Placed {
-    /// How far apart the clouds lie, metres: three quarters of what is seen twice lie closer.
-    pub apart_m: Option<f64>,
+    /// As they are; `None` where too little is seen twice.
+    pub misfit: Option<Misfit>,
+    /// Without the mistake that explains it, if one does.
+    pub explained: Option<Misfit>,
     /// What is wrong, if they lie farther apart than a rough mounting explains.
     pub verdict: Option<Verdict>,
+}
+
+impl Placed {
+    /// How far apart the clouds lie, metres.
+    pub fn apart_m(&self) -> Option<f64> {
+        self.misfit.map(|misfit| misfit.apart_m)
+    }
+
+    /// Whether the clouds lie no farther apart than in another placement in which as much is common.
+    pub fn is_as_close_as(&self, other: &Self) -> bool {
+        match (self.misfit, other.misfit) {
+            (Some(own), Some(other)) => {
+                own.apart_m <= other.apart_m || own.columns > 2 * other.columns
+            }
+            (_, other) => other.is_none(),
+        }
+    }
+
+    /// Whether a usual mistake leaves about as little as other mountings do.
+    pub fn is_explained_as_well_as(&self, other: &Self) -> bool {
+        let pair = self.explained.zip(other.misfit);
+        pair.is_some_and(|(own, other)| {
+            own.apart_m < AS_WELL * other.apart_m && 2 * own.columns > other.columns
+        })
+    }
 }
 
 /// Looks how far the clouds lie apart, and for a usual mistake if that is far.
@@ -62,39 +93,57 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         .iter()
         .map(|m| m.body_from_scanner)
         .collect();
-    let misfit = |poses: &[BodyFromScanner], late_s: f64| {
+    let all = |poses: &[BodyFromScanner], late_s: f64| {
         let clouds = (0..poses.len()).map(|scanner| {
             let mut groups = clouds(placement, scanner, &poses[scanner], late_s);
             groups.retain(|group| !group.is_empty());
             groups
         });
-        misfit(&clouds.collect::<Vec<_>>(), &reference)
+        clouds.collect::<Vec<_>>()
     };
-    let Some((own_m, own_columns)) = misfit(&own, 0.0) else {
+    let own_clouds = all(&own, 0.0);
+    let Some(own_misfit) = misfit(&own_clouds, &reference) else {
         return Placed::default();
     };
-    let apart_m = Some(own_m);
+    let own_m = own_misfit.apart_m;
     if own_m < ROUGH_M {
         return Placed {
-            apart_m,
-            verdict: None,
+            misfit: Some(own_misfit),
+            ..Placed::default()
         };
     }
     let left = alternatives(placement.mountings, &own)
         .into_iter()
         .filter_map(|alternative| {
-            let (left_m, common) = misfit(&alternative.poses, alternative.late_s)?;
+            let clouds = all(&alternative.poses, alternative.late_s);
+            let left = misfit(&clouds, &reference)?;
             // One that moves clouds out of each other's way is none.
-            (common >= own_columns / 2).then_some((left_m, alternative))
+            let Alternative { code, text, .. } = alternative;
+            (left.columns >= own_misfit.columns / 2).then_some((left, code, text))
         });
-    let best = left.min_by(|a, b| a.0.total_cmp(&b.0));
+    let best = left
+        .chain(higher_reference(&own_clouds, &reference))
+        .min_by(|a, b| a.0.apart_m.total_cmp(&b.0.apart_m));
     let apart = format!("Placed with the project's mountings the clouds lie {own_m:.2} m apart");
-    let verdict = match best {
-        Some((left_m, found)) if left_m < ROUGH_M.min(LEFT_SHARE * own_m) => {
-            let text = format!("{apart}. Only {left_m:.2} m remain {}", found.text);
-            Verdict::fault(found.code, text).with_value(left_m, None)
+    let explains = |left: &Misfit| left.apart_m < ROUGH_M.min(LEFT_SHARE * own_m);
+    let best = best.filter(|(left, ..)| explains(left));
+    let explained = best.as_ref().map(|(left, ..)| *left);
+    let among = misfit(&own_clouds, &Columns::default());
+    let verdict = match (best, among) {
+        (Some((left, code, text)), _) => {
+            let left_m = left.apart_m;
+            let text = format!("{apart}. Only {left_m:.2} m remain {text}");
+            Verdict::fault(code, text).with_value(left_m, None)
         }
-        _ => {
+        (None, Some(among)) if !reference.is_empty() && explains(&among) => {
+            let among_m = among.apart_m;
+            let text = format!(
+                "{apart} from the reference, and only {among_m:.2} m from each other: is the reference in the \
+                 coordinates of the total station?"
+            );
+            Verdict::care("reference.placement", text).with_value(own_m, None)
+        }
+        (None, _) => {
             let text = format!(
                 "{apart}: if the result is wrong, check translation, rotation and rotation_convention of the \
                  scanners, their files, their clocks, and where the reference lies."
@@ -103,9 +152,30 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         }
     };
     Placed {
-        apart_m,
+        misfit: Some(own_misfit),
+        explained,
         verdict: Some(verdict),
     }
+}
+
+/// How much is left with the reference higher or lower by what is most common.
+fn higher_reference(
+    scanners: &[Vec<Columns>],
+    reference: &Columns,
+) -> Option<(Misfit, &'static str, String)> {
+    let common = scanners.iter().flatten().flatten();
+    let above_m = median(common.filter_map(|(key, height)| Some(height - reference.get(key)?)))?;
+    let raised = reference
+        .iter()
+        .map(|(key, height)| (*key, height + above_m));
+    let left = misfit(scanners, &raised.collect())?;
+    let text = format!(
+        "with the reference {:.2} m {}: check the heights of the total station, the prism and its lever arm, \
+         and of the reference.",
+        above_m.abs(),
+        if above_m > 0.0 { "higher" } else { "lower" }
+    );
+    Some((left, "reference.height", text))
 }
 
 /// The points of a scanner in the world, later by so much, by the blocks of time in which it saw them.
@@ -158,7 +228,7 @@ fn columns(points: impl Iterator<Item = Vec3>) -> Columns {
 /// Distances in height of each scanner's clouds from the reference, or from what was seen first where there
 /// is none: three quarters are smaller, for the worst scanner. Most of a field is flat and fits however
 /// clouds are shifted. And how many columns all share; `None` where a scanner shares too few.
-fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<(f64, usize)> {
+fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<Misfit> {
     let mut first = reference.clone();
     if reference.is_empty() {
         // Of two scanners, not of two moments of one, where both have been.
@@ -168,7 +238,7 @@ fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<(f64, usize)
             }
         }
     }
-    let (mut worst_m, mut common_columns): (Option<f64>, usize) = (None, 0);
+    let (mut worst_m, mut columns): (Option<f64>, usize) = (None, 0);
     for clouds in scanners {
         let common = clouds.iter().flatten();
         let apart = common.filter_map(|(key, height)| Some((height - first.get(key)?).abs()));
@@ -180,115 +250,10 @@ fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<(f64, usize)
             }
             return None;
         }
-        common_columns += apart.len();
+        columns += apart.len();
         apart.sort_unstable_by(f64::total_cmp);
         let apart_m = quantile(&apart, 0.75);
         worst_m = Some(worst_m.map_or(apart_m, |worst_m| worst_m.max(apart_m)));
     }
-    Some((worst_m?, common_columns))
-}
-
-fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alternative> {
-    let mut all = Vec::new();
-    let mut add = |poses: Vec<BodyFromScanner>, code, text: String| {
-        all.push(Alternative {
-            poses,
-            late_s: 0.0,
-            code,
-            text,
-        });
-    };
-    let inverse =
-        |pose: &BodyFromScanner| BodyFromScanner::new(pose.rotation.inverse(), pose.translation_m);
-    let other = |convention| match convention {
-        EulerConvention::Bonn => "zyx",
-        EulerConvention::Zyx => "bonn",
-    };
-    let convention = mountings.first().map_or("zyx", |m| other(m.convention));
-    add(
-        own.iter().map(inverse).collect(),
-        "scanner.convention",
-        format!(
-            "with the inverse rotations: write rotation_convention = \"{convention}\", or invert the quaternions."
-        ),
-    );
-    for i in 0..own.len() {
-        let name = &mountings[i].name;
-        if own.len() > 1 {
-            let mut poses = own.to_vec();
-            poses[i] = inverse(&poses[i]);
-            let text = format!(
-                "with the inverse rotation of scanner `{name}`: write rotation_convention = \"{}\" there.",
-                other(mountings[i].convention)
-            );
-            add(poses, "scanner.convention", text);
-        }
-        for (j, other) in mountings.iter().enumerate().skip(i + 1) {
-            let mut poses = own.to_vec();
-            poses.swap(i, j);
-            let text = format!(
-                "with the profiles of `{name}` and `{}` exchanged: the files, or the mountings, are those of \
-                 the other scanner.",
-                other.name
-            );
-            add(poses, "scanner.swapped", text);
-        }
-        for (axis, axis_name) in ["x", "y", "z"].into_iter().enumerate() {
-            let mut poses = own.to_vec();
-            poses[i].translation_m[axis] *= -1.0;
-            let text = format!(
-                "with the other sign of {axis_name} in the translation of scanner `{name}`."
-            );
-            add(poses, "scanner.translation", text);
-        }
-        for (axis, turn) in [
-            ("x", Vec3::x_axis()),
-            ("y", Vec3::y_axis()),
-            ("z", Vec3::z_axis()),
-        ] {
-            let mut poses = own.to_vec();
-            poses[i].rotation *= Rotation::from_axis_angle(&turn, std::f64::consts::PI);
-            let text = format!("with scanner `{name}` turned by 180° about its {axis} axis.");
-            add(poses, "scanner.rotation", text);
-        }
-    }
-    for (signs, what) in [
-        (Vec3::new(1.0, -1.0, -1.0), "y and z"),
-        (Vec3::new(1.0, 1.0, -1.0), "z"),
-    ] {
-        let poses = own.iter().map(|pose| {
-            BodyFromScanner::new(pose.rotation, pose.translation_m.component_mul(&signs))
-        });
-        let text = format!(
-            "with the other sign of {what} in all translations: are they given in FLU where the body is FRD, \
-             or the other way round?"
-        );
-        add(poses.collect(), "scanner.translation", text);
-    }
-    let half_turn = Rotation::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI);
-    let other_axes = |pose: &BodyFromScanner| {
-        BodyFromScanner::new(half_turn * pose.rotation, half_turn * pose.translation_m)
-    };
-    add(
-        own.iter().map(other_axes).collect(),
-        "scanner.axes",
-        "with mountings whose y and z are negated: they are given in FLU and the body is FRD, or the other \
-         way round."
-            .into(),
-    );
-    for (scale_s, scales) in TIME_SCALES_S {
-        for late_s in [scale_s, -scale_s] {
-            let text = format!(
-                "with {late_s:+.0} s added to the times of the scanners: {scales} differ by that. Write \
-                 time_offset_s = {late_s:.1} for each scanner."
-            );
-            all.push(Alternative {
-                poses: own.to_vec(),
-                late_s,
-                code: "scanner.time_offset",
-                text,
-            });
-        }
-    }
-    all
+    worst_m.map(|apart_m| Misfit { apart_m, columns })
 }

@@ -29,6 +29,9 @@ pub struct Project {
     pub reference: Option<Reference>,
     /// Settings of the calibration in two steps, from which the joint adjustment starts.
     pub calibration: CalibrationSettings,
+    /// Whether its scales follow from the points (`calibration.voxel_sizes_m = "auto"`): they are then those
+    /// of a close-range scanner until points are read.
+    pub has_auto_scales: bool,
     /// Whether trajectory and mountings are adjusted jointly (`calibration.method = "joint"`);
     /// [`CalibrationSettings::method`] is then that of the start and of the fallback.
     pub is_joint: bool,

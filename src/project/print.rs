@@ -3,7 +3,7 @@
 use super::checked::{
     Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference, Scanner,
 };
-use super::resolve::{TIME_OFFSET, arcsec_to_radians};
+use super::resolve::{AUTO, TIME_OFFSET, arcsec_to_radians};
 use super::shapes::{Files, Numbers};
 use super::written::{self, ObservationKind, Written};
 use crate::calibration::{Method, PARAMETER_NAMES};
@@ -48,7 +48,10 @@ fn written(project: &Project) -> Written {
             .as_ref()
             .map(|reference| write_reference(reference, &project.joint.reference)),
         calibration: written::Calibration {
-            voxel_sizes_m: Some(calibration.voxel_sizes_m.clone()),
+            voxel_sizes_m: Some(match project.has_auto_scales {
+                true => AUTO.into(),
+                false => calibration.voxel_sizes_m.clone().into(),
+            }),
             neighbours: Some(calibration.neighbours),
             method: Some(method(project)),
             max_iterations: Some(calibration.max_iterations),
@@ -155,6 +158,7 @@ fn write_prism(log: &PositionLog, settings: &PositionSettings) -> written::Prism
         sigma_correlated_m: Some(Numbers(settings.sigma_correlated_m.into())),
         correlation_s: Some(settings.correlation_s),
         lever_arm_m: settings.lever_arm_m.into(),
+        sigma_lever_arm_m: Some(settings.sigma_lever_arm_m),
         loss: Some(settings.loss),
         station_m: settings.station_m.map(Into::into),
         ..Default::default()
@@ -186,6 +190,7 @@ fn write_gnss(log: &PositionLog, settings: &PositionSettings) -> written::Gnss {
         sigma_correlated_m: Some(Numbers(settings.sigma_correlated_m.into())),
         correlation_s: Some(settings.correlation_s),
         lever_arm_m: settings.lever_arm_m.into(),
+        sigma_lever_arm_m: Some(settings.sigma_lever_arm_m),
         loss: Some(settings.loss),
     }
 }

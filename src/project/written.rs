@@ -123,6 +123,8 @@ pub struct Prism {
     pub correlation_s: Option<f64>,
     /// Prism in the body frame.
     pub lever_arm_m: [f64; 3],
+    /// Standard deviation of each coordinate of the lever arm. Default 0.002.
+    pub sigma_lever_arm_m: Option<f64>,
     /// Loss function for large residuals. Default `truncated`.
     pub loss: Option<Loss>,
     /// `cartesian` or `polar`, if the file contains both.
@@ -173,6 +175,8 @@ pub struct Gnss {
     pub correlation_s: Option<f64>,
     /// Antenna in the body frame.
     pub lever_arm_m: [f64; 3],
+    /// Standard deviation of each coordinate of the lever arm. Default 0.002.
+    pub sigma_lever_arm_m: Option<f64>,
     /// Loss function for large residuals. Default `truncated`.
     pub loss: Option<Loss>,
 }
@@ -270,8 +274,8 @@ pub struct Reference {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Voxel sizes from coarse to fine.
-    pub voxel_sizes_m: Option<Vec<f64>>,
+    /// Voxel sizes from coarse to fine, or `"auto"` (default): from the misfit to the spacing of points.
+    pub voxel_sizes_m: Option<toml::Value>,
     /// Number of points in each neighbourhood.
     pub neighbours: Option<usize>,
     /// `joint` (default), `two-step` or `paper`.

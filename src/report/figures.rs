@@ -2,12 +2,12 @@
 
 use super::axis::{Axis, decimate};
 use super::chart::Plot;
+use super::constancy;
 use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, degrees, quantity};
 use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
 use super::track::Track;
-use super::verdicts::constancy;
 use crate::calibration::Block;
 use crate::calibration::Calibration;
 use crate::geometry::Vec3;
@@ -288,7 +288,7 @@ pub fn residuals(calibration: &Calibration) -> String {
     let Some(found) = &calibration.constancy else {
         return String::new();
     };
-    let mut out = html::verdicts(constancy(calibration).as_slice());
+    let mut out = html::verdicts(constancy::verdict(calibration).as_slice());
     let blocks = || found.blocks.iter().flatten();
     if blocks().next().is_none() {
         return out;

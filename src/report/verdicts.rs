@@ -2,8 +2,8 @@
 
 use super::content::{Calibrations, Content, Drive};
 use super::diagnostics::{self, PoseSigmas};
-use super::{agreement, method, number};
-use crate::calibration::{Calibration, Method, Variant};
+use super::{agreement, constancy, method, minimum, number};
+use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
@@ -33,7 +33,14 @@ pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
     all.extend_from_slice(content.placement);
     all.extend(own.into_iter().flat_map(|own| &own.doubts).map(doubt));
     if let Some(calibrations) = &content.calibrations {
-        all.extend(of_calibration(calibrations, content.drives, acceptance));
+        let is_caused = all
+            .iter()
+            .any(|verdict| verdict.severity == Severity::Fault);
+        let found = of_calibration(calibrations, content.drives, acceptance);
+        all.extend(found.into_iter().map(|verdict| match is_caused {
+            true => as_consequence(verdict),
+            false => verdict,
+        }));
     }
     for drive in others {
         let found = drive.preflight.iter().cloned();
@@ -61,6 +68,27 @@ pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
     all
 }
 
+/// What follows from faults of logs or scans.
+const CONSEQUENCES: [&str; 6] = [
+    "agreement.",
+    "calibration.",
+    "mounting.moved",
+    "mounting.sigma",
+    "mounting.constancy",
+    "reference.",
+];
+
+/// Behind a fault of logs or scans, what it leads to is for information.
+fn as_consequence(mut verdict: Verdict) -> Verdict {
+    if CONSEQUENCES
+        .iter()
+        .any(|code| verdict.code.starts_with(code))
+    {
+        verdict.severity = verdict.severity.min(Severity::Note);
+    }
+    verdict
+}
+
 fn of_calibration(
     calibrations: &Calibrations,
     drives: &[Drive],
@@ -75,13 +103,19 @@ fn of_calibration(
         let verdict = Verdict::care("scanner.time_offset", text);
         verdict.with_value(scanner.late.value, Some(scanner.late.sigma))
     }));
+    let others = calibrations
+        .joint
+        .into_iter()
+        .flat_map(|joint| &joint.others);
+    all.extend(others.cloned());
     let joint = calibrations.joint_found();
     all.extend(joint.into_iter().flat_map(disagreements));
     let accepted = calibrations.joint.and_then(JointReport::accepted);
     all.extend(accepted.and_then(height));
-    all.push(convergence(result));
+    all.push(minimum::convergence(result));
+    all.extend(minimum::uniqueness(result));
     if let Some(initial) = calibrations.mountings(MountingKind::Initial) {
-        all.extend(moved(result, initial));
+        all.extend(minimum::moved(result, initial));
     }
     all.extend(sigmas(result, acceptance));
     let reference = method::reference(result, calibrations.joint);
@@ -96,29 +130,35 @@ fn of_calibration(
             .into_iter()
             .filter(|v| v.severity != Severity::Good),
     );
-    all.extend(constancy(result));
+    all.extend(constancy::verdict(result));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
-    all.extend(solution.and_then(origin));
+    all.extend(solution.and_then(|solution| origin(solution, result.origin_sigma_m)));
     all
 }
 
 /// What the positions of the mountings rest on where no lever arm is estimated.
-fn origin(solution: &Solution) -> Option<Verdict> {
+fn origin(solution: &Solution, sigma_m: f64) -> Option<Verdict> {
     let is_estimated = solution
         .constants
         .iter()
         .any(|c| c.name.contains(".lever_arm"));
     (!is_estimated).then(|| {
-        Verdict::note(
-            "mounting.origin",
-            "Positions of the mountings rest on the lever arm as given: an error of it, up to the centimetres \
-             that the drive would show, shifts all of them alike, and no point in the world.",
-        )
+        let text = match sigma_m > 0.0 {
+            true => format!(
+                "The standard deviations of positions include that of the lever arm, {} \
+                 (sigma_lever_arm_m): an error of it shifts all mountings alike, and no point in the world.",
+                number::length(sigma_m)
+            ),
+            false => "Positions of the mountings rest on a lever arm that is taken as exact: an error of it shifts \
+                      all of them alike, and no point in the world."
+                .to_owned(),
+        };
+        Verdict::note("mounting.origin", text).with_value(sigma_m, None)
     })
 }
 
 /// A constant of the project that the drive contradicts.
-fn doubt(doubt: &Doubt) -> Verdict {
+pub fn doubt(doubt: &Doubt) -> Verdict {
     let fault = match doubt.constant {
         Constant::LeverArm(_) => FAULT_LEVER_ARM_M,
         Constant::TimeOffset(_) | Constant::HeadingTimeOffset => FAULT_LATENCY_S,
@@ -133,50 +173,6 @@ fn doubt(doubt: &Doubt) -> Verdict {
     match doubt.values.as_slice() {
         [only] => verdict.with_value(only.value, only.sigma),
         _ => verdict,
-    }
-}
-
-/// A mounting that was measured with a tape is not as far off: metres, radians.
-const MOVED_M: [f64; 2] = [0.4, 1.0];
-const MOVED_RAD: [f64; 2] = [0.35, 0.8];
-
-/// Mountings that ended far from where they started.
-fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
-    let pairs = result.mountings.iter().zip(initial);
-    let far = pairs.filter_map(|(mounting, initial)| {
-        let (turn, shift) = mounting.body_from_scanner.perturbation_from(initial);
-        let beyond = |i: usize| shift.norm() > MOVED_M[i] || turn.norm() > MOVED_RAD[i];
-        beyond(0).then(|| {
-            let text = format!(
-                "Scanner {} ended {} and {:.0}° from its start: is the start as wrong as that, or is this \
-                 another minimum?",
-                mounting.name,
-                number::length(shift.norm()),
-                turn.norm().to_degrees()
-            );
-            let verdict = match beyond(1) {
-                true => Verdict::fault("mounting.moved", text),
-                false => Verdict::care("mounting.moved", text),
-            };
-            verdict.with_value(shift.norm(), None)
-        })
-    });
-    far.collect()
-}
-
-fn convergence(result: &Calibration) -> Verdict {
-    const CODE: &str = "calibration.convergence";
-    match (result.converged, result.method) {
-        (true, Method::Joint) => Verdict::good(CODE, "The joint adjustment converged."),
-        (true, _) => Verdict::good(CODE, "The adjustment converged at every scale."),
-        (false, Method::Joint) => Verdict::fault(
-            CODE,
-            "The joint adjustment did not converge: the result may be wrong.",
-        ),
-        (false, _) => Verdict::fault(
-            CODE,
-            "The adjustment did not converge at every scale: the result may be wrong.",
-        ),
     }
 }
 
@@ -331,51 +327,4 @@ pub fn statements(calibration: &Calibration, circumstance: &str) -> Vec<String> 
             format!("{text} is unobservable{circumstance}: held at the initial value.")
         })
         .collect()
-}
-
-/// The test of a constant mounting; `None` if it is not possible.
-pub fn constancy(calibration: &Calibration) -> Option<Verdict> {
-    let found = calibration.constancy.as_ref()?;
-    const CODE: &str = "mounting.constancy";
-    let verdict = match constancy_warning(calibration) {
-        Some(text) => Verdict::care(CODE, text),
-        None => Verdict::good(
-            CODE,
-            format!(
-                "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
-             as the standard deviations of the poses explain.",
-                of_two_steps(calibration),
-                number::length(found.rms_m),
-                found.ratio
-            ),
-        ),
-    };
-    Some(verdict.with_value(found.ratio, None))
-}
-
-/// A warning if the residuals along the drive show that the mounting is not constant.
-pub fn constancy_warning(calibration: &Calibration) -> Option<String> {
-    let constancy = calibration
-        .constancy
-        .as_ref()
-        .filter(|found| !found.constant)?;
-    let strong = constancy.strongest.filter(|(_, r)| r.abs() > 0.3);
-    let with = strong.map_or(String::new(), |(name, r)| {
-        format!(" They correlate most with {name} (correlation {r:.2}).")
-    });
-    Some(format!(
-        "The mounting does not appear constant{}: residuals along the drive ({}) are {:.1} times as \
-         large as the standard deviations of the poses explain.{with}",
-        of_two_steps(calibration),
-        number::length(constancy.rms_m),
-        constancy.ratio
-    ))
-}
-
-/// The test of a constant mounting uses the residuals of two steps.
-fn of_two_steps(calibration: &Calibration) -> &'static str {
-    match calibration.method {
-        Method::Joint => " after two steps",
-        Method::TwoStep | Method::Paper => "",
-    }
 }

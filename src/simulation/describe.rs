@@ -69,7 +69,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
          [imu]\nfile = \"imu.csv\"\n\
          gyro_noise_deg_sqrt_h = {:?}\naccel_noise_ug_sqrt_hz = {:?}\n\
          gyro_bias_instability_deg_h = {:?}\naccel_bias_instability_ug = {:?}\n\n\
-         [prism]\nfile = \"prism.csv\"\nsigma_m = {:?}\nlever_arm_m = {}\n\n\
+         [prism]\nfile = \"prism.csv\"\nsigma_m = {:?}\nlever_arm_m = {}\nsigma_lever_arm_m = 0.0\n\n\
          [heading]\nfile = \"heading.csv\"\nsigma_deg = {:?}\nmounting_offset_deg = {:?}\n",
         drive_name(index),
         scenario.name,

@@ -33,6 +33,9 @@ pub struct PositionSettings {
     pub correlation_s: f64,
     /// The prism or antenna in the body frame, metres.
     pub lever_arm_m: Vec3,
+    /// Standard deviation of each of its coordinates, metres: the estimate holds it, and positions on the
+    /// body are no better known.
+    pub sigma_lever_arm_m: f64,
     /// The total station in the world frame where it is known, metres: the incidence-dependent
     /// bias of a 360° prism needs the line of sight.
     pub station_m: Option<Vec3>,
@@ -51,6 +54,7 @@ impl PositionSettings {
             sigma_correlated_m: Vec3::zeros(),
             correlation_s: SENSOR_CORRELATION_S,
             lever_arm_m,
+            sigma_lever_arm_m: 0.0,
             station_m: None,
             loss: Loss::default(),
         }

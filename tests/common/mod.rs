@@ -4,6 +4,7 @@
 pub mod demo_drive;
 pub mod kernels;
 pub mod tables;
+pub mod truck;
 
 use std::path::{Path, PathBuf};
 

@@ -130,11 +130,21 @@ pub const MISTAKES: &[Mistake] = &[
     mistake("reference 20 mm too high", &["reference.height"], |field| {
         field.reference(|p| p.z += 0.02);
     }),
+    mistake("reference 0.6 m too low", &["reference.height"], |field| {
+        field.reference(|p| p.z -= 0.6);
+    }),
     mistake(
         "reference 50 mm to the side",
         &["reference.shift"],
         |field| {
             field.reference(|p| p.x += 0.05);
+        },
+    ),
+    mistake(
+        "reference 0.5 m to the side",
+        &["reference.placement", "reference.shift"],
+        |field| {
+            field.reference(|p| p.y += 0.5);
         },
     ),
     mistake("reference turned by 1°", &["reference.shift"], |field| {

@@ -156,6 +156,7 @@ fn accepted() -> Full {
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
+        others: Vec::new(),
         late: Vec::new(),
         found: Some(found),
         refused: Vec::new(),
@@ -173,6 +174,7 @@ fn refused() -> Full {
     let near = full.variants[1].1.clone();
     let found = found(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
+        others: Vec::new(),
         late: Vec::new(),
         found: Some(found),
         refused: vec![REASON.into()],
@@ -399,6 +401,7 @@ fn the_document_says_why_it_was_refused() {
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
+        others: Vec::new(),
         late: Vec::new(),
         found: None,
         refused: vec!["only 12 patches of the surface are known".into()],

@@ -155,6 +155,8 @@ fn calibration(
             shares: vec![0.02; 12],
             unobservable: Vec::new(),
         },
+        origin_sigma_m: 0.0,
+        minimum: None,
         constancy: None,
         mountings,
     }
@@ -199,6 +201,7 @@ fn constancy() -> Constancy {
         ratio: 2.5,
         rms_m: 1.5e-3,
         constant: false,
+        jump: None,
         strongest: Some(("roll", 0.71)),
     }
 }

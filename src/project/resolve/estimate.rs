@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::project::source::nearest;
 use crate::trajectory::{Constant, PositionKind, PositionSettings};
 
-/// What the drive contradicts is estimated.
+/// For constants: what the drive contradicts is estimated. For scales: they follow from the points.
 pub(in crate::project) const AUTO: &str = "auto";
 
 /// The names listed in `estimate`; `None` for `"auto"`, which is also the default.

@@ -7,6 +7,7 @@ mod scanners;
 mod settings;
 mod table;
 
+pub(super) use estimate::AUTO;
 pub(super) use positions::arcsec_to_radians;
 pub(super) use scanners::{TIME_OFFSET, scanners};
 
@@ -35,6 +36,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
             path: source.absolute(&reference.file),
         }),
         calibration: settings::calibration(source, &written.calibration)?,
+        has_auto_scales: settings::voxel_sizes(source, &written.calibration)?.is_none(),
         is_joint: settings::is_joint(source, written)?,
         joint: settings::joint(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,

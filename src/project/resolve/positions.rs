@@ -15,6 +15,8 @@ use crate::trajectory::{PositionKind, PositionSettings};
 const TAKEN: [&str; 4] = ["frame", "heading", "imu", "trajectory"];
 /// Default standard deviation of a moving prism, metres.
 const PRISM_SIGMA_M: f64 = 0.005;
+/// Default standard deviation of a lever arm, metres: measured with care.
+const LEVER_ARM_SIGMA_M: f64 = 0.002;
 /// Default standard deviations of RTK: east, north, up, metres.
 const GNSS_SIGMA_M: [f64; 3] = [0.02, 0.02, 0.04];
 
@@ -95,6 +97,10 @@ fn sigmas(table: &Table<'_>, given: Option<Numbers>, default: [f64; 3]) -> Resul
     Ok(values.into())
 }
 
+fn lever_arm_sigma(table: &Table<'_>, given: Option<f64>) -> Result<f64> {
+    table.not_negative("sigma_lever_arm_m", given.unwrap_or(LEVER_ARM_SIGMA_M))
+}
+
 /// Standard deviations and correlation time of the lasting part of the errors.
 fn lasting(
     table: &Table<'_>,
@@ -133,6 +139,7 @@ fn gnss(
         sigma_correlated_m,
         correlation_s,
         lever_arm_m: table.on_body("lever_arm_m", gnss.lever_arm_m)?,
+        sigma_lever_arm_m: lever_arm_sigma(table, gnss.sigma_lever_arm_m)?,
         station_m: None,
         loss: gnss.loss.unwrap_or_default(),
     };
@@ -174,6 +181,7 @@ fn prism(
         sigma_correlated_m,
         correlation_s,
         lever_arm_m: table.on_body("lever_arm_m", prism.lever_arm_m)?,
+        sigma_lever_arm_m: lever_arm_sigma(table, prism.sigma_lever_arm_m)?,
         station_m,
         loss: prism.loss.unwrap_or_default(),
     };

@@ -1,5 +1,6 @@
 //! Settings of calibration, joint adjustment and comparison.
 
+use super::estimate::AUTO;
 use super::table::Table;
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
@@ -12,6 +13,41 @@ use crate::verdict::Acceptance;
 /// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
 const MAX_NEIGHBOURS: usize = 1000;
 
+/// The scales from coarse to fine; `None` for `"auto"`, which is also the default.
+pub(super) fn voxel_sizes(
+    source: &Source,
+    written: &written::Calibration,
+) -> Result<Option<Vec<f64>>> {
+    const KEY: &str = "voxel_sizes_m";
+    let table = Table::new(source, "calibration");
+    let wrong = |found: &dyn std::fmt::Display, expected| {
+        Err(table.error(KEY, format!("{KEY} = {found}"), expected))
+    };
+    let listed = match &written.voxel_sizes_m {
+        None => return Ok(None),
+        Some(toml::Value::String(word)) if word == AUTO => return Ok(None),
+        Some(toml::Value::Array(listed)) => listed,
+        Some(other) => return wrong(other, "\"auto\" or a list of sizes from coarse to fine"),
+    };
+    let mut sizes = Vec::new();
+    for one in listed {
+        let size = match one {
+            toml::Value::Float(size) => *size,
+            toml::Value::Integer(size) => *size as f64,
+            other => return wrong(other, "a number above 0"),
+        };
+        sizes.push(table.positive(KEY, size)?);
+    }
+    if sizes.is_empty() || sizes.windows(2).any(|pair| pair[1] >= pair[0]) {
+        let found = toml::Value::from(sizes);
+        return wrong(
+            &found,
+            "at least one size, each smaller than the one before",
+        );
+    }
+    Ok(Some(sizes))
+}
+
 /// Scales from coarse to fine, and neighbourhoods that span a volume.
 pub(super) fn calibration(
     source: &Source,
@@ -19,20 +55,8 @@ pub(super) fn calibration(
 ) -> Result<CalibrationSettings> {
     let table = Table::new(source, "calibration");
     let default = CalibrationSettings::default();
-    let voxel_sizes_m = written
-        .voxel_sizes_m
-        .clone()
-        .unwrap_or(default.voxel_sizes_m);
-    for &size in &voxel_sizes_m {
-        table.positive("voxel_sizes_m", size)?;
-    }
-    if voxel_sizes_m.is_empty() || voxel_sizes_m.windows(2).any(|pair| pair[1] >= pair[0]) {
-        return Err(table.error(
-            "voxel_sizes_m",
-            format!("voxel_sizes_m = {voxel_sizes_m:?}"),
-            "at least one size, each smaller than the one before",
-        ));
-    }
+    let voxel_sizes_m = voxel_sizes(source, written)?;
+    let voxel_sizes_m = voxel_sizes_m.unwrap_or(default.voxel_sizes_m);
     Ok(CalibrationSettings {
         voxel_sizes_m,
         neighbours: {

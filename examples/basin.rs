@@ -1,0 +1,167 @@
+//! From how far away the calibration ends at the same minimum, and what it says where it does not.
+//!
+//! `cargo run --release --example basin -- 100` starts a hundred times at each of three distances from the
+//! result, in random directions, on a small simulated drive with and without its reference, and on the Truck;
+//! a part of the name of a drive after it starts on that one only.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use boresight::Result;
+use boresight::calibration::{Calibration, ScannerSample};
+use boresight::geometry::{BodyFromScanner, Vec3, so3};
+use boresight::pipeline::stages::{self, Poses};
+use boresight::pipeline::start;
+use boresight::progress::Silent;
+use boresight::project::Project;
+use nalgebra::DVector;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+#[allow(dead_code)]
+#[path = "../tests/mistakes/field.rs"]
+mod field;
+#[path = "../tests/common/truck.rs"]
+mod truck;
+
+/// Distances of the starts: metres, degrees.
+const STARTS: [(f64, f64); 3] = [(0.05, 2.0), (0.1, 5.0), (0.2, 10.0)];
+/// The same minimum: metres, degrees. Scales are left where steps move points by less.
+const SAME: (f64, f64) = (0.005, 0.1);
+
+/// A drive that is ready to be calibrated.
+struct Drive {
+    name: &'static str,
+    project: Project,
+    poses: Poses,
+    samples: Vec<ScannerSample>,
+    reference: Vec<Vec3>,
+}
+
+impl Drive {
+    fn read(name: &'static str, project: Project) -> Result<Self> {
+        let poses = stages::poses(&project, &Silent)?;
+        Ok(Self {
+            name,
+            samples: stages::samples(&project, &poses.trajectory, &Silent)?,
+            reference: stages::reference(&project, &Silent)?,
+            poses,
+            project,
+        })
+    }
+
+    /// The calibration from these mountings, and what needs care in what was said.
+    fn from(&self, start: &[BodyFromScanner]) -> Result<(Calibration, Vec<String>)> {
+        let project = stages::with_mountings(&self.project, start);
+        let (trajectory, samples) = (&self.poses.trajectory, self.samples.as_slice());
+        let start = start::start(&project, trajectory, samples, &self.reference, &Silent);
+        let found = stages::calibration(
+            &start.project,
+            &start.settings,
+            &self.poses,
+            samples,
+            &self.reference,
+            &Silent,
+        )?;
+        let marked = start.said.iter().filter(|v| v.severity.is_marked());
+        let mut said: Vec<String> = marked.map(|v| v.code.clone()).collect();
+        let other = found
+            .minimum
+            .as_ref()
+            .and_then(|minimum| minimum.other.as_ref());
+        said.extend(other.map(|_| "calibration.minimum".into()));
+        Ok((found, said))
+    }
+
+    fn basin(&self, starts: usize) -> Result<()> {
+        let (calibration, said) = self.from(&stages::initial_poses(&self.project))?;
+        println!("{}: from the project's start {said:?}", self.name);
+        let result = calibration.poses();
+        let held = calibration.observability.unobservable.iter();
+        let held: Vec<DVector<f64>> = held.map(|held| held.direction.clone()).collect();
+        let fixed = self.project.scanners.iter().map(|s| s.fixed[0]);
+        let fixed: Vec<bool> = fixed.collect();
+        for (shift_m, turn_deg) in STARTS {
+            let mut random = ChaCha8Rng::seed_from_u64(1);
+            let (mut same, mut said_so, mut quiet) = (0, 0, 0);
+            for number in 0..starts {
+                let poses = result.iter().zip(&fixed).map(|(pose, is_fixed)| {
+                    let shift = direction(&mut random) * if *is_fixed { 0.0 } else { shift_m };
+                    let turn = so3::exp(&(direction(&mut random) * turn_deg.to_radians()));
+                    BodyFromScanner::new(turn * pose.rotation, pose.translation_m + shift)
+                });
+                let (found, said) = self.from(&poses.collect::<Vec<_>>())?;
+                let off = apart(&found.poses(), &result, &held);
+                if off.0 < SAME.0 && off.1 < SAME.1 {
+                    same += 1;
+                    continue;
+                }
+                match said.is_empty() {
+                    true => quiet += 1,
+                    false => said_so += 1,
+                }
+                println!("  {number}: {:.3} m, {:.2}° off, {said:?}", off.0, off.1);
+            }
+            println!(
+                "{}: {same} of {starts} from {shift_m} m and {turn_deg}° end at the same minimum, {said_so} \
+                 others say so, {quiet} do not",
+                self.name
+            );
+        }
+        Ok(())
+    }
+}
+
+/// How far apart two results lie in metres and degrees, but for directions that nothing determines.
+fn apart(
+    found: &[BodyFromScanner],
+    result: &[BodyFromScanner],
+    held: &[DVector<f64>],
+) -> (f64, f64) {
+    let change = found.iter().zip(result).flat_map(|(a, b)| {
+        let (turn, shift) = a.perturbation_from(b);
+        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+    });
+    let mut change = DVector::from_vec(change.collect());
+    for direction in held {
+        change -= direction * (direction.dot(&change) / direction.norm_squared());
+    }
+    let scanners = change.as_slice().chunks(6);
+    scanners.fold((0.0, 0.0), |worst: (f64, f64), scanner| {
+        let length = |part: &[f64]| Vec3::from_column_slice(part).norm();
+        let (shift_m, turn) = (length(&scanner[..3]), length(&scanner[3..]));
+        (worst.0.max(shift_m), worst.1.max(turn.to_degrees()))
+    })
+}
+
+/// Of unit length, all directions alike.
+fn direction(random: &mut ChaCha8Rng) -> Vec3 {
+    loop {
+        let vector = Vec3::from_fn(|_, _| random.random_range(-1.0..1.0));
+        if (0.1..1.0).contains(&vector.norm()) {
+            return vector.normalize();
+        }
+    }
+}
+
+fn main() -> Result<()> {
+    let starts = std::env::args().nth(1).and_then(|n| n.parse().ok());
+    let starts = starts.unwrap_or(100);
+    let wanted = std::env::args().nth(2).unwrap_or_default();
+    let folder = std::env::temp_dir().join("boresight-basin");
+    let field = field::Field::new(&folder, 1, |_| ());
+    let project = Project::read(&field.folder.join("project.toml"))?;
+    let twin = Drive::read("twin", project)?;
+    let known = Vec3::from(truck::KNOWN_DEG);
+    let truck = Drive::read("Truck", truck::project(known, Path::new(&folder)))?;
+    let mut alone = Drive::read("twin without its reference", twin.project.clone())?;
+    alone.reference.clear();
+    for drive in [twin, truck, alone] {
+        if drive.name.contains(&wanted) {
+            drive.basin(starts)?;
+        }
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+    Ok(())
+}

@@ -1,0 +1,190 @@
+//! From where a calibration begins, and on which scales.
+
+use super::stages::{initial_poses, mountings, open_profiles, with_mountings};
+use crate::calibration::{CalibrationSettings, ScannerSample, better_start, point_spacing_m};
+use crate::cloud::voxel::occupied;
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::georeference::Georeferencer;
+use crate::preflight::{Placement, fans, scans};
+use crate::progress::Progress;
+use crate::project::{Project, Scanner};
+use crate::statistics::median;
+use crate::trajectory::Trajectory;
+use crate::verdict::Verdict;
+
+/// The coarsest scale reaches as far as the clouds lie apart where it is this share of it.
+const SCALE_PER_MISFIT: f64 = 0.5;
+/// Fewest neighbourhoods of a scale that is added.
+const NEIGHBOURHOODS: usize = 10;
+/// Where clouds lie farther apart, no scale helps, metres.
+const MAX_MISFIT_M: f64 = 5.0;
+/// A rough mounting is off by less: radians, metres.
+const ROUGH_START: (f64, f64) = (0.06, 0.1);
+/// The finest scale of a close-range scanner, metres, and of any at this share of its ranges.
+const CLOSE_M: f64 = 0.005;
+const CLOSE_SHARE: f64 = 1.0 / 150.0;
+/// Points whose spacing is looked at are seen while the body moves by this share of their ranges.
+const MOVED_SHARE: f64 = 0.05;
+
+/// The project with scales as fine as its points lie, where it leaves them to these.
+///
+/// # Errors
+/// Errors of the readers.
+pub fn with_scales(
+    project: &Project,
+    trajectory: &Trajectory,
+    progress: &dyn Progress,
+) -> Result<Project> {
+    let mut project = project.clone();
+    if !project.has_auto_scales {
+        return Ok(project);
+    }
+    project.has_auto_scales = false;
+    let mut finest_m: Option<f64> = None;
+    for scanner in &project.scanners {
+        let found_m = finest_scale(scanner, trajectory)?;
+        finest_m = finest_m.into_iter().chain(found_m).reduce(f64::max);
+    }
+    let sizes = &mut project.calibration.voxel_sizes_m;
+    if let (Some(finest_m), Some(own_m)) = (finest_m, sizes.last().copied()) {
+        // To two digits.
+        let digit = 10f64.powf(finest_m.log10().floor() - 1.0);
+        let finest_m = (finest_m / digit).round() * digit;
+        sizes.iter_mut().for_each(|size| *size *= finest_m / own_m);
+        progress.say(&format!(
+            "the finest scale is {finest_m:.2} m, by range and spacing of points"
+        ));
+    }
+    Ok(project)
+}
+
+/// The finest scale on which a scanner's points make surfaces, metres; `None` if that cannot be seen.
+fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64>> {
+    let mut chunk = Vec::new();
+    for mut reader in open_profiles(scanner)? {
+        while reader.next_chunk(&mut chunk)? {
+            let pose = scanner.body_from_scanner;
+            let mut placing = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
+            let placed = chunk.iter().filter_map(|point| {
+                let body = placing.body_at(point).1?;
+                Some((body.translation_m, body.map(&pose.map(&point.position_m))))
+            });
+            let (bodies, points): (Vec<Vec3>, Vec<Vec3>) = placed.unzip();
+            let ranges_m = chunk.iter().map(|point| point.position_m.norm());
+            let (Some(range_m), [first, .., last]) = (median(ranges_m), bodies.as_slice()) else {
+                continue;
+            };
+            if (last - first).norm() > MOVED_SHARE * range_m {
+                let close_m = CLOSE_M.min(CLOSE_SHARE * range_m);
+                return Ok(point_spacing_m(&points, range_m).map(|m| m.max(close_m)));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// From where the calibration of a project begins.
+pub struct Start {
+    /// The project with the rotations from which it starts: its own, unless the clouds take up much less
+    /// space with others.
+    pub project: Project,
+    /// Its settings, with coarser scales before its own where the clouds lie farther apart than those reach.
+    pub settings: CalibrationSettings,
+    /// What the placement of the scans contradicts.
+    pub said: Vec<Verdict>,
+}
+
+/// Looks how the scans lie with the mountings of the project, and finds from where to begin.
+pub fn start(
+    project: &Project,
+    trajectory: &Trajectory,
+    samples: &[ScannerSample],
+    reference: &[Vec3],
+    progress: &dyn Progress,
+) -> Start {
+    let placed = |project: &Project| {
+        scans(&Placement {
+            mountings: &mountings(project),
+            samples,
+            trajectory,
+            reference,
+        })
+    };
+    let own = placed(project);
+    let better = better_start(&mountings(project), samples, reference);
+    let better = better.map(|poses| with_mountings(project, &poses));
+    let better = better.map(|project| (placed(&project), project));
+    let (placed, project, mut said) = match better {
+        // A mistake that explains as much is not searched for.
+        Some((found, better))
+            if found.is_as_close_as(&own) && !own.is_explained_as_well_as(&found) =>
+        {
+            let said = far_starts(project, &better);
+            (found, better, said)
+        }
+        _ => (own, project.clone(), Vec::new()),
+    };
+    let apart_m = placed.apart_m();
+    said.extend(placed.verdict);
+    said.extend(fans(&mountings(&project), samples));
+    for verdict in &said {
+        progress.warn(&verdict.text);
+    }
+    let settings = scales_for(&project, samples, apart_m, progress);
+    Start {
+        project,
+        settings,
+        said,
+    }
+}
+
+/// What is said of starts that are far from the project's own.
+fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
+    let pairs = project.scanners.iter().zip(&better.scanners);
+    let moved = pairs.map(|(own, better)| {
+        let (turn, shift) = better
+            .body_from_scanner
+            .perturbation_from(&own.body_from_scanner);
+        (&own.name, turn.norm(), shift.norm())
+    });
+    let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
+    let said = far.map(|(name, turn, shift)| {
+        let text = format!(
+            "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
+             clouds then take up much less space: is that as wrong?",
+            turn.to_degrees()
+        );
+        Verdict::care("mounting.start", text).with_value(turn, None)
+    });
+    said.collect()
+}
+
+/// The settings of the project with coarser scales before its own where the clouds lie farther apart than
+/// those reach, as far as they hold enough points.
+fn scales_for(
+    project: &Project,
+    samples: &[ScannerSample],
+    apart_m: Option<f64>,
+    progress: &dyn Progress,
+) -> CalibrationSettings {
+    let mut settings = project.calibration.clone();
+    let reach_m = apart_m.unwrap_or(0.0);
+    let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
+    let poses = initial_poses(project);
+    let voxels = |voxel_m: f64| {
+        let placed = samples.iter().zip(&poses);
+        occupied(placed.flat_map(|(s, pose)| s.placed(pose)), voxel_m).len()
+    };
+    let sizes = &mut settings.voxel_sizes_m;
+    while let Some(coarser_m) = sizes.first().filter(|m| **m < least_m).map(|m| 2.0 * m) {
+        if voxels(coarser_m) < NEIGHBOURHOODS * settings.neighbours {
+            break;
+        }
+        progress.say(&format!(
+            "the clouds lie {reach_m:.2} m apart: a scale of {coarser_m} m comes first"
+        ));
+        sizes.insert(0, coarser_m);
+    }
+    settings
+}

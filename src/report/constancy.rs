@@ -1,0 +1,78 @@
+//! What the residuals along the drive say about the mounting.
+
+use super::number;
+use crate::calibration::{Calibration, Constancy, Method};
+use crate::verdict::Verdict;
+
+/// The test of a constant mounting; `None` if it is not possible.
+pub fn verdict(calibration: &Calibration) -> Option<Verdict> {
+    let found = calibration.constancy.as_ref()?;
+    const CODE: &str = "mounting.constancy";
+    let verdict = match warning(calibration) {
+        Some(text) => Verdict::care(CODE, text),
+        None => Verdict::good(
+            CODE,
+            format!(
+                "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
+             as the standard deviations of the poses explain.",
+                of_two_steps(calibration),
+                number::length(found.rms_m),
+                found.ratio
+            ),
+        ),
+    };
+    Some(verdict.with_value(found.ratio, None))
+}
+
+/// A warning if the residuals along the drive show that the mounting is not constant.
+pub fn warning(calibration: &Calibration) -> Option<String> {
+    let constancy = calibration
+        .constancy
+        .as_ref()
+        .filter(|found| !found.constant)?;
+    let with = pattern(calibration, constancy);
+    Some(format!(
+        "The mounting does not appear constant{}: residuals along the drive ({}) are {:.1} times as \
+         large as the standard deviations of the poses explain.{with}",
+        of_two_steps(calibration),
+        number::length(constancy.rms_m),
+        constancy.ratio
+    ))
+}
+
+/// Correlations below are chance; the time of a jump is chosen among many.
+const CORRELATED: f64 = 0.3;
+const JUMPED: f64 = 0.6;
+
+/// What the residuals along the drive follow, and what that is likely to be.
+fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
+    let strongest = constancy.strongest.filter(|(_, r)| r.abs() > CORRELATED);
+    let other = strongest.map_or(0.0, |(_, r)| r.abs());
+    if let Some(jump) = constancy.jump
+        && jump.correlation > JUMPED.max(other)
+    {
+        let name = &calibration.mountings[jump.scanner].name;
+        return format!(
+            " Those of scanner {name} jump by {} at {:.0} s (correlation {:.2}): was it touched then? Calibrate \
+             the parts of the drive before and after on their own.",
+            number::length(jump.step_m.abs()),
+            jump.time_s,
+            jump.correlation
+        );
+    }
+    strongest.map_or(String::new(), |(name, r)| {
+        let likely = match name {
+            "time" => "a mounting creeps, or a sensor drifts",
+            _ => "the frame bends under load, or a mount has play",
+        };
+        format!(" They follow {name} (correlation {r:.2}): {likely}.")
+    })
+}
+
+/// The test of a constant mounting uses the residuals of two steps.
+fn of_two_steps(calibration: &Calibration) -> &'static str {
+    match calibration.method {
+        Method::Joint => " after two steps",
+        Method::TwoStep | Method::Paper => "",
+    }
+}

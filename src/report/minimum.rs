@@ -1,0 +1,99 @@
+//! Whether the calibration converged, how far from its start, and to the only minimum near.
+
+use super::number;
+use crate::calibration::{Calibration, Method};
+use crate::geometry::BodyFromScanner;
+use crate::verdict::Verdict;
+
+/// A mounting that was measured with a tape is not as far off: metres, radians.
+const MOVED_M: [f64; 2] = [0.4, 1.0];
+const MOVED_RAD: [f64; 2] = [0.35, 0.8];
+
+/// Mountings that ended far from where they started.
+pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
+    let pairs = result.mountings.iter().zip(initial);
+    let far = pairs.filter_map(|(mounting, initial)| {
+        let (turn, shift) = mounting.body_from_scanner.perturbation_from(initial);
+        let beyond = |i: usize| shift.norm() > MOVED_M[i] || turn.norm() > MOVED_RAD[i];
+        beyond(0).then(|| {
+            let text = format!(
+                "Scanner {} ended {} and {:.0}° from its start: is the start as wrong as that, or is this \
+                 another minimum?",
+                mounting.name,
+                number::length(shift.norm()),
+                turn.norm().to_degrees()
+            );
+            let verdict = match beyond(1) {
+                true => Verdict::fault("mounting.moved", text),
+                false => Verdict::care("mounting.moved", text),
+            };
+            verdict.with_value(shift.norm(), None)
+        })
+    });
+    far.collect()
+}
+
+/// Whether it converged.
+pub fn convergence(result: &Calibration) -> Verdict {
+    const CODE: &str = "calibration.convergence";
+    match (result.converged, result.method) {
+        (true, Method::Joint) => Verdict::good(CODE, "The joint adjustment converged."),
+        (true, _) => Verdict::good(CODE, "The adjustment converged at every scale."),
+        (false, Method::Joint) => Verdict::fault(
+            CODE,
+            "The joint adjustment did not converge: the result may be wrong.",
+        ),
+        (false, _) => Verdict::fault(
+            CODE,
+            "The adjustment did not converge at every scale: the result may be wrong.",
+        ),
+    }
+}
+
+/// Whether the mountings came back after they were moved away.
+pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
+    const CODE: &str = "calibration.minimum";
+    let found = result.minimum.as_ref()?;
+    let away = format!(
+        "moved away by {} and {:.1}° along and about each axis",
+        number::length(found.shift_m),
+        found.turn_rad.to_degrees()
+    );
+    Some(match &found.other {
+        Some(other) => {
+            let pairs = result.mountings.iter().zip(other);
+            let places = pairs.map(|(own, other)| {
+                let (turn, shift) = other
+                    .body_from_scanner
+                    .perturbation_from(&own.body_from_scanner);
+                let (shift, turn_deg) = (number::length(shift.norm()), turn.norm().to_degrees());
+                format!("{} {shift} and {turn_deg:.1}°", own.name)
+            });
+            let places: Vec<String> = places.collect();
+            Verdict::fault(
+                CODE,
+                format!(
+                    "Another minimum fits as well: {away}, the mountings ended elsewhere ({}). Nothing says \
+                     which is right, and no standard deviation holds: drive over planes in more directions, \
+                     give a reference, or start nearer.",
+                    places.join(", ")
+                ),
+            )
+        }
+        None if found.back == found.starts => Verdict::good(
+            CODE,
+            format!(
+                "The minimum is the only one near: {away}, the mountings came back {} times of {}.",
+                found.back, found.starts
+            ),
+        ),
+        None => Verdict::note(
+            CODE,
+            format!(
+                "The mountings came back {} times of {} when {away}, and ended where the clouds fit worse \
+                 otherwise: start as near as that.",
+                found.back, found.starts
+            ),
+        ),
+    })
+}
