@@ -84,11 +84,10 @@ impl Field {
         )
     }
 
-    /// The largest error of a parameter in its standard deviations, and of position (metres) and rotation
-    /// (degrees).
+    /// The largest error of a parameter in its standard deviations where it has one, and of position (metres)
+    /// and rotation (degrees).
     pub fn errors(&self, found: &Findings) -> [f64; 3] {
         let calibration = &found.calibration;
-        let covariance = calibration.covariance.as_ref().unwrap();
         let mut worst = [0.0_f64; 3];
         for (scanner, (mounting, truth)) in
             calibration.mountings.iter().zip(&self.truth).enumerate()
@@ -96,7 +95,8 @@ impl Field {
             let (turn, shift) = mounting.body_from_scanner.perturbation_from(truth);
             for (parameter, error) in shift.iter().chain(turn.iter()).enumerate() {
                 let place = 6 * scanner + parameter;
-                let sigma = covariance[(place, place)].sqrt();
+                let covariance = calibration.covariance.as_ref();
+                let sigma = covariance.map_or(0.0, |all| all[(place, place)].sqrt());
                 if sigma > 0.0 {
                     worst[0] = worst[0].max(error.abs() / sigma);
                 }
