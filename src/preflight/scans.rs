@@ -22,9 +22,9 @@ const MIN_COLUMNS: usize = 20;
 /// Most points of a scanner that are placed.
 const MAX_POINTS: usize = 30_000;
 /// A rough mounting is off by less than this, metres.
-const ROUGH_M: f64 = 0.2;
+const ROUGH_M: f64 = 0.15;
 /// An alternative explains what is off where it leaves this share of it.
-const LEFT_SHARE: f64 = 0.4;
+const LEFT_SHARE: f64 = 0.5;
 /// Two explanations are as good where they leave as much to this factor.
 const AS_WELL: f64 = 1.2;
 
@@ -139,7 +139,7 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
             let among_m = among.apart_m;
             let text = format!(
                 "{apart} from the reference, and only {among_m:.2} m from each other: is the reference in the \
-                 coordinates of the total station?"
+                 coordinates of the total station, and are the clocks of scanners and trajectory the same?"
             );
             Verdict::care("reference.placement", text).with_value(own_m, None)
         }
