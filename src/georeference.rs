@@ -4,7 +4,7 @@
 use std::fmt;
 
 use crate::error::{Error, Problem, Result};
-use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
+use crate::geometry::{Bending, BodyFromScanner, Vec3, WorldFromBody};
 use crate::sensor::{ScanPoint, check_overlap, time_unit_within};
 use crate::statistics::median;
 use crate::trajectory::PoseLimits;
@@ -59,8 +59,11 @@ pub struct Georeferencer<'a> {
     trajectory: &'a Trajectory,
     cursor: PoseCursor<'a>,
     body_from_scanner: BodyFromScanner,
+    bending: Option<&'a Bending>,
     time_offset_s: f64,
     last: Option<(f64, Option<WorldFromBody>)>,
+    /// The last mounting of a scanner that moves.
+    bent: Option<(f64, BodyFromScanner)>,
     read: u64,
     outside: u64,
     excluded: ExcludedPoints,
@@ -81,8 +84,10 @@ impl<'a> Georeferencer<'a> {
             trajectory,
             cursor: trajectory.cursor(),
             body_from_scanner,
+            bending: None,
             time_offset_s,
             last: None,
+            bent: None,
             read: 0,
             outside: 0,
             excluded: ExcludedPoints {
@@ -92,6 +97,12 @@ impl<'a> Georeferencer<'a> {
             in_excluded_span: false,
             span_s: (f64::INFINITY, f64::NEG_INFINITY),
         }
+    }
+
+    /// With a mounting that moves about the given one.
+    pub fn with_bending(mut self, bending: Option<&'a Bending>) -> Self {
+        self.bending = bending;
+        self
     }
 
     /// Returns the common time of `point` and the pose world_from_body at that time. The pose is
@@ -216,8 +227,24 @@ impl<'a> Georeferencer<'a> {
     /// Returns the position of `point` in the world, metres; `None` as for [`Self::body_at`].
     #[inline]
     pub fn place(&mut self, point: &ScanPoint) -> Option<Vec3> {
-        let (_, world_from_body) = self.body_at(point);
-        world_from_body.map(|pose| pose.map(&self.body_from_scanner.map(&point.position_m)))
+        let (time_s, world_from_body) = self.body_at(point);
+        let mounting = match self.bending {
+            Some(bending) => self.bent_at(bending, time_s),
+            None => self.body_from_scanner,
+        };
+        world_from_body.map(|pose| pose.map(&mounting.map(&point.position_m)))
+    }
+
+    /// The mounting at a time, found once for all points of a profile.
+    fn bent_at(&mut self, bending: &Bending, time_s: f64) -> BodyFromScanner {
+        match self.bent {
+            Some((at, mounting)) if at == time_s => mounting,
+            _ => {
+                let mounting = bending.apply(&self.body_from_scanner, time_s);
+                self.bent = Some((time_s, mounting));
+                mounting
+            }
+        }
     }
 }
 

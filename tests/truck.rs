@@ -10,6 +10,7 @@ use boresight::cloud::NeighbourIndex;
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
 use boresight::joint::adjust;
 use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Scans};
+use boresight::pipeline::clouds::Mounted;
 use boresight::pipeline::start::{Start, start};
 use boresight::pipeline::{clouds, stages};
 use boresight::progress::Silent;
@@ -46,7 +47,7 @@ fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
 /// The same with other poses than the file's.
 fn gap_with_m(project: &Project, trajectory: &Trajectory, mounting: &BodyFromScanner) -> f64 {
     let kept = clouds::stream(project, trajectory, None, &Silent).unwrap();
-    let placed = clouds::place(project, trajectory, &[*mounting], &kept);
+    let placed = clouds::place(project, trajectory, Mounted::rigid(&[*mounting]), &kept);
     // The passes are 41 s apart.
     let middle_s = 0.5 * (trajectory.span_s().0 + trajectory.span_s().1);
     let split = kept[0].partition_point(|point| point.time_s < middle_s);
@@ -98,6 +99,7 @@ fn poses_adjusted_along_bring_the_passes_no_farther_apart() {
     let input = JointInput {
         mountings: two_steps.mountings.clone(),
         known: None,
+        compliance: &[],
         estimate_latency: vec![false],
         drives: vec![JointDrive {
             name: "truck".into(),
@@ -164,7 +166,12 @@ fn poses_beside_points_lead_back_to_the_points() {
     let poses = stages::poses(&project, &Silent).unwrap();
     let identity = BodyFromScanner::identity();
     let kept = clouds::stream(&project, &poses.trajectory, None, &Silent).unwrap();
-    let placed = clouds::place(&project, &poses.trajectory, &[identity], &kept);
+    let placed = clouds::place(
+        &project,
+        &poses.trajectory,
+        Mounted::rigid(&[identity]),
+        &kept,
+    );
     let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&truck())
         .unwrap()
         .points

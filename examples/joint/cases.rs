@@ -24,7 +24,14 @@ pub struct Options {
 }
 
 /// All cases.
-pub const NAMES: [&str; 23] = [
+pub const NAMES: [&str; 30] = [
+    "compliance-evaluation",
+    "compliance",
+    "compliance-3",
+    "hysteresis",
+    "walk",
+    "walk-together",
+    "jump",
     "reference",
     "shift",
     "no-reference",
@@ -81,6 +88,10 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         }
         "three-drives" => setup.drives = 3,
         "evaluation" => setup.evaluate = true,
+        "compliance-evaluation" => {
+            bend(scenario, 0.25);
+            setup.evaluate = true;
+        }
         "odd" | "even" => setup.keep = Some((HALF_S, name == "even")),
         "shift" => {
             // As large as the sigmas that are assumed where none are given.
@@ -152,6 +163,22 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
             });
         }
         "deformation" => scenario.deformation.enabled = true,
+        "compliance" => bend(scenario, 0.25),
+        "compliance-3" => bend(scenario, 0.75),
+        "hysteresis" => {
+            bend(scenario, 0.25);
+            scenario.deformation.hysteresis = 0.2;
+        }
+        "walk" | "walk-together" => {
+            bend(scenario, 0.0);
+            let deformation = &mut scenario.deformation;
+            (deformation.walk_m, deformation.walk_deg) = (0.0015, 0.08);
+            deformation.walk_together = name == "walk-together";
+        }
+        "jump" => {
+            bend(scenario, 0.0);
+            scenario.deformation.jump_m = 0.003;
+        }
         "board" => scenario.boards[1].moved_m = [0.0, 0.0, 0.01],
         "sideways" => scenario.reference.offset_m = [0.005, 0.0, 0.0],
         "up" => {
@@ -176,6 +203,16 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         }
     });
     Ok(setup)
+}
+
+/// A frame that bends with roll and pitch by this share of what the simulator's does, and with nothing else.
+fn bend(scenario: &mut Scenario, share: f64) {
+    let deformation = &mut scenario.deformation;
+    deformation.enabled = true;
+    deformation.rotation_deg_per_deg *= share;
+    deformation.shift_m_per_deg *= share;
+    deformation.shift_m_per_m_s2 = 0.0;
+    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
 }
 
 /// A spinning lidar that looks ahead and down, in the place of the right scanner.

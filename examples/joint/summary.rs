@@ -110,6 +110,13 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
             one.points_m * 1e3,
         );
     }
+    for climb in &joint.ladder {
+        println!(
+            "{case} seed {seed} not {}: {}",
+            climb.rung.name(),
+            climb.reasons.join("; ")
+        );
+    }
     for region in &joint.regions {
         println!("{case} seed {seed} {}", region.describe(&Vec3::zeros()));
     }

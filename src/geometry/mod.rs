@@ -3,11 +3,13 @@
 //! A transform is named after what it maps: `world_from_body * body_from_scanner` is
 //! `world_from_scanner`; adjacent frames cancel. [`Transform`] defines how it is perturbed.
 
+mod bending;
 pub mod euler;
 pub mod heading;
 pub mod so3;
 mod transform;
 
+pub use bending::{Bending, bent};
 pub use euler::EulerConvention;
 pub use heading::BodyAxes;
 pub use transform::{

@@ -3,12 +3,14 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::bend::{Bends, Rung};
 use super::components::{Component, components, rescale};
 use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
+use super::model::contradictions;
 use super::problem::{JointProblem, LEAST_SIGMA_M};
-use super::result::Joint;
+use super::result::{Climb, Joint};
 use super::settings::JointSettings;
 use super::state::State;
 use super::surfel::{Association, Gates, ReferenceCells, associate};
@@ -62,9 +64,54 @@ pub fn adjust(
     progress: &dyn Progress,
 ) -> Result<Joint> {
     let stage = progress.stage("joint adjustment", 0);
+    let mut begin = start(input);
+    let count = input.mountings.len();
+    let least = match input.compliance.is_empty() {
+        true => settings.mounting.least,
+        false => Rung::Compliance,
+    };
+    begin.bends = Bends::new(least, &begin.motions, count, input.compliance);
+    let (mut found, mut state) = at_rung(input, settings, surfel_m, begin, progress)?;
+    let mut ladder = Vec::new();
+    loop {
+        let reasons = contradictions(&found);
+        let allowed = |rung: &Rung| *rung <= settings.mounting.most && input.known.is_none();
+        let (false, Some(next)) = (reasons.is_empty(), state.rung().next().filter(allowed)) else {
+            break;
+        };
+        progress.say(&format!(
+            "the mountings are not {}: {}",
+            state.rung().name(),
+            reasons[0]
+        ));
+        ladder.push(Climb {
+            rung: state.rung(),
+            reasons,
+        });
+        let mut begin = state.clone();
+        begin.bends = Bends::new(next, &begin.motions, count, &[]);
+        (found, state) = match at_rung(input, settings, surfel_m, begin, progress) {
+            Ok(climbed) => climbed,
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            // The rung below could be made.
+            Err(_) => break,
+        };
+    }
+    drop(stage);
+    found.ladder = ladder;
+    Ok(found)
+}
+
+/// Adjusts with mountings that may move as much as those of the start values, from these.
+fn at_rung(
+    input: &JointInput<'_>,
+    settings: &JointSettings,
+    surfel_m: f64,
+    mut state: State,
+    progress: &dyn Progress,
+) -> Result<(Joint, State)> {
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
-    let mut state = start(input);
     let mut reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
     let (mut groups, mut held) = (Groups::new(input), Vec::new());
     let mut steps = Steps {
@@ -85,7 +132,8 @@ pub fn adjust(
                 keyframe_steps: keyframe_steps.clone(),
             };
             let (poses, late_s) = (state.poses(), &state.late_s);
-            let found = associate(&scans, &state.motions, &poses, late_s, &reference, &gates);
+            let mounted = (poses.as_slice(), state.bends.as_ref());
+            let found = associate(&scans, &state.motions, mounted, late_s, &reference, &gates);
             check_overlap(input, &found)?;
             state.shapes = vec![Vec3::zeros(); found.surfels.len()];
             state.patches = vec![0.0; found.patches];
@@ -112,8 +160,9 @@ pub fn adjust(
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
             let found = components_at(&mut problem, &state)?;
-            drop(stage);
-            return conclude(&problem, &state, &found, (stop, steps.iterations));
+            let found = conclude(&problem, &state, &found, (stop, steps.iterations))?;
+            drop(problem);
+            return Ok((found, state));
         }
         if reference_m.norm() > LEAST_SIGMA_M {
             reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
@@ -322,6 +371,7 @@ fn start(input: &JointInput<'_>) -> State {
     State {
         motions: input.drives.iter().map(|d| d.motion.boxed()).collect(),
         mountings: input.mountings.clone(),
+        bends: None,
         late_s: vec![0.0; input.mountings.len()],
         shapes: Vec::new(),
         patches: Vec::new(),

@@ -2,15 +2,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bend::{Bends, Compliance};
 use super::components::Component;
 use super::layout::Groups;
 use super::model::BLOCKS_S;
 use super::problem::JointProblem;
-use super::result::{AdjustedDrive, GroupTest, Joint, PoseMove, ReferenceError};
+use super::result::{AdjustedDrive, GroupTest, Joint, MovedMounting, PoseMove, ReferenceError};
 use super::state::State;
 use crate::adjustment::StopReason;
 use crate::error::{Error, Problem, Result};
-use crate::geometry::Vec3;
+use crate::geometry::{Bending, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
 /// The values of a state with their standard deviations, from the factor that the problem holds.
@@ -75,6 +76,19 @@ pub fn conclude(
             sigma,
         }
     });
+    let bends = state.bends.as_ref();
+    let compliance = bends.into_iter().flat_map(|bends| {
+        let scanners = bends.compliance.iter().zip(&layout.compliance);
+        scanners.map(|(by_load, &place)| {
+            let variances = block(place, place).map(|part| part.diagonal());
+            Compliance {
+                by_load: *by_load,
+                sigma: std::array::from_fn(|i| variances.as_ref().map_or(f64::NAN, |v| root(v[i]))),
+                mean_load: bends.mean_load,
+            }
+        })
+    });
+    let compliance: Vec<Compliance> = compliance.collect();
     let drives = problem.input.drives.iter().enumerate();
     let drives = drives.map(|(index, drive)| {
         let first = layout.first_motion[index];
@@ -92,7 +106,24 @@ pub fn conclude(
             }
         });
         let moved = moved.collect();
+        let bending = bends.into_iter().flat_map(|bends| {
+            let span_s = (records[0].time_s, records[records.len() - 1].time_s);
+            (0..count).map(move |scanner| (bends, scanner, span_s))
+        });
+        let bending = bending.map(|(bends, scanner, span_s)| {
+            let variances = compliance_and_knots(problem, bends, (index, scanner), &block);
+            MovedMounting {
+                offsets: Bending::sampled(span_s, BENDING_STEP_S, |time_s| {
+                    bends.offset(index, scanner, time_s)
+                }),
+                sigmas: Bending::sampled(span_s, BENDING_STEP_S, |time_s| {
+                    variances(time_s).map(root)
+                }),
+            }
+        });
+        let bending = bending.collect();
         Ok(AdjustedDrive {
+            bending,
             name: drive.name.clone(),
             trajectory: Trajectory::new(records)?,
             moved,
@@ -109,6 +140,9 @@ pub fn conclude(
         covariance,
         late_s: late_s.collect(),
         late_scores: late_scores.collect(),
+        rung: state.rung(),
+        ladder: Vec::new(),
+        compliance,
         height_score: problem.height_score(state),
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
@@ -134,6 +168,51 @@ pub fn conclude(
         surfels: problem.found.surfels.len(),
         unknowns: problem.unknowns(),
     })
+}
+
+/// Offsets of mountings are given at this step, seconds.
+const BENDING_STEP_S: f64 = 0.05;
+
+/// Variances of the offsets of a scanner's mounting in a drive, by time.
+fn compliance_and_knots<'a>(
+    problem: &JointProblem<'_>,
+    bends: &'a Bends,
+    (drive, scanner): (usize, usize),
+    block: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
+) -> impl Fn(f64) -> [f64; 6] + 'a {
+    let layout = &problem.layout;
+    let place = layout.compliance[scanner];
+    let of_load = block(place, place);
+    let process = bends.knots.get(drive).map(|of_drive| &of_drive[scanner]);
+    let first = layout.knots.get(drive).map(|of_drive| of_drive[scanner]);
+    let of_knots: Vec<[f64; 6]> = match (process, first) {
+        (Some(process), Some(first)) => (0..process.knot_s.len())
+            .map(|knot| {
+                let part = block(first + knot, first + knot);
+                std::array::from_fn(|i| part.as_ref().map_or(f64::NAN, |part| part[(i, i)]))
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
+    move |time_s| {
+        let load = bends.loads[drive].at(time_s);
+        std::array::from_fn(|i| {
+            let mut variance = 0.0;
+            for (a, x) in load.iter().enumerate() {
+                for (b, y) in load.iter().enumerate() {
+                    let part = of_load
+                        .as_ref()
+                        .map_or(f64::NAN, |of| of[(6 * a + i, 6 * b + i)]);
+                    variance += x * y * part;
+                }
+            }
+            if let Some(process) = process {
+                let (knot, u) = process.locate(time_s);
+                variance += of_knots[knot][i] * (1.0 - u) + of_knots[knot + 1][i] * u;
+            }
+            variance
+        })
+    }
 }
 
 /// The tests of all groups; those of one name together.

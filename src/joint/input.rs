@@ -1,5 +1,6 @@
 //! Input of the adjustment.
 
+use super::bend::Compliance;
 use super::motion::Motion;
 use crate::calibration::{Mounting, ScannerSample};
 use crate::geometry::Vec3;
@@ -29,6 +30,8 @@ pub struct JointInput<'a> {
     /// Covariance of the mountings about their start values where another adjustment found them:
     /// (δp, δφ) of each; `None` where nothing is known.
     pub known: Option<&'a DMatrix<f64>>,
+    /// How mountings that are known follow the load; empty where they are rigid or nothing is known.
+    pub compliance: &'a [Compliance],
     /// Whether the latency of each scanner is estimated.
     pub estimate_latency: Vec<bool>,
     /// One or more drives.

@@ -1,7 +1,8 @@
 //! Which block of unknowns and which group of observations is what.
 
+use super::bend::{Bends, COMPLIANCE};
 use super::input::JointInput;
-use super::motion::Motion;
+use super::motion::{GaussMarkov, Motion};
 use super::surfel::{Association, CLASSES, COVERAGES};
 
 /// Errors of the reference: shift and rotation.
@@ -27,6 +28,10 @@ pub struct Layout {
     pub first_constant: usize,
     /// Of each scanner where it is estimated.
     pub late: Vec<Option<usize>>,
+    /// The first knot of each scanner of each drive, and the compliance of each scanner, where mountings
+    /// move.
+    pub knots: Vec<Vec<usize>>,
+    pub compliance: Vec<usize>,
     /// Of each scanner.
     pub mountings: Vec<usize>,
 }
@@ -36,6 +41,7 @@ impl Layout {
         input: &JointInput<'_>,
         motions: &[Box<dyn Motion>],
         found: &Association,
+        bends: Option<&Bends>,
         has_reference: bool,
     ) -> Self {
         let mut sizes = Vec::new();
@@ -51,6 +57,12 @@ impl Layout {
         };
         let first_surfel = add(found.surfels.len(), 3);
         let first_patch = add(found.patches, 1);
+        let drives = bends.into_iter().flat_map(|bends| &bends.knots);
+        let of_drive = |scanners: &Vec<GaussMarkov>| {
+            let first = scanners.iter().map(|knots| add(knots.knot_s.len(), 6));
+            first.collect()
+        };
+        let knots = drives.map(of_drive).collect();
         let reference = has_reference.then(|| add(1, REFERENCE));
         let mut constant_owner = Vec::new();
         let mut named: Vec<(String, f64)> = Vec::new();
@@ -79,6 +91,12 @@ impl Layout {
         let constants = constants.collect();
         let late = input.estimate_latency.iter();
         let late = late.map(|estimate| estimate.then(|| add(1, 1))).collect();
+        let count = if bends.is_some() {
+            input.mountings.len()
+        } else {
+            0
+        };
+        let compliance = (0..count).map(|_| add(1, COMPLIANCE)).collect();
         let mountings = (0..input.mountings.len()).map(|_| add(1, 6)).collect();
         Self {
             first_motion,
@@ -89,6 +107,8 @@ impl Layout {
             constant_owner,
             first_constant,
             late,
+            knots,
+            compliance,
             mountings,
             sizes,
         }

@@ -8,6 +8,7 @@
 //! and `components.rs` (what residuals say about the model).
 
 mod adjust;
+mod bend;
 mod components;
 mod conclude;
 mod input;
@@ -28,13 +29,15 @@ mod surfel;
 mod tests;
 
 pub use adjust::adjust;
+pub use bend::{Compliance, Rung, load_at};
 pub use input::{JointDrive, JointInput, Scans};
 pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{
-    AdjustedDrive, GroupTest, Joint, JointReport, LateScanner, PoseMove, ReferenceError,
+    AdjustedDrive, Climb, GroupTest, Joint, JointReport, LateScanner, MovedMounting, PoseMove,
+    ReferenceError,
 };
 pub use score::Score;
-pub use settings::{JointSettings, ReferenceSigma};
+pub use settings::{JointSettings, MountingMotion, ReferenceSigma};
 pub use surfel::Region;

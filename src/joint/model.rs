@@ -38,9 +38,10 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
             let most = max_imu_ratio(imu.redundancy);
             if ratio > most {
                 found.push(format!(
-                    "{} contradicts a rigid mounting: the squares of its residuals are {ratio:.1} \
+                    "{} contradicts a {} mounting: the squares of its residuals are {ratio:.1} \
                      times what its noise explains (at most {most:.2})",
                     of_drive("the IMU"),
+                    joint.rung.name(),
                 ));
             }
         }

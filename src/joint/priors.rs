@@ -1,6 +1,7 @@
 //! Rows of all that is known or assumed beforehand: surfels, the reference's errors, constants and
 //! mountings.
 
+use super::bend::COMPLIANCE;
 use super::layout::{REFERENCE, UP};
 use super::problem::{HELD_SIGMA, JointProblem, LEAST_SIGMA_M};
 use super::row::RowBatch;
@@ -101,6 +102,30 @@ impl JointProblem<'_> {
         for (patch, value) in state.patches.iter().enumerate() {
             batch.begin(self.groups.surface, 1.0, value / sigma);
             batch.touch(self.layout.first_patch + patch, &[1.0 / sigma]);
+        }
+    }
+
+    /// Priors of how mountings move.
+    pub fn bending(&self, state: &State, batch: &mut RowBatch) {
+        let Some(bends) = &state.bends else {
+            return;
+        };
+        let group = self.groups.assumed;
+        let scanners = bends.compliance.iter().zip(&bends.prior);
+        for ((compliance, [mean, sigma]), &block) in scanners.zip(&self.layout.compliance) {
+            for (i, value) in compliance.iter().enumerate() {
+                let w = 1.0 / sigma[i].max(HELD_SIGMA);
+                let mut by = [0.0; COMPLIANCE];
+                by[i] = w;
+                batch.begin(group, 1.0, (value - mean[i]) * w);
+                batch.touch(block, &by);
+            }
+        }
+        let firsts = self.layout.knots.iter().flatten();
+        for (process, &first) in bends.knots.iter().flatten().zip(firsts) {
+            for knot in 0..process.knot_s.len() {
+                process.rows(knot, first, group, batch);
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::bend::COMPLIANCE;
 use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE, UP};
 use super::motion::Places;
@@ -63,7 +64,13 @@ impl<'a> JointProblem<'a> {
         (state, held, surface_m): (&State, Vec<DVector<f64>>, f64),
     ) -> Self {
         let has_prior = found.surfels.iter().any(|surfel| surfel.prior.is_some());
-        let layout = Layout::new(input, &state.motions, &found, has_prior);
+        let layout = Layout::new(
+            input,
+            &state.motions,
+            &found,
+            state.bends.as_ref(),
+            has_prior,
+        );
         let known = input.known.map(|covariance| {
             let size = covariance.nrows();
             let least = HELD_SIGMA * HELD_SIGMA;
@@ -154,6 +161,8 @@ impl<'a> JointProblem<'a> {
             surfels: &self.found.surfels,
             shapes: &state.shapes,
             mountings: state.poses(),
+            bends: state.bends.as_ref(),
+            drive,
             late_s: &state.late_s,
         }
     }
@@ -195,6 +204,8 @@ impl<'a> JointProblem<'a> {
                 first_surfel: self.layout.first_surfel,
                 mountings: self.layout.mountings.clone(),
                 late: late.to_vec(),
+                compliance: self.layout.compliance.clone(),
+                knots: self.layout.knots.get(drive).cloned().unwrap_or_default(),
             };
             let steps: Vec<usize> = (0..=motion.steps()).collect();
             for held in steps.chunks(TASK * HELD) {
@@ -217,6 +228,7 @@ impl<'a> JointProblem<'a> {
         }
         let mut batch = RowBatch::default();
         self.surface(state, &mut batch);
+        self.bending(state, &mut batch);
         self.assumed(state, &mut batch);
         visit(&batch);
     }
@@ -309,6 +321,7 @@ impl<'a> JointProblem<'a> {
         let mut next = State {
             motions: motions.collect(),
             mountings: moved(&state.mountings, &delta),
+            bends: state.bends.clone(),
             late_s: state.late_s.clone(),
             shapes: state.shapes.clone(),
             patches: state.patches.clone(),
@@ -316,6 +329,17 @@ impl<'a> JointProblem<'a> {
         };
         for (late, block) in next.late_s.iter_mut().zip(&layout.late) {
             *late += block.map_or(0.0, |block| of(block, 1)[0]);
+        }
+        if let Some(bends) = &mut next.bends {
+            for (compliance, &block) in bends.compliance.iter_mut().zip(&layout.compliance) {
+                let step = of(block, COMPLIANCE);
+                compliance.iter_mut().zip(step).for_each(|(x, d)| *x += d);
+            }
+            let knots = bends.knots.iter_mut().flatten();
+            for (knots, &first) in knots.zip(layout.knots.iter().flatten()) {
+                let step = of(first, knots.value.len());
+                knots.value.iter_mut().zip(step).for_each(|(x, d)| *x += d);
+            }
         }
         if !next.shapes.is_empty() {
             let shapes = of(layout.first_surfel, 3 * next.shapes.len());
@@ -345,7 +369,7 @@ fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
     if row.weight == 0.0 {
         return;
     }
-    let mut values = [0.0; 81];
+    let mut values = [0.0; COMPLIANCE * COMPLIANCE];
     let mut start = 0;
     for (i, &a) in row.blocks.iter().enumerate() {
         let a = a as usize;

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bend::{Compliance, Rung};
 use super::components::Component;
 use super::motion::{PositionBlocks, PositionResiduals};
 use super::score::Score;
@@ -10,7 +11,7 @@ use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
 use crate::verdict::Verdict;
 
@@ -28,6 +29,12 @@ pub struct Joint {
     pub late_scores: Vec<Option<Score>>,
     /// How far the scans put the reference above the world of the poses; its height is held.
     pub height_score: Option<Score>,
+    /// How much the mountings may move in these values.
+    pub rung: Rung,
+    /// The rungs that were contradicted before.
+    pub ladder: Vec<Climb>,
+    /// How each mounting follows the load; empty where mountings are rigid.
+    pub compliance: Vec<Compliance>,
     /// One a drive.
     pub drives: Vec<AdjustedDrive>,
     /// Constants estimated along.
@@ -61,6 +68,8 @@ pub struct AdjustedDrive {
     pub name: String,
     /// The poses with standard deviations.
     pub trajectory: Trajectory,
+    /// How each mounting moved about its mean; empty where mountings are rigid.
+    pub bending: Vec<MovedMounting>,
     /// Name of the group of its IMU.
     pub imu: String,
     /// Residuals of its position sensors in blocks of time.
@@ -69,6 +78,24 @@ pub struct AdjustedDrive {
     pub residuals: Vec<PositionResiduals>,
     /// How far the adjustment moved each pose.
     pub moved: Vec<PoseMove>,
+}
+
+/// How a mounting moved along a drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MovedMounting {
+    /// Off its mean.
+    pub offsets: Bending,
+    /// Standard deviations of these offsets at the same times, not including that of the mean.
+    pub sigmas: Bending,
+}
+
+/// A rung that was left.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Climb {
+    /// Which.
+    pub rung: Rung,
+    /// What contradicted it, the gravest first.
+    pub reasons: Vec<String>,
 }
 
 /// Where the reference as a whole lies against the world of the poses.

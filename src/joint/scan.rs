@@ -1,10 +1,11 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
+use super::bend::{Bends, COMPLIANCE};
 use super::motion::{AT_BRIDGE, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
-use crate::geometry::{BodyFromScanner, Mat3, Vec3};
+use crate::geometry::{BodyFromScanner, Mat3, Vec3, bent};
 
 /// What a scan factor depends on besides the motion.
 pub struct Seen<'a> {
@@ -14,6 +15,9 @@ pub struct Seen<'a> {
     /// (a, b, c) of each surfel.
     pub shapes: &'a [Vec3],
     pub mountings: Vec<BodyFromScanner>,
+    /// How mountings move, and which drive this is.
+    pub bends: Option<&'a Bends>,
+    pub drive: usize,
     /// How late the profiles of each scanner are.
     pub late_s: &'a [f64],
 }
@@ -40,6 +44,8 @@ pub struct Mean {
     pub by_late: f64,
     /// d, metres.
     pub depth_m: f64,
+    /// Mean time of the profiles, seconds.
+    pub time_s: f64,
 }
 
 /// Where points lie as close to the plane through the scanner, there is no relief to scale, metres.
@@ -110,8 +116,21 @@ impl<'a> StepScans<'a> {
         let point = &self.seen.rows.points_of(row)[0];
         let scanner = row.scanner as usize;
         let pose = self.profile(scanner, point.profile);
-        let arm = self.rotations[scanner] * point.position_m;
-        pose.translation_m + pose.rotation * (arm + self.seen.mountings[scanner].translation_m)
+        let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
+        pose.translation_m + pose.rotation * (rotation * point.position_m + translation_m)
+    }
+
+    /// Rotation and position of a scanner in the body at a time.
+    fn mounting(&self, scanner: usize, time_s: f64) -> (Mat3, Vec3) {
+        let mean = &self.seen.mountings[scanner];
+        let Some(bends) = self.seen.bends else {
+            return (self.rotations[scanner], mean.translation_m);
+        };
+        let now = bent(mean, &bends.offset(self.seen.drive, scanner, time_s));
+        (
+            *now.rotation.to_rotation_matrix().matrix(),
+            now.translation_m,
+        )
     }
 
     /// The mean of a row; `depth_m` is d₀.
@@ -122,23 +141,25 @@ impl<'a> StepScans<'a> {
         let [normal, u_axis, v_axis] = &surfel.axes;
         // ∂r by the point.
         let direction = normal - u_axis * shape.y - v_axis * shape.z;
-        let mounting = &self.seen.mountings[scanner];
         let mut sum = Vec3::zeros();
         let (mut arm_moment, mut in_bodies) = (Vec3::zeros(), Vec3::zeros());
         let mut by_nodes: NodeGradient = [0.0; _];
         let mut by_late = 0.0;
         let count: f64 = points.iter().map(|point| point.weight).sum();
         let mut all_arms = Vec3::zeros();
+        let mut times_s = 0.0;
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
             let in_body = pose.rotation.tr_mul(&direction);
+            let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
             let mut arms = Vec3::zeros();
             for point in group {
-                arms += self.rotations[scanner] * point.position_m * point.weight;
+                arms += rotation * point.position_m * point.weight;
             }
             // All are linear in the points of one profile.
             let n: f64 = group.iter().map(|point| point.weight).sum();
-            let levers = arms + mounting.translation_m * n;
+            times_s += pose.time_s * n;
+            let levers = arms + translation_m * n;
             let offset = pose.translation_m - surfel.centre_m;
             sum += pose.rotation * levers + offset * n;
             let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
@@ -158,6 +179,7 @@ impl<'a> StepScans<'a> {
             by_mounting: six(arm_moment / count, in_bodies / count),
             by_late: by_late / count,
             depth_m: 0.0,
+            time_s: times_s / count,
         };
         // The depth turns with the profile in the middle: it is the factor of a small residual.
         let pose = self.profile(scanner, points[points.len() / 2].profile);
@@ -185,6 +207,9 @@ pub struct ScanBlocks {
     pub mountings: Vec<usize>,
     /// Of each scanner's latency, where it is estimated.
     pub late: Vec<Option<usize>>,
+    /// Of each scanner's compliance and of its first knot in this drive; empty where there are none.
+    pub compliance: Vec<usize>,
+    pub knots: Vec<usize>,
 }
 
 /// Adds the rows of a step; `sigma_m` and the group of a row come from `noise`.
@@ -224,6 +249,18 @@ pub fn rows(
         if let Some(late) = blocks.late[scanner] {
             batch.touch(late, &[mean.by_late * w]);
         }
-        batch.touch(blocks.mountings[scanner], &mean.by_mounting.map(|x| x * w));
+        let by_mounting = mean.by_mounting.map(|x| x * w);
+        if let Some(bends) = seen.bends {
+            let load = bends.loads[seen.drive].at(mean.time_s);
+            let by = |i: usize| by_mounting[i % 6] * load[i / 6];
+            let by: [f64; COMPLIANCE] = std::array::from_fn(by);
+            batch.touch(blocks.compliance[scanner], &by);
+            if let Some(first) = blocks.knots.get(scanner) {
+                let (knot, u) = bends.knots[seen.drive][scanner].locate(mean.time_s);
+                batch.touch(first + knot, &by_mounting.map(|x| x * (1.0 - u)));
+                batch.touch(first + knot + 1, &by_mounting.map(|x| x * u));
+            }
+        }
+        batch.touch(blocks.mountings[scanner], &by_mounting);
     }
 }

@@ -1,5 +1,6 @@
 //! Settings of the joint adjustment, in SI units.
 
+use super::bend::Rung;
 use crate::calibration::POSE_CORRELATION_S;
 
 /// Size of a surfel in finest voxels of the calibration that precedes the adjustment.
@@ -12,6 +13,8 @@ pub struct JointSettings {
     pub surfel_m: Option<f64>,
     /// Largest number of iterations in all.
     pub max_iterations: usize,
+    /// How much mountings may move.
+    pub mounting: MountingMotion,
     /// Errors that all points of the reference share.
     pub reference: ReferenceSigma,
     /// Correlation time of the errors of poses that come from a file, seconds.
@@ -33,11 +36,31 @@ pub struct ReferenceSigma {
     pub surface_m: Option<f64>,
 }
 
+/// How much mountings may move: from the first rung, the adjustment climbs where its tests contradict it. By
+/// default it does not climb to knots, which take minutes and explain nearly anything.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MountingMotion {
+    /// Where it begins.
+    pub least: Rung,
+    /// Where it ends at the latest.
+    pub most: Rung,
+}
+
+impl Default for MountingMotion {
+    fn default() -> Self {
+        Self {
+            least: Rung::Rigid,
+            most: Rung::Compliance,
+        }
+    }
+}
+
 impl Default for JointSettings {
     fn default() -> Self {
         Self {
             surfel_m: None,
             max_iterations: 50,
+            mounting: MountingMotion::default(),
             reference: ReferenceSigma::default(),
             correlation_s: POSE_CORRELATION_S,
         }

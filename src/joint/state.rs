@@ -1,5 +1,6 @@
 //! Values of all unknowns.
 
+use super::bend::{Bends, Rung};
 use super::layout::REFERENCE;
 use super::motion::Motion;
 use crate::calibration::Mounting;
@@ -9,6 +10,8 @@ use crate::geometry::{BodyFromScanner, Vec3};
 pub struct State {
     pub motions: Vec<Box<dyn Motion>>,
     pub mountings: Vec<Mounting>,
+    /// How they move; `None` where they are rigid.
+    pub bends: Option<Bends>,
     pub late_s: Vec<f64>,
     /// (a, b, c) of each surfel.
     pub shapes: Vec<Vec3>,
@@ -23,6 +26,7 @@ impl Clone for State {
         Self {
             motions: self.motions.iter().map(|motion| motion.boxed()).collect(),
             mountings: self.mountings.clone(),
+            bends: self.bends.clone(),
             late_s: self.late_s.clone(),
             shapes: self.shapes.clone(),
             patches: self.patches.clone(),
@@ -32,6 +36,11 @@ impl Clone for State {
 }
 
 impl State {
+    /// How much mountings may move.
+    pub fn rung(&self) -> Rung {
+        self.bends.as_ref().map_or(Rung::Rigid, |bends| bends.rung)
+    }
+
     pub fn poses(&self) -> Vec<BodyFromScanner> {
         self.mountings.iter().map(|m| m.body_from_scanner).collect()
     }

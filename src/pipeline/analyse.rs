@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use super::clouds::Mounted;
 use super::findings::{Extras, Findings};
 use super::job::Job;
 use super::stages::Poses;
 use super::start::{self, Start};
-use super::{clouds, drives, joint, page, result, stages};
+use super::{clouds, drives, joint, mounting, page, result, stages};
 use crate::calibration::{Calibration, CalibrationSettings, Method, ScannerSample, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
@@ -20,8 +21,9 @@ use crate::report::{self, verdicts};
 use crate::verdict::Severity;
 
 /// Results other than the clouds.
-const RESULTS: [&str; 5] = [
+const RESULTS: [&str; 6] = [
     "trajectory.csv",
+    "mounting.csv",
     "calibration.toml",
     "project.toml",
     "report.html",
@@ -105,7 +107,10 @@ pub fn analyse(
     let kept = clouds::write(
         &placed,
         &adjusted.trajectory,
-        &calibration.poses(),
+        Mounted {
+            mountings: &calibration.poses(),
+            bending: &adjusted.bending,
+        },
         &mut job,
     )?;
     let mountings = mountings(project, &calibration, &variants, extras);
@@ -282,6 +287,12 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
         stages::write_trajectory(&path, &own.poses, &project.origin_m)?;
     }
     let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
+    if let Some(own) = findings.drives.first() {
+        let moved = accepted.and_then(|joint| joint.drives.first());
+        let moved = moved.map_or(&[][..], |drive| &drive.bending);
+        let text = mounting::table(&findings.calibration, moved, &own.poses);
+        job.write("mounting.csv", &text)?;
+    }
     let project_then = stages::with_latencies(project, accepted);
     let calibrated = stages::with_mountings(&project_then, &findings.calibration.poses());
     let text = result::marked_toml(&calibrated, &findings.verdicts)?;

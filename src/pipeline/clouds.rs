@@ -6,10 +6,11 @@ use super::job::Job;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
 use crate::error::{Error, Result};
 use crate::format::CloudWriter;
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
+use crate::joint::load_at;
 use crate::progress::Progress;
-use crate::project::Project;
+use crate::project::{Project, Scanner};
 use crate::sensor::ScanPoint;
 use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
@@ -17,6 +18,44 @@ use crate::trajectory::Trajectory;
 /// Maximum number of points per scanner and drive that are kept for comparison. M3C2 averages over
 /// cylinders; this many points still put tens of them into each.
 const MAX_KEPT: usize = 2_000_000;
+
+/// How scanners sit on the body.
+#[derive(Debug, Clone, Copy)]
+pub struct Mounted<'a> {
+    /// One a scanner.
+    pub mountings: &'a [BodyFromScanner],
+    /// How each moves about it along the drive; empty where they are rigid.
+    pub bending: &'a [Bending],
+}
+
+impl<'a> Mounted<'a> {
+    /// Rigidly.
+    pub fn rigid(mountings: &'a [BodyFromScanner]) -> Self {
+        Self {
+            mountings,
+            bending: &[],
+        }
+    }
+}
+
+/// How the mountings of a project move along a drive by their compliance; empty where none has one.
+pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
+    if project.scanners.iter().all(|s| s.compliance.is_none()) {
+        return Vec::new();
+    }
+    let scanners = project.scanners.iter();
+    let of = |scanner: &Scanner| {
+        Bending::sampled(trajectory.span_s(), BENDING_STEP_S, |time_s| {
+            let load = load_at(trajectory, time_s);
+            let pair = scanner.compliance.as_ref().zip(load);
+            pair.map_or([0.0; 6], |(compliance, load)| compliance.offset(&load))
+        })
+    };
+    scanners.map(of).collect()
+}
+
+/// Offsets of mountings are found at this step, seconds.
+const BENDING_STEP_S: f64 = 0.05;
 
 /// An even sample of each scanner's laser points, in the scanner frame.
 pub type KeptPoints = Vec<Vec<ScanPoint>>;
@@ -31,7 +70,7 @@ pub type KeptPoints = Vec<Vec<ScanPoint>>;
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    placed: Option<(&[BodyFromScanner], &[PathBuf])>,
+    placed: Option<(Mounted<'_>, &[PathBuf])>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
     let jobs = project
@@ -55,14 +94,17 @@ pub fn stream(
         .sum();
     let stage = progress.stage("georeferencing", bytes);
     let found = in_parallel(jobs, |(number, scanner, readers)| {
-        let (pose, mut writer) = match placed {
-            Some((mountings, files)) => {
-                let writer = CloudWriter::create(&files[usize::from(number)], project.origin_m)?;
-                (mountings[usize::from(number)], Some(writer))
+        let index = usize::from(number);
+        let (pose, bending, mut writer) = match placed {
+            Some((mounted, files)) => {
+                let writer = CloudWriter::create(&files[index], project.origin_m)?;
+                let bending = mounted.bending.get(index);
+                (mounted.mountings[index], bending, Some(writer))
             }
-            None => (scanner.body_from_scanner, None),
+            None => (scanner.body_from_scanner, None, None),
         };
-        let mut place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
+        let place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
+        let mut place = place.with_bending(bending);
         let mut kept = EvenSample::new(MAX_KEPT);
         let mut chunk = Vec::new();
         for mut reader in readers {
@@ -109,12 +151,14 @@ pub fn stream(
 pub fn place(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[BodyFromScanner],
+    mounted: Mounted<'_>,
     kept: &KeptPoints,
 ) -> Vec<Vec<Vec3>> {
-    let jobs: Vec<_> = project.scanners.iter().zip(mountings).zip(kept).collect();
-    in_parallel(jobs, |((scanner, pose), points)| {
-        let mut place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
+    let scanners = project.scanners.iter().zip(mounted.mountings).zip(kept);
+    let jobs: Vec<_> = scanners.enumerate().collect();
+    in_parallel(jobs, |(index, ((scanner, pose), points))| {
+        let place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
+        let mut place = place.with_bending(mounted.bending.get(index));
         points
             .iter()
             .filter_map(|point| place.place(point))
@@ -140,11 +184,11 @@ pub fn names(project: &Project) -> Vec<String> {
 pub fn write(
     project: &Project,
     trajectory: &Trajectory,
-    mountings: &[BodyFromScanner],
+    mounted: Mounted<'_>,
     job: &mut Job<'_>,
 ) -> Result<KeptPoints> {
     let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
     job.timed("georeference", |progress| {
-        stream(project, trajectory, Some((mountings, &files)), progress)
+        stream(project, trajectory, Some((mounted, &files)), progress)
     })
 }

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::clouds::{self, KeptPoints};
+use super::clouds::{self, KeptPoints, Mounted};
 use super::job::Job;
 use super::joint;
 use super::stages::{self, Poses};
 use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::Result;
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
@@ -32,6 +32,8 @@ pub fn name_of(project: &Project) -> String {
 pub struct Adjusted {
     /// From the joint adjustment, or the drive's own.
     pub trajectory: Trajectory,
+    /// How the mountings move on it; empty where they are rigid.
+    pub bending: Vec<Bending>,
 }
 
 impl Adjusted {
@@ -45,7 +47,11 @@ impl Adjusted {
             Some(drive) => drive.trajectory.clone().with_limits(project.limits)?,
             None => poses.trajectory.clone(),
         };
-        Ok(Self { trajectory })
+        let bending = found.into_iter().flat_map(|drive| &drive.bending);
+        Ok(Self {
+            trajectory,
+            bending: bending.map(|moved| moved.offsets.clone()).collect(),
+        })
     }
 }
 
@@ -64,7 +70,7 @@ pub fn compare(
 ) -> Result<Vec<Drive>> {
     let own = job.timed("compare", |progress| {
         let name = name_of(project);
-        let poses = (poses, &adjusted.trajectory);
+        let poses = (poses, &adjusted.trajectory, adjusted.bending.as_slice());
         compared(&name, project, poses, reference, mountings, &kept, progress)
     })?;
     drop(kept);
@@ -74,13 +80,17 @@ pub fn compare(
         project: path,
     } in &project.evaluations
     {
-        let other = stages::aligned(project, Project::read(path)?)?;
+        let mut other = stages::aligned(project, Project::read(path)?)?;
+        for (scanner, own) in other.scanners.iter_mut().zip(&project.scanners) {
+            scanner.compliance = own.compliance;
+        }
         let drive = job.shown(&format!("evaluate {name}"), |progress| {
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, None, progress)?;
             let adjusted = adjusted_alone((name, &other), &poses, calibration, progress)?;
             let trajectory = adjusted.unwrap_or_else(|| poses.trajectory.clone());
-            let poses = (poses, &trajectory);
+            let bending = clouds::bending(&other, &trajectory);
+            let poses = (poses, &trajectory, bending.as_slice());
             compared(name, &other, poses, reference, mountings, &kept, progress)
         });
         drives.push(drive?);
@@ -126,7 +136,7 @@ fn adjusted_alone(
 fn compared(
     name: &str,
     project: &Project,
-    (poses, trajectory): (Poses, &Trajectory),
+    (poses, trajectory, bending): (Poses, &Trajectory, &[Bending]),
     reference: &[Vec3],
     mountings: &Mountings,
     kept: &KeptPoints,
@@ -135,7 +145,15 @@ fn compared(
     let place = |(kind, mountings): &(MountingKind, Vec<BodyFromScanner>)| {
         let own = [MountingKind::Initial, MountingKind::TwoStep].contains(kind);
         let trajectory = if own { &poses.trajectory } else { trajectory };
-        (*kind, clouds::place(project, trajectory, mountings, kept))
+        let mounted = Mounted {
+            mountings,
+            bending: if *kind == MountingKind::Final {
+                bending
+            } else {
+                &[]
+            },
+        };
+        (*kind, clouds::place(project, trajectory, mounted, kept))
     };
     let placed: Vec<_> = mountings.iter().map(place).collect();
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();

@@ -10,8 +10,8 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
-    ChainMotion, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput, JointReport,
-    LateScanner, Scans, Score, adjust, contradictions,
+    ChainMotion, Compliance, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput,
+    JointReport, LateScanner, Scans, Score, adjust, contradictions,
 };
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, Project};
@@ -77,6 +77,7 @@ pub fn report(
             let input = JointInput {
                 mountings: two_steps.mountings.clone(),
                 known: None,
+                compliance: &[],
                 estimate_latency: latencies(project),
                 drives,
                 reference,
@@ -152,7 +153,10 @@ pub fn with_known_mountings(
     covariance: &DMatrix<f64>,
     progress: &dyn Progress,
 ) -> Result<Joint> {
+    let scanners = drive.project.scanners.iter();
+    let compliance: Vec<Compliance> = scanners.filter_map(|s| s.compliance).collect();
     let input = JointInput {
+        compliance: &compliance,
         estimate_latency: vec![false; mountings.len()],
         mountings,
         known: Some(covariance),

@@ -12,6 +12,7 @@ mod findings;
 mod job;
 pub mod joint;
 mod logs;
+mod mounting;
 pub mod online;
 mod outcome;
 mod page;

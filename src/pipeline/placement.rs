@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use super::clouds::Mounted;
 use super::commands::files_in;
 use super::job::Job;
 use super::outcome::{Options, Outcome};
@@ -148,7 +149,12 @@ pub fn georeference(
     }
     let poses = stages::poses(project, progress)?;
     let mountings = stages::initial_poses(project);
-    clouds::write(project, &poses.trajectory, &mountings, &mut job)?;
+    let bending = clouds::bending(project, &poses.trajectory);
+    let mounted = Mounted {
+        mountings: &mountings,
+        bending: &bending,
+    };
+    clouds::write(project, &poses.trajectory, mounted, &mut job)?;
     job.commit()?;
     let files = files_in(&options.out, names);
     let newer = placement.newer_calibration();

@@ -115,9 +115,9 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
         value["reason"] = json!(refused);
         return value;
     };
-    // The model has no other mountings than rigid ones yet.
-    value["decided"] = json!("rigid");
+    value["decided"] = json!(found.rung);
     value["reason"] = json!(refused.as_deref().unwrap_or("no sensor contradicts it"));
+    value["ladder"] = json!(found.ladder);
     if refused.is_some() {
         value["scanners"] = json!(found.calibration(result).scanners());
     }

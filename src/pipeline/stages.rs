@@ -283,12 +283,17 @@ pub fn origin_sigma_m(project: &Project, solution: Option<&Solution>) -> f64 {
     best.map_or(0.0, |best| best.sigma_lever_arm_m)
 }
 
-/// The project with the latencies of its scanners corrected, where an adjustment found them.
+/// The project with the latencies of its scanners corrected, and their compliance, where an adjustment found
+/// them.
 pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
     let mut project = project.clone();
     let late_s = joint.into_iter().flat_map(|joint| &joint.late_s);
     for (scanner, late_s) in project.scanners.iter_mut().zip(late_s) {
         scanner.time_offset_s -= late_s.map_or(0.0, |(value, _)| value);
+    }
+    let compliance = joint.into_iter().flat_map(|joint| &joint.compliance);
+    for (scanner, compliance) in project.scanners.iter_mut().zip(compliance) {
+        scanner.compliance = Some(*compliance);
     }
     project
 }

@@ -37,6 +37,7 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
         scanner.body_from_scanner = same.body_from_scanner;
         scanner.convention = same.convention;
         scanner.time_offset_s = same.time_offset_s;
+        scanner.compliance = same.compliance;
     }
     Ok(project)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
-use crate::joint::JointSettings;
+use crate::joint::{Compliance, JointSettings};
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
 use crate::verdict::Acceptance;
@@ -124,6 +124,8 @@ pub struct Scanner {
     pub convention: EulerConvention,
     /// Which of tx ty tz rx ry rz are held fixed.
     pub fixed: [bool; 6],
+    /// How the mounting follows the load, if it does.
+    pub compliance: Option<Compliance>,
 }
 
 /// The reference cloud.

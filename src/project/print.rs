@@ -9,7 +9,7 @@ use super::written::{self, ObservationKind, Written};
 use crate::calibration::{Method, PARAMETER_NAMES};
 use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
-use crate::joint::ReferenceSigma;
+use crate::joint::{Compliance, MountingMotion, ReferenceSigma, Rung};
 use crate::sensor::Observations;
 use crate::trajectory::{ImuNoise, PositionKind, PositionSettings};
 
@@ -60,6 +60,7 @@ fn written(project: &Project) -> Written {
         joint: written::Joint {
             surfel_m: project.joint.surfel_m,
             max_iterations: Some(project.joint.max_iterations),
+            mounting: Some(mounting_motion(&project.joint.mounting)),
         },
         drive: project.drives.iter().map(other_drive).collect(),
         evaluation: project.evaluations.iter().map(other_drive).collect(),
@@ -103,6 +104,16 @@ fn method(project: &Project) -> written::Method {
         _ if project.is_joint => written::Method::Joint,
         Method::TwoStep | Method::Joint => written::Method::TwoStep,
         Method::Paper => written::Method::Paper,
+    }
+}
+
+fn mounting_motion(motion: &MountingMotion) -> written::MountingMotion {
+    match motion.most {
+        _ if motion.least < motion.most => written::MountingMotion::Auto,
+        Rung::Rigid => written::MountingMotion::Rigid,
+        Rung::Compliance => written::MountingMotion::Compliance,
+        Rung::SlowKnots => written::MountingMotion::SlowKnots,
+        Rung::DenseKnots => written::MountingMotion::DenseKnots,
     }
 }
 
@@ -231,6 +242,23 @@ fn write_logs(logs: &Logs, written: &mut Written) {
     });
 }
 
+fn compliance(compliance: &Compliance) -> written::Compliance {
+    let turns = |all: &[f64; 24]| {
+        let turn = |row: usize, load: usize| preimage(all[6 * load + row], f64::to_radians);
+        std::array::from_fn(|row| std::array::from_fn(|load| turn(row, load)))
+    };
+    let shifts = |all: &[f64; 24]| {
+        std::array::from_fn(|row| std::array::from_fn(|load| all[6 * load + 3 + row]))
+    };
+    written::Compliance {
+        reference_load_g: compliance.mean_load,
+        shift_m_per_g: shifts(&compliance.by_load),
+        turn_deg_per_g: turns(&compliance.by_load),
+        sigma_shift_m_per_g: shifts(&compliance.sigma),
+        sigma_turn_deg_per_g: turns(&compliance.sigma),
+    }
+}
+
 fn scanner(scanner: &Scanner) -> written::Scanner {
     let rotation = &scanner.body_from_scanner.rotation;
     let angles = euler_deg_from_rotation(scanner.convention, rotation);
@@ -259,6 +287,7 @@ fn scanner(scanner: &Scanner) -> written::Scanner {
         rotation_convention: Some(scanner.convention),
         fixed: (!fixed.is_empty()).then_some(fixed),
         estimate: (scanner.estimate_time_offset).then(|| vec![TIME_OFFSET.to_owned()]),
+        compliance: scanner.compliance.as_ref().map(compliance),
     }
 }
 

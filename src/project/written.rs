@@ -252,6 +252,25 @@ pub struct Scanner {
     pub fixed: Option<Vec<String>>,
     /// With the joint adjustment: `time_offset`, to estimate a correction of it. Default none.
     pub estimate: Option<Vec<String>>,
+    /// How the mounting follows the load on the frame. Default: not at all.
+    pub compliance: Option<Compliance>,
+}
+
+/// `[scanner.compliance]`: the mounting under another load than that at which it is the given one. Loads
+/// are the direction up along the body's x and y axes, and its acceleration along them in units of gravity.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Compliance {
+    /// The load at which the mounting is the given one.
+    pub reference_load_g: [f64; 4],
+    /// Shift along x, y, z of the body by each load.
+    pub shift_m_per_g: [[f64; 4]; 3],
+    /// Rotation about x, y, z of the body by each load.
+    pub turn_deg_per_g: [[f64; 4]; 3],
+    /// Standard deviations.
+    pub sigma_shift_m_per_g: [[f64; 4]; 3],
+    /// Standard deviations.
+    pub sigma_turn_deg_per_g: [[f64; 4]; 3],
 }
 
 /// `[reference]`
@@ -318,6 +337,25 @@ pub struct Joint {
     pub surfel_m: Option<f64>,
     /// Largest number of iterations. Default 50.
     pub max_iterations: Option<usize>,
+    /// How much mountings may move. Default `auto`.
+    pub mounting: Option<MountingMotion>,
+}
+
+/// How much mountings may move.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MountingMotion {
+    /// As much as the tests of the adjustment ask for.
+    #[default]
+    Auto,
+    /// Not at all.
+    Rigid,
+    /// Linearly with the load.
+    Compliance,
+    /// And slowly with time.
+    SlowKnots,
+    /// And as fast as the trajectory is known.
+    DenseKnots,
 }
 
 /// `[comparison]`

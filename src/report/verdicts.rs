@@ -111,6 +111,7 @@ fn of_calibration(
     let joint = calibrations.joint_found();
     all.extend(joint.into_iter().flat_map(disagreements));
     let accepted = calibrations.joint.and_then(JointReport::accepted);
+    all.extend(accepted.and_then(method::moving));
     all.extend(accepted.and_then(height));
     all.push(minimum::convergence(result));
     all.extend(minimum::uniqueness(result));

@@ -142,6 +142,15 @@ impl Scenario {
             ),
             ("deformation.drift_deg", bend.drift_deg, COORDINATE),
             ("deformation.drift_m", bend.drift_m, COORDINATE),
+            ("deformation.hysteresis", bend.hysteresis, ANY),
+            ("deformation.walk_deg", bend.walk_deg, ANY),
+            ("deformation.walk_m", bend.walk_m, ANY),
+            (
+                "deformation.walk_correlation_s",
+                bend.walk_correlation_s,
+                LENGTH,
+            ),
+            ("deformation.jump_m", bend.jump_m, COORDINATE),
         ];
         let each = |key, values: &[f64], range| {
             values

@@ -1,8 +1,10 @@
 //! A mounting that is not rigid: the enclosure bends with tilt and acceleration, and creeps.
 
 use super::drive::{BodyState, Drive};
+use super::random::{Correlated, Purpose, stream};
 use super::scenario::Scenario;
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
+use crate::statistics::rms;
 
 /// True mountings of all scanners at any time of a drive.
 #[derive(Debug, Clone)]
@@ -11,12 +13,33 @@ pub struct Mountings {
     scenario: Scenario,
     body_from_frd: Rotation,
     span_s: (f64, f64),
+    /// Every [`STEP_S`] from the start of the drive.
+    tilts_deg: Vec<[f64; 2]>,
+    /// Of each scanner at the same times: rotation (degrees) and shift (metres) in FRD axes.
+    walks: Vec<Vec<[f64; 6]>>,
+    start_s: f64,
 }
+
+/// What depends on the past is found at this step, seconds.
+const STEP_S: f64 = 0.05;
 
 impl Mountings {
     /// The mountings during a drive.
     pub fn new(scenario: &Scenario, drive: &Drive) -> Self {
+        let (start_s, end_s) = drive.span_s;
+        let count = match scenario.deformation.enabled {
+            true => ((end_s - start_s) / STEP_S) as usize + 1,
+            false => 0,
+        };
+        let times_s = || (0..count).map(|k| start_s + STEP_S * k as f64);
+        let states = times_s().map(|t| drive.at(t).roll_pitch_rad.map(f64::to_degrees));
+        let scanners = 0..scenario.scanners.len();
         Self {
+            tilts_deg: played(states.collect(), scenario.deformation.hysteresis),
+            walks: scanners
+                .map(|scanner| walk(scenario, drive, scanner, times_s()))
+                .collect(),
+            start_s,
             at_rest: scenario.true_mountings(),
             scenario: scenario.clone(),
             body_from_frd: scenario.body_from_frd(),
@@ -40,7 +63,16 @@ impl Mountings {
             return rigid;
         }
         let side = self.scenario.scanners[scanner].translation_m[1].signum();
-        let [roll, pitch] = state.roll_pitch_rad.map(f64::to_degrees);
+        let [roll, pitch] = match settings.hysteresis > 0.0 {
+            true => interpolated(&self.tilts_deg, (time_s - self.start_s) / STEP_S),
+            false => state.roll_pitch_rad.map(f64::to_degrees),
+        };
+        let walk = interpolated(&self.walks[scanner], (time_s - self.start_s) / STEP_S);
+        let [walk_deg, walk_m] = [&walk[..3], &walk[3..]].map(Vec3::from_column_slice);
+        let jump = match scanner == 0 && time_s > 0.5 * (self.span_s.0 + self.span_s.1) {
+            true => Vec3::new(1.0, 0.0, -1.0) * (settings.jump_m / 2f64.sqrt()),
+            false => Vec3::zeros(),
+        };
         let acceleration = self.body_from_frd.inverse()
             * (state.world_from_body.rotation.inverse() * state.acceleration_m_s2);
         let (start, end) = self.span_s;
@@ -48,17 +80,73 @@ impl Mountings {
         // Arms ahead of the axle bend with pitch, and sideways with roll.
         let turn_deg = Vec3::new(roll + 0.5 * side * pitch, pitch, 0.5 * side * roll)
             * settings.rotation_deg_per_deg
-            + Vec3::new(side, 0.6, -0.4 * side) * (age * settings.drift_deg);
+            + Vec3::new(side, 0.6, -0.4 * side) * (age * settings.drift_deg)
+            + walk_deg;
         let shift_m = Vec3::new(-0.5 * pitch, 0.5 * roll, pitch + side * roll)
             * settings.shift_m_per_deg
             + Vec3::new(acceleration.x, acceleration.y, 0.0) * settings.shift_m_per_m_s2
-            + Vec3::new(0.3, 0.5 * side, 1.0) * (age * settings.drift_m);
+            + Vec3::new(0.3, 0.5 * side, 1.0) * (age * settings.drift_m)
+            + walk_m
+            + jump;
         let turn = self.body_from_frd * turn_deg.map(f64::to_radians);
         BodyFromScanner::new(
             so3::exp(&turn) * rigid.rotation,
             rigid.translation_m + self.body_from_frd * shift_m,
         )
     }
+}
+
+/// Tilts behind a play of this share of their amplitude.
+fn played(mut tilts_deg: Vec<[f64; 2]>, share: f64) -> Vec<[f64; 2]> {
+    for axis in 0..2 {
+        let amplitude = 2f64.sqrt() * rms(tilts_deg.iter().map(|tilt| tilt[axis]));
+        let half = share * amplitude;
+        let mut behind = tilts_deg.first().map_or(0.0, |tilt| tilt[axis]);
+        for tilt in &mut tilts_deg {
+            behind = behind.clamp(tilt[axis] - half, tilt[axis] + half);
+            tilt[axis] = behind;
+        }
+    }
+    tilts_deg
+}
+
+fn walk(
+    scenario: &Scenario,
+    drive: &Drive,
+    scanner: usize,
+    times_s: impl Iterator<Item = f64>,
+) -> Vec<[f64; 6]> {
+    let settings = &scenario.deformation;
+    let own = if settings.walk_together { 0 } else { scanner };
+    let rng = stream(
+        scenario.seed,
+        Purpose::Mounting,
+        own as u64,
+        drive.span_s.0 as u64,
+    );
+    let mut process = Correlated::<6>::new(rng, 1.0, settings.walk_correlation_s);
+    let values = times_s.map(|time_s| {
+        let value = process.at(time_s);
+        std::array::from_fn(|i| {
+            value[i]
+                * if i < 3 {
+                    settings.walk_deg
+                } else {
+                    settings.walk_m
+                }
+        })
+    });
+    values.collect()
+}
+
+/// The value at a place between entries, that of the nearer end outside.
+fn interpolated<const N: usize>(values: &[[f64; N]], place: f64) -> [f64; N] {
+    let last = values.len() - 1;
+    let place = place.clamp(0.0, last as f64);
+    let before = (place.floor() as usize).min(last.saturating_sub(1));
+    let after = (before + 1).min(last);
+    let u = place - before as f64;
+    std::array::from_fn(|i| values[before][i] * (1.0 - u) + values[after][i] * u)
 }
 
 #[cfg(test)]

@@ -36,6 +36,8 @@ pub enum Purpose {
     Plants,
     /// One revolution of one lidar of one drive.
     Lidar,
+    /// Motion of one mounting on one drive.
+    Mounting,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.

@@ -190,4 +190,16 @@ pub struct DeformationSettings {
     pub drift_deg: f64,
     /// Shift accumulated over a drive, metres.
     pub drift_m: f64,
+    /// Width of the play with which roll and pitch act, as a share of their amplitude.
+    pub hysteresis: f64,
+    /// Standard deviation of a Gauss-Markov process of each rotation, degrees.
+    pub walk_deg: f64,
+    /// And of each coordinate, metres.
+    pub walk_m: f64,
+    /// Its correlation time, seconds.
+    pub walk_correlation_s: f64,
+    /// Whether it moves all scanners alike.
+    pub walk_together: bool,
+    /// Shift of the first scanner in the middle of a drive, upwards and ahead alike, metres.
+    pub jump_m: f64,
 }

@@ -7,13 +7,14 @@ use std::time::Instant;
 use boresight::calibration::ScannerSample;
 use boresight::error::{Error, Result};
 use boresight::format;
-use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
-use boresight::joint::{Joint, JointSettings};
-use boresight::nalgebra::{DMatrix, DVector};
+use boresight::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody, so3};
+use boresight::joint::{Joint, JointSettings, MovedMounting};
+use boresight::nalgebra::{DMatrix, DVector, Quaternion};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
+use boresight::sensor::PoseRecord;
 use boresight::simulation::{Scenario, SimulatedDrive, simulate};
 use boresight::trajectory::Trajectory;
 
@@ -134,11 +135,12 @@ impl Run {
             samples: &samples,
             exact: &exact,
             truth: &truth,
+            moving: true_mountings(&scenario, &files.drives[0])?,
         };
         let two_steps = check.found(
             calibration.poses(),
             &poses.trajectory,
-            &[0.0; 2],
+            (&[0.0; 2], &[]),
             two_seconds,
         );
         let late_s: Vec<f64> = joint
@@ -146,12 +148,16 @@ impl Run {
             .iter()
             .map(|l| l.map_or(0.0, |l| l.0))
             .collect();
-        let adjusted = &joint.drives[0].trajectory;
-        let one_piece = check.found(joint.poses(), adjusted, &late_s, seconds);
+        let adjusted = &joint.drives[0];
+        let moved = (late_s.as_slice(), adjusted.bending.as_slice());
+        let one_piece = check.found(joint.poses(), &adjusted.trajectory, moved, seconds);
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
             let own = stages::aligned(&project, Project::read(&other.project)?)?;
-            let own = stages::with_mountings(&own, &calibration.poses());
+            let mut own = stages::with_mountings(&own, &calibration.poses());
+            for (scanner, compliance) in own.scanners.iter_mut().zip(&joint.compliance) {
+                scanner.compliance = Some(*compliance);
+            }
             let poses = stages::poses(&own, &Silent)?;
             let samples = stages::samples(&own, &poses.trajectory, &Silent)?;
             let drive = Drive {
@@ -167,16 +173,17 @@ impl Run {
                 samples: &samples,
                 exact: &true_poses(other)?,
                 truth: &truth,
+                moving: true_mountings(&scenario, other)?,
             };
-            let still = [0.0; 2];
+            let still = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
             Ok::<_, Error>([
-                check.found(calibration.poses(), &poses.trajectory, &still, 0.0),
                 check.found(
-                    adjusted.poses(),
-                    &adjusted.drives[0].trajectory,
-                    &still,
+                    calibration.poses(),
+                    &poses.trajectory,
+                    (&[0.0; 2], &[]),
                     0.0,
                 ),
+                check.found(adjusted.poses(), &adjusted.drives[0].trajectory, still, 0.0),
             ])
         });
         let evaluation = evaluation.transpose()?;
@@ -243,6 +250,44 @@ fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
     Trajectory::new(format::read_trajectory(&file)?)
 }
 
+/// None where they are rigid.
+fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec<Trajectory>> {
+    if !scenario.deformation.enabled {
+        return Ok(Vec::new());
+    }
+    let scanners = scenario.scanners.iter();
+    let files = scanners.map(|s| drive.folder.join(format!("truth/mounting-{}.csv", s.name)));
+    files
+        .map(|file| Trajectory::new(mountings_in(&file)?))
+        .collect()
+}
+
+/// Mountings by time as poses.
+fn mountings_in(file: &Path) -> Result<Vec<PoseRecord>> {
+    let text = std::fs::read_to_string(file).map_err(|e| Error::io(file, e))?;
+    let rows = text.lines().skip(1).map(|line| {
+        let row: Vec<f64> = line
+            .split(',')
+            .filter_map(|cell| cell.parse().ok())
+            .collect();
+        let [time_s, x, y, z, qx, qy, qz, qw] = row[..] else {
+            return Err(Error::data(
+                format!("{}: {line}", file.display()),
+                "8 numbers",
+            ));
+        };
+        let rotation = Rotation::new_normalize(Quaternion::new(qw, qx, qy, qz));
+        Ok(PoseRecord {
+            time_s,
+            world_from_body: WorldFromBody::new(rotation, Vec3::new(x, y, z)),
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        })
+    });
+    rows.collect()
+}
+
 fn errors(found: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {
     let of_each = found.iter().zip(truth).flat_map(|(found, truth)| {
         let (turn, shift) = found.perturbation_from(truth);
@@ -266,6 +311,8 @@ struct Check<'a> {
     samples: &'a [ScannerSample],
     exact: &'a Trajectory,
     truth: &'a [BodyFromScanner],
+    /// True mountings along the drive where they move.
+    moving: Vec<Trajectory>,
 }
 
 /// One point of so many is compared.
@@ -276,7 +323,7 @@ impl Check<'_> {
         &self,
         mountings: Vec<BodyFromScanner>,
         poses: &Trajectory,
-        late_s: &[f64],
+        (late_s, bending): (&[f64], &[MovedMounting]),
         seconds: f64,
     ) -> Found {
         let (mut pose_sum, mut pose_count) = (0.0, 0.0);
@@ -292,12 +339,22 @@ impl Check<'_> {
                 ) else {
                     continue;
                 };
-                let truth = exact.map(&self.truth[scanner].map(&point.position_m));
+                let mounted = self.moving.get(scanner).map(|m| m.pose_at(true_s));
+                let mounted = match mounted {
+                    Some(Some(m)) => BodyFromScanner::new(m.rotation, m.translation_m),
+                    Some(None) => continue,
+                    None => self.truth[scanner],
+                };
+                let truth = exact.map(&mounted.map(&point.position_m));
                 let [east, north] = self.scenario.field.size_m;
                 if !((0.0..=east).contains(&truth.x) && (0.0..=north).contains(&truth.y)) {
                     continue;
                 }
-                let found = pose.map(&mountings[scanner].map(&point.position_m));
+                let mounting = match bending.get(scanner) {
+                    Some(moved) => moved.offsets.apply(&mountings[scanner], true_s),
+                    None => mountings[scanner],
+                };
+                let found = pose.map(&mounting.map(&point.position_m));
                 point_sum += (found - truth).norm_squared();
                 point_count += 1.0;
                 if last != Some(point.profile) {

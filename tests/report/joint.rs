@@ -9,7 +9,7 @@ use boresight::comparison::MountingKind;
 use boresight::geometry::Vec3;
 use boresight::joint::{
     AdjustedDrive, GroupTest, Joint, JointReport, PoseMove, PositionBlocks, PositionResiduals,
-    ReferenceError, ReferenceSigma, Region,
+    ReferenceError, ReferenceSigma, Region, Rung,
 };
 use boresight::pipeline::{Findings, result};
 use boresight::report::render;
@@ -43,6 +43,7 @@ fn drive(full: &Full, east: f64) -> AdjustedDrive {
     AdjustedDrive {
         name: "drive-1".into(),
         trajectory: Trajectory::new(poses.clone()).expect("poses in time order"),
+        bending: Vec::new(),
         imu: "imu".into(),
         positions: [(2.0, 1.02), (10.0, 1.1), (30.0, east)].map(blocks).into(),
         residuals: vec![PositionResiduals {
@@ -66,6 +67,9 @@ fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
     Joint {
         mountings: near.mountings.clone(),
         covariance: near.covariance.clone().expect("a covariance"),
+        rung: Rung::Rigid,
+        ladder: Vec::new(),
+        compliance: Vec::new(),
         late_scores: vec![None, None],
         height_score: None,
         late_s: vec![Some((1.2e-3, 0.1e-3)), None],

@@ -9,7 +9,8 @@ use super::{
     ScanRow, Surfel, Tally,
 };
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
-use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
+use crate::geometry::{BodyFromScanner, Vec3, WorldFromScanner, bent};
+use crate::joint::bend::Bends;
 use crate::joint::input::Scans;
 use crate::joint::motion::Motion;
 use crate::statistics::{SIGMAS_PER_MAD, median};
@@ -39,7 +40,7 @@ struct Placed {
 pub fn associate(
     scans: &[Scans<'_>],
     motions: &[Box<dyn Motion>],
-    mountings: &[BodyFromScanner],
+    (mountings, bends): (&[BodyFromScanner], Option<&Bends>),
     late_s: &[f64],
     reference: &ReferenceCells,
     gates: &Gates,
@@ -48,10 +49,17 @@ pub fn associate(
     let placed: Vec<Vec<Vec<Placed>>> = scans
         .iter()
         .zip(motions)
-        .map(|(scans, motion)| {
-            let scanners = 0..mountings.len();
-            let of = |s: usize| place(scans, motion.as_ref(), s, &mountings[s], late_s[s]);
-            scanners.into_par_iter().map(of).collect()
+        .enumerate()
+        .map(|(drive, (scans, motion))| {
+            let mounting = |s: usize, time_s: f64| match bends {
+                Some(bends) => bent(&mountings[s], &bends.offset(drive, s, time_s)),
+                None => mountings[s],
+            };
+            let of = |s: usize| {
+                let mounting = |time_s: f64| mounting(s, time_s);
+                place(scans, motion.as_ref(), s, &mounting, late_s[s])
+            };
+            (0..mountings.len()).into_par_iter().map(of).collect()
         })
         .collect();
     let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
@@ -123,11 +131,11 @@ fn place(
     scans: &Scans<'_>,
     motion: &dyn Motion,
     scanner: usize,
-    mounting: &BodyFromScanner,
+    mounting: &dyn Fn(f64) -> BodyFromScanner,
     late_s: f64,
 ) -> Vec<Placed> {
     let sample = scans.samples[scanner];
-    let mut profiles: Vec<Option<(u32, WorldFromBody)>> = vec![None; sample.profiles.len()];
+    let mut profiles: Vec<Option<(u32, WorldFromScanner)>> = vec![None; sample.profiles.len()];
     let mut next = 0;
     while next < profiles.len() {
         let time_of = |profile: usize| sample.profiles[profile].time_s - late_s;
@@ -137,7 +145,8 @@ fn place(
         };
         let poses = motion.poses(step);
         while next < profiles.len() && motion.step_at(time_of(next)) == Some(step) {
-            profiles[next] = Some((step as u32, poses.at(time_of(next)).world_from_body));
+            let body = poses.at(time_of(next)).world_from_body;
+            profiles[next] = Some((step as u32, body * mounting(time_of(next))));
             next += 1;
         }
     }
@@ -145,7 +154,7 @@ fn place(
     let placed = points.filter_map(|(index, point): (u32, _)| {
         let (step, pose) = profiles[point.profile as usize]?;
         Some(Placed {
-            world_m: pose.map(&mounting.map(&point.position_m)),
+            world_m: pose.map(&point.position_m),
             step,
             point: index,
         })

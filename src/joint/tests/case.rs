@@ -5,13 +5,15 @@ use crate::calibration::{Mounting, ScannerSample};
 use crate::geometry::heading::heading_rad;
 use crate::geometry::so3::{exp, log};
 use crate::geometry::{BodyAxes, BodyFromScanner, Rotation, Vec3, WorldFromBody};
+use crate::joint::bend::Bends;
 use crate::joint::layout::{Groups, REFERENCE};
 use crate::joint::motion::Motion;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
 use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
 use crate::joint::{
-    ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, JointInput, JointSettings, Scans,
+    ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, JointInput, JointSettings,
+    MountingMotion, Rung, Scans,
 };
 use crate::progress::Silent;
 use crate::sensor::{HeadingFix, ImuSample, PoseRecord, PoseSigma, PositionFix};
@@ -267,7 +269,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// The three kinds, with their names.
+    /// The three kinds of rigid mountings, with their names.
     pub fn all() -> [(&'static str, Self); 3] {
         [
             ("all kinds of rows", Self::full()),
@@ -305,6 +307,16 @@ impl Case {
         }
     }
 
+    /// Logs and scans of mountings that bend and move.
+    pub fn moving() -> Self {
+        let mut case = Self::plain();
+        case.settings.mounting = MountingMotion {
+            least: Rung::DenseKnots,
+            most: Rung::DenseKnots,
+        };
+        case
+    }
+
     fn with_motion(motion: Box<dyn Motion>) -> Self {
         Self {
             samples: samples(),
@@ -326,6 +338,7 @@ impl Case {
         JointInput {
             mountings: self.mountings.clone(),
             known: self.known.as_ref(),
+            compliance: &[],
             estimate_latency: self.estimate_latency.clone(),
             drives: vec![JointDrive {
                 name: "drive".into(),
@@ -353,7 +366,7 @@ impl Case {
         associate(
             &[input.drives[0].scans.clone()],
             &state.motions,
-            &state.poses(),
+            (&state.poses(), None),
             &state.late_s,
             &ReferenceCells::new(&self.reference, SURFEL_M, [0.0; REFERENCE]),
             &Gates {
@@ -370,6 +383,12 @@ impl Case {
         State {
             motions: vec![self.motion.boxed()],
             mountings: self.mountings.clone(),
+            bends: Bends::new(
+                self.settings.mounting.least,
+                std::slice::from_ref(&self.motion),
+                self.mountings.len(),
+                &[],
+            ),
             late_s: vec![0.0; self.mountings.len()],
             shapes: Vec::new(),
             patches: Vec::new(),

@@ -5,6 +5,7 @@ use crate::calibration::PARAMETER_NAMES;
 use crate::error::Result;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation};
+use crate::joint::Compliance;
 use crate::project::checked::{OtherDrive, Scanner};
 use crate::project::source::{Source, nearest};
 use crate::project::written::{self, Written};
@@ -79,6 +80,32 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
         body_from_scanner: BodyFromScanner::new(rotation, translation_m),
         convention,
         fixed,
+        compliance: scanner
+            .compliance
+            .as_ref()
+            .map(|written| compliance(&table, written))
+            .transpose()?,
+    })
+}
+
+/// In radians, (δφ, δp) load by load.
+fn compliance(table: &Table<'_>, written: &written::Compliance) -> Result<Compliance> {
+    let flat = |turn_deg: &[[f64; 4]; 3], shift_m: &[[f64; 4]; 3]| -> Result<[f64; 24]> {
+        let mut all = [0.0; 24];
+        for (i, value) in all.iter_mut().enumerate() {
+            let (load, row) = (i / 6, i % 6);
+            *value = match row {
+                0..3 => turn_deg[row][load].to_radians(),
+                _ => shift_m[row - 3][load],
+            };
+            table.finite("compliance", Some(*value))?;
+        }
+        Ok(all)
+    };
+    Ok(Compliance {
+        by_load: flat(&written.turn_deg_per_g, &written.shift_m_per_g)?,
+        sigma: flat(&written.sigma_turn_deg_per_g, &written.sigma_shift_m_per_g)?,
+        mean_load: written.reference_load_g,
     })
 }
 

@@ -5,7 +5,7 @@ use super::table::Table;
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::error::Result;
-use crate::joint::{JointSettings, ReferenceSigma};
+use crate::joint::{JointSettings, MountingMotion, ReferenceSigma, Rung};
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Method, Written};
 use crate::verdict::Acceptance;
@@ -139,12 +139,27 @@ pub(super) fn joint(source: &Source, written: &Written) -> Result<JointSettings>
             1,
             "",
         )?,
+        mounting: mounting_motion(written.joint.mounting.unwrap_or_default()),
         reference: reference_sigma(source, written.reference.as_ref())?,
         correlation_s: Table::new(source, "trajectory").positive(
             "correlation_s",
             correlation_s.unwrap_or(default.correlation_s),
         )?,
     })
+}
+
+fn mounting_motion(written: written::MountingMotion) -> MountingMotion {
+    let only = |rung| MountingMotion {
+        least: rung,
+        most: rung,
+    };
+    match written {
+        written::MountingMotion::Auto => MountingMotion::default(),
+        written::MountingMotion::Rigid => only(Rung::Rigid),
+        written::MountingMotion::Compliance => only(Rung::Compliance),
+        written::MountingMotion::SlowKnots => only(Rung::SlowKnots),
+        written::MountingMotion::DenseKnots => only(Rung::DenseKnots),
+    }
 }
 
 fn reference_sigma(

@@ -4,7 +4,7 @@ use super::mistakes::message;
 use super::{EXAMPLE, POSES, Project, UNUSUAL, folder, read, write};
 use crate::calibration::Method;
 use crate::geometry::Vec3;
-use crate::joint::{JointSettings, ReferenceSigma};
+use crate::joint::{JointSettings, MountingMotion, ReferenceSigma};
 use crate::project::Motion;
 use crate::trajectory::TrajectorySettings;
 
@@ -83,6 +83,7 @@ fn keys_of_the_joint_adjustment_are_understood() {
     let expected = JointSettings {
         surfel_m: Some(0.04),
         max_iterations: 12,
+        mounting: MountingMotion::default(),
         reference: ReferenceSigma {
             shift_m: 0.0,
             tilt_rad: 0.007_f64.to_radians(),
@@ -240,7 +241,7 @@ fn mistakes_about_it_are_named_with_line_and_remedy() {
         (
             "surfel_m = 0.04",
             "surfels_m = 0.04",
-            "line 44: found the unknown key `surfels_m`, expected `surfel_m` (or one of: max_iterations)",
+            "line 44: found the unknown key `surfels_m`, expected `surfel_m` (or one of: max_iterations, mounting)",
         ),
         (
             "max_iterations = 12",
