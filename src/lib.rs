@@ -168,8 +168,8 @@
 //! | [`error`] | the error type, with file, line and remedy |
 //! | [`progress`] | progress of stages, cancellation |
 //! | [`output`] | result files, written completely or not at all |
+//! | [`statistics`] | median, quantiles, χ², Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
-//! | [`statistics`] | median, quantiles, χ², Student's t |
 //! | [`verdict`] | statements about results, with severity and code |
 //! | [`sensor`] | measurements of each sensor, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |

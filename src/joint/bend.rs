@@ -14,6 +14,7 @@ use std::sync::Arc;
 use super::motion::{GaussMarkov, Motion};
 use crate::geometry::Vec3;
 use crate::sensor::{PoseRecord, STANDARD_GRAVITY_M_S2};
+use crate::statistics::Series;
 use crate::trajectory::Trajectory;
 
 /// Components of a load, in units of gravity: the direction up along the body's x and y axes, and its
@@ -95,13 +96,6 @@ impl Rung {
     }
 }
 
-/// Loads along a drive, less their mean.
-#[derive(Debug, Clone)]
-pub struct Loads {
-    start_s: f64,
-    values: Vec<[f64; LOADS]>,
-}
-
 /// The load at a time: −Rᵀ g / |g| and Rᵀ a / |g| along x and y, with a from second differences.
 pub fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     let (first_s, last_s) = trajectory.span_s();
@@ -118,32 +112,12 @@ pub fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     Some([up.x, up.y, acceleration.x, acceleration.y])
 }
 
-impl Loads {
-    /// Of a drive with these poses, less `mean`.
-    fn new(trajectory: &Trajectory, mean: &[f64; LOADS]) -> Self {
-        let (first_s, last_s) = trajectory.span_s();
-        let count = ((last_s - first_s) / STEP_S).ceil() as usize;
-        let values = (0..=count).map(|i| {
-            let load = load_at(trajectory, first_s + STEP_S * i as f64).unwrap_or(*mean);
-            std::array::from_fn(|axis| load[axis] - mean[axis])
-        });
-        Self {
-            start_s: first_s,
-            values: values.collect(),
-        }
-    }
-
-    /// ℓ − ℓ̄ at a time.
-    pub fn at(&self, time_s: f64) -> [f64; LOADS] {
-        let last = self.values.len() - 1;
-        let place = ((time_s - self.start_s) / STEP_S).clamp(0.0, last as f64);
-        let before = (place.floor() as usize).min(last.saturating_sub(1));
-        let after = (before + 1).min(last);
-        let u = place - before as f64;
-        std::array::from_fn(|axis| {
-            self.values[before][axis] * (1.0 - u) + self.values[after][axis] * u
-        })
-    }
+/// ℓ − ℓ̄ along a drive.
+fn loads(trajectory: &Trajectory, mean: &[f64; LOADS]) -> Series<LOADS> {
+    Series::sampled(trajectory.span_s(), STEP_S, |time_s| {
+        let load = load_at(trajectory, time_s).unwrap_or(*mean);
+        std::array::from_fn(|axis| load[axis] - mean[axis])
+    })
 }
 
 /// Values of all that moves mountings.
@@ -153,8 +127,8 @@ pub struct Bends {
     pub rung: Rung,
     /// ℓ̄, over all drives.
     pub mean_load: [f64; LOADS],
-    /// Of each drive.
-    pub loads: Arc<Vec<Loads>>,
+    /// ℓ − ℓ̄ along each drive.
+    pub loads: Arc<Vec<Series<LOADS>>>,
     /// C of each scanner, column by column.
     pub compliance: Vec<[f64; COMPLIANCE]>,
     /// What is known of it beforehand: values and standard deviations.
@@ -200,7 +174,7 @@ impl Bends {
             None => unknown,
         });
         let prior: Vec<_> = prior.collect();
-        let loads = drives.iter().map(|drive| Loads::new(drive, &mean_load));
+        let loads = drives.iter().map(|drive| loads(drive, &mean_load));
         let knots = rung.knots().map(|(spacing_s, correlation_s, sigma)| {
             let [turn, shift] = sigma;
             let sigma = vec![turn, turn, turn, shift, shift, shift];

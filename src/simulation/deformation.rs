@@ -4,7 +4,7 @@ use super::drive::{BodyState, Drive};
 use super::random::{Correlated, Purpose, stream};
 use super::scenario::Scenario;
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
-use crate::statistics::rms;
+use crate::statistics::{Series, rms};
 
 /// True mountings of all scanners at any time of a drive.
 #[derive(Debug, Clone)]
@@ -13,11 +13,10 @@ pub struct Mountings {
     scenario: Scenario,
     body_from_frd: Rotation,
     span_s: (f64, f64),
-    /// Every [`STEP_S`] from the start of the drive.
-    tilts_deg: Vec<[f64; 2]>,
-    /// Of each scanner at the same times: rotation (degrees) and shift (metres) in FRD axes.
-    walks: Vec<Vec<[f64; 6]>>,
-    start_s: f64,
+    /// Roll and pitch behind their play.
+    tilts_deg: Series<2>,
+    /// Of each scanner: rotation (degrees) and shift (metres) in FRD axes.
+    walks: Vec<Series<6>>,
 }
 
 /// What depends on the past is found at this step, seconds.
@@ -35,11 +34,16 @@ impl Mountings {
         let states = times_s().map(|t| drive.at(t).roll_pitch_rad.map(f64::to_degrees));
         let scanners = 0..scenario.scanners.len();
         Self {
-            tilts_deg: played(states.collect(), scenario.deformation.hysteresis),
+            tilts_deg: Series::new(
+                start_s,
+                STEP_S,
+                played(states.collect(), scenario.deformation.hysteresis),
+            ),
             walks: scanners
-                .map(|scanner| walk(scenario, drive, scanner, times_s()))
+                .map(|scanner| {
+                    Series::new(start_s, STEP_S, walk(scenario, drive, scanner, times_s()))
+                })
                 .collect(),
-            start_s,
             at_rest: scenario.true_mountings(),
             scenario: scenario.clone(),
             body_from_frd: scenario.body_from_frd(),
@@ -64,10 +68,10 @@ impl Mountings {
         }
         let side = self.scenario.scanners[scanner].translation_m[1].signum();
         let [roll, pitch] = match settings.hysteresis > 0.0 {
-            true => interpolated(&self.tilts_deg, (time_s - self.start_s) / STEP_S),
+            true => self.tilts_deg.at(time_s),
             false => state.roll_pitch_rad.map(f64::to_degrees),
         };
-        let walk = interpolated(&self.walks[scanner], (time_s - self.start_s) / STEP_S);
+        let walk = self.walks[scanner].at(time_s);
         let [walk_deg, walk_m] = [&walk[..3], &walk[3..]].map(Vec3::from_column_slice);
         let jump = match scanner == 0 && time_s > 0.5 * (self.span_s.0 + self.span_s.1) {
             true => Vec3::new(1.0, 0.0, -1.0) * (settings.jump_m / 2f64.sqrt()),
@@ -137,16 +141,6 @@ fn walk(
         })
     });
     values.collect()
-}
-
-/// The value at a place between entries, that of the nearer end outside.
-fn interpolated<const N: usize>(values: &[[f64; N]], place: f64) -> [f64; N] {
-    let last = values.len() - 1;
-    let place = place.clamp(0.0, last as f64);
-    let before = (place.floor() as usize).min(last.saturating_sub(1));
-    let after = (before + 1).min(last);
-    let u = place - before as f64;
-    std::array::from_fn(|i| values[before][i] * (1.0 - u) + values[after][i] * u)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod draws;
 mod even;
 mod normal;
 mod sample;
+mod series;
 mod student;
 
 pub use draws::{drawn, drawn_sign};
@@ -13,4 +14,5 @@ pub use normal::{
     chi_square_bounds_95,
 };
 pub use sample::{mean, median, quantile, quartile, rms};
+pub use series::Series;
 pub use student::student_97_5;
