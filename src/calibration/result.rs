@@ -124,7 +124,11 @@ impl Calibration {
         };
         for axis in 0..3 {
             let rows = (0..self.mountings.len()).map(|scanner| 6 * scanner + axis);
-            let free: Vec<usize> = rows.filter(|&row| covariance[(row, row)] > 0.0).collect();
+            let is_free = |row: &usize| {
+                let is_fixed = self.mountings[row / 6].fixed[axis];
+                !is_fixed && covariance[(*row, *row)] > 0.0
+            };
+            let free: Vec<usize> = rows.filter(is_free).collect();
             for &row in &free {
                 for &column in &free {
                     covariance[(row, column)] += sigma_m * sigma_m;

@@ -39,6 +39,8 @@ pub fn better_start(
     for scanner in 0..poses.len() {
         let fixed = mountings[scanner].fixed;
         let free = Free {
+            // Without a reference, the height of all costs nothing.
+            heights: !reference.is_empty(),
             shifts: !fixed[..3].contains(&true),
             turns: !fixed[3..].contains(&true),
         };
@@ -91,6 +93,7 @@ pub fn better_start(
 /// What of a mounting may be changed.
 #[derive(Clone, Copy)]
 struct Free {
+    heights: bool,
     shifts: bool,
     turns: bool,
 }
@@ -113,6 +116,7 @@ fn descended(
             BodyFromScanner::new(turn * now.rotation, now.translation_m)
         });
         let shifted = corners().filter(|_| free.shifts);
+        let shifted = shifted.filter(|corner| free.heights || corner.z == 0.0);
         let shifted = shifted.map(|corner| {
             BodyFromScanner::new(now.rotation, now.translation_m + corner * voxels.0)
         });

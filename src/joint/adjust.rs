@@ -65,12 +65,13 @@ pub fn adjust(
 ) -> Result<Joint> {
     let stage = progress.stage("joint adjustment", 0);
     let mut begin = start(input);
-    let count = input.mountings.len();
-    let least = match input.compliance.is_empty() {
-        true => settings.mounting.least,
-        false => Rung::Compliance,
+    let least = match (input.known, input.compliance) {
+        (Some(_), []) => Rung::Rigid,
+        (Some(_), _) => Rung::Compliance,
+        (None, _) => settings.mounting.least,
     };
-    begin.bends = Bends::new(least, &begin.motions, count, input.compliance);
+    let mountings = &input.mountings;
+    begin.bends = Bends::new(least, &begin.motions, mountings, input.compliance);
     let (mut found, mut state) = at_rung(input, settings, surfel_m, begin, progress)?;
     let mut ladder = Vec::new();
     loop {
@@ -84,18 +85,22 @@ pub fn adjust(
             state.rung().name(),
             reasons[0]
         ));
-        ladder.push(Climb {
+        let left = Climb {
             rung: state.rung(),
             reasons,
-        });
+        };
         let mut begin = state.clone();
-        begin.bends = Bends::new(next, &begin.motions, count, &[]);
-        (found, state) = match at_rung(input, settings, surfel_m, begin, progress) {
-            Ok(climbed) => climbed,
+        begin.bends = Bends::new(next, &begin.motions, mountings, &[]);
+        match at_rung(input, settings, surfel_m, begin, progress) {
+            Ok(climbed) => (found, state) = climbed,
             Err(Error::Cancelled) => return Err(Error::Cancelled),
             // The rung below could be made.
-            Err(_) => break,
-        };
+            Err(error) => {
+                progress.say(&format!("{} ones cannot be adjusted: {error}", next.name()));
+                break;
+            }
+        }
+        ladder.push(left);
     }
     drop(stage);
     found.ladder = ladder;

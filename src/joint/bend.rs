@@ -12,6 +12,7 @@
 use std::sync::Arc;
 
 use super::motion::{GaussMarkov, Motion};
+use crate::calibration::Mounting;
 use crate::geometry::Vec3;
 use crate::sensor::{PoseRecord, STANDARD_GRAVITY_M_S2};
 use crate::statistics::Series;
@@ -43,6 +44,15 @@ pub struct Compliance {
 }
 
 impl Compliance {
+    /// None, beside that of another scanner.
+    pub fn rigid_beside(other: Self) -> Self {
+        Self {
+            by_load: [0.0; COMPLIANCE],
+            sigma: [0.0; COMPLIANCE],
+            ..other
+        }
+    }
+
     /// (δφ, δp) under a load.
     pub fn offset(&self, load: &[f64; LOADS]) -> [f64; 6] {
         let off = std::array::from_fn(|axis| load[axis] - self.mean_load[axis]);
@@ -99,11 +109,13 @@ impl Rung {
 /// The load at a time: −Rᵀ g / |g| and Rᵀ a / |g| along x and y, with a from second differences.
 pub fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     let (first_s, last_s) = trajectory.span_s();
-    let time_s = time_s.clamp(
-        first_s + SMOOTH_S,
-        (last_s - SMOOTH_S).max(first_s + SMOOTH_S),
-    );
-    let at = |late_s: f64| trajectory.pose_at(time_s + late_s);
+    // At the ends of a drive the body is taken to move on as it does half a second from there.
+    let [low_s, high_s] = match last_s - first_s > 2.0 * SMOOTH_S {
+        true => [first_s + SMOOTH_S, last_s - SMOOTH_S],
+        false => [0.5 * (first_s + last_s); 2],
+    };
+    let time_s = time_s.clamp(low_s, high_s);
+    let at = |late_s: f64| trajectory.pose_at((time_s + late_s).clamp(first_s, last_s));
     let (before, here, after) = (at(-SMOOTH_S)?, at(0.0)?, at(SMOOTH_S)?);
     let bend = after.translation_m - here.translation_m * 2.0 + before.translation_m;
     let to_body = here.rotation.inverse();
@@ -143,7 +155,7 @@ impl Bends {
     pub fn new(
         rung: Rung,
         motions: &[Box<dyn Motion>],
-        scanners: usize,
+        mountings: &[Mounting],
         known: &[Compliance],
     ) -> Option<Self> {
         if rung == Rung::Rigid {
@@ -165,13 +177,22 @@ impl Bends {
                 all.iter().map(|load| load[axis]).sum::<f64>() / all.len().max(1) as f64
             })
         });
-        let unknown = [
-            [0.0; COMPLIANCE],
-            std::array::from_fn(|i| COMPLIANCE_SIGMA[i % 6 / 3]),
-        ];
-        let prior = (0..scanners).map(|scanner| match known.get(scanner) {
-            Some(known) => [known.by_load, known.sigma],
-            None => unknown,
+        // A position or rotation that is fixed as a whole does not bend either.
+        let sigma = |mounting: &Mounting, i: usize| {
+            let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]];
+            let fixed = if i % 6 < 3 { turns } else { shifts };
+            match fixed == [true; 3] {
+                true => 0.0,
+                false => COMPLIANCE_SIGMA[i % 6 / 3],
+            }
+        };
+        let prior = mountings.iter().enumerate().map(|(scanner, mounting)| {
+            let unknown = [
+                [0.0; COMPLIANCE],
+                std::array::from_fn(|i| sigma(mounting, i)),
+            ];
+            let known = known.get(scanner);
+            known.map_or(unknown, |known| [known.by_load, known.sigma])
         });
         let prior: Vec<_> = prior.collect();
         let loads = drives.iter().map(|drive| loads(drive, &mean_load));
@@ -181,7 +202,7 @@ impl Bends {
             let of_drive = |motion: &dyn Motion| {
                 let times = knot_times(motion, spacing_s);
                 let process = GaussMarkov::at_knots(times, sigma.clone(), correlation_s);
-                vec![process; scanners]
+                vec![process; mountings.len()]
             };
             motions.iter().map(AsRef::as_ref).map(of_drive).collect()
         });

@@ -38,9 +38,14 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
             let most = max_imu_ratio(imu.redundancy);
             if ratio > most {
                 found.push(format!(
-                    "{} contradicts a {} mounting: the squares of its residuals are {ratio:.1} \
+                    "{} contradict{} a {} mounting: the squares of its residuals are {ratio:.1} \
                      times what its noise explains (at most {most:.2})",
-                    of_drive("the IMU"),
+                    of_drive(if drive.imu.ends_with("imu") {
+                        "the IMU"
+                    } else {
+                        "the poses"
+                    }),
+                    if drive.imu.ends_with("imu") { "s" } else { "" },
                     joint.rung.name(),
                 ));
             }

@@ -43,6 +43,8 @@ pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
     if project.scanners.iter().all(|s| s.compliance.is_none()) {
         return Vec::new();
     }
+    // Loads are known where poses are too uncertain to place points.
+    let trajectory = &trajectory.clone().without_limits();
     let scanners = project.scanners.iter();
     let of = |scanner: &Scanner| {
         Bending::sampled(trajectory.span_s(), BENDING_STEP_S, |time_s| {

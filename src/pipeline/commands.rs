@@ -185,7 +185,8 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
         ..Content::default()
     };
     let verdicts = report::verdicts(&content, &project.acceptance);
-    let calibrated = stages::with_mountings(project, &found.poses());
+    let rigid = stages::with_latencies(project, None);
+    let calibrated = stages::with_mountings(&rigid, &found.poses());
     let text = result::marked_toml(&calibrated, &verdicts)?;
     job.write("calibration.toml", &text)?;
     job.commit()?;

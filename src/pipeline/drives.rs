@@ -88,8 +88,10 @@ pub fn compare(
             let poses = stages::poses(&other, progress)?;
             let kept = clouds::stream(&other, &poses.trajectory, None, progress)?;
             let adjusted = adjusted_alone((name, &other), &poses, calibration, progress)?;
-            let trajectory = adjusted.unwrap_or_else(|| poses.trajectory.clone());
-            let bending = clouds::bending(&other, &trajectory);
+            let (trajectory, bending) = adjusted.unwrap_or_else(|| {
+                let bending = clouds::bending(&other, &poses.trajectory);
+                (poses.trajectory.clone(), bending)
+            });
             let poses = (poses, &trajectory, bending.as_slice());
             compared(name, &other, poses, reference, mountings, &kept, progress)
         });
@@ -98,14 +100,14 @@ pub fn compare(
     Ok(drives)
 }
 
-/// The poses of an evaluation drive, adjusted with its own scans and without the reference by the
-/// mountings of a joint adjustment; `None` after two steps and where it cannot be adjusted.
+/// The poses of an evaluation drive, and how its mountings move, adjusted with its own scans and without the
+/// reference by the mountings of a joint adjustment; `None` after two steps and where it cannot be adjusted.
 fn adjusted_alone(
     (name, project): (&str, &Project),
     poses: &Poses,
     calibration: &Calibration,
     progress: &dyn Progress,
-) -> Result<Option<Trajectory>> {
+) -> Result<Option<(Trajectory, Vec<Bending>)>> {
     let (Method::Joint, Some(covariance)) = (calibration.method, &calibration.covariance) else {
         return Ok(None);
     };
@@ -120,10 +122,15 @@ fn adjusted_alone(
     let mountings = calibration.mountings.clone();
     match joint::with_known_mountings(&drive, mountings, covariance, progress) {
         Ok(found) => {
-            let trajectory = found.drives.into_iter().next().map(|d| d.trajectory);
-            trajectory
-                .map(|t| t.with_limits(project.limits))
-                .transpose()
+            let drive = found.drives.into_iter().next();
+            let placed = drive.map(|drive| {
+                let bending = drive.bending.into_iter().map(|moved| moved.offsets);
+                Ok((
+                    drive.trajectory.with_limits(project.limits)?,
+                    bending.collect(),
+                ))
+            });
+            placed.transpose()
         }
         Err(error) => {
             let reason = joint::reason(error)?;

@@ -153,8 +153,17 @@ pub fn with_known_mountings(
     covariance: &DMatrix<f64>,
     progress: &dyn Progress,
 ) -> Result<Joint> {
-    let scanners = drive.project.scanners.iter();
-    let compliance: Vec<Compliance> = scanners.filter_map(|s| s.compliance).collect();
+    let scanners = || {
+        drive
+            .project
+            .scanners
+            .iter()
+            .map(|scanner| scanner.compliance)
+    };
+    // One without a table is rigid.
+    let rigid = scanners().flatten().next().map(Compliance::rigid_beside);
+    let compliance = scanners().filter_map(|own| own.or(rigid));
+    let compliance: Vec<Compliance> = compliance.collect();
     let input = JointInput {
         compliance: &compliance,
         estimate_latency: vec![false; mountings.len()],

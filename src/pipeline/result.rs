@@ -115,7 +115,7 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
         value["reason"] = json!(refused);
         return value;
     };
-    value["decided"] = json!(found.rung);
+    value["decided"] = json!(refused.is_none().then_some(found.rung));
     value["reason"] = json!(refused.as_deref().unwrap_or("no sensor contradicts it"));
     value["ladder"] = json!(found.ladder);
     if refused.is_some() {

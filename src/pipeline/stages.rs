@@ -14,7 +14,7 @@ use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{Motion, Project, Scanner};
 use crate::sensor::PoseRecord;
-use crate::trajectory::{Solution, Trajectory};
+use crate::trajectory::{PositionSettings, Solution, Trajectory};
 
 /// # Errors
 /// Two scanners with a file in common.
@@ -269,16 +269,17 @@ pub fn calibration(
 }
 
 /// Standard deviation of the body's origin along each axis, metres: that of the lever arm of the best
-/// position sensor, or 0 where lever arms are estimated or there are none.
+/// position sensor whose lever arm is not estimated, or 0 without one.
 pub fn origin_sigma_m(project: &Project, solution: Option<&Solution>) -> f64 {
     let (Motion::Logs(logs), Some(solution)) = (&project.motion, solution) else {
         return 0.0;
     };
-    let mut constants = solution.constants.iter();
-    if constants.any(|constant| constant.name.contains(".lever_arm")) {
-        return 0.0;
-    }
-    let positions = logs.settings.positions.iter();
+    let is_held = |position: &&PositionSettings| {
+        let own = format!("{}.lever_arm", position.name);
+        let mut constants = solution.constants.iter();
+        !constants.any(|constant| constant.name.starts_with(&own))
+    };
+    let positions = logs.settings.positions.iter().filter(is_held);
     let best = positions.min_by(|a, b| a.sigma_m.norm().total_cmp(&b.sigma_m.norm()));
     best.map_or(0.0, |best| best.sigma_lever_arm_m)
 }
@@ -291,9 +292,8 @@ pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
     for (scanner, late_s) in project.scanners.iter_mut().zip(late_s) {
         scanner.time_offset_s -= late_s.map_or(0.0, |(value, _)| value);
     }
-    let compliance = joint.into_iter().flat_map(|joint| &joint.compliance);
-    for (scanner, compliance) in project.scanners.iter_mut().zip(compliance) {
-        scanner.compliance = Some(*compliance);
+    for (number, scanner) in project.scanners.iter_mut().enumerate() {
+        scanner.compliance = joint.and_then(|joint| joint.compliance.get(number).copied());
     }
     project
 }

@@ -46,6 +46,10 @@ pub fn with_scales(
         let found_m = finest_scale(scanner, trajectory)?;
         finest_m = finest_m.into_iter().chain(found_m).reduce(f64::max);
     }
+    if finest_m.is_none() {
+        progress
+            .say("how far points lie apart cannot be seen: the scales are those of close range");
+    }
     let sizes = &mut project.calibration.voxel_sizes_m;
     if let (Some(finest_m), Some(own_m)) = (finest_m, sizes.last().copied()) {
         // To two digits.
@@ -53,7 +57,8 @@ pub fn with_scales(
         let finest_m = (finest_m / digit).round() * digit;
         sizes.iter_mut().for_each(|size| *size *= finest_m / own_m);
         progress.say(&format!(
-            "the finest scale is {finest_m:.2} m, by range and spacing of points"
+            "the finest scale is {:.1} mm, by range and spacing of points",
+            1e3 * finest_m
         ));
     }
     Ok(project)

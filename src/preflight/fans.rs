@@ -36,7 +36,7 @@ pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<Verdict> {
         let rising = share(sample, rises);
         let upward = (rising > MOST).then(|| {
             let text = format!(
-                "Mounted as in the project, scanner `{name}` looks upwards: {:.0} % of its points lie higher \
+                "As it is mounted, scanner `{name}` looks upwards: {:.0} % of its points lie higher \
                  than itself. Check rotation, rotation_convention and frame.body.",
                 100.0 * rising
             );

@@ -122,7 +122,7 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
             (left.columns >= own_misfit.columns / 2).then_some((left, code, text))
         });
     let best = left
-        .chain(higher_reference(&own_clouds, &reference))
+        .chain(higher_reference(&own_clouds, &reference).filter(|_| own.len() > 1))
         .min_by(|a, b| a.0.apart_m.total_cmp(&b.0.apart_m));
     let apart = format!("Placed with the project's mountings the clouds lie {own_m:.2} m apart");
     let explains = |left: &Misfit| left.apart_m < ROUGH_M.min(LEFT_SHARE * own_m);
@@ -171,7 +171,7 @@ fn higher_reference(
     let left = misfit(scanners, &raised.collect())?;
     let text = format!(
         "with the reference {:.2} m {}: check the heights of the total station, the prism and its lever arm, \
-         and of the reference.",
+         of the reference, and z of the scanners.",
         above_m.abs(),
         if above_m > 0.0 { "higher" } else { "lower" }
     );

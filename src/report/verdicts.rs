@@ -6,7 +6,7 @@ use super::{agreement, constancy, method, minimum, number};
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
-use crate::joint::{Joint, JointReport};
+use crate::joint::{Joint, JointReport, Rung};
 use crate::statistics::NORMAL_97_5_ROUNDED;
 use crate::trajectory::{Constant, Doubt, Solution};
 use crate::verdict::{Acceptance, Severity, Verdict, capitalised};
@@ -118,7 +118,8 @@ fn of_calibration(
     if let Some(initial) = calibrations.mountings(MountingKind::Initial) {
         all.extend(minimum::moved(result, initial));
     }
-    all.extend(sigmas(result, acceptance));
+    let moves = accepted.is_some_and(|joint| joint.rung > Rung::Rigid);
+    all.extend(sigmas(result, acceptance, moves));
     let reference = method::reference(result, calibrations.joint);
     all.extend(reference.map(|text| Verdict::note("reference.prior", text)));
     let relative = method::relative(result).into_iter();
@@ -131,7 +132,14 @@ fn of_calibration(
             .into_iter()
             .filter(|v| v.severity != Severity::Good),
     );
-    all.extend(constancy::verdict(result));
+    // Of two rigid steps; a mounting that moves stands above.
+    let constancy = constancy::verdict(result).map(|mut verdict| {
+        if moves {
+            verdict.severity = verdict.severity.min(Severity::Note);
+        }
+        verdict
+    });
+    all.extend(constancy);
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     all.extend(solution.and_then(|solution| origin(solution, result.origin_sigma_m)));
     all
@@ -139,11 +147,9 @@ fn of_calibration(
 
 /// What the positions of the mountings rest on where no lever arm is estimated.
 fn origin(solution: &Solution, sigma_m: f64) -> Option<Verdict> {
-    let is_estimated = solution
-        .constants
-        .iter()
-        .any(|c| c.name.contains(".lever_arm"));
-    (!is_estimated).then(|| {
+    let mut constants = solution.constants.iter();
+    let is_estimated = constants.any(|constant| constant.name.contains(".lever_arm"));
+    (sigma_m > 0.0 || !is_estimated).then(|| {
         let text = match sigma_m > 0.0 {
             true => format!(
                 "The standard deviations of positions include that of the lever arm, {} \
@@ -202,8 +208,9 @@ fn height(joint: &Joint) -> Option<Verdict> {
     })
 }
 
-/// The largest standard deviations of the mountings, against what is accepted.
-fn sigmas(calibration: &Calibration, acceptance: &Acceptance) -> Option<Verdict> {
+/// The largest standard deviations of the mountings, against what is accepted; `moves`: they include that
+/// mountings move.
+fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -> Option<Verdict> {
     const CODE: &str = "mounting.sigma";
     let mut worst = [0.0f64; 2];
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {
@@ -230,7 +237,7 @@ fn sigmas(calibration: &Calibration, acceptance: &Acceptance) -> Option<Verdict>
         number::length(acceptance.sigma_translation_m),
         number::shortest(acceptance.sigma_rotation_rad.to_degrees())
     );
-    let is_constant = calibration.constancy.as_ref().is_none_or(|c| c.constant);
+    let is_constant = moves || calibration.constancy.as_ref().is_none_or(|c| c.constant);
     let is_accepted =
         length_m <= acceptance.sigma_translation_m && angle_rad <= acceptance.sigma_rotation_rad;
     Some(match (is_constant, is_accepted) {

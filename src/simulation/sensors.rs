@@ -190,7 +190,7 @@ pub struct DeformationSettings {
     pub drift_deg: f64,
     /// Shift accumulated over a drive, metres.
     pub drift_m: f64,
-    /// Width of the play with which roll and pitch act, as a share of their amplitude.
+    /// Half the width of the play with which roll and pitch act, as a share of their amplitude.
     pub hysteresis: f64,
     /// Standard deviation of a Gauss-Markov process of each rotation, degrees.
     pub walk_deg: f64,

@@ -386,7 +386,7 @@ impl Case {
             bends: Bends::new(
                 self.settings.mounting.least,
                 std::slice::from_ref(&self.motion),
-                self.mountings.len(),
+                &self.mountings,
                 &[],
             ),
             late_s: vec![0.0; self.mountings.len()],

@@ -7,7 +7,7 @@ use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation};
 use crate::joint::Compliance;
 use crate::project::checked::{OtherDrive, Scanner};
-use crate::project::source::{Source, nearest};
+use crate::project::source::{Source, Step, nearest};
 use crate::project::written::{self, Written};
 
 /// What of a scanner can be estimated besides its mounting.
@@ -21,9 +21,23 @@ pub(in crate::project) fn scanners(
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
     let scanners = written.iter().enumerate();
-    scanners
+    let scanners: Vec<Scanner> = scanners
         .map(|(index, scanner)| checked(source, index, scanner))
-        .collect()
+        .collect::<Result<_>>()?;
+    let loads = || {
+        scanners
+            .iter()
+            .filter_map(|s| Some(s.compliance?.mean_load))
+    };
+    let first = loads().next();
+    if loads().any(|load| Some(load) != first) {
+        return Err(source.error(
+            &[Step::Key("scanner")],
+            "reference_load_g that differ from scanner to scanner",
+            "the tables of one calibration.toml",
+        ));
+    }
+    Ok(scanners)
 }
 
 fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<Scanner> {
