@@ -93,8 +93,8 @@ pub fn moving(joint: &Joint) -> Option<Verdict> {
     }
     let (shift_m, turn_rad) = (rms(shift_m), rms(turn_rad));
     let text = format!(
-        "The mountings move along the drive, by {} and {:.3}° about each axis (root mean square){reason}. The model \
-         lets them be {}; mounting.csv has them by time. Points are better known than single parameters: a motion \
+        "The mountings move along the drive, by {} and {:.3}° about each axis (root mean square){reason}. They are \
+         modelled as {}; mounting.csv has them by time. Points are better known than single parameters: a motion \
          along the track and one in pitch look alike.",
         number::length(shift_m),
         turn_rad.to_degrees(),

@@ -132,14 +132,8 @@ fn of_calibration(
             .into_iter()
             .filter(|v| v.severity != Severity::Good),
     );
-    // Of two rigid steps; a mounting that moves stands above.
-    let constancy = constancy::verdict(result).map(|mut verdict| {
-        if moves {
-            verdict.severity = verdict.severity.min(Severity::Note);
-        }
-        verdict
-    });
-    all.extend(constancy);
+    // Of two rigid steps, whatever the mountings do that are adjusted since.
+    all.extend(constancy::verdict(result).filter(|_| !moves));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     all.extend(solution.and_then(|solution| origin(solution, result.origin_sigma_m)));
     all
