@@ -10,6 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use boresight::joint::Rung;
+use boresight::statistics::rms;
 use field::Field;
 use list::{MISTAKES, Mistake, PAIRS};
 
@@ -174,18 +175,25 @@ fn a_frame_that_bends_is_modelled_and_said() {
     for (scanner, name) in ["left", "right"].into_iter().enumerate() {
         let mean = joint.mountings[scanner].body_from_scanner;
         let bending = &joint.drives[0].bending[scanner].offsets;
-        let (mut squares, mut count) = ([0.0; 2], 0.0);
-        for (time_s, truth) in field.true_mountings(name) {
-            let (turn, shift) = bending.apply(&mean, time_s).perturbation_from(&truth);
-            squares[0] += shift.norm_squared();
-            squares[1] += turn.norm_squared();
-            count += 1.0;
+        let errors: Vec<[f64; 6]> = field
+            .true_mountings(name)
+            .iter()
+            .map(|(time_s, truth)| {
+                let (turn, shift) = bending.apply(&mean, *time_s).perturbation_from(truth);
+                [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+            })
+            .collect();
+        for axis in 0..6 {
+            let of_axis = || errors.iter().map(|error| error[axis]);
+            let middle = of_axis().sum::<f64>() / errors.len() as f64;
+            let about = rms(of_axis().map(|error| error - middle));
+            let place = 6 * scanner + axis;
+            let sigma = joint.covariance[(place, place)].sqrt();
+            println!("{name} {axis}: {middle:.2e} ± {sigma:.2e}, about it {about:.2e}");
+            assert!(middle.abs() < WRONG_SIGMAS * sigma);
+            // A fifth of how the frame moves.
+            assert!(about < if axis < 3 { 5e-4 } else { 4e-4 });
         }
-        let [shift_m, turn_rad] = squares.map(|sum| f64::sqrt(sum / count));
-        let turn_deg = turn_rad.to_degrees();
-        println!("{name}: {:.2} mm and {turn_deg:.3}° off", 1e3 * shift_m);
-        // Some 0.4 mm and 0.025° in all three axes are what the sigmas of the mean say.
-        assert!(shift_m < 1.2e-3 && turn_deg < 0.06);
     }
 }
 
