@@ -58,7 +58,7 @@ const MAX_CENTRES: usize = 250_000;
 ///
 /// # Errors
 /// Invalid settings or input; a scanner without points; too few points for the
-/// neighbourhoods; [`Error::Cancelled`](crate::Error::Cancelled).
+/// neighbourhoods; [`Error::Cancelled`].
 pub fn calibrate(
     input: &Input<'_>,
     settings: &CalibrationSettings,

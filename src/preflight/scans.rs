@@ -24,7 +24,7 @@ const MAX_POINTS: usize = 30_000;
 /// A rough mounting is off by less than this, metres.
 const ROUGH_M: f64 = 0.15;
 /// An alternative explains what is off where it leaves this share of it.
-const LEFT_SHARE: f64 = 0.5;
+const LEFT_SHARE: f64 = 0.4;
 /// Two explanations are as good where they leave as much to this factor.
 const AS_WELL: f64 = 1.2;
 

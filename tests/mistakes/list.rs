@@ -117,16 +117,20 @@ pub const MISTAKES: &[Mistake] = &[
             );
         },
     ),
-    mistake("scanners 18 s late", &["scanner.time_offset"], |field| {
-        field.project(
-            "profiles = \"left.bin\"",
-            "profiles = \"left.bin\"\ntime_offset_s = 18.0",
-        );
-        field.project(
-            "profiles = \"right.bin\"",
-            "profiles = \"right.bin\"\ntime_offset_s = 18.0",
-        );
-    }),
+    mistake(
+        "scanners 18 s late",
+        &["scanner.time_offset", "reference.placement"],
+        |field| {
+            field.project(
+                "profiles = \"left.bin\"",
+                "profiles = \"left.bin\"\ntime_offset_s = 18.0",
+            );
+            field.project(
+                "profiles = \"right.bin\"",
+                "profiles = \"right.bin\"\ntime_offset_s = 18.0",
+            );
+        },
+    ),
     mistake("reference 20 mm too high", &["reference.height"], |field| {
         field.reference(|p| p.z += 0.02);
     }),
