@@ -191,8 +191,9 @@ fn a_frame_that_bends_is_modelled_and_said() {
             let sigma = joint.covariance[(place, place)].sqrt();
             println!("{name} {axis}: {middle:.2e} ± {sigma:.2e}, about it {about:.2e}");
             assert!(middle.abs() < WRONG_SIGMAS * sigma);
-            // A fifth of how the frame moves.
-            assert!(about < if axis < 3 { 5e-4 } else { 4e-4 });
+            // A motion along the track and one in pitch look alike; the others are told apart.
+            let most = [1e-3, 3e-4, 2e-4, 1e-4, 8e-4, 4e-4];
+            assert!(about < most[axis]);
         }
     }
 }
