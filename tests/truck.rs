@@ -197,7 +197,11 @@ fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let start = start(project, &poses.trajectory, &samples, &[], &Silent);
     let own = |code: &str| code == "mounting.start";
     let mut said = start.said.iter();
-    assert!(said.all(|v| own(&v.code) || !v.severity.is_marked()));
+    assert!(
+        said.all(|v| own(&v.code) || !v.severity.is_marked()),
+        "{:?}",
+        start.said
+    );
     let Start {
         project, settings, ..
     } = start;
