@@ -80,7 +80,7 @@ impl Placed {
     pub fn is_explained_as_well_as(&self, other: &Self) -> bool {
         let pair = self.explained.zip(other.misfit);
         pair.is_some_and(|(own, other)| {
-            own.apart_m < AS_WELL * other.apart_m && 2 * own.columns > other.columns
+            own.apart_m < AS_WELL * other.apart_m && 4 * own.columns > 3 * other.columns
         })
     }
 }
