@@ -45,6 +45,11 @@ pub struct Minimum {
 }
 
 impl Minimum {
+    /// Whether another one fits as well.
+    pub fn is_doubtful(&self) -> bool {
+        self.other.is_some()
+    }
+
     /// Moves `found` away and lets the coarsest scale bring it back.
     ///
     /// # Errors

@@ -107,9 +107,7 @@ pub fn calibrate(
     };
     // The standard deviations of a minimum that may be the wrong one say nothing, and the paper's method
     // has none.
-    let is_doubtful = minimum
-        .as_ref()
-        .is_some_and(|minimum| minimum.other.is_some());
+    let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
     let has_covariance = settings.method != Method::Paper && !is_doubtful;
     Ok(Calibration {
         method: settings.method,

@@ -166,7 +166,6 @@ fn at_rung(
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
             let found = components_at(&mut problem, &state)?;
             let found = conclude(&problem, &state, &found, (stop, steps.iterations))?;
-            drop(problem);
             return Ok((found, state));
         }
         if reference_m.norm() > LEAST_SIGMA_M {

@@ -15,7 +15,7 @@ use super::motion::{GaussMarkov, Motion};
 use crate::calibration::Mounting;
 use crate::geometry::Vec3;
 use crate::sensor::{PoseRecord, STANDARD_GRAVITY_M_S2};
-use crate::statistics::Series;
+use crate::statistics::{self, Series};
 use crate::trajectory::Trajectory;
 
 /// Components of a load, in units of gravity: the direction up along the body's x and y axes, and its
@@ -26,6 +26,11 @@ pub const COMPLIANCE: usize = 6 * LOADS;
 /// Standard deviations of the prior of a compliance: a degree of tilt bends by some tenths of a degree and
 /// some millimetres. Radians per g, metres per g.
 pub const COMPLIANCE_SIGMA: [f64; 2] = [0.3, 0.5];
+
+/// Standard deviations of the motion in time, radians and metres.
+const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
+/// Offsets along a drive are given at this step, seconds.
+pub const BENDING_STEP_S: f64 = 0.05;
 
 /// Loads are tabulated at this step, seconds.
 const STEP_S: f64 = 0.1;
@@ -55,8 +60,7 @@ impl Compliance {
 
     /// (δφ, δp) under a load.
     pub fn offset(&self, load: &[f64; LOADS]) -> [f64; 6] {
-        let off = std::array::from_fn(|axis| load[axis] - self.mean_load[axis]);
-        under(&self.by_load, &off)
+        under(&self.by_load, &off(load, &self.mean_load))
     }
 }
 
@@ -95,19 +99,22 @@ impl Rung {
         }
     }
 
-    /// Spacing and correlation time of its knots, seconds, and standard deviations of rotations (radians)
-    /// and positions (metres).
-    fn knots(self) -> Option<(f64, f64, [f64; 2])> {
-        match self {
-            Self::Rigid | Self::Compliance => None,
-            Self::SlowKnots => Some((2.0, 30.0, [1.5e-3, 2e-3])),
-            Self::DenseKnots => Some((0.5, 5.0, [1.5e-3, 2e-3])),
-        }
+    /// The process of a mounting during a drive, at rest.
+    fn knots(self, motion: &dyn Motion) -> Option<GaussMarkov> {
+        let (spacing_s, correlation_s) = match self {
+            Self::Rigid | Self::Compliance => return None,
+            Self::SlowKnots => (2.0, 30.0),
+            Self::DenseKnots => (0.5, 5.0),
+        };
+        let [turn, shift] = KNOT_SIGMA;
+        let sigma = vec![turn, turn, turn, shift, shift, shift];
+        let times_s = knot_times(motion, spacing_s);
+        Some(GaussMarkov::at_knots(times_s, sigma, correlation_s))
     }
 }
 
-/// The load at a time: −Rᵀ g / |g| and Rᵀ a / |g| along x and y, with a from second differences.
-pub fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
+/// ℓ at a time: −Rᵀ g / |g| and Rᵀ a / |g| along x and y, with a from second differences.
+fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     let (first_s, last_s) = trajectory.span_s();
     // At the ends of a drive the body is taken to move on as it does half a second from there.
     let [low_s, high_s] = match last_s - first_s > 2.0 * SMOOTH_S {
@@ -124,11 +131,10 @@ pub fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     Some([up.x, up.y, acceleration.x, acceleration.y])
 }
 
-/// ℓ − ℓ̄ along a drive.
-fn loads(trajectory: &Trajectory, mean: &[f64; LOADS]) -> Series<LOADS> {
+/// ℓ along a drive whose poses have no limits.
+pub fn loads(trajectory: &Trajectory) -> Series<LOADS> {
     Series::sampled(trajectory.span_s(), STEP_S, |time_s| {
-        let load = load_at(trajectory, time_s).unwrap_or(*mean);
-        std::array::from_fn(|axis| load[axis] - mean[axis])
+        load_at(trajectory, time_s).unwrap_or_default()
     })
 }
 
@@ -139,7 +145,7 @@ pub struct Bends {
     pub rung: Rung,
     /// ℓ̄, over all drives.
     pub mean_load: [f64; LOADS],
-    /// ℓ − ℓ̄ along each drive.
+    /// ℓ along each drive.
     pub loads: Arc<Vec<Series<LOADS>>>,
     /// C of each scanner, column by column.
     pub compliance: Vec<[f64; COMPLIANCE]>,
@@ -165,96 +171,85 @@ impl Bends {
         let drives: Vec<Trajectory> = records
             .map(|records: Vec<PoseRecord>| Trajectory::new(records).ok())
             .collect::<Option<_>>()?;
-        let mut all = Vec::new();
-        for drive in &drives {
-            let (first_s, last_s) = drive.span_s();
-            let count = ((last_s - first_s) / STEP_S) as usize;
-            all.extend((0..=count).filter_map(|i| load_at(drive, first_s + STEP_S * i as f64)));
-        }
-        let mean_load = known.first().map(|known| known.mean_load);
-        let mean_load = mean_load.unwrap_or_else(|| {
-            std::array::from_fn(|axis| {
-                all.iter().map(|load| load[axis]).sum::<f64>() / all.len().max(1) as f64
+        let loads: Vec<Series<LOADS>> = drives.iter().map(loads).collect();
+        let prior: Vec<_> = (mountings.iter().enumerate())
+            .map(|(scanner, mounting)| match known.get(scanner) {
+                Some(known) => [known.by_load, known.sigma],
+                None => unknown(mounting),
             })
-        });
-        // A position or rotation that is fixed as a whole does not bend either.
-        let sigma = |mounting: &Mounting, i: usize| {
-            let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]];
-            let fixed = if i % 6 < 3 { turns } else { shifts };
-            match fixed == [true; 3] {
-                true => 0.0,
-                false => COMPLIANCE_SIGMA[i % 6 / 3],
-            }
-        };
-        let prior = mountings.iter().enumerate().map(|(scanner, mounting)| {
-            let unknown = [
-                [0.0; COMPLIANCE],
-                std::array::from_fn(|i| sigma(mounting, i)),
-            ];
-            let known = known.get(scanner);
-            known.map_or(unknown, |known| [known.by_load, known.sigma])
-        });
-        let prior: Vec<_> = prior.collect();
-        let loads = drives.iter().map(|drive| loads(drive, &mean_load));
-        let knots = rung.knots().map(|(spacing_s, correlation_s, sigma)| {
-            let [turn, shift] = sigma;
-            let sigma = vec![turn, turn, turn, shift, shift, shift];
-            let of_drive = |motion: &dyn Motion| {
-                let times = knot_times(motion, spacing_s);
-                let process = GaussMarkov::at_knots(times, sigma.clone(), correlation_s);
-                vec![process; mountings.len()]
-            };
-            motions.iter().map(AsRef::as_ref).map(of_drive).collect()
-        });
+            .collect();
+        let knots = motions.iter().map(|motion| rung.knots(motion.as_ref()));
         Some(Self {
             rung,
-            mean_load,
-            loads: Arc::new(loads.collect()),
+            mean_load: known.first().map_or_else(|| mean(&loads), |k| k.mean_load),
+            loads: Arc::new(loads),
             compliance: prior.iter().map(|[value, _]| *value).collect(),
             prior,
-            knots: knots.unwrap_or_default(),
+            knots: knots
+                .flatten()
+                .map(|process| vec![process; mountings.len()])
+                .collect(),
         })
+    }
+
+    /// ℓ − ℓ̄ at a time of a drive.
+    pub fn load(&self, drive: usize, time_s: f64) -> [f64; LOADS] {
+        off(&self.loads[drive].at(time_s), &self.mean_load)
     }
 
     /// (δφ, δp) of a scanner at a time of a drive.
     pub fn offset(&self, drive: usize, scanner: usize, time_s: f64) -> [f64; 6] {
-        let load = self.loads[drive].at(time_s);
-        let mut offset = under(&self.compliance[scanner], &load);
-        if let Some(process) = self.knots.get(drive).map(|of_drive| &of_drive[scanner]) {
-            let (knot, u) = process.locate(time_s);
-            let (before, after) = (process.of_knot(knot), process.of_knot(knot + 1));
-            for (i, value) in offset.iter_mut().enumerate() {
-                *value += before[i] * (1.0 - u) + after[i] * u;
-            }
-        }
-        offset
+        let offset = under(&self.compliance[scanner], &self.load(drive, time_s));
+        let process = self.knots.get(drive).map(|of_drive| &of_drive[scanner]);
+        process.map_or(offset, |process| {
+            std::array::from_fn(|i| offset[i] + process.at(time_s, i))
+        })
     }
+}
+
+/// Values and standard deviations of a compliance of which nothing is known. A position or rotation that is
+/// fixed as a whole does not bend.
+fn unknown(mounting: &Mounting) -> [[f64; COMPLIANCE]; 2] {
+    let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]].map(|f| f == [true; 3]);
+    let [turn, shift] = COMPLIANCE_SIGMA;
+    let sigma = |i: usize| match i % 6 < 3 {
+        true => turn * f64::from(!turns),
+        false => shift * f64::from(!shifts),
+    };
+    [[0.0; COMPLIANCE], std::array::from_fn(sigma)]
+}
+
+/// The mean over all drives.
+fn mean(loads: &[Series<LOADS>]) -> [f64; LOADS] {
+    std::array::from_fn(|axis| {
+        let all = loads.iter().flat_map(|drive| drive.samples());
+        let all: Vec<f64> = all.map(|(_, load)| load[axis]).collect();
+        statistics::mean(&all)
+    })
+}
+
+/// ℓ − ℓ̄.
+fn off(load: &[f64; LOADS], mean: &[f64; LOADS]) -> [f64; LOADS] {
+    std::array::from_fn(|axis| load[axis] - mean[axis])
 }
 
 /// Nodes of a motion at least so far apart, with both ends: no row lies across one.
 fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
-    let nodes = (0..motion.steps()).map(|step| motion.poses(step).knots);
-    let ends: Vec<(f64, f64)> = nodes
-        .map(|knots| (knots[0].time_s, knots[knots.len() - 1].time_s))
-        .collect();
-    let mut times = Vec::new();
-    for (begin_s, end_s) in ends {
-        let last_s = *times.last().unwrap_or(&f64::NEG_INFINITY);
+    let ends = (0..motion.steps()).map(|step| {
+        let poses = motion.poses(step).knots;
+        [poses[0].time_s, poses[poses.len() - 1].time_s]
+    });
+    let ends: Vec<[f64; 2]> = ends.collect();
+    let mut times = vec![ends[0][0]];
+    for [_, end_s] in &ends {
         // Nodes are as far apart as asked for but for rounding.
-        if begin_s - last_s > 0.99 * spacing_s {
-            times.push(begin_s);
-        }
         if end_s - times[times.len() - 1] > 0.99 * spacing_s {
-            times.push(end_s);
+            times.push(*end_s);
         }
     }
-    let last_s = motion
-        .poses(motion.steps() - 1)
-        .knots
-        .last()
-        .map(|knot| knot.time_s);
-    if times.len() < 2 || last_s.is_some_and(|last_s| last_s > times[times.len() - 1]) {
-        times.extend(last_s);
+    let last_s = ends[ends.len() - 1][1];
+    if last_s > times[times.len() - 1] {
+        times.push(last_s);
     }
     times
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bend::{Bends, Compliance};
+use super::bend::{BENDING_STEP_S, Bends, Compliance};
 use super::components::Component;
 use super::layout::Groups;
 use super::model::BLOCKS_S;
@@ -170,9 +170,6 @@ pub fn conclude(
     })
 }
 
-/// Offsets of mountings are given at this step, seconds.
-const BENDING_STEP_S: f64 = 0.05;
-
 /// Variances of the offsets of a scanner's mounting in a drive, by time.
 fn compliance_and_knots<'a>(
     problem: &JointProblem<'_>,
@@ -195,7 +192,7 @@ fn compliance_and_knots<'a>(
         _ => Vec::new(),
     };
     move |time_s| {
-        let load = bends.loads[drive].at(time_s);
+        let load = bends.load(drive, time_s);
         std::array::from_fn(|i| {
             let mut variance = 0.0;
             for (a, x) in load.iter().enumerate() {

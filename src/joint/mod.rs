@@ -29,7 +29,7 @@ mod surfel;
 mod tests;
 
 pub use adjust::adjust;
-pub use bend::{Compliance, Rung, load_at};
+pub use bend::{BENDING_STEP_S, COMPLIANCE, Compliance, Rung, loads};
 pub use input::{JointDrive, JointInput, Scans};
 pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};

@@ -37,15 +37,13 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
         {
             let most = max_imu_ratio(imu.redundancy);
             if ratio > most {
+                let (who, contradict, whose) = match drive.imu.ends_with("imu") {
+                    true => (of_drive("the IMU"), "contradicts", "its"),
+                    false => (of_drive("the poses"), "contradict", "their"),
+                };
                 found.push(format!(
-                    "{} contradict{} a {} mounting: the squares of its residuals are {ratio:.1} \
-                     times what its noise explains (at most {most:.2})",
-                    of_drive(if drive.imu.ends_with("imu") {
-                        "the IMU"
-                    } else {
-                        "the poses"
-                    }),
-                    if drive.imu.ends_with("imu") { "s" } else { "" },
+                    "{who} {contradict} a {} mounting: the squares of {whose} residuals are {ratio:.1} \
+                     times what {whose} noise explains (at most {most:.2})",
                     joint.rung.name(),
                 ));
             }

@@ -251,7 +251,7 @@ pub fn rows(
         }
         let by_mounting = mean.by_mounting.map(|x| x * w);
         if let Some(bends) = seen.bends {
-            let load = bends.loads[seen.drive].at(mean.time_s);
+            let load = bends.load(seen.drive, mean.time_s);
             let by = |i: usize| by_mounting[i % 6] * load[i / 6];
             let by: [f64; COMPLIANCE] = std::array::from_fn(by);
             batch.touch(blocks.compliance[scanner], &by);

@@ -8,7 +8,9 @@ use super::job::Job;
 use super::stages::Poses;
 use super::start::{self, Start};
 use super::{clouds, drives, joint, mounting, page, result, stages};
-use crate::calibration::{Calibration, CalibrationSettings, Method, ScannerSample, Variant};
+use crate::calibration::{
+    Calibration, CalibrationSettings, Method, Minimum, ScannerSample, Variant,
+};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
 use crate::error::Result;
@@ -74,7 +76,7 @@ pub fn analyse(
     let minimum = two_steps.minimum.as_ref();
     let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
         Some("logs or scans have the fault that stands first")
-    } else if minimum.is_some_and(|minimum| minimum.other.is_some()) {
+    } else if minimum.is_some_and(Minimum::is_doubtful) {
         Some("two steps found another minimum that fits as well")
     } else {
         None

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::format::CloudWriter;
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
-use crate::joint::load_at;
+use crate::joint::{BENDING_STEP_S, loads};
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::sensor::ScanPoint;
@@ -44,20 +44,16 @@ pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
         return Vec::new();
     }
     // Loads are known where poses are too uncertain to place points.
-    let trajectory = &trajectory.clone().without_limits();
+    let loads = loads(&trajectory.clone().without_limits());
     let scanners = project.scanners.iter();
     let of = |scanner: &Scanner| {
         Bending::sampled(trajectory.span_s(), BENDING_STEP_S, |time_s| {
-            let load = load_at(trajectory, time_s);
-            let pair = scanner.compliance.as_ref().zip(load);
-            pair.map_or([0.0; 6], |(compliance, load)| compliance.offset(&load))
+            let compliance = scanner.compliance.as_ref();
+            compliance.map_or([0.0; 6], |c| c.offset(&loads.at(time_s)))
         })
     };
     scanners.map(of).collect()
 }
-
-/// Offsets of mountings are found at this step, seconds.
-const BENDING_STEP_S: f64 = 0.05;
 
 /// An even sample of each scanner's laser points, in the scanner frame.
 pub type KeptPoints = Vec<Vec<ScanPoint>>;

@@ -46,21 +46,21 @@ pub fn with_scales(
         let found_m = finest_scale(scanner, trajectory)?;
         finest_m = finest_m.into_iter().chain(found_m).reduce(f64::max);
     }
-    if finest_m.is_none() {
+    let Some(finest_m) = finest_m else {
         progress
             .say("how far points lie apart cannot be seen: the scales are those of close range");
-    }
+        return Ok(project);
+    };
+    // To two digits.
+    let digit = 10f64.powf(finest_m.log10().floor() - 1.0);
+    let finest_m = (finest_m / digit).round() * digit;
     let sizes = &mut project.calibration.voxel_sizes_m;
-    if let (Some(finest_m), Some(own_m)) = (finest_m, sizes.last().copied()) {
-        // To two digits.
-        let digit = 10f64.powf(finest_m.log10().floor() - 1.0);
-        let finest_m = (finest_m / digit).round() * digit;
-        sizes.iter_mut().for_each(|size| *size *= finest_m / own_m);
-        progress.say(&format!(
-            "the finest scale is {:.1} mm, by range and spacing of points",
-            1e3 * finest_m
-        ));
-    }
+    let own_m = sizes[sizes.len() - 1];
+    sizes.iter_mut().for_each(|size| *size *= finest_m / own_m);
+    progress.say(&format!(
+        "the finest scale is {:.1} mm, by range and spacing of points",
+        1e3 * finest_m
+    ));
     Ok(project)
 }
 
@@ -91,7 +91,7 @@ fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64
 
 /// From where the calibration of a project begins.
 pub struct Start {
-    /// The project with the rotations from which it starts: its own, unless the clouds take up much less
+    /// The project with the mountings from which it starts: its own, unless the clouds take up much less
     /// space with others.
     pub project: Project,
     /// Its settings, with coarser scales before its own where the clouds lie farther apart than those reach.

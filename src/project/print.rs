@@ -9,7 +9,7 @@ use super::written::{self, ObservationKind, Written};
 use crate::calibration::{Method, PARAMETER_NAMES};
 use crate::error::{Error, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
-use crate::joint::{Compliance, MountingMotion, ReferenceSigma, Rung};
+use crate::joint::{COMPLIANCE, Compliance, MountingMotion, ReferenceSigma, Rung};
 use crate::sensor::Observations;
 use crate::trajectory::{ImuNoise, PositionKind, PositionSettings};
 
@@ -243,11 +243,11 @@ fn write_logs(logs: &Logs, written: &mut Written) {
 }
 
 fn compliance(compliance: &Compliance) -> written::Compliance {
-    let turns = |all: &[f64; 24]| {
+    let turns = |all: &[f64; COMPLIANCE]| {
         let turn = |row: usize, load: usize| preimage(all[6 * load + row], f64::to_radians);
         std::array::from_fn(|row| std::array::from_fn(|load| turn(row, load)))
     };
-    let shifts = |all: &[f64; 24]| {
+    let shifts = |all: &[f64; COMPLIANCE]| {
         std::array::from_fn(|row| std::array::from_fn(|load| all[6 * load + 3 + row]))
     };
     written::Compliance {

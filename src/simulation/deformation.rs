@@ -13,8 +13,8 @@ pub struct Mountings {
     scenario: Scenario,
     body_from_frd: Rotation,
     span_s: (f64, f64),
-    /// Roll and pitch behind their play.
-    tilts_deg: Series<2>,
+    /// Roll and pitch behind their play, where they have some.
+    tilts_deg: Option<Series<2>>,
     /// Of each scanner: rotation (degrees) and shift (metres) in FRD axes.
     walks: Vec<Series<6>>,
 }
@@ -31,14 +31,14 @@ impl Mountings {
             false => 0,
         };
         let times_s = || (0..count).map(|k| start_s + STEP_S * k as f64);
-        let states = times_s().map(|t| drive.at(t).roll_pitch_rad.map(f64::to_degrees));
+        let share = scenario.deformation.hysteresis;
+        let tilts_deg = (share > 0.0).then(|| {
+            let tilts = times_s().map(|t| drive.at(t).roll_pitch_rad.map(f64::to_degrees));
+            Series::new(start_s, STEP_S, played(tilts.collect(), share))
+        });
         let scanners = 0..scenario.scanners.len();
         Self {
-            tilts_deg: Series::new(
-                start_s,
-                STEP_S,
-                played(states.collect(), scenario.deformation.hysteresis),
-            ),
+            tilts_deg,
             walks: scanners
                 .map(|scanner| {
                     Series::new(start_s, STEP_S, walk(scenario, drive, scanner, times_s()))
@@ -67,9 +67,9 @@ impl Mountings {
             return rigid;
         }
         let side = self.scenario.scanners[scanner].translation_m[1].signum();
-        let [roll, pitch] = match settings.hysteresis > 0.0 {
-            true => self.tilts_deg.at(time_s),
-            false => state.roll_pitch_rad.map(f64::to_degrees),
+        let [roll, pitch] = match &self.tilts_deg {
+            Some(tilts_deg) => tilts_deg.at(time_s),
+            None => state.roll_pitch_rad.map(f64::to_degrees),
         };
         let walk = self.walks[scanner].at(time_s);
         let [walk_deg, walk_m] = [&walk[..3], &walk[3..]].map(Vec3::from_column_slice);

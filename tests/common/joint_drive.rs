@@ -9,7 +9,7 @@ use boresight::error::{Error, Result};
 use boresight::format;
 use boresight::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody, so3};
 use boresight::joint::{Joint, JointSettings, MovedMounting};
-use boresight::nalgebra::{DMatrix, DVector, Quaternion};
+use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
@@ -17,6 +17,10 @@ use boresight::project::{OtherDrive, Project};
 use boresight::sensor::PoseRecord;
 use boresight::simulation::{Scenario, SimulatedDrive, simulate};
 use boresight::trajectory::Trajectory;
+
+#[path = "moving.rs"]
+mod moving;
+use moving::mountings_in;
 
 /// Unknowns of a mounting.
 pub const SIX: usize = 6;
@@ -257,35 +261,12 @@ fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec<Tra
     }
     let scanners = scenario.scanners.iter();
     let files = scanners.map(|s| drive.folder.join(format!("truth/mounting-{}.csv", s.name)));
-    files
-        .map(|file| Trajectory::new(mountings_in(&file)?))
-        .collect()
-}
-
-/// Mountings by time as poses.
-fn mountings_in(file: &Path) -> Result<Vec<PoseRecord>> {
-    let text = std::fs::read_to_string(file).map_err(|e| Error::io(file, e))?;
-    let rows = text.lines().skip(1).map(|line| {
-        let row: Vec<f64> = line
-            .split(',')
-            .filter_map(|cell| cell.parse().ok())
-            .collect();
-        let [time_s, x, y, z, qx, qy, qz, qw] = row[..] else {
-            return Err(Error::data(
-                format!("{}: {line}", file.display()),
-                "8 numbers",
-            ));
-        };
-        let rotation = Rotation::new_normalize(Quaternion::new(qw, qx, qy, qz));
-        Ok(PoseRecord {
-            time_s,
-            world_from_body: WorldFromBody::new(rotation, Vec3::new(x, y, z)),
-            velocity_m_s: None,
-            bias: None,
-            sigma: None,
-        })
+    let poses = files.map(|file| {
+        let rows = mountings_in(&file)?.into_iter();
+        let pose = |m: BodyFromScanner| WorldFromBody::new(m.rotation, m.translation_m);
+        Trajectory::new(rows.map(|(t, m)| PoseRecord::new(t, pose(m))).collect())
     });
-    rows.collect()
+    poses.collect()
 }
 
 fn errors(found: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {

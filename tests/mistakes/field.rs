@@ -5,12 +5,15 @@ use std::path::{Path, PathBuf};
 
 use boresight::error::Result;
 use boresight::format;
-use boresight::geometry::{BodyFromScanner, Rotation, Vec3};
-use boresight::nalgebra::Quaternion;
+use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::pipeline::{Extras, Findings, analyse};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
+
+#[path = "../common/moving.rs"]
+mod moving;
+use moving::mountings_in;
 
 /// Three boards on a small field, each scanned in two directions.
 const SCENARIO: &str = r#"
@@ -76,17 +79,7 @@ impl Field {
 
     /// True mountings of a scanner by time, of a frame that bends.
     pub fn true_mountings(&self, scanner: &str) -> Vec<(f64, BodyFromScanner)> {
-        let path = self.folder.join(format!("truth/mounting-{scanner}.csv"));
-        let text = fs::read_to_string(path).unwrap();
-        let rows = text.lines().skip(1).map(|line| {
-            let row: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
-            let [time_s, x, y, z, qx, qy, qz, qw] = row[..] else {
-                panic!("{line}");
-            };
-            let rotation = Rotation::new_normalize(Quaternion::new(qw, qx, qy, qz));
-            (time_s, BodyFromScanner::new(rotation, Vec3::new(x, y, z)))
-        });
-        rows.collect()
+        mountings_in(&self.folder.join(format!("truth/mounting-{scanner}.csv"))).unwrap()
     }
 
     /// Runs the project as it is.

@@ -25,6 +25,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
     let written: &Written = &source.parsed()?;
     let frame = Table::new(source, "frame");
     let (drives, evaluations) = scanners::other_drives(source, written)?;
+    let voxel_sizes_m = settings::voxel_sizes(source, &written.calibration)?;
     Ok(Project {
         path: source.path.clone(),
         axes: written.frame.body.unwrap_or_default(),
@@ -35,8 +36,8 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         reference: written.reference.as_ref().map(|reference| Reference {
             path: source.absolute(&reference.file),
         }),
-        calibration: settings::calibration(source, &written.calibration)?,
-        has_auto_scales: settings::voxel_sizes(source, &written.calibration)?.is_none(),
+        has_auto_scales: voxel_sizes_m.is_none(),
+        calibration: settings::calibration(source, &written.calibration, voxel_sizes_m)?,
         is_joint: settings::is_joint(source, written)?,
         joint: settings::joint(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,

@@ -5,7 +5,7 @@ use crate::calibration::PARAMETER_NAMES;
 use crate::error::Result;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation};
-use crate::joint::Compliance;
+use crate::joint::{COMPLIANCE, Compliance};
 use crate::project::checked::{OtherDrive, Scanner};
 use crate::project::source::{Source, Step, nearest};
 use crate::project::written::{self, Written};
@@ -104,8 +104,8 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
 
 /// In radians, (δφ, δp) load by load.
 fn compliance(table: &Table<'_>, written: &written::Compliance) -> Result<Compliance> {
-    let flat = |turn_deg: &[[f64; 4]; 3], shift_m: &[[f64; 4]; 3]| -> Result<[f64; 24]> {
-        let mut all = [0.0; 24];
+    let flat = |turn_deg: &[[f64; 4]; 3], shift_m: &[[f64; 4]; 3]| -> Result<[f64; COMPLIANCE]> {
+        let mut all = [0.0; COMPLIANCE];
         for (i, value) in all.iter_mut().enumerate() {
             let (load, row) = (i / 6, i % 6);
             *value = match row {

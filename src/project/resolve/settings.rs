@@ -52,13 +52,12 @@ pub(super) fn voxel_sizes(
 pub(super) fn calibration(
     source: &Source,
     written: &written::Calibration,
+    voxel_sizes_m: Option<Vec<f64>>,
 ) -> Result<CalibrationSettings> {
     let table = Table::new(source, "calibration");
     let default = CalibrationSettings::default();
-    let voxel_sizes_m = voxel_sizes(source, written)?;
-    let voxel_sizes_m = voxel_sizes_m.unwrap_or(default.voxel_sizes_m);
     Ok(CalibrationSettings {
-        voxel_sizes_m,
+        voxel_sizes_m: voxel_sizes_m.unwrap_or(default.voxel_sizes_m),
         neighbours: {
             let neighbours = at_least(
                 &table,
