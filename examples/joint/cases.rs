@@ -3,7 +3,7 @@
 use boresight::Result;
 use boresight::error::Error;
 use boresight::geometry::{BodyFromScanner, Vec3};
-use boresight::joint::JointSettings;
+use boresight::joint::{JointSettings, MountingMotion, Rung};
 use boresight::project::{Motion, Project};
 use boresight::simulation::{ScannerKind, ScannerSettings, Scenario};
 use boresight::trajectory::{Constant, Nodes, TrajectorySettings};
@@ -20,6 +20,8 @@ pub struct Options {
     pub set: Vec<String>,
     pub nodes: Nodes,
     pub surfel_m: Option<f64>,
+    /// The only rung of the ladder.
+    pub mounting: Option<Rung>,
     pub from_truth: bool,
 }
 
@@ -191,6 +193,12 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         }
     }
     setup.joint.surfel_m = options.surfel_m;
+    if let Some(rung) = options.mounting {
+        setup.joint.mounting = MountingMotion {
+            least: rung,
+            most: rung,
+        };
+    }
     let Options {
         nodes, from_truth, ..
     } = *options;

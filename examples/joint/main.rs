@@ -11,13 +11,14 @@ mod joint_drive;
 
 use boresight::Result;
 use boresight::error::Error;
+use boresight::joint::Rung;
 use boresight::trajectory::Nodes;
 use cases::Options;
 use joint_drive::Run;
 use summary::Summary;
 
 const USAGE: &str = "joint [SEEDS] [FIRST] [--case NAME]… [--set KEY=VALUE]… [--nodes imu] \
-                     [--surfel METRES] [--from-truth] [--eigen]";
+                     [--surfel METRES] [--mounting RUNG] [--from-truth] [--eigen]";
 
 fn main() -> Result<()> {
     let arguments = Arguments::read()?;
@@ -70,6 +71,7 @@ impl Arguments {
                 "--set" => found.options.set.push(value()?),
                 "--nodes" if value()? == "imu" => found.options.nodes = Nodes::Imu,
                 "--surfel" => found.options.surfel_m = Some(number(&value()?)?),
+                "--mounting" => found.options.mounting = Some(rung(&value()?)?),
                 "--from-truth" => found.options.from_truth = true,
                 "--eigen" => found.eigen = true,
                 other => numbers.push(other.parse().map_err(|_| wrong(other))?),
@@ -86,4 +88,16 @@ impl Arguments {
         }
         Ok(found)
     }
+}
+
+fn rung(name: &str) -> Result<Rung> {
+    let known = [
+        ("rigid", Rung::Rigid),
+        ("compliance", Rung::Compliance),
+        ("slow-knots", Rung::SlowKnots),
+        ("dense-knots", Rung::DenseKnots),
+    ];
+    let found = known.iter().find(|(known, _)| *known == name);
+    let rung = found.map(|(_, rung)| *rung);
+    rung.ok_or_else(|| Error::data(format!("no rung {name}"), known.map(|k| k.0).join(", ")))
 }
