@@ -93,6 +93,20 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
         run.two_steps.seconds,
         run.one_piece.seconds,
     );
+    let [error, sigma] = [0, 1].map(|which| {
+        let of = |axis: usize| rms(run.points.iter().map(|point| point[which][axis]));
+        list((0..3).map(|axis| 1e3 * of(axis)), 3)
+    });
+    println!(
+        "{case} seed {seed} points east, north, up {error} of {sigma} mm expected, {:.1} % within 95 % intervals",
+        1e2 * inside(&run.points)
+    );
+    for drive in &joint.drives {
+        println!(
+            "{case} seed {seed} motion left in scans {:.2}",
+            drive.motion_left
+        );
+    }
     for blocks in joint.drives.iter().flat_map(|drive| &drive.positions) {
         println!(
             "{case} seed {seed} {} means over {:.0} s: {} sigma",
@@ -110,6 +124,16 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
             one.points_m * 1e3,
         );
     }
+    for jump in joint.drives.iter().flat_map(|drive| &drive.jumps) {
+        println!(
+            "{case} seed {seed} scanner {} jumped between {:.1} and {:.1} s by {} mm, sigma {}",
+            jump.scanner + 1,
+            jump.between_s[0],
+            jump.between_s[1],
+            list(jump.step[3..].iter().map(|m| 1e3 * m), 2),
+            list(jump.sigma[3..].iter().map(|m| 1e3 * m), 2),
+        );
+    }
     for climb in &joint.ladder {
         println!(
             "{case} seed {seed} not {}: {}",
@@ -123,6 +147,17 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
     for reason in &run.refused {
         println!("{case} seed {seed} refused: {reason}");
     }
+}
+
+/// Share of all coordinates that lie within their 95 % intervals.
+fn inside(points: &[[Vec3; 2]]) -> f64 {
+    let all = points
+        .iter()
+        .flat_map(|[error, sigma]| error.iter().zip(sigma));
+    let within: Vec<f64> = all
+        .map(|(e, s)| f64::from(e.abs() < NORMAL_97_5 * s))
+        .collect();
+    mean(&within)
 }
 
 /// Errors along the eigenvectors of the correlation matrix, normalised: which combination of

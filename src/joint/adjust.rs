@@ -8,9 +8,10 @@ use super::components::{Component, components, rescale};
 use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
-use super::model::contradictions;
+use super::learn::learn;
+use super::model::evident;
 use super::problem::{JointProblem, LEAST_SIGMA_M};
-use super::result::{Climb, Joint};
+use super::result::Joint;
 use super::settings::JointSettings;
 use super::state::State;
 use super::surfel::{Association, Gates, ReferenceCells, associate};
@@ -24,6 +25,8 @@ use crate::progress::Progress;
 const PATCH_SIZES: f64 = 6.0;
 /// Scales of noise have settled where they change by less than this share.
 const SETTLED_SCALE: f64 = 0.1;
+/// And where standard deviations of a motion in time do by less than this factor, as a logarithm.
+const SETTLED_MOTION: f64 = 0.3;
 /// Times that the noise is estimated in the last round.
 const MAX_SCALINGS: usize = 3;
 /// Fewest surfels that the reference knows or that are seen twice.
@@ -31,10 +34,10 @@ const MIN_SURFELS: usize = 50;
 /// A parameter with a larger standard deviation is not determined, metres; rotations count as what
 /// they move at [`LEVER_M`].
 const MAX_SIGMA_M: f64 = 0.010;
-/// Length of the last step, standard deviations, before points are sorted anew, and before the noise is
-/// estimated anew.
-const SORTING_SIGMAS: f64 = 5.0;
+/// Length of the last step, standard deviations, before the noise is estimated anew.
 const SCALING_SIGMAS: f64 = 0.5;
+/// And at the end. Steps become shorter by a factor of two or more, and nothing is off by more than this.
+const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
 /// Most rounds.
 const MAX_ROUNDS: usize = 10;
 
@@ -52,69 +55,27 @@ pub const DAMPING: DampingRule = DampingRule {
     ..DampingRule::UNDAMPED
 };
 
-/// Adjusts mountings and trajectories together.
-///
-/// # Errors
-/// Too few surfels that scans or the reference check; unknowns that nothing determines;
-/// [`Error::Cancelled`].
-pub fn adjust(
-    input: &JointInput<'_>,
-    settings: &JointSettings,
-    surfel_m: f64,
-    progress: &dyn Progress,
-) -> Result<Joint> {
-    let stage = progress.stage("joint adjustment", 0);
-    let mut begin = start(input);
-    let least = match (input.known, input.compliance) {
-        (Some(_), []) => Rung::Rigid,
-        (Some(_), _) => Rung::Compliance,
-        (None, _) => settings.mounting.least,
-    };
-    let mountings = &input.mountings;
-    begin.bends = Bends::new(least, &begin.motions, mountings, input.compliance);
-    let (mut found, mut state) = at_rung(input, settings, surfel_m, begin, progress)?;
-    let mut ladder = Vec::new();
-    loop {
-        let reasons = contradictions(&found);
-        let allowed = |rung: &Rung| *rung <= settings.mounting.most && input.known.is_none();
-        let (false, Some(next)) = (reasons.is_empty(), state.rung().next().filter(allowed)) else {
-            break;
-        };
-        progress.say(&format!(
-            "the mountings are not {}: {}",
-            state.rung().name(),
-            reasons[0]
-        ));
-        let left = Climb {
-            rung: state.rung(),
-            reasons,
-        };
-        let mut begin = state.clone();
-        begin.bends = Bends::new(next, &begin.motions, mountings, &[]);
-        match at_rung(input, settings, surfel_m, begin, progress) {
-            Ok(climbed) => (found, state) = climbed,
-            Err(Error::Cancelled) => return Err(Error::Cancelled),
-            // The rung below could be made.
-            Err(error) => {
-                progress.say(&format!("{} ones cannot be adjusted: {error}", next.name()));
-                break;
-            }
-        }
-        ladder.push(left);
-    }
-    drop(stage);
-    found.ladder = ladder;
-    Ok(found)
+/// How an adjustment ended.
+pub enum Outcome {
+    /// With values.
+    Found(Box<Joint>),
+    /// Before it had settled, as mountings evidently move more than they may.
+    Contradicted(Vec<String>),
 }
 
-/// Adjusts with mountings that may move as much as those of the start values, from these.
-fn at_rung(
-    input: &JointInput<'_>,
-    settings: &JointSettings,
+/// Adjusts with mountings that may move as much as a rung lets them; where it may climb, no longer than until
+/// they evidently move more.
+///
+/// # Errors
+/// Those of [`adjust`](super::adjust).
+pub fn at_rung(
+    (input, settings): (&JointInput<'_>, &JointSettings),
     surfel_m: f64,
-    mut state: State,
+    (rung, may_climb): (Rung, bool),
     progress: &dyn Progress,
-) -> Result<(Joint, State)> {
+) -> Result<Outcome> {
+    let mut state = start(input);
+    state.bends = Bends::new(rung, &state.motions, &input.mountings, input.compliance);
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
     let mut reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
@@ -156,17 +117,24 @@ fn at_rung(
             problem.find_trust(&state);
         }
         let before = state.clone();
-        let stop = match round {
-            Round::Coarse => steps.settle(&mut problem, &mut state, SORTING_SIGMAS)?,
-            Round::Fine => steps.weigh_and_settle(&mut problem, &mut state)?,
-        };
+        let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
+        if may_climb && !again {
+            let found = components_at(&mut problem, &state)?;
+            let reasons = evident(&problem, &state, &found, round == Round::Fine);
+            if !reasons.is_empty() {
+                return Ok(Outcome::Contradicted(reasons));
+            }
+        }
+        if round == Round::Fine {
+            stop = steps.weigh_and_settle(&mut problem, &mut state)?;
+        }
         let reference_m = Vec3::from_column_slice(&reference.place.left(&state.reference)[..3]);
         let moved_m = problem.moved_m(&before, &state).max(reference_m.norm());
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
             let found = components_at(&mut problem, &state)?;
             let found = conclude(&problem, &state, &found, (stop, steps.iterations))?;
-            return Ok((found, state));
+            return Ok(Outcome::Found(Box::new(found)));
         }
         if reference_m.norm() > LEAST_SIGMA_M {
             reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
@@ -195,6 +163,15 @@ impl Round {
         match self {
             Self::Coarse => 0.12,
             Self::Fine => 0.02,
+        }
+    }
+
+    /// Length of the last step, standard deviations, before points are sorted anew, or the noise is estimated
+    /// anew.
+    fn settled_sigmas(self) -> f64 {
+        match self {
+            Self::Coarse => 5.0,
+            Self::Fine => SCALING_SIGMAS,
         }
     }
 
@@ -231,16 +208,21 @@ impl Steps<'_> {
         Ok(ended.stop)
     }
 
-    /// Estimates the noise, and which rows are trusted, in turn with steps.
+    /// Estimates the noise, how much mountings move, and which rows are trusted, in turn with steps.
     fn weigh_and_settle(
         &mut self,
         problem: &mut JointProblem<'_>,
         state: &mut State,
     ) -> Result<StopReason> {
-        self.settle(problem, state, SCALING_SIGMAS)?;
         problem.raise_noise(state);
         for scaling in 1.. {
             let found = components_at(problem, state)?;
+            let (mut learned, mut jumped) = (0.0, false);
+            if let Some(bends) = &mut state.bends {
+                learned = learn(problem, bends);
+                // Dense knots follow a jump, and do not tell it from what they do themselves.
+                jumped = bends.rung == Rung::SlowKnots && bends.restart();
+            }
             self.shared = problem.shared_covariance();
             problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &found);
@@ -249,12 +231,13 @@ impl Steps<'_> {
                 self.settle(problem, state, SCALING_SIGMAS)?;
             }
             problem.find_trust(state);
-            if scaling == MAX_SCALINGS || change < SETTLED_SCALE {
+            let is_settled = change < SETTLED_SCALE && learned < SETTLED_MOTION && !jumped;
+            if scaling == MAX_SCALINGS || is_settled {
                 break;
             }
             self.settle(problem, state, SCALING_SIGMAS)?;
         }
-        self.settle(problem, state, CONVERGED_SIGMAS)
+        self.settle(problem, state, SETTLED_SIGMAS)
     }
 
     /// Holds what nothing determines, where it was before; returns whether there is any yet.

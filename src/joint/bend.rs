@@ -12,6 +12,7 @@
 use std::sync::Arc;
 
 use super::motion::{GaussMarkov, Motion};
+use super::surfel::ScanRow;
 use crate::calibration::Mounting;
 use crate::geometry::Vec3;
 use crate::sensor::{PoseRecord, STANDARD_GRAVITY_M_S2};
@@ -28,9 +29,12 @@ pub const COMPLIANCE: usize = 6 * LOADS;
 pub const COMPLIANCE_SIGMA: [f64; 2] = [0.3, 0.5];
 
 /// Standard deviations of the motion in time, radians and metres.
-const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
+pub const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
 /// Offsets along a drive are given at this step, seconds.
 pub const BENDING_STEP_S: f64 = 0.05;
+
+/// Standard deviation of what is held, metres and radians.
+pub const HELD_SIGMA: f64 = 1e-8;
 
 /// Loads are tabulated at this step, seconds.
 const STEP_S: f64 = 0.1;
@@ -99,17 +103,22 @@ impl Rung {
         }
     }
 
-    /// The process of a mounting during a drive, at rest.
-    fn knots(self, motion: &dyn Motion) -> Option<GaussMarkov> {
+    /// The process of each mounting during a drive, at rest.
+    fn knots(self, motion: &dyn Motion, mountings: &[Mounting]) -> Option<Vec<GaussMarkov>> {
         let (spacing_s, correlation_s) = match self {
             Self::Rigid | Self::Compliance => return None,
             Self::SlowKnots => (2.0, 30.0),
-            Self::DenseKnots => (0.5, 5.0),
+            Self::DenseKnots => (0.25, 5.0),
         };
-        let [turn, shift] = KNOT_SIGMA;
-        let sigma = vec![turn, turn, turn, shift, shift, shift];
         let times_s = knot_times(motion, spacing_s);
-        Some(GaussMarkov::at_knots(times_s, sigma, correlation_s))
+        let process = |mounting: &Mounting| {
+            let sigma = (0..6).map(|i| match is_fixed(mounting, i) {
+                true => HELD_SIGMA,
+                false => KNOT_SIGMA[i / 3],
+            });
+            GaussMarkov::at_knots(times_s.clone(), sigma.collect(), correlation_s)
+        };
+        Some(mountings.iter().map(process).collect())
     }
 }
 
@@ -178,23 +187,38 @@ impl Bends {
                 None => unknown(mounting),
             })
             .collect();
-        let knots = motions.iter().map(|motion| rung.knots(motion.as_ref()));
+        let knots = motions
+            .iter()
+            .filter_map(|m| rung.knots(m.as_ref(), mountings));
         Some(Self {
             rung,
             mean_load: known.first().map_or_else(|| mean(&loads), |k| k.mean_load),
             loads: Arc::new(loads),
             compliance: prior.iter().map(|[value, _]| *value).collect(),
             prior,
-            knots: knots
-                .flatten()
-                .map(|process| vec![process; mountings.len()])
-                .collect(),
+            knots: knots.collect(),
         })
     }
 
     /// ℓ − ℓ̄ at a time of a drive.
     pub fn load(&self, drive: usize, time_s: f64) -> [f64; LOADS] {
         off(&self.loads[drive].at(time_s), &self.mean_load)
+    }
+
+    /// Restarts motions in time where they jumped; returns whether one did.
+    pub fn restart(&mut self) -> bool {
+        let processes = self.knots.iter_mut().flatten();
+        processes.fold(false, |any, process| process.restart() || any)
+    }
+
+    /// Variance of a row that the knots of its scanner leave out, m².
+    pub fn left_out(&self, drive: usize, row: &ScanRow) -> f64 {
+        let scanner = row.scanner as usize;
+        let process = self.knots.get(drive).map(|of_drive| &of_drive[scanner]);
+        process.map_or(0.0, |process| {
+            let [turn, shift] = [0, 3].map(|i| process.sigma[i] * process.sigma[i]);
+            process.left_out_share() * (row.by_motion[0] * turn + row.by_motion[1] * shift)
+        })
     }
 
     /// (δφ, δp) of a scanner at a time of a drive.
@@ -207,16 +231,19 @@ impl Bends {
     }
 }
 
-/// Values and standard deviations of a compliance of which nothing is known. A position or rotation that is
-/// fixed as a whole does not bend.
+/// Values and standard deviations of a compliance of which nothing is known.
 fn unknown(mounting: &Mounting) -> [[f64; COMPLIANCE]; 2] {
-    let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]].map(|f| f == [true; 3]);
-    let [turn, shift] = COMPLIANCE_SIGMA;
-    let sigma = |i: usize| match i % 6 < 3 {
-        true => turn * f64::from(!turns),
-        false => shift * f64::from(!shifts),
+    let sigma = |i: usize| match is_fixed(mounting, i % 6) {
+        true => 0.0,
+        false => COMPLIANCE_SIGMA[i % 6 / 3],
     };
     [[0.0; COMPLIANCE], std::array::from_fn(sigma)]
+}
+
+/// Whether one of (δφ, δp) does not move: a position or rotation that is fixed as a whole.
+fn is_fixed(mounting: &Mounting, i: usize) -> bool {
+    let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]];
+    (if i < 3 { turns } else { shifts }) == [true; 3]
 }
 
 /// The mean over all drives.

@@ -7,7 +7,7 @@ use super::state::State;
 use crate::statistics::drawn_sign;
 
 /// Vectors of signs; each gives the trace to √(2 tr ((J H⁻¹ Jᵀ)²)).
-const PROBES: usize = 8;
+pub const PROBES: usize = 8;
 /// Groups with less redundancy, or within so many standard deviations of the probes of none, keep their
 /// standard deviations.
 const MIN_REDUNDANCY: f64 = 30.0;
@@ -53,8 +53,8 @@ impl Component {
     }
 }
 
-/// The sign of a row in a probe.
-fn sign(probe: usize, row: usize) -> f64 {
+/// The sign of a row or unknown in a probe.
+pub fn sign(probe: usize, row: usize) -> f64 {
     drawn_sign((probe as u64) << 48 | row as u64)
 }
 
@@ -117,7 +117,13 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
 /// Scales the noise of scans and reference to their residuals (Förstner 1979). The redundancy r of n
 /// rows moves with the scale: ∂ ln(Ω/r) / ∂ ln s² = −r/n to first order, and so a step of Newton takes
 /// s² to s² (Ω/r)^(n/r). Returns the relative change, root mean square over rows.
+///
+/// Where knots leave something out, that is noise too, which is not estimated here: noise then only rises.
 pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
+    let least = match problem.layout.knots.is_empty() {
+        true => -MAX_STEP,
+        false => 0.0,
+    };
     let (mut rows, mut squares) = (0.0, 0.0);
     for (group, component) in found.iter().enumerate() {
         if problem.groups.is_estimated(group) && component.is_redundant() {
@@ -125,7 +131,7 @@ pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
             let most = ratio.max(MAX_STEP);
             let exponent = component.rows as f64 / component.redundancy;
             let newton = ratio * exponent.min(MAX_EXPONENT);
-            let factor = (0.5 * newton.clamp(-MAX_STEP, most)).exp();
+            let factor = (0.5 * newton.clamp(least, most)).exp();
             problem.groups.scale[group] *= factor;
             rows += component.rows as f64;
             squares += component.rows as f64 * (factor - 1.0).powi(2);

@@ -4,10 +4,14 @@ use nalgebra::{DMatrix, DVector};
 
 use super::bend::{BENDING_STEP_S, Bends, Compliance};
 use super::components::Component;
+use super::known::{known_points, prior_shares};
 use super::layout::Groups;
 use super::model::BLOCKS_S;
+use super::pattern::motion_left;
 use super::problem::JointProblem;
-use super::result::{AdjustedDrive, GroupTest, Joint, MovedMounting, PoseMove, ReferenceError};
+use super::result::{
+    AdjustedDrive, GroupTest, Joint, Jump, MovedMounting, PoseMove, ReferenceError,
+};
 use super::state::State;
 use crate::adjustment::StopReason;
 use crate::error::{Error, Problem, Result};
@@ -89,6 +93,7 @@ pub fn conclude(
         })
     });
     let compliance: Vec<Compliance> = compliance.collect();
+    let left = motion_left(problem, state);
     let drives = problem.input.drives.iter().enumerate();
     let drives = drives.map(|(index, drive)| {
         let first = layout.first_motion[index];
@@ -124,6 +129,9 @@ pub fn conclude(
         let bending = bending.collect();
         Ok(AdjustedDrive {
             bending,
+            motion_left: left[index],
+            jumps: jumps(problem, bends, index, &block),
+            points: known_points(problem, state, index, &block),
             name: drive.name.clone(),
             trajectory: Trajectory::new(records)?,
             moved,
@@ -142,6 +150,7 @@ pub fn conclude(
         late_scores: late_scores.collect(),
         rung: state.rung(),
         ladder: Vec::new(),
+        prior_shares: prior_shares(problem, state),
         compliance,
         height_score: problem.height_score(state),
         drives: drives.collect::<Result<_>>()?,
@@ -168,6 +177,44 @@ pub fn conclude(
         surfels: problem.found.surfels.len(),
         unknowns: problem.unknowns(),
     })
+}
+
+/// A jump is one where a component is this many times as large as its standard deviation.
+const JUMP_SIGMAS: f64 = 4.0;
+
+fn is_notable(jump: &Jump) -> bool {
+    let mut components = jump.step.iter().zip(&jump.sigma);
+    components.any(|(step, sigma)| step.abs() > JUMP_SIGMAS * sigma)
+}
+
+/// Where mountings of a drive moved all at once.
+fn jumps(
+    problem: &JointProblem<'_>,
+    bends: Option<&Bends>,
+    drive: usize,
+    block: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
+) -> Vec<Jump> {
+    let of_drive = bends.and_then(|bends| bends.knots.get(drive));
+    let processes = of_drive.into_iter().flatten().enumerate();
+    let jumps = processes.flat_map(|(scanner, process)| {
+        let first = problem.layout.knots[drive][scanner];
+        process.restarts.iter().map(move |&knot| {
+            let (after, before) = (process.of_knot(knot), process.of_knot(knot - 1));
+            let part = |i: usize, j: usize| block(first + i, first + j).map(|part| part.diagonal());
+            let variance = part(knot, knot)
+                .zip(part(knot - 1, knot - 1))
+                .zip(part(knot, knot - 1))
+                .map(|((a, b), both)| a + b - both * 2.0);
+            let sigma = |i: usize| variance.as_ref().map_or(f64::NAN, |v| v[i].max(0.0).sqrt());
+            Jump {
+                scanner,
+                between_s: [process.knot_s[knot - 1], process.knot_s[knot]],
+                step: std::array::from_fn(|i| after[i] - before[i]),
+                sigma: std::array::from_fn(sigma),
+            }
+        })
+    });
+    jumps.filter(is_notable).collect()
 }
 
 /// Variances of the offsets of a scanner's mounting in a drive, by time.

@@ -17,11 +17,11 @@ use crate::statistics::{SIGMAS_PER_MAD, median};
 const FAR_LARGER: f64 = 2.0;
 
 impl JointProblem<'_> {
-    /// What `of` makes of the mean of each row at a state, in the order of the rows.
-    fn each_mean<T: Send>(
+    /// What `of` makes of the mean of each row of each drive at a state, in the order of the rows.
+    pub fn each_mean<T: Send>(
         &self,
         state: &State,
-        of: impl Fn(&ScanRow, &Mean) -> T + Sync,
+        of: impl Fn(usize, &ScanRow, &Mean) -> T + Sync,
     ) -> Vec<T> {
         let drives = state.motions.iter().map(AsRef::as_ref).enumerate();
         let of_drive = |(drive, motion): (usize, &dyn Motion)| {
@@ -30,7 +30,13 @@ impl JointProblem<'_> {
                 let poses = motion.poses(step);
                 let scans = StepScans::new(&seen, &poses);
                 let rows = seen.rows.of_step(step).iter();
-                let mean = |row| of(row, &scans.mean(row, seen.rows.points_of(row), row.depth_m));
+                let mean = |row| {
+                    of(
+                        drive,
+                        row,
+                        &scans.mean(row, seen.rows.points_of(row), row.depth_m),
+                    )
+                };
                 rows.map(mean).collect::<Vec<T>>()
             };
             let steps = (0..motion.steps()).into_par_iter();
@@ -39,19 +45,23 @@ impl JointProblem<'_> {
         drives.flat_map(of_drive).flatten().collect()
     }
 
-    /// Finds how far the points of each row lie from their scanner.
+    /// Finds how far the points of each row lie from their scanner, and how a motion of it would show.
     pub fn find_depths(&mut self, state: &State) {
-        let depths = self.each_mean(state, |_, mean| mean.depth_m);
-        for (row, depth_m) in self.found.rows_mut().zip(depths) {
-            row.depth_m = depth_m;
+        let found = self.each_mean(state, |_, _, mean| {
+            let square = |by: &[f64]| by.iter().map(|x| x * x).sum::<f64>();
+            let [turn, shift] = [&mean.by_mounting[..3], &mean.by_mounting[3..]];
+            (mean.depth_m, [square(turn), square(shift)])
+        });
+        for (row, (depth_m, by_motion)) in self.found.rows_mut().zip(found) {
+            (row.depth_m, row.by_motion) = (depth_m, by_motion);
         }
     }
 
     /// Raises the noise of groups of scan rows whose residuals are far larger, by their medians: of
     /// a scanner that is much noisier than the roughness of what it sees.
     pub fn raise_noise(&mut self, state: &State) {
-        let found = self.each_mean(state, |row, mean| {
-            let (group, sigma_m) = self.noise(row);
+        let found = self.each_mean(state, |drive, row, mean| {
+            let (group, sigma_m) = self.noise((state, drive), row);
             (group, (mean.residual_m / sigma_m).abs())
         });
         let mut of_group = vec![Vec::new(); self.groups.names.len()];
@@ -68,7 +78,9 @@ impl JointProblem<'_> {
 
     /// Finds how far each scan row is trusted by its residual at a state and by those of its surfel.
     pub fn find_trust(&mut self, state: &State) {
-        let residuals = self.each_mean(state, |row, mean| mean.residual_m / self.noise(row).1);
+        let residuals = self.each_mean(state, |drive, row, mean| {
+            mean.residual_m / self.noise((state, drive), row).1
+        });
         // Squares and degrees of freedom.
         let surfels = self.found.surfels.iter().zip(&state.shapes);
         let mut of_surfel: Vec<(f64, f64)> = surfels
@@ -95,8 +107,9 @@ impl JointProblem<'_> {
 
     /// Moves the surfels to where the scans see them from these poses.
     pub fn fit_shapes(&self, state: &mut State) {
-        let found = self.each_mean(state, |row, mean| {
-            let (_, sigma_m) = self.noise(row);
+        let now: &State = state;
+        let found = self.each_mean(now, |drive, row, mean| {
+            let (_, sigma_m) = self.noise((now, drive), row);
             let by = Vec3::from(mean.by_shape) / sigma_m;
             (row.surfel, by, mean.residual_m / sigma_m)
         });

@@ -12,10 +12,14 @@ mod bend;
 mod components;
 mod conclude;
 mod input;
+mod known;
+mod ladder;
 mod layout;
+mod learn;
 mod look;
 mod model;
 pub mod motion;
+mod pattern;
 mod priors;
 mod problem;
 mod result;
@@ -28,15 +32,15 @@ mod surfel;
 #[cfg(test)]
 mod tests;
 
-pub use adjust::adjust;
 pub use bend::{BENDING_STEP_S, COMPLIANCE, Compliance, Rung, loads};
 pub use input::{JointDrive, JointInput, Scans};
+pub use ladder::adjust;
 pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{
-    AdjustedDrive, Climb, GroupTest, Joint, JointReport, LateScanner, MovedMounting, PoseMove,
-    ReferenceError,
+    AdjustedDrive, Climb, GroupTest, Joint, JointReport, Jump, KnownPoint, LateScanner,
+    MovedMounting, PoseMove, ReferenceError, known_m,
 };
 pub use score::Score;
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};

@@ -4,12 +4,27 @@
 //! agree with each other while poses are millimetres off. The sensors that do not see the ground
 //! notice.
 
+use super::bend::Rung;
+use super::components::Component;
+use super::pattern::motion_left;
+use super::problem::JointProblem;
 use super::result::Joint;
+use super::state::State;
 
 /// Largest Ω/r of the IMU, before chance.
 const MAX_IMU_RATIO: f64 = 1.2;
+/// The same with dense knots: what these leave out moves all rows of a step together, and some of it passes
+/// into the poses.
+const MAX_IMU_RATIO_OF_KNOTS: f64 = 2.5;
 /// Standard deviations by which chance may raise it.
 const CHANCE_SIGMAS: f64 = 2.0;
+/// Largest part of the scans' residuals that a motion explains, over what chance makes of it: ten times what
+/// a rigid mounting leaves on fields of soil, clods and plants.
+pub const MAX_MOTION_LEFT: f64 = 3.0;
+/// A contradiction of the IMU this many times as large as the least is evident. Before the noise of scans is
+/// estimated, that of a cloddy field with plants passes for half as much.
+const EVIDENT: f64 = 3.0;
+const EVIDENT_IN_SCANS: f64 = 10.0;
 /// Length of the blocks of positions that decide, seconds.
 pub const DECIDING_BLOCK_S: f64 = 30.0;
 /// All lengths reported.
@@ -19,9 +34,72 @@ pub const MAX_BLOCK_RMS: f64 = 2.0;
 /// Fewest blocks that decide.
 const MIN_BLOCKS: usize = 4;
 
-/// The largest Ω/r of an IMU with this redundancy that a rigid mounting explains.
-pub fn max_imu_ratio(redundancy: f64) -> f64 {
-    MAX_IMU_RATIO * (1.0 + CHANCE_SIGMAS * (2.0 / redundancy).sqrt())
+/// The largest Ω/r of an IMU with this redundancy that mountings explain which move as much as a rung lets
+/// them.
+pub fn max_imu_ratio(rung: Rung, redundancy: f64) -> f64 {
+    let most = match rung {
+        Rung::DenseKnots => MAX_IMU_RATIO_OF_KNOTS,
+        _ => MAX_IMU_RATIO,
+    };
+    most * (1.0 + CHANCE_SIGMAS * (2.0 / redundancy).sqrt())
+}
+
+/// What the scans of a drive say against mountings that move so much, in words.
+pub fn of_scans(drive: Option<&str>, rung: Rung, motion_left: f64) -> String {
+    let of_drive = drive.map_or(String::new(), |name| format!(" of drive `{name}`"));
+    format!(
+        "the scans{of_drive} contradict a {} mounting: a motion of it would explain {motion_left:.0} times as much \
+         of their residuals as chance does (at most {MAX_MOTION_LEFT:.0})",
+        rung.name(),
+    )
+}
+
+/// What the IMU of a drive says against mountings that move so much, in words: its group's name, that of
+/// the drive where there are several, Ω/r, and r.
+pub fn of_imu(
+    (group, drive): (&str, Option<&str>),
+    rung: Rung,
+    (ratio, redundancy): (f64, f64),
+) -> String {
+    let (who, contradict, whose) = match group.ends_with("imu") {
+        true => ("the IMU", "contradicts", "its"),
+        false => ("the poses", "contradict", "their"),
+    };
+    let of_drive = drive.map_or(String::new(), |name| format!(" of drive `{name}`"));
+    format!(
+        "{who}{of_drive} {contradict} a {} mounting: the squares of {whose} residuals are {ratio:.1} \
+         times what {whose} noise explains (at most {:.2})",
+        rung.name(),
+        max_imu_ratio(rung, redundancy)
+    )
+}
+
+/// Where IMU or scans contradict mountings that move so little by far more than chance, before the noise of
+/// scans is estimated, given the component of each group: with that noise, most of what moves them passes as it.
+/// Scans say so only where all else has settled.
+pub fn evident(
+    problem: &JointProblem<'_>,
+    state: &State,
+    found: &[Component],
+    is_settled: bool,
+) -> Vec<String> {
+    let drives = &problem.input.drives;
+    let left = motion_left(problem, state);
+    let groups = problem.groups.first_motion.iter().zip(left);
+    let mut reasons = Vec::new();
+    for (drive, (&group, left)) in drives.iter().zip(groups) {
+        let (imu, rung) = (&found[group], state.rung());
+        let ratio = imu.ratio().unwrap_or(0.0);
+        let name = (drives.len() > 1).then_some(drive.name.as_str());
+        if ratio > EVIDENT * max_imu_ratio(rung, imu.redundancy) {
+            let names = (problem.groups.names[group].as_str(), name);
+            reasons.push(of_imu(names, rung, (ratio, imu.redundancy)));
+        }
+        if is_settled && left > EVIDENT_IN_SCANS * MAX_MOTION_LEFT {
+            reasons.push(of_scans(name, rung, left));
+        }
+    }
+    reasons
 }
 
 /// What contradicts the model, the gravest first.
@@ -34,19 +112,18 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
         };
         if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)
             && let Some(ratio) = imu.ratio
+            && ratio > max_imu_ratio(joint.rung, imu.redundancy)
         {
-            let most = max_imu_ratio(imu.redundancy);
-            if ratio > most {
-                let (who, contradict, whose) = match drive.imu.ends_with("imu") {
-                    true => (of_drive("the IMU"), "contradicts", "its"),
-                    false => (of_drive("the poses"), "contradict", "their"),
-                };
-                found.push(format!(
-                    "{who} {contradict} a {} mounting: the squares of {whose} residuals are {ratio:.1} \
-                     times what {whose} noise explains (at most {most:.2})",
-                    joint.rung.name(),
-                ));
-            }
+            let name = (joint.drives.len() > 1).then_some(drive.name.as_str());
+            found.push(of_imu(
+                (&drive.imu, name),
+                joint.rung,
+                (ratio, imu.redundancy),
+            ));
+        }
+        if drive.motion_left > MAX_MOTION_LEFT {
+            let name = (joint.drives.len() > 1).then_some(drive.name.as_str());
+            found.push(of_scans(name, joint.rung, drive.motion_left));
         }
         for blocks in &drive.positions {
             let worst = blocks.rms.iter().copied().fold(0.0, f64::max);

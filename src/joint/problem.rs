@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bend::COMPLIANCE;
+use super::bend::{COMPLIANCE, HELD_SIGMA};
 use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE, UP};
 use super::motion::Places;
@@ -21,8 +21,6 @@ const TASK: usize = 64;
 /// Tasks whose rows are held at a time.
 const HELD: usize = 16;
 
-/// Standard deviation of what is held, metres and radians.
-pub const HELD_SIGMA: f64 = 1e-8;
 /// How far the start values may be off: the unit of the damping of surfels (offset in metres, slopes),
 /// of mountings (metres, radians), latencies (seconds) and of the reference.
 const SURFEL_START_SIGMA: [f64; 3] = [10.0, 0.1, 0.1];
@@ -140,9 +138,10 @@ impl<'a> JointProblem<'a> {
         self.system.offset(block)
     }
 
-    /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² with
-    /// the variance v of its surfel's points and n effective points.
-    pub fn noise(&self, row: &ScanRow) -> (usize, f64) {
+    /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² + q with
+    /// the variance v of its surfel's points, n effective points, and what the knots of a mounting that moves
+    /// leave out, q.
+    pub fn noise(&self, (state, drive): (&State, usize), row: &ScanRow) -> (usize, f64) {
         let surfel = &self.found.surfels[row.surfel as usize];
         let group = self.groups.first_scan
             + (row.scanner as usize * COVERAGES + usize::from(row.coverage)) * CLASSES
@@ -150,7 +149,10 @@ impl<'a> JointProblem<'a> {
         let variance = surfel.scatter_m.powi(2);
         let share = STRIP_SHARE * STRIP_SHARE + 1.0 / row.effective;
         let sigma_m = (variance * share).sqrt() * self.groups.scale[group];
-        (group, sigma_m.hypot(LEAST_SIGMA_M))
+        let bends = state.bends.as_ref();
+        let left_out_m2 = bends.map_or(0.0, |bends| bends.left_out(drive, row));
+        let variance = sigma_m * sigma_m + LEAST_SIGMA_M * LEAST_SIGMA_M + left_out_m2;
+        (group, variance.sqrt())
     }
 
     /// What the scan factors of a drive depend on at a state.
@@ -179,6 +181,18 @@ impl<'a> JointProblem<'a> {
         }
     }
 
+    /// Where the scan factors of a drive find their unknowns, with these blocks for latencies.
+    pub fn scan_blocks(&self, drive: usize, late: &[Option<usize>]) -> ScanBlocks {
+        ScanBlocks {
+            first_motion: self.layout.first_motion[drive],
+            first_surfel: self.layout.first_surfel,
+            mountings: self.layout.mountings.clone(),
+            late: late.to_vec(),
+            compliance: self.layout.compliance.clone(),
+            knots: self.layout.knots.get(drive).cloned().unwrap_or_default(),
+        }
+    }
+
     /// Visits all rows in a fixed order.
     pub fn visit(&self, state: &State, visit: impl FnMut(&RowBatch)) {
         self.visit_with(state, &self.layout.late, visit);
@@ -199,14 +213,7 @@ impl<'a> JointProblem<'a> {
                 first_group: self.groups.first_motion[drive],
             };
             let seen = self.seen(drive, state);
-            let blocks = ScanBlocks {
-                first_motion: self.layout.first_motion[drive],
-                first_surfel: self.layout.first_surfel,
-                mountings: self.layout.mountings.clone(),
-                late: late.to_vec(),
-                compliance: self.layout.compliance.clone(),
-                knots: self.layout.knots.get(drive).cloned().unwrap_or_default(),
-            };
+            let blocks = self.scan_blocks(drive, late);
             let steps: Vec<usize> = (0..=motion.steps()).collect();
             for held in steps.chunks(TASK * HELD) {
                 let batches: Vec<RowBatch> = held
@@ -216,7 +223,7 @@ impl<'a> JointProblem<'a> {
                         for &step in steps {
                             motion.rows(step, &places, &mut batch);
                             if step < motion.steps() {
-                                let noise = |row: &ScanRow| self.noise(row);
+                                let noise = |row: &ScanRow| self.noise((state, drive), row);
                                 scan::rows(&seen, motion, step, &blocks, &noise, &mut batch);
                             }
                         }

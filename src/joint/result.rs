@@ -33,6 +33,9 @@ pub struct Joint {
     pub rung: Rung,
     /// The rungs that were contradicted before.
     pub ladder: Vec<Climb>,
+    /// Share of each variance, (δp, δφ) of all mountings, that rests on the prior of how they move; empty
+    /// where mountings are rigid.
+    pub prior_shares: Vec<f64>,
     /// How each mounting follows the load; empty where mountings are rigid.
     pub compliance: Vec<Compliance>,
     /// One a drive.
@@ -70,6 +73,12 @@ pub struct AdjustedDrive {
     pub trajectory: Trajectory,
     /// How each mounting moved about its mean; empty where mountings are rigid.
     pub bending: Vec<MovedMounting>,
+    /// What a motion of the mountings would take from the residuals of the scans, over what chance makes of it.
+    pub motion_left: f64,
+    /// Where mountings moved all at once; their values are those before.
+    pub jumps: Vec<Jump>,
+    /// How well points are known, of each scanner, evenly along the drive.
+    pub points: Vec<Vec<KnownPoint>>,
     /// Name of the group of its IMU.
     pub imu: String,
     /// Residuals of its position sensors in blocks of time.
@@ -80,6 +89,24 @@ pub struct AdjustedDrive {
     pub moved: Vec<PoseMove>,
 }
 
+/// How well a point on the ground is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownPoint {
+    /// Its profile's time, seconds.
+    pub time_s: f64,
+    /// Scanner frame, metres.
+    pub in_scanner_m: Vec3,
+    /// Standard deviations in the world, metres: of what poses and mounting do, without the scanner's noise.
+    pub sigma_m: Vec3,
+}
+
+/// Root mean square of the standard deviations of points, world, metres; `None` without any.
+pub fn known_m(points: &[KnownPoint]) -> Option<Vec3> {
+    let squares = points.iter().map(|p| p.sigma_m.component_mul(&p.sigma_m));
+    let sum = squares.reduce(|a, b| a + b)?;
+    Some((sum / points.len() as f64).map(f64::sqrt))
+}
+
 /// How a mounting moved along a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedMounting {
@@ -87,6 +114,19 @@ pub struct MovedMounting {
     pub offsets: Bending,
     /// Standard deviations of these offsets at the same times, not including that of the mean.
     pub sigmas: Bending,
+}
+
+/// A mounting that moved all at once: somebody leaned on it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jump {
+    /// Its place among the scanners.
+    pub scanner: usize,
+    /// It happened between these times, seconds.
+    pub between_s: [f64; 2],
+    /// (δφ, δp) after it, less before: radians and metres in body axes.
+    pub step: [f64; 6],
+    /// Standard deviations.
+    pub sigma: [f64; 6],
 }
 
 /// A rung that was left.

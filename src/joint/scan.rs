@@ -40,6 +40,9 @@ pub struct Mean {
     pub by_nodes: NodeGradient,
     /// By the mounting (δφ, δp).
     pub by_mounting: [f64; 6],
+    /// By the compliance, and by the knot behind: each profile has its own load and share of the knots.
+    pub by_compliance: [f64; COMPLIANCE],
+    pub by_next_knot: [f64; 6],
     /// By how late the profile is.
     pub by_late: f64,
     /// d, metres.
@@ -62,6 +65,9 @@ impl Mean {
         for (by, of_depth) in self.by_mounting.iter_mut().zip(by_mounting) {
             *by = *by * factor - share * of_depth;
         }
+        // What d turns with them is left out: a residual over d, a thousandth.
+        self.by_compliance = self.by_compliance.map(|x| x * factor);
+        self.by_next_knot = self.by_next_knot.map(|x| x * factor);
         self.by_late = self.by_late * factor - share * by_late;
     }
 }
@@ -120,6 +126,18 @@ impl<'a> StepScans<'a> {
         pose.translation_m + pose.rotation * (rotation * point.position_m + translation_m)
     }
 
+    /// The knot before the step, and the share of the one behind at a time, of a scanner whose mounting has
+    /// knots. A latency may carry a row across a knot: it stays with those of its step.
+    fn knot(&self, bends: &Bends, scanner: usize, time_s: f64) -> Option<(usize, f64)> {
+        let process = &bends.knots.get(self.seen.drive)?[scanner];
+        let [first, .., last] = self.poses.knots.as_slice() else {
+            return None;
+        };
+        let (knot, _) = process.locate(0.5 * (first.time_s + last.time_s));
+        let [from_s, to_s] = [process.knot_s[knot], process.knot_s[knot + 1]];
+        Some((knot, ((time_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0)))
+    }
+
     /// Rotation and position of a scanner in the body at a time.
     fn mounting(&self, scanner: usize, time_s: f64) -> (Mat3, Vec3) {
         let mean = &self.seen.mountings[scanner];
@@ -141,49 +159,12 @@ impl<'a> StepScans<'a> {
         let [normal, u_axis, v_axis] = &surfel.axes;
         // ∂r by the point.
         let direction = normal - u_axis * shape.y - v_axis * shape.z;
-        let mut sum = Vec3::zeros();
-        let (mut arm_moment, mut in_bodies) = (Vec3::zeros(), Vec3::zeros());
-        let mut by_nodes: NodeGradient = [0.0; _];
-        let mut by_late = 0.0;
-        let count: f64 = points.iter().map(|point| point.weight).sum();
-        let mut all_arms = Vec3::zeros();
-        let mut times_s = 0.0;
-        for group in points.chunk_by(|a, b| a.profile == b.profile) {
-            let pose = self.profile(scanner, group[0].profile);
-            let in_body = pose.rotation.tr_mul(&direction);
-            let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
-            let mut arms = Vec3::zeros();
-            for point in group {
-                arms += rotation * point.position_m * point.weight;
-            }
-            // All are linear in the points of one profile.
-            let n: f64 = group.iter().map(|point| point.weight).sum();
-            times_s += pose.time_s * n;
-            let levers = arms + translation_m * n;
-            let offset = pose.translation_m - surfel.centre_m;
-            sum += pose.rotation * levers + offset * n;
-            let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
-            self.poses.pull_back(pose.time_s, &by_pose, &mut by_nodes);
-            arm_moment += arms.cross(&in_body);
-            all_arms += arms;
-            in_bodies += in_body * n;
-            let turning = pose.rate_rad_s.cross(&levers);
-            by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
-        }
-        let mean = sum / count;
+        let (mean, arm, mut found) = self.along(scanner, &direction, &surfel.centre_m, points);
         let (u, v) = (u_axis.dot(&mean), v_axis.dot(&mean));
-        let mut found = Mean {
-            residual_m: normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v),
-            by_shape: [-1.0, -u, -v],
-            by_nodes,
-            by_mounting: six(arm_moment / count, in_bodies / count),
-            by_late: by_late / count,
-            depth_m: 0.0,
-            time_s: times_s / count,
-        };
+        found.residual_m = normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v);
+        found.by_shape = [-1.0, -u, -v];
         // The depth turns with the profile in the middle: it is the factor of a small residual.
         let pose = self.profile(scanner, points[points.len() / 2].profile);
-        let arm = all_arms / count;
         let in_body = pose.rotation.tr_mul(normal);
         found.depth_m = in_body.dot(&arm);
         if depth_m.abs() > LEAST_DEPTH_M && found.depth_m * depth_m > 0.0 {
@@ -195,6 +176,72 @@ impl<'a> StepScans<'a> {
                 .pull_back(pose.time_s, &by_pose, &mut found.by_nodes);
         }
         found
+    }
+
+    /// The mean of points of a scanner from `origin_m`, world; the mean of their arms R_bs x_s, body; and the
+    /// derivatives of the mean along a direction of the world.
+    pub fn along(
+        &self,
+        scanner: usize,
+        direction: &Vec3,
+        origin_m: &Vec3,
+        points: &[RowPoint],
+    ) -> (Vec3, Vec3, Mean) {
+        let mut sum = Vec3::zeros();
+        let (mut arm_moment, mut in_bodies) = (Vec3::zeros(), Vec3::zeros());
+        let mut by_nodes: NodeGradient = [0.0; _];
+        let (mut by_compliance, mut by_next_knot) = ([0.0; COMPLIANCE], [0.0; 6]);
+        let mut by_late = 0.0;
+        let count: f64 = points.iter().map(|point| point.weight).sum();
+        let mut all_arms = Vec3::zeros();
+        let mut times_s = 0.0;
+        for group in points.chunk_by(|a, b| a.profile == b.profile) {
+            let pose = self.profile(scanner, group[0].profile);
+            let in_body = pose.rotation.tr_mul(direction);
+            let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
+            let mut arms = Vec3::zeros();
+            for point in group {
+                arms += rotation * point.position_m * point.weight;
+            }
+            // All are linear in the points of one profile.
+            let n: f64 = group.iter().map(|point| point.weight).sum();
+            times_s += pose.time_s * n;
+            let levers = arms + translation_m * n;
+            let offset = pose.translation_m - origin_m;
+            sum += pose.rotation * levers + offset * n;
+            let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
+            self.poses.pull_back(pose.time_s, &by_pose, &mut by_nodes);
+            if let Some(bends) = self.seen.bends {
+                let by = six(arms.cross(&in_body) / count, in_body * (n / count));
+                let load = bends.load(self.seen.drive, pose.time_s);
+                for (i, sum) in by_compliance.iter_mut().enumerate() {
+                    *sum += by[i % 6] * load[i / 6];
+                }
+                let share = self
+                    .knot(bends, scanner, pose.time_s)
+                    .map_or(0.0, |(_, u)| u);
+                for (sum, by) in by_next_knot.iter_mut().zip(by) {
+                    *sum += by * share;
+                }
+            }
+            arm_moment += arms.cross(&in_body);
+            all_arms += arms;
+            in_bodies += in_body * n;
+            let turning = pose.rate_rad_s.cross(&levers);
+            by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
+        }
+        let found = Mean {
+            residual_m: 0.0,
+            by_shape: [0.0; 3],
+            by_nodes,
+            by_mounting: six(arm_moment / count, in_bodies / count),
+            by_compliance,
+            by_next_knot,
+            by_late: by_late / count,
+            depth_m: 0.0,
+            time_s: times_s / count,
+        };
+        (sum / count, all_arms / count, found)
     }
 }
 
@@ -227,40 +274,50 @@ pub fn rows(
     }
     let poses = motion.poses(step);
     let scans = StepScans::new(seen, &poses);
-    let nodes = motion.pose_blocks(step);
-    let bridge = motion.bridge_block(step);
     for row in rows {
         let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
         batch.begin_robust(row.trust, group, mean.residual_m * w);
-        let by = mean.by_nodes.map(|x| x * w);
-        let width = poses.width;
-        batch.touch(blocks.first_motion + nodes[0], &by[..width]);
-        batch.touch(blocks.first_motion + nodes[1], &by[width..2 * width]);
-        if let Some(bridge) = bridge {
-            batch.touch(blocks.first_motion + bridge, &by[AT_BRIDGE..]);
-        }
         batch.touch(
             blocks.first_surfel + row.surfel as usize,
             &mean.by_shape.map(|x| x * w),
         );
-        let scanner = row.scanner as usize;
-        if let Some(late) = blocks.late[scanner] {
-            batch.touch(late, &[mean.by_late * w]);
-        }
-        let by_mounting = mean.by_mounting.map(|x| x * w);
-        if let Some(bends) = seen.bends {
-            let load = bends.load(seen.drive, mean.time_s);
-            let by = |i: usize| by_mounting[i % 6] * load[i / 6];
-            let by: [f64; COMPLIANCE] = std::array::from_fn(by);
-            batch.touch(blocks.compliance[scanner], &by);
-            if let Some(first) = blocks.knots.get(scanner) {
-                let (knot, u) = bends.knots[seen.drive][scanner].locate(mean.time_s);
-                batch.touch(first + knot, &by_mounting.map(|x| x * (1.0 - u)));
-                batch.touch(first + knot + 1, &by_mounting.map(|x| x * u));
-            }
-        }
-        batch.touch(blocks.mountings[scanner], &by_mounting);
+        let what = (row.scanner as usize, &mean, w);
+        place((&scans, motion), step, blocks, what, batch);
     }
+}
+
+/// Adds derivatives of a mean, times `w`, by all that places points: the motion and the mounting.
+pub fn place(
+    (scans, motion): (&StepScans<'_>, &dyn Motion),
+    step: usize,
+    blocks: &ScanBlocks,
+    (scanner, mean, w): (usize, &Mean, f64),
+    batch: &mut RowBatch,
+) {
+    let (nodes, width) = (motion.pose_blocks(step), scans.poses.width);
+    let by = mean.by_nodes.map(|x| x * w);
+    batch.touch(blocks.first_motion + nodes[0], &by[..width]);
+    batch.touch(blocks.first_motion + nodes[1], &by[width..2 * width]);
+    if let Some(bridge) = motion.bridge_block(step) {
+        batch.touch(blocks.first_motion + bridge, &by[AT_BRIDGE..]);
+    }
+    if let Some(late) = blocks.late[scanner] {
+        batch.touch(late, &[mean.by_late * w]);
+    }
+    let by_mounting = mean.by_mounting.map(|x| x * w);
+    if let Some(bends) = scans.seen.bends {
+        let by_compliance = mean.by_compliance.map(|x| x * w);
+        batch.touch(blocks.compliance[scanner], &by_compliance);
+        if let Some(first) = blocks.knots.get(scanner)
+            && let Some((knot, _)) = scans.knot(bends, scanner, mean.time_s)
+        {
+            let next = mean.by_next_knot.map(|x| x * w);
+            let before: [f64; 6] = std::array::from_fn(|i| by_mounting[i] - next[i]);
+            batch.touch(first + knot, &before);
+            batch.touch(first + knot + 1, &next);
+        }
+    }
+    batch.touch(blocks.mountings[scanner], &by_mounting);
 }

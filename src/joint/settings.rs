@@ -36,8 +36,7 @@ pub struct ReferenceSigma {
     pub surface_m: Option<f64>,
 }
 
-/// How much mountings may move: from the first rung, the adjustment climbs where its tests contradict it. By
-/// default it does not climb to knots, which take minutes and explain nearly anything.
+/// How much mountings may move: from the first rung, the adjustment climbs where its tests contradict it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MountingMotion {
     /// Where it begins.
@@ -50,7 +49,7 @@ impl Default for MountingMotion {
     fn default() -> Self {
         Self {
             least: Rung::Rigid,
-            most: Rung::Compliance,
+            most: Rung::DenseKnots,
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::calibration::{Calibration, Mounting, MountingForms, Variant};
 use crate::comparison::{Against, Agreements, MountingKind};
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::joint::{AdjustedDrive, Joint, JointReport};
+use crate::joint::{AdjustedDrive, Joint, JointReport, known_m};
 use crate::progress::StageSeconds;
 use crate::project::Project;
 use crate::report::content::Drive;
@@ -121,6 +121,9 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     if refused.is_some() {
         value["scanners"] = json!(found.calibration(result).scanners());
     }
+    let shares = result.mountings.iter().zip(found.prior_shares.chunks(6));
+    let shares = shares.map(|(mounting, shares)| (mounting.name.clone(), json!(shares)));
+    value["prior_share"] = shares.collect::<Map<_, _>>().into();
     value["converged"] = json!(found.stop == StopReason::Converged);
     for (key, count) in [
         ("iterations", found.iterations),
@@ -139,7 +142,11 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
         (group.name.clone(), entry)
     });
     value["chi_square"] = groups.collect::<Map<_, _>>().into();
-    value["drives"] = found.drives.iter().map(moved).collect();
+    value["drives"] = found
+        .drives
+        .iter()
+        .map(|drive| moved(drive, &result.mountings))
+        .collect();
     let blocks = found.drives.iter().flat_map(|drive| {
         drive.positions.iter().map(|blocks| {
             let mut entry = json!(blocks);
@@ -163,18 +170,36 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     value
 }
 
-/// How far the adjustment moved the poses of a drive.
-fn moved(drive: &AdjustedDrive) -> Value {
+/// How far the adjustment moved the poses of a drive, how well points are known, and where mountings jumped.
+fn moved(drive: &AdjustedDrive, mountings: &[Mounting]) -> Value {
     let rms = |of: &dyn Fn(usize) -> Vec3| {
         let sum = (0..drive.moved.len()).map(of).map(|v| v.component_mul(&v));
         (sum.sum::<Vec3>() / drive.moved.len().max(1) as f64).map(f64::sqrt)
     };
+    let jumps = drive.jumps.iter().map(|jump| {
+        let [turn, shift] = [&jump.step[..3], &jump.step[3..]].map(Vec3::from_column_slice);
+        json!({
+            "scanner": mountings[jump.scanner].name,
+            "between_s": jump.between_s,
+            "shift_m": shift,
+            "rotation_deg": turn.map(f64::to_degrees),
+        })
+    });
+    let points = mountings.iter().zip(&drive.points);
+    let points = points.filter_map(|(mounting, points)| {
+        Some((
+            mounting.name.clone(),
+            json!({ "sigma_m": known_m(points)? }),
+        ))
+    });
     json!({
         "name": drive.name,
         "moved_rms": {
             "shift_m": rms(&|i| drive.moved[i].shift_m),
             "rotation_deg": rms(&|i| drive.moved[i].turn_rad.map(f64::to_degrees)),
         },
+        "points": points.collect::<Map<_, _>>(),
+        "jumps": jumps.collect::<Vec<_>>(),
     })
 }
 

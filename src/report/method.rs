@@ -3,8 +3,7 @@
 
 use super::number;
 use crate::calibration::{Calibration, Method, RelativeMounting};
-use crate::joint::{Joint, JointReport, Rung};
-use crate::statistics::rms;
+use crate::joint::{Joint, JointReport};
 use crate::verdict::Verdict;
 
 /// Factors below this are not worth mentioning.
@@ -76,31 +75,6 @@ fn accepted(joint: &Joint) -> String {
         joint.rung.name(),
         imu(joint),
     )
-}
-
-/// That the mountings move, and by how much.
-pub fn moving(joint: &Joint) -> Option<Verdict> {
-    if joint.rung == Rung::Rigid {
-        return None;
-    }
-    let reason = joint.ladder.last().and_then(|left| left.reasons.first());
-    let reason = reason.map_or(String::new(), |reason| format!(": {reason}"));
-    let moved = joint.drives.iter().flat_map(|drive| &drive.bending);
-    let (mut shift_m, mut turn_rad) = (Vec::new(), Vec::new());
-    for (_, offset) in moved.flat_map(|moved| moved.offsets.samples()) {
-        turn_rad.extend_from_slice(&offset[..3]);
-        shift_m.extend_from_slice(&offset[3..]);
-    }
-    let (shift_m, turn_rad) = (rms(shift_m), rms(turn_rad));
-    let text = format!(
-        "The mountings move along the drive, by {} and {:.3}° about each axis (root mean square){reason}. They are \
-         modelled as {}; mounting.csv has them by time. Points are better known than single parameters: a motion \
-         along the track and one in pitch look alike.",
-        number::length(shift_m),
-        turn_rad.to_degrees(),
-        joint.rung.name(),
-    );
-    Some(Verdict::care("mounting.moves", text).with_value(shift_m, None))
 }
 
 /// The largest ratio of an IMU.

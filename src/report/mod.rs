@@ -21,6 +21,7 @@ mod marks;
 pub(crate) mod method;
 mod minimum;
 mod mounting;
+mod moving;
 mod number;
 mod page;
 mod raster;

@@ -2,7 +2,7 @@
 
 use super::content::{Calibrations, Content, Drive};
 use super::diagnostics::{self, PoseSigmas};
-use super::{agreement, constancy, method, minimum, number};
+use super::{agreement, constancy, method, minimum, moving, number};
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -111,7 +111,7 @@ fn of_calibration(
     let joint = calibrations.joint_found();
     all.extend(joint.into_iter().flat_map(disagreements));
     let accepted = calibrations.joint.and_then(JointReport::accepted);
-    all.extend(accepted.and_then(method::moving));
+    all.extend(accepted.into_iter().flat_map(moving::verdicts));
     all.extend(accepted.and_then(height));
     all.push(minimum::convergence(result));
     all.extend(minimum::uniqueness(result));

@@ -71,10 +71,13 @@ pub struct Found {
 
 /// A drive and what both methods found.
 pub struct Run {
+    /// Where mountings move, their means.
     pub truth: Vec<BodyFromScanner>,
     pub two_steps: Found,
     pub one_piece: Found,
     pub joint: Joint,
+    /// Errors of points of the joint adjustment and their standard deviations, world, metres.
+    pub points: Vec<[Vec3; 2]>,
     /// What contradicts the joint adjustment.
     pub refused: Vec<String>,
     /// Another drive with the mountings of both methods, with its own poses and adjusted.
@@ -155,6 +158,7 @@ impl Run {
         let adjusted = &joint.drives[0];
         let moved = (late_s.as_slice(), adjusted.bending.as_slice());
         let one_piece = check.found(joint.poses(), &adjusted.trajectory, moved, seconds);
+        let points = check.known(&joint, &late_s);
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
             let own = stages::aligned(&project, Project::read(&other.project)?)?;
@@ -191,12 +195,20 @@ impl Run {
             ])
         });
         let evaluation = evaluation.transpose()?;
+        let moving = &check.moving;
+        let truth = (truth.iter().enumerate())
+            .map(|(scanner, at_rest)| match moving.get(scanner) {
+                Some(moving) => middle(at_rest, moving),
+                None => *at_rest,
+            })
+            .collect();
         Ok(Self {
             evaluation,
             truth,
             two_steps,
             one_piece,
             joint,
+            points,
             refused,
         })
     }
@@ -254,6 +266,20 @@ fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
     Trajectory::new(format::read_trajectory(&file)?)
 }
 
+/// The mean of a mounting that moves.
+fn middle(at_rest: &BodyFromScanner, moving: &Trajectory) -> BodyFromScanner {
+    let (mut turns, mut shifts) = (Vec3::zeros(), Vec3::zeros());
+    for pose in moving.poses() {
+        let now = pose.world_from_body;
+        let now = BodyFromScanner::new(now.rotation, now.translation_m);
+        let (turn, shift) = now.perturbation_from(at_rest);
+        turns += turn;
+        shifts += shift;
+    }
+    let count = moving.poses().len() as f64;
+    at_rest.perturbed(&(turns / count), &(shifts / count))
+}
+
 /// None where they are rigid.
 fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec<Trajectory>> {
     if !scenario.deformation.enabled {
@@ -300,6 +326,49 @@ struct Check<'a> {
 const EACH: usize = 20;
 
 impl Check<'_> {
+    /// The true pose of the body, and where a point in the field was.
+    fn truly(
+        &self,
+        scanner: usize,
+        true_s: f64,
+        in_scanner_m: &Vec3,
+    ) -> Option<(WorldFromBody, Vec3)> {
+        let exact = self.exact.pose_at(true_s)?;
+        let mounted = match self.moving.get(scanner) {
+            Some(moving) => {
+                let mounted = moving.pose_at(true_s)?;
+                BodyFromScanner::new(mounted.rotation, mounted.translation_m)
+            }
+            None => self.truth[scanner],
+        };
+        let point = exact.map(&mounted.map(in_scanner_m));
+        let [east, north] = self.scenario.field.size_m;
+        let within = (0.0..=east).contains(&point.x) && (0.0..=north).contains(&point.y);
+        within.then_some((exact, point))
+    }
+
+    /// Errors of the points of which the adjustment says how well they are known, and their standard deviations.
+    fn known(&self, joint: &Joint, late_s: &[f64]) -> Vec<[Vec3; 2]> {
+        let drive = &joint.drives[0];
+        let known = (0..)
+            .zip(&drive.points)
+            .flat_map(|(scanner, points)| points.iter().map(move |p| (scanner, p)));
+        let mountings = joint.poses();
+        let errors = known.filter_map(|(scanner, known): (usize, _)| {
+            let stamp_s = known.time_s + late_s[scanner];
+            let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
+            let (_, truth) = self.truly(scanner, true_s, &known.in_scanner_m)?;
+            let pose = drive.trajectory.pose_at(known.time_s)?;
+            let mounting = match drive.bending.get(scanner) {
+                Some(moved) => moved.offsets.apply(&mountings[scanner], known.time_s),
+                None => mountings[scanner],
+            };
+            let found = pose.map(&mounting.map(&known.in_scanner_m));
+            Some([found - truth, known.sigma_m])
+        });
+        errors.collect()
+    }
+
     fn found(
         &self,
         mountings: Vec<BodyFromScanner>,
@@ -314,23 +383,12 @@ impl Check<'_> {
             for point in sample.points.iter().step_by(EACH) {
                 let stamp_s = sample.profiles[point.profile as usize].time_s;
                 let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
-                let (Some(exact), Some(pose)) = (
-                    self.exact.pose_at(true_s),
-                    poses.pose_at(stamp_s - late_s[scanner]),
-                ) else {
+                let Some(pose) = poses.pose_at(stamp_s - late_s[scanner]) else {
                     continue;
                 };
-                let mounted = self.moving.get(scanner).map(|m| m.pose_at(true_s));
-                let mounted = match mounted {
-                    Some(Some(m)) => BodyFromScanner::new(m.rotation, m.translation_m),
-                    Some(None) => continue,
-                    None => self.truth[scanner],
-                };
-                let truth = exact.map(&mounted.map(&point.position_m));
-                let [east, north] = self.scenario.field.size_m;
-                if !((0.0..=east).contains(&truth.x) && (0.0..=north).contains(&truth.y)) {
+                let Some((exact, truth)) = self.truly(scanner, true_s, &point.position_m) else {
                     continue;
-                }
+                };
                 let mounting = match bending.get(scanner) {
                     Some(moved) => moved.offsets.apply(&mountings[scanner], true_s),
                     None => mountings[scanner],

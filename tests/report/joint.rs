@@ -41,6 +41,9 @@ fn drive(full: &Full, east: f64) -> AdjustedDrive {
         (time_s, 5e-3 * Vec3::from_fn(|axis, _| normal(3 * i + axis)))
     });
     AdjustedDrive {
+        points: Vec::new(),
+        motion_left: 0.2,
+        jumps: Vec::new(),
         name: "drive-1".into(),
         trajectory: Trajectory::new(poses.clone()).expect("poses in time order"),
         bending: Vec::new(),
@@ -65,6 +68,7 @@ fn drive(full: &Full, east: f64) -> AdjustedDrive {
 /// What an adjustment with these mountings, ratio of the IMU and block means finds.
 fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
     Joint {
+        prior_shares: Vec::new(),
         mountings: near.mountings.clone(),
         covariance: near.covariance.clone().expect("a covariance"),
         rung: Rung::Rigid,

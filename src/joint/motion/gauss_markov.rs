@@ -1,6 +1,7 @@
 //! Errors that are correlated in time: first-order Gauss-Markov processes at knots.
 
 use super::super::row::RowBatch;
+use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// A stationary process of `dimension` independent components with E x(t) x(t + Δ) = σ² e^(−Δ/τ),
 /// known at knots and linear between them.
@@ -14,7 +15,16 @@ pub struct GaussMarkov {
     pub correlation_s: f64,
     /// Values at the knots, one after the other.
     pub value: Vec<f64>,
+    /// Knots before which it jumped: they are not tied to the one before.
+    pub restarts: Vec<usize>,
 }
+
+/// Standard deviation of a component after a jump.
+const RESTART_SIGMA: f64 = 0.05;
+/// A step is a jump where it is this many times as large as the robust standard deviation of all steps.
+const JUMP_SIGMAS: f64 = 8.0;
+/// And at least this large, radians and metres.
+const LEAST_JUMP: f64 = 3e-4;
 
 /// Knots per correlation time: between them the process is a straight line, which leaves out a
 /// variance of σ²/(3·KNOTS) at mid-interval at most.
@@ -36,7 +46,19 @@ impl GaussMarkov {
             knot_s,
             sigma,
             correlation_s,
+            restarts: Vec::new(),
         }
+    }
+
+    /// From the first knot to the last, seconds.
+    pub fn span_s(&self) -> f64 {
+        self.knot_s[self.knot_s.len() - 1] - self.knot_s[0]
+    }
+
+    /// Variance that straight lines between the knots leave out, as a share of σ²: h/(3τ) on average over
+    /// intervals of h.
+    pub fn left_out_share(&self) -> f64 {
+        self.span_s() / (self.knot_s.len() - 1) as f64 / (3.0 * self.correlation_s)
     }
 
     /// Components.
@@ -64,6 +86,33 @@ impl GaussMarkov {
         self.of_knot(knot)[component] * (1.0 - u) + self.of_knot(knot + 1)[component] * u
     }
 
+    /// Restarts it where it jumped by most; returns whether there is such a knot.
+    pub fn restart(&mut self) -> bool {
+        let (d, knots) = (self.dimension(), self.knot_s.len());
+        let mut worst = (JUMP_SIGMAS, 0);
+        for component in 0..d {
+            let step =
+                |k: usize| (self.of_knot(k)[component] - self.of_knot(k - 1)[component]).abs();
+            // A knot between two jumps would float.
+            let is_near = |k: usize| self.restarts.iter().any(|r| r.abs_diff(k) <= 2);
+            let tied = (1..knots).filter(|&k| !is_near(k));
+            let Some(typical) = median(tied.clone().map(step)) else {
+                continue;
+            };
+            for k in tied.filter(|&k| step(k) > LEAST_JUMP) {
+                let ratio = step(k) / (SIGMAS_PER_MAD * typical);
+                if ratio > worst.0 {
+                    worst = (ratio, k);
+                }
+            }
+        }
+        let jumped = worst.1 > 0;
+        if jumped {
+            self.restarts.push(worst.1);
+        }
+        jumped
+    }
+
     /// Adds the rows that tie knot `knot` to the one before, the first to zero:
     /// (x_k − e^(−Δ/τ) x_(k−1)) / (σ √(1 − e^(−2Δ/τ))) of each component. `first_block` is the block
     /// of knot 0.
@@ -71,9 +120,13 @@ impl GaussMarkov {
         let d = self.dimension();
         let mut own = vec![0.0; d];
         for component in 0..d {
-            let sigma = self.sigma[component].max(f64::MIN_POSITIVE);
             let here = self.of_knot(knot)[component];
-            let Some(before) = knot.checked_sub(1) else {
+            let restarts = self.restarts.contains(&knot);
+            let sigma = match restarts {
+                true => RESTART_SIGMA,
+                false => self.sigma[component].max(f64::MIN_POSITIVE),
+            };
+            let Some(before) = knot.checked_sub(1).filter(|_| !restarts) else {
                 own.fill(0.0);
                 own[component] = 1.0 / sigma;
                 batch.begin(group, 1.0, here / sigma);

@@ -234,6 +234,7 @@ fn rows_of(
             effective: weights().sum::<f64>().powi(2) / weights().map(|w| w * w).sum::<f64>(),
             coverage: 0,
             depth_m: 0.0,
+            by_motion: [0.0; 2],
             trust: 1.0,
         });
         rows.points.extend(group.iter().map(|(.., point, _)| {

@@ -71,6 +71,8 @@ pub struct ScanRow {
     pub coverage: u8,
     /// How far its points lay from the scanner along the surfel's normal, metres, with its sign.
     pub depth_m: f64,
+    /// Squares of its derivatives by rotations (metres²) and by shifts of the mounting, as it was then.
+    pub by_motion: [f64; 2],
     /// How far it is trusted, 0 to 1.
     pub trust: f64,
 }

@@ -14,7 +14,7 @@ use crate::progress::Silent;
 use nalgebra::{DMatrix, DVector};
 
 /// H⁻¹. Unknowns are scaled to a diagonal of ones: what is held has weights of 10¹⁶.
-fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = h.diagonal().map(|x| 1.0 / x.sqrt());
     let by_scale = |m: &DMatrix<f64>| {
         DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * scale[i] * scale[j])

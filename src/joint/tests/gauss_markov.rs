@@ -61,3 +61,52 @@ fn residuals_are_those_of_the_values() {
     assert!((process.at(0.15, 1) - 0.05).abs() < 1e-12);
     assert_eq!(process.at(5.0, 0), -0.6);
 }
+
+#[test]
+fn a_jump_is_told_from_a_walk() {
+    let knot_s: Vec<f64> = (0..200).map(f64::from).collect();
+    let mut process = GaussMarkov::at_knots(knot_s, vec![1e-3], 5.0);
+    // Steps of up to 0.4 mm, evenly spread.
+    let steps = (0..200).map(|k| 4e-4 * (((k * 77) % 199) as f64 / 99.0 - 1.0));
+    process.value = steps
+        .scan(0.0, |sum, step| {
+            *sum += step;
+            Some(*sum)
+        })
+        .collect();
+    assert!(!process.restart());
+    process.value[120..].iter_mut().for_each(|x| *x += 3e-3);
+    assert!(process.restart());
+    assert_eq!(process.restarts, [120]);
+    assert!(!process.restart());
+    // What is after a jump is not tied to what was before.
+    let j = jacobian(&process);
+    let covariance = j.tr_mul(&j).try_inverse().expect("as many rows as values");
+    assert!(covariance[(119, 120)].abs() < 1e-15);
+    assert!(covariance[(120, 121)] > 1e-6);
+}
+
+#[test]
+fn lines_between_knots_leave_out_a_third_of_an_interval() {
+    let (tau_s, h_s) = (5.0, 0.25);
+    let process = GaussMarkov::at_knots(
+        (0..9).map(|k| h_s * f64::from(k)).collect(),
+        vec![1.0],
+        tau_s,
+    );
+    let r = |t: f64| (-t.abs() / tau_s).exp();
+    // Variance of x(t) less the line through x(0) and x(h), over the interval.
+    let at = |u: f64| {
+        let (a, b) = (1.0 - u, u);
+        1.0 + a * a + b * b - 2.0 * (a * r(u * h_s) + b * r(h_s - u * h_s)) + 2.0 * a * b * r(h_s)
+    };
+    let mean = (0..1000)
+        .map(|i| at((f64::from(i) + 0.5) / 1000.0))
+        .sum::<f64>()
+        / 1000.0;
+    // To first order of h/τ.
+    assert!(
+        (process.left_out_share() / mean - 1.0).abs() < 0.02,
+        "{mean}"
+    );
+}

@@ -6,4 +6,5 @@ mod columns;
 mod dense;
 mod gauss_markov;
 mod jacobians;
+mod known;
 mod whole;

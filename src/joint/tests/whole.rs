@@ -9,7 +9,10 @@ use crate::joint::{Joint, adjust};
 use crate::progress::Silent;
 
 fn adjusted(case: &Case) -> Joint {
-    adjust(&case.input(), &case.settings, SURFEL_M, &Silent).expect("determined")
+    let found = adjust(&case.input(), &case.settings, SURFEL_M, &Silent).expect("determined");
+    // These mountings are rigid.
+    assert!(found.ladder.is_empty(), "{:#?}", found.ladder);
+    found
 }
 
 /// Errors of a scanner in its standard deviations: (δp, δφ).

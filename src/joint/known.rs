@@ -1,0 +1,133 @@
+//! What is known where mountings move: points on the ground better than poses and mountings, whose errors
+//! are made up for by each other, and of the mountings in part only what was assumed.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::problem::JointProblem;
+use super::result::KnownPoint;
+use super::row::RowBatch;
+use super::scan::{self, StepScans};
+use super::state::State;
+use crate::geometry::Vec3;
+
+/// Points of each scanner of a drive that are looked at.
+const POINTS: usize = 400;
+
+/// Standard deviations of points spread evenly over the rows of a drive, of each scanner.
+///
+/// A point x_m = t_mb + R_mb (t_bs + R_bs x_s) has the covariance J P Jᵀ with the derivatives J by all that
+/// places it. All of that is coupled by its row, so that P is among the selected parts of the inverse.
+pub fn known_points(
+    problem: &JointProblem<'_>,
+    state: &State,
+    drive: usize,
+    block: &(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync),
+) -> Vec<Vec<KnownPoint>> {
+    let motion = state.motions[drive].as_ref();
+    let seen = problem.seen(drive, state);
+    let blocks = problem.scan_blocks(drive, &problem.layout.late);
+    let sizes = &problem.layout.sizes;
+    let count = state.mountings.len();
+    let rows = (0..motion.steps())
+        .flat_map(|step| seen.rows.of_step(step).iter().map(move |row| (step, row)));
+    let mut of_scanner = vec![Vec::new(); count];
+    rows.for_each(|(step, row)| of_scanner[row.scanner as usize].push((step, row)));
+    let known = of_scanner.into_iter().enumerate().map(|(scanner, rows)| {
+        let every = rows.len().div_ceil(POINTS).max(1);
+        let chosen: Vec<_> = rows.into_iter().step_by(every).collect();
+        let known = chosen.into_par_iter().filter_map(|(step, row)| {
+            let point = &seen.rows.points_of(row)[..1];
+            let poses = motion.poses(step);
+            let scans = StepScans::new(&seen, &poses);
+            let mut variance = Vec3::zeros();
+            let mut time_s = 0.0;
+            for axis in 0..3 {
+                let direction = Vec3::ith(axis, 1.0);
+                let (_, _, mean) = scans.along(scanner, &direction, &Vec3::zeros(), point);
+                time_s = mean.time_s;
+                let mut batch = RowBatch::default();
+                batch.begin(0, 1.0, 0.0);
+                let what = (scanner, &mean, 1.0);
+                scan::place((&scans, motion), step, &blocks, what, &mut batch);
+                variance[axis] = variance_of(&batch, sizes, block)?;
+            }
+            Some(KnownPoint {
+                time_s,
+                in_scanner_m: point[0].position_m,
+                sigma_m: variance.map(|x| x.max(0.0).sqrt()),
+            })
+        });
+        known.collect()
+    });
+    known.collect()
+}
+
+/// The share of each variance of all mountings, (δp, δφ), that rests on the priors of compliance and of the
+/// motion in time; empty where mountings are rigid.
+///
+/// With the rows J of these priors, the errors of what they say put ‖J H⁻¹ g‖² into the variance gᵀ H⁻¹ g.
+pub fn prior_shares(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
+    let (Some(factor), true) = (problem.factor(), state.bends.is_some()) else {
+        return Vec::new();
+    };
+    let unknowns = problem.unknowns();
+    let mountings = problem.layout.mountings.iter();
+    // The unknowns are (δφ, δp).
+    let places =
+        mountings.flat_map(|&block| (0..6).map(move |i| problem.offset(block) + (i + 3) % 6));
+    let places: Vec<usize> = places.collect();
+    let mut sides = vec![0.0; unknowns * places.len()];
+    for (side, place) in sides.chunks_exact_mut(unknowns).zip(&places) {
+        side[*place] = 1.0;
+    }
+    factor.solve(&mut sides, places.len());
+    let mut batch = RowBatch::default();
+    problem.bending(state, &mut batch);
+    let mut of_row = Vec::new();
+    let mut shares = vec![0.0; places.len()];
+    for row in batch.rows() {
+        problem.places(&row, &mut of_row);
+        for (share, side) in shares.iter_mut().zip(sides.chunks_exact(unknowns)) {
+            let terms = of_row
+                .iter()
+                .zip(row.by)
+                .map(|(place, by)| by * side[*place]);
+            *share += terms.sum::<f64>().powi(2);
+        }
+    }
+    let variances = sides.chunks_exact(unknowns).zip(&places);
+    let variances = variances.map(|(side, place)| side[*place]);
+    shares
+        .iter()
+        .zip(variances)
+        .map(|(share, variance)| share / variance)
+        .collect()
+}
+
+/// j P jᵀ of a row.
+fn variance_of(
+    batch: &RowBatch,
+    sizes: &[usize],
+    block: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
+) -> Option<f64> {
+    let row = batch.rows().next()?;
+    let mut at = 0;
+    let parts = row.blocks.iter().map(|&b| {
+        let size = sizes[b as usize];
+        at += size;
+        (
+            b as usize,
+            DVector::from_column_slice(&row.by[at - size..at]),
+        )
+    });
+    let parts: Vec<(usize, DVector<f64>)> = parts.collect();
+    let mut sum = 0.0;
+    for (i, (a, by_a)) in parts.iter().enumerate() {
+        sum += by_a.dot(&(block(*a, *a)? * by_a));
+        for (b, by_b) in &parts[..i] {
+            sum += 2.0 * by_a.dot(&(block(*a, *b)? * by_b));
+        }
+    }
+    Some(sum)
+}

@@ -1,0 +1,70 @@
+//! The ladder: mountings move as little as sensors and scans allow.
+
+use super::adjust::{Outcome, at_rung};
+use super::bend::Rung;
+use super::conclude::not_determined;
+use super::input::JointInput;
+use super::model::contradictions;
+use super::result::{Climb, Joint};
+use super::settings::JointSettings;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// Adjusts mountings and trajectories together.
+///
+/// # Errors
+/// Too few surfels that scans or the reference check; unknowns that nothing determines;
+/// [`Error::Cancelled`].
+pub fn adjust(
+    input: &JointInput<'_>,
+    settings: &JointSettings,
+    surfel_m: f64,
+    progress: &dyn Progress,
+) -> Result<Joint> {
+    let _stage = progress.stage("joint adjustment", 0);
+    let (least, most) = match (input.known, input.compliance) {
+        (Some(_), []) => (Rung::Rigid, Rung::Rigid),
+        (Some(_), _) => (Rung::Compliance, Rung::Compliance),
+        (None, _) => (settings.mounting.least, settings.mounting.most),
+    };
+    let at = |rung: Rung, may_climb: bool| {
+        at_rung((input, settings), surfel_m, (rung, may_climb), progress)
+    };
+    let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
+    let mut found = loop {
+        let next = rung.next().filter(|next| *next <= most);
+        let outcome = match (at(rung, next.is_some()), ladder.pop()) {
+            (Err(Error::Cancelled), _) => return Err(Error::Cancelled),
+            // What is contradicted could be made at least.
+            (Err(error), Some(below)) => {
+                let name = rung.name();
+                progress.say(&format!("{name} mountings cannot be adjusted: {error}"));
+                rung = below.rung;
+                match at(rung, false)? {
+                    Outcome::Found(joint) => break *joint,
+                    contradicted => contradicted,
+                }
+            }
+            (outcome, below) => {
+                ladder.extend(below);
+                outcome?
+            }
+        };
+        let reasons = match &outcome {
+            Outcome::Found(joint) => contradictions(joint),
+            Outcome::Contradicted(reasons) => reasons.clone(),
+        };
+        match (outcome, next) {
+            (_, Some(next)) if !reasons.is_empty() => {
+                let name = rung.name();
+                progress.say(&format!("the mountings are not {name}: {}", reasons[0]));
+                ladder.push(Climb { rung, reasons });
+                rung = next;
+            }
+            (Outcome::Found(joint), _) => break *joint,
+            (Outcome::Contradicted(_), _) => return Err(not_determined()),
+        }
+    };
+    found.ladder = ladder;
+    Ok(found)
+}

@@ -1,0 +1,113 @@
+//! What is known where mountings move, against dense algebra and finite differences.
+
+use super::case::{Case, Dense};
+use super::dense::inverse;
+use crate::geometry::Vec3;
+use crate::joint::known::{known_points, prior_shares};
+use crate::joint::problem::JointProblem;
+use crate::joint::row::RowBatch;
+use crate::joint::scan::StepScans;
+use crate::joint::state::State;
+use crate::joint::surfel::RowPoint;
+
+/// Where a point of a scanner is in the world.
+fn place(
+    problem: &JointProblem<'_>,
+    state: &State,
+    (scanner, step): (usize, usize),
+    point: &RowPoint,
+) -> Vec3 {
+    let seen = problem.seen(0, state);
+    let poses = state.motions[0].poses(step);
+    let scans = StepScans::new(&seen, &poses);
+    let (place, ..) = scans.along(scanner, &Vec3::x(), &Vec3::zeros(), &[*point]);
+    place
+}
+
+#[test]
+fn points_have_the_standard_deviations_of_all_that_places_them() {
+    for (name, case) in [("rigid", Case::plain()), ("moving", Case::moving())] {
+        let input = case.input();
+        let (mut problem, state) = case.problem(&input);
+        problem.factorise(&state).expect("positive definite");
+        let selected = problem.factor().expect("factorised").selected_inverse();
+        let block = |a: usize, b: usize| selected.block(a, b);
+        let known = known_points(&problem, &state, 0, &block);
+        let covariance = inverse(&Dense::new(&problem, &state).h());
+        let rows = &problem.found.drives[0];
+        for (scanner, known) in known.iter().enumerate() {
+            let known = &known[known.len() / 2];
+            let of_step = |step: usize| rows.of_step(step).iter().map(move |row| (step, row));
+            let mut all = (0..state.motions[0].steps()).flat_map(of_step);
+            let found = all.find(|(_, row)| {
+                row.scanner as usize == scanner
+                    && rows.points_of(row)[0].position_m == known.in_scanner_m
+            });
+            let (step, row) = found.expect("a point of a row");
+            let point = rows.points_of(row)[0];
+            let sigmas = covariance.diagonal().map(f64::sqrt);
+            let mut jacobian = nalgebra::DMatrix::zeros(3, problem.unknowns());
+            for unknown in 0..problem.unknowns() {
+                // A thousandth of a standard deviation: what holds a value moves by less than rounding.
+                let h = (1e-3 * sigmas[unknown]).max(1e-9);
+                let at = |h: f64| {
+                    let mut moved = vec![0.0; problem.unknowns()];
+                    moved[unknown] = h;
+                    place(
+                        &problem,
+                        &problem.retracted(&state, &moved),
+                        (scanner, step),
+                        &point,
+                    )
+                };
+                jacobian.set_column(unknown, &((at(h) - at(-h)) / (2.0 * h)));
+            }
+            let variance = &jacobian * &covariance * jacobian.transpose();
+            for axis in 0..3 {
+                let ratio = known.sigma_m[axis] / variance[(axis, axis)].sqrt();
+                println!(
+                    "{name}, scanner {scanner}: {} m, ratio {ratio}",
+                    known.sigma_m[axis]
+                );
+                // Derivatives of poses between nodes are right to a hundredth.
+                assert!((ratio - 1.0).abs() < 0.02);
+            }
+        }
+    }
+}
+
+#[test]
+fn shares_of_the_prior_are_those_of_dense_algebra() {
+    let case = Case::moving();
+    let input = case.input();
+    let (mut problem, state) = case.problem(&input);
+    problem.factorise(&state).expect("positive definite");
+    let covariance = inverse(&Dense::new(&problem, &state).h());
+    let mut batch = RowBatch::default();
+    problem.bending(&state, &mut batch);
+    let mut places = Vec::new();
+    let shares = prior_shares(&problem, &state);
+    assert_eq!(shares.len(), 12);
+    for (parameter, share) in shares.iter().enumerate() {
+        let block = problem.layout.mountings[parameter / 6];
+        let own = problem.offset(block) + (parameter + 3) % 6;
+        let mut expected = 0.0;
+        for row in batch.rows() {
+            problem.places(&row, &mut places);
+            let terms = places
+                .iter()
+                .zip(row.by)
+                .map(|(place, by)| by * covariance[(*place, own)]);
+            expected += terms.sum::<f64>().powi(2);
+        }
+        expected /= covariance[(own, own)];
+        println!("{parameter}: {share} of {expected}");
+        assert!((share - expected).abs() < 1e-4);
+        assert!((0.0..=1.0).contains(share));
+    }
+    let rigid = Case::plain();
+    let input = rigid.input();
+    let (mut problem, state) = rigid.problem(&input);
+    problem.factorise(&state).expect("positive definite");
+    assert!(prior_shares(&problem, &state).is_empty());
+}

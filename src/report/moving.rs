@@ -1,0 +1,101 @@
+//! What is said of mountings that move, and of points, which are known better than these.
+
+use super::number;
+use crate::calibration::PARAMETER_NAMES;
+use crate::geometry::Vec3;
+use crate::joint::{Joint, Rung, known_m};
+use crate::statistics::rms;
+use crate::verdict::Verdict;
+
+/// A parameter of which more of the variance than this rests on the prior of the motion is named.
+const NOTABLE_SHARE: f64 = 0.25;
+
+/// How mountings move, where they jumped, and how well points are known.
+pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
+    let mut all = Vec::new();
+    all.extend(moving(joint));
+    all.extend(jumps(joint));
+    all.extend(points(joint));
+    all
+}
+
+/// That the mountings move, by how much, and what of them rests on the prior.
+fn moving(joint: &Joint) -> Option<Verdict> {
+    if joint.rung == Rung::Rigid {
+        return None;
+    }
+    let reason = joint.ladder.last().and_then(|left| left.reasons.first());
+    let reason = reason.map_or(String::new(), |reason| format!(": {reason}"));
+    let moved = joint.drives.iter().flat_map(|drive| &drive.bending);
+    let (mut shift_m, mut turn_rad) = (Vec::new(), Vec::new());
+    for (_, offset) in moved.flat_map(|moved| moved.offsets.samples()) {
+        turn_rad.extend_from_slice(&offset[..3]);
+        shift_m.extend_from_slice(&offset[3..]);
+    }
+    let (shift_m, turn_rad) = (rms(shift_m), rms(turn_rad));
+    let text = format!(
+        "The mountings move along the drive, by {} and {:.3}° about each axis (root mean square){reason}. They are \
+         modelled as {}; mounting.csv has them by time. Points are better known than single parameters: a motion \
+         along the track and one in pitch look alike.{}",
+        number::length(shift_m),
+        turn_rad.to_degrees(),
+        joint.rung.name(),
+        assumed(joint),
+    );
+    Some(Verdict::care("mounting.moves", text).with_value(shift_m, None))
+}
+
+/// The parameters that rest on the prior of the motion, with the share of their variance.
+fn assumed(joint: &Joint) -> String {
+    let scanners = joint.mountings.iter().zip(joint.prior_shares.chunks(6));
+    let named = scanners.flat_map(|(mounting, shares)| {
+        let parameters = PARAMETER_NAMES.iter().zip(shares);
+        let notable = parameters.filter(|(_, share)| **share > NOTABLE_SHARE);
+        notable.map(|(name, share)| format!("{name} of {} ({:.0} %)", mounting.name, 1e2 * share))
+    });
+    let named: Vec<String> = named.collect();
+    match named.is_empty() {
+        true => String::new(),
+        false => format!(
+            " What is assumed of the motion makes a good part of the variance of {}.",
+            named.join(", ")
+        ),
+    }
+}
+
+/// Where mountings moved all at once.
+fn jumps(joint: &Joint) -> Vec<Verdict> {
+    let drives = joint.drives.iter();
+    let jumps = drives.flat_map(|drive| drive.jumps.iter().map(move |jump| (drive, jump)));
+    let said = jumps.map(|(drive, jump)| {
+        let [turn, shift] = [&jump.step[..3], &jump.step[3..]].map(Vec3::from_column_slice);
+        let [from_s, to_s] = jump.between_s;
+        let of_drive = match joint.drives.len() {
+            1 => String::new(),
+            _ => format!(" of drive {}", drive.name),
+        };
+        let text = format!(
+            "Scanner {} moved all at once, between {from_s:.1} s and {to_s:.1} s{of_drive}, by {} and {:.3}°: was it \
+             touched? Its mounting is the one before; mounting.csv has both.",
+            joint.mountings[jump.scanner].name,
+            number::length(shift.norm()),
+            turn.norm().to_degrees(),
+        );
+        Verdict::care("mounting.jump", text).with_value(shift.norm(), None)
+    });
+    said.collect()
+}
+
+/// How well points are known: of the worst scanner.
+fn points(joint: &Joint) -> Option<Verdict> {
+    let scanners = joint.drives.iter().flat_map(|drive| &drive.points);
+    let sigmas = scanners.filter_map(|points| known_m(points));
+    let worst = sigmas.reduce(|a, b| a.sup(&b))?;
+    let text = format!(
+        "Points are known to {} east, {} north and {} up (one standard deviation, the scanners' noise aside).",
+        number::length(worst.x),
+        number::length(worst.y),
+        number::length(worst.z),
+    );
+    Some(Verdict::note("points.sigma", text).with_value(worst.norm(), None))
+}
