@@ -207,8 +207,11 @@ impl Bends {
 
     /// Restarts motions in time where they jumped; returns whether one did.
     pub fn restart(&mut self) -> bool {
-        let processes = self.knots.iter_mut().flatten();
-        processes.fold(false, |any, process| process.restart() || any)
+        let mut jumped = false;
+        for process in self.knots.iter_mut().flatten() {
+            jumped |= process.restart();
+        }
+        jumped
     }
 
     /// Variance of a row that the knots of its scanner leave out, m².
