@@ -3,10 +3,10 @@
 use super::adjust::{Outcome, at_rung};
 use super::bend::Rung;
 use super::conclude::not_determined;
-use super::input::JointInput;
-use super::model::contradictions;
+use super::input::{JointDrive, JointInput};
+use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
-use super::settings::JointSettings;
+use super::settings::{JointSettings, MountingMotion};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
@@ -25,7 +25,7 @@ pub fn adjust(
     let (least, most) = match (input.known, input.compliance) {
         (Some(_), []) => (Rung::Rigid, Rung::Rigid),
         (Some(_), _) => (Rung::Compliance, Rung::Compliance),
-        (None, _) => (settings.mounting.least, settings.mounting.most),
+        (None, _) => (settings.mounting.least, highest(input, settings)),
     };
     let at = |rung: Rung, may_climb: bool| {
         at_rung((input, settings), surfel_m, (rung, may_climb), progress)
@@ -67,4 +67,14 @@ pub fn adjust(
     };
     found.ladder = ladder;
     Ok(found)
+}
+
+/// The last rung: without an IMU, poses follow the scans as mountings with knots would.
+fn highest(input: &JointInput<'_>, settings: &JointSettings) -> Rung {
+    let MountingMotion { least, most } = settings.mounting;
+    let has_imu = |drive: &JointDrive<'_>| drive.motion.groups()[0].ends_with(IMU);
+    match input.drives.iter().all(has_imu) {
+        true => most,
+        false => most.min(Rung::Compliance).max(least),
+    }
 }

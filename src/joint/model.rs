@@ -11,6 +11,8 @@ use super::problem::JointProblem;
 use super::result::Joint;
 use super::state::State;
 
+/// Ends the name of the group of an IMU; drives without one have poses from a file.
+pub const IMU: &str = "imu";
 /// Largest Ω/r of the IMU, before chance.
 const MAX_IMU_RATIO: f64 = 1.2;
 /// The same with dense knots: what these leave out moves all rows of a step together, and some of it passes
@@ -61,7 +63,7 @@ pub fn of_imu(
     rung: Rung,
     (ratio, redundancy): (f64, f64),
 ) -> String {
-    let (who, contradict, whose) = match group.ends_with("imu") {
+    let (who, contradict, whose) = match group.ends_with(IMU) {
         true => ("the IMU", "contradicts", "its"),
         false => ("the poses", "contradict", "their"),
     };
@@ -88,6 +90,10 @@ pub fn evident(
     let groups = problem.groups.first_motion.iter().zip(left);
     let mut reasons = Vec::new();
     for (drive, (&group, left)) in drives.iter().zip(groups) {
+        // Poses from a file follow the scans as a mounting would.
+        if !problem.groups.names[group].ends_with(IMU) {
+            continue;
+        }
         let (imu, rung) = (&found[group], state.rung());
         let ratio = imu.ratio().unwrap_or(0.0);
         let name = (drives.len() > 1).then_some(drive.name.as_str());
@@ -121,7 +127,7 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
                 (ratio, imu.redundancy),
             ));
         }
-        if drive.motion_left > MAX_MOTION_LEFT {
+        if drive.imu.ends_with(IMU) && drive.motion_left > MAX_MOTION_LEFT {
             let name = (joint.drives.len() > 1).then_some(drive.name.as_str());
             found.push(of_scans(name, joint.rung, drive.motion_left));
         }
