@@ -69,12 +69,12 @@ pub fn adjust(
     Ok(found)
 }
 
-/// The last rung: without an IMU, poses follow the scans as mountings with knots would.
+/// The last rung: without an IMU, poses follow the scans as mountings that move would.
 fn highest(input: &JointInput<'_>, settings: &JointSettings) -> Rung {
     let MountingMotion { least, most } = settings.mounting;
     let has_imu = |drive: &JointDrive<'_>| drive.motion.groups()[0].ends_with(IMU);
     match input.drives.iter().all(has_imu) {
         true => most,
-        false => most.min(Rung::Compliance).max(least),
+        false => least,
     }
 }
