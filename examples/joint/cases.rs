@@ -26,7 +26,11 @@ pub struct Options {
 }
 
 /// All cases.
-pub const NAMES: [&str; 30] = [
+pub const NAMES: [&str; 34] = [
+    "known",
+    "known-walk",
+    "known-compliance-3",
+    "known-boards",
     "compliance-evaluation",
     "compliance",
     "compliance-3",
@@ -62,6 +66,9 @@ pub const NAMES: [&str; 30] = [
 /// Plants of the drives with clods.
 const PLANTS_PER_M2: f64 = 10.0;
 
+/// What a calibration leaves of mountings, metres and radians.
+const KNOWN_SIGMAS: [f64; 2] = [2e-4, 1e-4];
+
 /// Directions of a revolution of the lidar: half of what such lidars have.
 const LIDAR_COLUMNS: usize = 720;
 
@@ -73,11 +80,16 @@ const LATE_S: f64 = 0.02;
 
 /// The setup of a case for a seed.
 pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
-    let plain = name.starts_with("plain");
-    let base = if plain {
-        Scenario::plain()
-    } else {
-        Scenario::demo()
+    let plain = [
+        "plain",
+        "plain-reference",
+        "known",
+        "known-walk",
+        "known-compliance-3",
+    ];
+    let base = match plain.contains(&name) {
+        true => Scenario::plain(),
+        false => Scenario::demo(),
     };
     let mut setup = Setup::new(with_keys(Scenario { seed, ..base }, &options.set)?);
     let scenario = &mut setup.scenario;
@@ -171,11 +183,16 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
             bend(scenario, 0.25);
             scenario.deformation.hysteresis = 0.2;
         }
-        "walk" | "walk-together" => {
-            bend(scenario, 0.0);
-            let deformation = &mut scenario.deformation;
-            (deformation.walk_m, deformation.walk_deg) = (0.0015, 0.08);
-            deformation.walk_together = name == "walk-together";
+        "walk" => walk(scenario),
+        "walk-together" => {
+            walk(scenario);
+            scenario.deformation.walk_together = true;
+        }
+        "known" => {}
+        "known-walk" => walk(scenario),
+        "known-compliance-3" => bend(scenario, 0.75),
+        "known-boards" => {
+            (scenario.soil.clod_height_m, scenario.soil.clod_cover) = (0.02, 0.1);
         }
         "jump" => {
             bend(scenario, 0.0);
@@ -191,6 +208,9 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
             let names = NAMES.join(", ");
             return Err(Error::data(format!("no case {name}"), names));
         }
+    }
+    if name.starts_with("known") {
+        (setup.reference, setup.known) = (None, Some(KNOWN_SIGMAS));
     }
     setup.joint.surfel_m = options.surfel_m;
     if let Some(rung) = options.mounting {
@@ -221,6 +241,13 @@ fn bend(scenario: &mut Scenario, share: f64) {
     deformation.shift_m_per_deg *= share;
     deformation.shift_m_per_m_s2 = 0.0;
     (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
+}
+
+/// A frame that moves at random, each scanner on its own.
+fn walk(scenario: &mut Scenario) {
+    bend(scenario, 0.0);
+    let deformation = &mut scenario.deformation;
+    (deformation.walk_m, deformation.walk_deg) = (0.0015, 0.08);
 }
 
 /// A spinning lidar that looks ahead and down, in the place of the right scanner.

@@ -91,13 +91,12 @@ impl Arguments {
 }
 
 fn rung(name: &str) -> Result<Rung> {
-    let known = [
-        ("rigid", Rung::Rigid),
-        ("compliance", Rung::Compliance),
-        ("slow-knots", Rung::SlowKnots),
-        ("dense-knots", Rung::DenseKnots),
-    ];
-    let found = known.iter().find(|(known, _)| *known == name);
-    let rung = found.map(|(_, rung)| *rung);
-    rung.ok_or_else(|| Error::data(format!("no rung {name}"), known.map(|k| k.0).join(", ")))
+    let unknown = || {
+        Error::data(
+            format!("no rung {name}"),
+            "rigid, compliance, slow-knots, dense-knots",
+        )
+    };
+    let found = serde_json::from_value(name.into());
+    found.map_err(|_| unknown())
 }

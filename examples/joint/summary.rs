@@ -80,11 +80,13 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
         );
     }
     println!(
-        "{case} seed {seed} poses {:.3} {:.3} points {:.3} {:.3} mm; {} iterations, {} rows, {} surfels, {} unknowns, {}; {:.1} {:.1} s",
+        "{case} seed {seed} poses {:.3} {:.3} points {:.3} {:.3} gap {:.3} {:.3} mm; {} iterations, {} rows, {} surfels, {} unknowns, {}; {:.1} {:.1} s",
         run.two_steps.poses_m * 1e3,
         run.one_piece.poses_m * 1e3,
         run.two_steps.points_m * 1e3,
         run.one_piece.points_m * 1e3,
+        run.two_steps.gap_m * 1e3,
+        run.one_piece.gap_m * 1e3,
         joint.iterations,
         joint.rows,
         joint.surfels,

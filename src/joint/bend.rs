@@ -11,7 +11,10 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::motion::{GaussMarkov, Motion};
+use super::row::HELD_SIGMA;
 use super::surfel::ScanRow;
 use crate::calibration::Mounting;
 use crate::geometry::Vec3;
@@ -32,9 +35,6 @@ pub const COMPLIANCE_SIGMA: [f64; 2] = [0.3, 0.5];
 pub const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
 /// Offsets along a drive are given at this step, seconds.
 pub const BENDING_STEP_S: f64 = 0.05;
-
-/// Standard deviation of what is held, metres and radians.
-pub const HELD_SIGMA: f64 = 1e-8;
 
 /// Loads are tabulated at this step, seconds.
 const STEP_S: f64 = 0.1;
@@ -69,7 +69,7 @@ impl Compliance {
 }
 
 /// How much a mounting may move: each rung includes those before it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rung {
     /// Not at all.

@@ -22,11 +22,12 @@ pub fn adjust(
     progress: &dyn Progress,
 ) -> Result<Joint> {
     let _stage = progress.stage("joint adjustment", 0);
-    let (least, most) = match (input.known, input.compliance) {
-        (Some(_), []) => (Rung::Rigid, Rung::Rigid),
-        (Some(_), _) => (Rung::Compliance, Rung::Compliance),
-        (None, _) => (settings.mounting.least, highest(input, settings)),
+    // Compliance that is known is no question.
+    let least = match input.compliance {
+        [] => settings.mounting.least,
+        _ => settings.mounting.least.max(Rung::Compliance),
     };
+    let most = highest(input, settings).max(least);
     let at = |rung: Rung, may_climb: bool| {
         at_rung((input, settings), surfel_m, (rung, may_climb), progress)
     };

@@ -46,9 +46,16 @@ pub fn max_imu_ratio(rung: Rung, redundancy: f64) -> f64 {
     most * (1.0 + CHANCE_SIGMAS * (2.0 / redundancy).sqrt())
 }
 
+/// Which drive, in words, where there are several.
+fn of_drive(name: &str, drives: usize) -> String {
+    match drives {
+        1 => String::new(),
+        _ => format!(" of drive `{name}`"),
+    }
+}
+
 /// What the scans of a drive say against mountings that move so much, in words.
-pub fn of_scans(drive: Option<&str>, rung: Rung, motion_left: f64) -> String {
-    let of_drive = drive.map_or(String::new(), |name| format!(" of drive `{name}`"));
+pub fn of_scans(of_drive: &str, rung: Rung, motion_left: f64) -> String {
     format!(
         "the scans{of_drive} contradict a {} mounting: a motion of it would explain {motion_left:.0} times as much \
          of their residuals as chance does (at most {MAX_MOTION_LEFT:.0})",
@@ -56,10 +63,9 @@ pub fn of_scans(drive: Option<&str>, rung: Rung, motion_left: f64) -> String {
     )
 }
 
-/// What the IMU of a drive says against mountings that move so much, in words: its group's name, that of
-/// the drive where there are several, Ω/r, and r.
+/// What the IMU of a drive says against mountings that move so much, in words: its group's name, Ω/r, and r.
 pub fn of_imu(
-    (group, drive): (&str, Option<&str>),
+    (group, of_drive): (&str, &str),
     rung: Rung,
     (ratio, redundancy): (f64, f64),
 ) -> String {
@@ -67,7 +73,6 @@ pub fn of_imu(
         true => ("the IMU", "contradicts", "its"),
         false => ("the poses", "contradict", "their"),
     };
-    let of_drive = drive.map_or(String::new(), |name| format!(" of drive `{name}`"));
     format!(
         "{who}{of_drive} {contradict} a {} mounting: the squares of {whose} residuals are {ratio:.1} \
          times what {whose} noise explains (at most {:.2})",
@@ -86,7 +91,10 @@ pub fn evident(
     is_settled: bool,
 ) -> Vec<String> {
     let drives = &problem.input.drives;
-    let left = motion_left(problem, state);
+    let left = match is_settled {
+        true => motion_left(problem, state),
+        false => vec![0.0; drives.len()],
+    };
     let groups = problem.groups.first_motion.iter().zip(left);
     let mut reasons = Vec::new();
     for (drive, (&group, left)) in drives.iter().zip(groups) {
@@ -96,13 +104,13 @@ pub fn evident(
         }
         let (imu, rung) = (&found[group], state.rung());
         let ratio = imu.ratio().unwrap_or(0.0);
-        let name = (drives.len() > 1).then_some(drive.name.as_str());
+        let of_drive = of_drive(&drive.name, drives.len());
         if ratio > EVIDENT * max_imu_ratio(rung, imu.redundancy) {
-            let names = (problem.groups.names[group].as_str(), name);
-            reasons.push(of_imu(names, rung, (ratio, imu.redundancy)));
+            let who = (problem.groups.names[group].as_str(), of_drive.as_str());
+            reasons.push(of_imu(who, rung, (ratio, imu.redundancy)));
         }
-        if is_settled && left > EVIDENT_IN_SCANS * MAX_MOTION_LEFT {
-            reasons.push(of_scans(name, rung, left));
+        if left > EVIDENT_IN_SCANS * MAX_MOTION_LEFT {
+            reasons.push(of_scans(&of_drive, rung, left));
         }
     }
     reasons
@@ -112,34 +120,26 @@ pub fn evident(
 pub fn contradictions(joint: &Joint) -> Vec<String> {
     let mut found = Vec::new();
     for drive in &joint.drives {
-        let of_drive = |what: &str| match joint.drives.len() {
-            1 => what.to_owned(),
-            _ => format!("{what} of drive `{}`", drive.name),
-        };
+        let of_drive = of_drive(&drive.name, joint.drives.len());
         if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)
             && let Some(ratio) = imu.ratio
             && ratio > max_imu_ratio(joint.rung, imu.redundancy)
         {
-            let name = (joint.drives.len() > 1).then_some(drive.name.as_str());
-            found.push(of_imu(
-                (&drive.imu, name),
-                joint.rung,
-                (ratio, imu.redundancy),
-            ));
+            let who = (drive.imu.as_str(), of_drive.as_str());
+            found.push(of_imu(who, joint.rung, (ratio, imu.redundancy)));
         }
         if drive.imu.ends_with(IMU) && drive.motion_left > MAX_MOTION_LEFT {
-            let name = (joint.drives.len() > 1).then_some(drive.name.as_str());
-            found.push(of_scans(name, joint.rung, drive.motion_left));
+            found.push(of_scans(&of_drive, joint.rung, drive.motion_left));
         }
         for blocks in &drive.positions {
             let worst = blocks.rms.iter().copied().fold(0.0, f64::max);
             let decides = blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS;
             if decides && worst > MAX_BLOCK_RMS {
                 found.push(format!(
-                    "{} contradicts scans and reference: means of its residuals over {:.0} s reach \
+                    "`{}`{of_drive} contradicts scans and reference: means of its residuals over {:.0} s reach \
                      {worst:.1} standard deviations (at most {MAX_BLOCK_RMS:.0}): the mounting \
                      bends, or the reference is shifted",
-                    of_drive(&format!("`{}`", blocks.sensor)),
+                    blocks.sensor,
                     blocks.block_s,
                 ));
             }

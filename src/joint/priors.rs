@@ -1,10 +1,10 @@
 //! Rows of all that is known or assumed beforehand: surfels, the reference's errors, constants and
 //! mountings.
 
-use super::bend::{COMPLIANCE, HELD_SIGMA};
+use super::bend::COMPLIANCE;
 use super::layout::{REFERENCE, UP};
 use super::problem::{JointProblem, LEAST_SIGMA_M};
-use super::row::RowBatch;
+use super::row::{HELD_SIGMA, RowBatch};
 use super::state::State;
 use super::surfel::{ReferencePlane, Surfel};
 use crate::calibration::Mounting;

@@ -3,11 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bend::{COMPLIANCE, HELD_SIGMA};
+use super::bend::COMPLIANCE;
 use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE, UP};
 use super::motion::Places;
-use super::row::{Row, RowBatch};
+use super::row::{HELD_SIGMA, Row, RowBatch};
 use super::scan::{self, ScanBlocks, Seen};
 use super::settings::JointSettings;
 use super::state::State;

@@ -21,6 +21,9 @@ struct Head {
     first_by: usize,
 }
 
+/// Standard deviation of what is held, metres and radians.
+pub const HELD_SIGMA: f64 = 1e-8;
+
 /// Beyond the first a row is trusted less, beyond the second not at all, standard deviations: a leaf
 /// that moved is no noise. With Huber's loss, these are the bends of Hampel's.
 const ROW_SIGMAS: [f64; 2] = [5.0, 8.0];

@@ -1,7 +1,7 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
 use super::bend::{Bends, COMPLIANCE};
-use super::motion::{AT_BRIDGE, Motion, NodeGradient, StepPoses};
+use super::motion::{AT_BRIDGE, GaussMarkov, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
@@ -90,14 +90,50 @@ pub struct StepScans<'a> {
     seen: &'a Seen<'a>,
     poses: &'a StepPoses,
     rotations: Vec<Mat3>,
+    /// Of each scanner's mounting; empty where there are no knots. A latency may carry a row across a knot: it
+    /// stays with those of its step.
+    between: Vec<BetweenKnots>,
+}
+
+/// Where a step lies among the knots of a mounting.
+struct BetweenKnots {
+    /// The one before.
+    knot: usize,
+    from_s: f64,
+    to_s: f64,
+}
+
+impl BetweenKnots {
+    fn new(process: &GaussMarkov, poses: &StepPoses) -> Self {
+        let ends = [poses.knots.first(), poses.knots.last()]
+            .into_iter()
+            .flatten();
+        let middle_s = ends.map(|pose| 0.5 * pose.time_s).sum();
+        let (knot, _) = process.locate(middle_s);
+        Self {
+            knot,
+            from_s: process.knot_s[knot],
+            to_s: process.knot_s[knot + 1],
+        }
+    }
+
+    /// The share of the knot behind.
+    fn share(&self, time_s: f64) -> f64 {
+        ((time_s - self.from_s) / (self.to_s - self.from_s)).clamp(0.0, 1.0)
+    }
 }
 
 impl<'a> StepScans<'a> {
     pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses) -> Self {
         let rotations = seen.mountings.iter();
+        let knots = seen.bends.and_then(|bends| bends.knots.get(seen.drive));
+        let between = knots.into_iter().flatten();
         Self {
             seen,
             poses,
+            between: between
+                .map(|process| BetweenKnots::new(process, poses))
+                .collect(),
             rotations: rotations
                 .map(|m| *m.rotation.to_rotation_matrix().matrix())
                 .collect(),
@@ -124,18 +160,6 @@ impl<'a> StepScans<'a> {
         let pose = self.profile(scanner, point.profile);
         let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
         pose.translation_m + pose.rotation * (rotation * point.position_m + translation_m)
-    }
-
-    /// The knot before the step, and the share of the one behind at a time, of a scanner whose mounting has
-    /// knots. A latency may carry a row across a knot: it stays with those of its step.
-    fn knot(&self, bends: &Bends, scanner: usize, time_s: f64) -> Option<(usize, f64)> {
-        let process = &bends.knots.get(self.seen.drive)?[scanner];
-        let [first, .., last] = self.poses.knots.as_slice() else {
-            return None;
-        };
-        let (knot, _) = process.locate(0.5 * (first.time_s + last.time_s));
-        let [from_s, to_s] = [process.knot_s[knot], process.knot_s[knot + 1]];
-        Some((knot, ((time_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0)))
     }
 
     /// Rotation and position of a scanner in the body at a time.
@@ -188,9 +212,9 @@ impl<'a> StepScans<'a> {
         points: &[RowPoint],
     ) -> (Vec3, Vec3, Mean) {
         let mut sum = Vec3::zeros();
-        let (mut arm_moment, mut in_bodies) = (Vec3::zeros(), Vec3::zeros());
         let mut by_nodes: NodeGradient = [0.0; _];
-        let (mut by_compliance, mut by_next_knot) = ([0.0; COMPLIANCE], [0.0; 6]);
+        let (mut by_mounting, mut by_next_knot) = ([0.0; 6], [0.0; 6]);
+        let mut by_compliance = [0.0; COMPLIANCE];
         let mut by_late = 0.0;
         let count: f64 = points.iter().map(|point| point.weight).sum();
         let mut all_arms = Vec3::zeros();
@@ -211,22 +235,22 @@ impl<'a> StepScans<'a> {
             sum += pose.rotation * levers + offset * n;
             let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
             self.poses.pull_back(pose.time_s, &by_pose, &mut by_nodes);
+            let by = six(arms.cross(&in_body) / count, in_body * (n / count));
+            for (sum, by) in by_mounting.iter_mut().zip(by) {
+                *sum += by;
+            }
             if let Some(bends) = self.seen.bends {
-                let by = six(arms.cross(&in_body) / count, in_body * (n / count));
                 let load = bends.load(self.seen.drive, pose.time_s);
                 for (i, sum) in by_compliance.iter_mut().enumerate() {
                     *sum += by[i % 6] * load[i / 6];
                 }
-                let share = self
-                    .knot(bends, scanner, pose.time_s)
-                    .map_or(0.0, |(_, u)| u);
+                let between = self.between.get(scanner);
+                let share = between.map_or(0.0, |between| between.share(pose.time_s));
                 for (sum, by) in by_next_knot.iter_mut().zip(by) {
                     *sum += by * share;
                 }
             }
-            arm_moment += arms.cross(&in_body);
             all_arms += arms;
-            in_bodies += in_body * n;
             let turning = pose.rate_rad_s.cross(&levers);
             by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
         }
@@ -234,7 +258,7 @@ impl<'a> StepScans<'a> {
             residual_m: 0.0,
             by_shape: [0.0; 3],
             by_nodes,
-            by_mounting: six(arm_moment / count, in_bodies / count),
+            by_mounting,
             by_compliance,
             by_next_knot,
             by_late: by_late / count,
@@ -307,17 +331,14 @@ pub fn place(
         batch.touch(late, &[mean.by_late * w]);
     }
     let by_mounting = mean.by_mounting.map(|x| x * w);
-    if let Some(bends) = scans.seen.bends {
-        let by_compliance = mean.by_compliance.map(|x| x * w);
-        batch.touch(blocks.compliance[scanner], &by_compliance);
-        if let Some(first) = blocks.knots.get(scanner)
-            && let Some((knot, _)) = scans.knot(bends, scanner, mean.time_s)
-        {
-            let next = mean.by_next_knot.map(|x| x * w);
-            let before: [f64; 6] = std::array::from_fn(|i| by_mounting[i] - next[i]);
-            batch.touch(first + knot, &before);
-            batch.touch(first + knot + 1, &next);
-        }
+    if let Some(&compliance) = blocks.compliance.get(scanner) {
+        batch.touch(compliance, &mean.by_compliance.map(|x| x * w));
+    }
+    if let (Some(first), Some(between)) = (blocks.knots.get(scanner), scans.between.get(scanner)) {
+        let next = mean.by_next_knot.map(|x| x * w);
+        let before: [f64; 6] = std::array::from_fn(|i| by_mounting[i] - next[i]);
+        batch.touch(first + between.knot, &before);
+        batch.touch(first + between.knot + 1, &next);
     }
     batch.touch(blocks.mountings[scanner], &by_mounting);
 }

@@ -10,7 +10,7 @@ use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::Result;
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
-use crate::joint::Joint;
+use crate::joint::{Joint, contradictions};
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
 use crate::report::content::Drive;
@@ -120,8 +120,15 @@ fn adjusted_alone(
         samples: &samples,
     };
     let mountings = calibration.mountings.clone();
-    match joint::with_known_mountings(&drive, mountings, covariance, progress) {
+    let adjusted = joint::with_known_mountings(&drive, mountings, covariance, progress);
+    let keeps =
+        |reason: &str| progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
+    match adjusted {
         Ok(found) => {
+            if let Some(reason) = contradictions(&found).first() {
+                keeps(reason);
+                return Ok(None);
+            }
             let drive = found.drives.into_iter().next();
             let placed = drive.map(|drive| {
                 let bending = drive.bending.into_iter().map(|moved| moved.offsets);
@@ -134,7 +141,7 @@ fn adjusted_alone(
         }
         Err(error) => {
             let reason = joint::reason(error)?;
-            progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
+            keeps(&reason);
             Ok(None)
         }
     }

@@ -1,6 +1,7 @@
 //! A simulated drive adjusted in two steps and in one piece, beside its truth: of tests and examples.
 #![allow(dead_code)] // each program uses its part
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -8,7 +9,7 @@ use boresight::calibration::ScannerSample;
 use boresight::error::{Error, Result};
 use boresight::format;
 use boresight::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody, so3};
-use boresight::joint::{Joint, JointSettings, MovedMounting};
+use boresight::joint::{Joint, JointSettings, MovedMounting, contradictions};
 use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
 use boresight::pipeline::stages;
@@ -16,6 +17,7 @@ use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
 use boresight::sensor::PoseRecord;
 use boresight::simulation::{Scenario, SimulatedDrive, simulate};
+use boresight::statistics::rms;
 use boresight::trajectory::Trajectory;
 
 #[path = "moving.rs"]
@@ -40,6 +42,9 @@ pub struct Setup {
     pub keep: Option<(f64, bool)>,
     /// Whether the next drive is adjusted by the mountings found, without the reference.
     pub evaluate: bool,
+    /// Standard deviations (metres, radians) of mountings that are known, without the reference: they start at
+    /// the truth, at rest.
+    pub known: Option<[f64; 2]>,
 }
 
 impl Setup {
@@ -55,6 +60,7 @@ impl Setup {
             drives: 1,
             keep: None,
             evaluate: false,
+            known: None,
         }
     }
 }
@@ -66,6 +72,8 @@ pub struct Found {
     pub poses_m: f64,
     /// Of points in the field, metres: what poses and mounting are off, without the scanner's noise.
     pub points_m: f64,
+    /// Between the points of both scanners on the same spot in the same pass, up, metres.
+    pub gap_m: f64,
     pub seconds: f64,
 }
 
@@ -104,6 +112,9 @@ impl Run {
         (setup.project)(&mut project);
         let exact = true_poses(&files.drives[0])?;
         let truth = scenario.true_mountings();
+        if setup.known.is_some() {
+            project = stages::with_mountings(&project, &truth);
+        }
         let reference = match &setup.reference {
             Some((shift_m, turn)) => moved(stages::reference(&project, &Silent)?, shift_m, turn),
             None => Vec::new(),
@@ -121,22 +132,22 @@ impl Run {
                 });
             }
         }
-        let settings = &project.calibration;
-        let calibration =
-            stages::calibration(&project, settings, &poses, &samples, &reference, &Silent)?;
-        let two_seconds = begun.elapsed().as_secs_f64();
         let drive = Drive {
             name: "drive",
             project: &project,
             poses: &poses,
             samples: &samples,
         };
-        let report = report(&drive, &calibration, &reference, &Silent)?;
-        let seconds = report.seconds;
-        let refused = report.refused;
-        let joint = report
-            .found
-            .ok_or_else(|| Error::data(refused.join("; "), "see the case"))?;
+        let Adjusted {
+            start,
+            two_seconds,
+            joint,
+            refused,
+            seconds,
+        } = match setup.known {
+            Some(sigmas) => by_known_mountings(&drive, sigmas)?,
+            None => from_two_steps(&drive, &reference, begun)?,
+        };
         let check = Check {
             scenario: &scenario,
             samples: &samples,
@@ -145,7 +156,7 @@ impl Run {
             moving: true_mountings(&scenario, &files.drives[0])?,
         };
         let two_steps = check.found(
-            calibration.poses(),
+            start.clone(),
             &poses.trajectory,
             (&[0.0; 2], &[]),
             two_seconds,
@@ -162,7 +173,7 @@ impl Run {
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
             let own = stages::aligned(&project, Project::read(&other.project)?)?;
-            let mut own = stages::with_mountings(&own, &calibration.poses());
+            let mut own = stages::with_mountings(&own, &start);
             for (scanner, compliance) in own.scanners.iter_mut().zip(&joint.compliance) {
                 scanner.compliance = Some(*compliance);
             }
@@ -185,12 +196,7 @@ impl Run {
             };
             let still = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
             Ok::<_, Error>([
-                check.found(
-                    calibration.poses(),
-                    &poses.trajectory,
-                    (&[0.0; 2], &[]),
-                    0.0,
-                ),
+                check.found(start, &poses.trajectory, (&[0.0; 2], &[]), 0.0),
                 check.found(adjusted.poses(), &adjusted.drives[0].trajectory, still, 0.0),
             ])
         });
@@ -261,18 +267,64 @@ impl Run {
     }
 }
 
+/// What the adjustment started from and what it found.
+struct Adjusted {
+    start: Vec<BodyFromScanner>,
+    two_seconds: f64,
+    joint: Joint,
+    refused: Vec<String>,
+    seconds: f64,
+}
+
+fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Result<Adjusted> {
+    let (project, poses, samples) = (drive.project, drive.poses, drive.samples);
+    let settings = &project.calibration;
+    let found = stages::calibration(project, settings, poses, samples, reference, &Silent)?;
+    let two_seconds = begun.elapsed().as_secs_f64();
+    let report = report(drive, &found, reference, &Silent)?;
+    let refused = report.refused;
+    let joint = report.found;
+    Ok(Adjusted {
+        start: found.poses(),
+        two_seconds,
+        joint: joint.ok_or_else(|| Error::data(refused.join("; "), "see the case"))?,
+        refused,
+        seconds: report.seconds,
+    })
+}
+
+/// By the mountings of the project, with these standard deviations, metres and radians.
+fn by_known_mountings(drive: &Drive<'_>, [shift_m, turn_rad]: [f64; 2]) -> Result<Adjusted> {
+    let mountings = stages::mountings(drive.project);
+    let sigma = |i: usize| if i % SIX < 3 { shift_m } else { turn_rad };
+    let variances = DVector::from_fn(SIX * mountings.len(), |i, _| sigma(i).powi(2));
+    let covariance = DMatrix::from_diagonal(&variances);
+    let begun = Instant::now();
+    let joint = with_known_mountings(drive, mountings, &covariance, &Silent)?;
+    Ok(Adjusted {
+        start: stages::initial_poses(drive.project),
+        two_seconds: 0.0,
+        refused: contradictions(&joint),
+        joint,
+        seconds: begun.elapsed().as_secs_f64(),
+    })
+}
+
 fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
     let file = drive.folder.join("truth/trajectory.csv");
     Trajectory::new(format::read_trajectory(&file)?)
+}
+
+/// A mounting among poses by time.
+fn as_mounting(pose: &WorldFromBody) -> BodyFromScanner {
+    BodyFromScanner::new(pose.rotation, pose.translation_m)
 }
 
 /// The mean of a mounting that moves.
 fn middle(at_rest: &BodyFromScanner, moving: &Trajectory) -> BodyFromScanner {
     let (mut turns, mut shifts) = (Vec3::zeros(), Vec3::zeros());
     for pose in moving.poses() {
-        let now = pose.world_from_body;
-        let now = BodyFromScanner::new(now.rotation, now.translation_m);
-        let (turn, shift) = now.perturbation_from(at_rest);
+        let (turn, shift) = as_mounting(&pose.world_from_body).perturbation_from(at_rest);
         turns += turn;
         shifts += shift;
     }
@@ -323,7 +375,23 @@ struct Check<'a> {
 }
 
 /// One point of so many is compared.
-const EACH: usize = 20;
+const EACH: usize = 4;
+/// Spots on which both scanners are compared, metres, and how long both take to see one, seconds.
+const CELL_M: f64 = 0.05;
+const PASS_S: f64 = 10.0;
+
+/// The mounting of a scanner at a time, moved about its mean.
+fn mounted(
+    means: &[BodyFromScanner],
+    bending: &[MovedMounting],
+    scanner: usize,
+    time_s: f64,
+) -> BodyFromScanner {
+    match bending.get(scanner) {
+        Some(moved) => moved.offsets.apply(&means[scanner], time_s),
+        None => means[scanner],
+    }
+}
 
 impl Check<'_> {
     /// The true pose of the body, and where a point in the field was.
@@ -335,10 +403,7 @@ impl Check<'_> {
     ) -> Option<(WorldFromBody, Vec3)> {
         let exact = self.exact.pose_at(true_s)?;
         let mounted = match self.moving.get(scanner) {
-            Some(moving) => {
-                let mounted = moving.pose_at(true_s)?;
-                BodyFromScanner::new(mounted.rotation, mounted.translation_m)
-            }
+            Some(moving) => as_mounting(&moving.pose_at(true_s)?),
             None => self.truth[scanner],
         };
         let point = exact.map(&mounted.map(in_scanner_m));
@@ -359,10 +424,7 @@ impl Check<'_> {
             let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
             let (_, truth) = self.truly(scanner, true_s, &known.in_scanner_m)?;
             let pose = drive.trajectory.pose_at(known.time_s)?;
-            let mounting = match drive.bending.get(scanner) {
-                Some(moved) => moved.offsets.apply(&mountings[scanner], known.time_s),
-                None => mountings[scanner],
-            };
+            let mounting = mounted(&mountings, &drive.bending, scanner, known.time_s);
             let found = pose.map(&mounting.map(&known.in_scanner_m));
             Some([found - truth, known.sigma_m])
         });
@@ -378,6 +440,7 @@ impl Check<'_> {
     ) -> Found {
         let (mut pose_sum, mut pose_count) = (0.0, 0.0);
         let (mut point_sum, mut point_count) = (0.0, 0.0);
+        let mut cells = BTreeMap::new();
         for (scanner, sample) in self.samples.iter().enumerate() {
             let mut last = None;
             for point in sample.points.iter().step_by(EACH) {
@@ -389,13 +452,17 @@ impl Check<'_> {
                 let Some((exact, truth)) = self.truly(scanner, true_s, &point.position_m) else {
                     continue;
                 };
-                let mounting = match bending.get(scanner) {
-                    Some(moved) => moved.offsets.apply(&mountings[scanner], true_s),
-                    None => mountings[scanner],
-                };
-                let found = pose.map(&mounting.map(&point.position_m));
-                point_sum += (found - truth).norm_squared();
+                let mounting = mounted(&mountings, bending, scanner, true_s);
+                let error = pose.map(&mounting.map(&point.position_m)) - truth;
+                point_sum += error.norm_squared();
                 point_count += 1.0;
+                let [east, north] = [truth.x, truth.y].map(|x| (x / CELL_M).floor() as i64);
+                let cell = (east, north, (stamp_s / PASS_S).floor() as i64);
+                let seen: &mut [[f64; 2]; 2] = cells.entry(cell).or_default();
+                if let Some([sum, count]) = seen.get_mut(scanner) {
+                    *sum += error.z;
+                    *count += 1.0;
+                }
                 if last != Some(point.profile) {
                     last = Some(point.profile);
                     pose_sum += (pose.translation_m - exact.translation_m).norm_squared();
@@ -403,8 +470,13 @@ impl Check<'_> {
                 }
             }
         }
+        let of_both = cells
+            .values()
+            .filter(|seen| seen.iter().all(|s| s[1] > 0.0));
+        let gaps = of_both.map(|[left, right]| left[0] / left[1] - right[0] / right[1]);
         Found {
             mountings,
+            gap_m: rms(gaps),
             poses_m: (pose_sum / f64::max(pose_count, 1.0)).sqrt(),
             points_m: (point_sum / f64::max(point_count, 1.0)).sqrt(),
             seconds,

@@ -1,0 +1,134 @@
+#!/usr/bin/env python3
+"""boresight and KinScanCal on the same drives, with mountings that move and that do not, in one go.
+
+usage: python3 benches/moving/run.py [--rows plain,walk] [--peer FOLDER] [--work DIR] ...
+
+Simulates a drive for each row, estimates its poses with `boresight trajectory` (the first of two
+steps), runs the peer with these poses and the true mountings of the robot at rest, compares the points
+and the gap between the scanners with the truth (see evaluate.py), and prints a table. "Two steps" are
+the same poses with the same mountings, unchanged: what the peer is given.
+
+The peer is cloned, unless --peer names a checkout. It takes a normal from the neighbours within 1 cm,
+at least ten: the simulator's default of 320 points and 25 profiles a second has too few of them where
+the robot drives faster than over boards, and a real scanner many more.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from common import ROOT, build, environment, measured, row, say
+
+PACKAGES = ["numpy==2.4.6", "scipy==1.17.1", "scikit-learn==1.9.1", "pandas==3.1.1", "matplotlib==3.11.2",
+            "laspy==2.7.0", "alive_progress", "colorama", "plyfile", "rich"]
+PEER, COMMIT = "https://github.com/Engineering-Geodesy-Bonn/KinScanCal", "c6146d5"
+
+# The drive of `simulate --scenario plain`, and the first one of `demo`.
+BACK_AND_FORTH = [{"from_m": [(1.25, 6.25)[k % 2], 1.5 + 0.6 * k], "to_m": [(6.25, 1.25)[k % 2], 1.5 + 0.6 * k]}
+                  for k in range(6)]
+OVER_BOARDS = [{"board": board, "heading_deg": heading}
+               for heading, boards in [(90.0, (0, 1)), (270.0, (4, 3)), (126.656, (3, 2, 1)), (0.0, (1, 4)),
+                                       (233.344, (4, 2, 0))] for board in boards]
+DENSE = {"profiles": {"width": 640, "rate_hz": 50.0}, "reference": {"soil_spacing_m": 0.05}}
+SOIL = {**DENSE, "soil": {"clod_height_m": 0.02, "clod_cover": 0.1}, "boards": [],
+        "drives": [{"passes": BACK_AND_FORTH}]}
+BENDS = {"enabled": True, "rotation_deg_per_deg": 0.0, "shift_m_per_deg": 0.0, "shift_m_per_m_s2": 0.0,
+         "drift_deg": 0.0, "drift_m": 0.0}
+ROWS = {
+    "rigid": ("clods, rigid", SOIL),
+    "walk": ("clods, Gauss-Markov process", {**SOIL, "deformation": {**BENDS, "walk_m": 0.0015, "walk_deg": 0.08}}),
+    "compliance": ("clods, bends with roll and pitch", {
+        **SOIL, "deformation": {**BENDS, "rotation_deg_per_deg": 0.15, "shift_m_per_deg": 0.006}}),
+    "boards": ("clods and boards, rigid", {**DENSE, "soil": {"clod_height_m": 0.02, "clod_cover": 0.2},
+                                           "drives": [{"passes": OVER_BOARDS}]}),
+}
+
+
+def main():
+    given = arguments()
+    binary = given.binary or build()
+    python = environment(given.venv, PACKAGES)
+    peer = given.peer or checkout(given.work / "KinScanCal")
+    print(row("drive", "method", "points mm", "gap mm", "gap mm, 3-D", "s", "windows failed"))
+    print(row("---", "---", *["---:"] * 5))
+    for name in given.rows:
+        title, scenario = ROWS[name]
+        for method, found in compare(binary, python, peer, given.work / name, {"seed": given.seed, **scenario}).items():
+            numbers = [f"{found[key]:.2f}" for key in ("points_mm", "gap_normal_mm", "gap_3d_mm")]
+            failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
+            print(row(title, method, *numbers, f"{found['seconds']:.0f}", failed), flush=True)
+    print(f"\nRoot mean squares against the truth; seed {given.seed}; KinScanCal {COMMIT}.")
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--rows", default=",".join(ROWS), metavar="ROW,ROW", help=f"[{','.join(ROWS)}]")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--binary", metavar="FILE", help="boresight; built where not given")
+    parser.add_argument("--peer", type=Path, metavar="DIR", help="checkout of KinScanCal; cloned where not given")
+    parser.add_argument("--venv", type=Path, default=ROOT / "target" / "bench-moving-venv", metavar="DIR")
+    parser.add_argument("--work", type=Path, default=ROOT / "target" / "bench-moving", metavar="DIR")
+    given = parser.parse_args()
+    given.rows = given.rows.split(",")
+    unknown = set(given.rows) - set(ROWS)
+    if unknown:
+        parser.error(f"no row {', '.join(unknown)}")
+    return given
+
+
+def checkout(folder):
+    if not folder.exists():
+        subprocess.run(["git", "clone", "--quiet", PEER, str(folder)], check=True)
+        subprocess.run(["git", "-C", str(folder), "checkout", "--quiet", COMMIT], check=True)
+    return folder
+
+
+def toml(value):
+    """As an inline value."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml(of)}" for key, of in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return json.dumps(value)
+
+
+def compare(binary, python, peer, work, scenario):
+    """Errors of each method on one drive, with the seconds it took."""
+    work.mkdir(parents=True, exist_ok=True)
+    file, drive = work / "scenario.toml", work / "simulated" / "drive-1"
+    file.write_text("".join(f"{key} = {toml(value)}\n" for key, value in scenario.items()))
+    say(f"{work.name}: simulating")
+    succeed([binary, "simulate", "--scenario", str(file), "--out", str(drive.parent), "--quiet"])
+    say(f"{work.name}: two steps")
+    poses, rest = work / "trajectory" / "trajectory.csv", drive / "truth" / "mounting.toml"
+    run = succeed([binary, "trajectory", str(drive / "project.toml"), "--out", str(poses.parent), "--quiet"])
+    methods = {"two steps": (poses, rest, {"seconds": run["wall_s"]})}
+    say(f"{work.name}: KinScanCal")
+    run = succeed([python, str(HERE / "with_peer.py"), str(peer), str(drive), "--trajectory", str(poses),
+                   "--mountings", str(rest), "--work", str(work / "peer")])
+    methods["KinScanCal"] = poses, work / "peer" / "mounting.csv", json.loads(run["out"])
+    return {method: {**errors(python, drive, poses, mountings), **more}
+            for method, (poses, mountings, more) in methods.items()}
+
+
+def errors(python, drive, poses, mountings):
+    run = succeed([python, str(HERE / "evaluate.py"), str(drive), "--trajectory", str(poses),
+                   "--mountings", str(mountings)])
+    return json.loads(run["out"])
+
+
+def succeed(command):
+    run = measured(command, env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
+    if run is None:
+        sys.exit(1)
+    return run
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""KinScanCal on one drive: writes its mountings by time, prints one JSON line.
+
+usage: with_peer.py PEER_FOLDER DRIVE --trajectory CSV --mountings FILE --work DIR
+
+PEER_FOLDER is a checkout of KinScanCal, which is run as it is, with its own settings; only its global
+offset is set to zero, for worlds with a local origin. Its main.py is passed by: it copies results into
+a data set's folders and plots them with a library that is not public. Its stages are called as there.
+Into DIR go what it reads (input, calibration), what it writes (output), its log, and mounting.csv.
+"""
+
+import argparse
+import json
+import sys
+import time
+from contextlib import chdir, redirect_stdout
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from evaluate import mountings, profiles, trajectory
+
+SCANNERS = {"left": "l", "right": "r"}
+
+
+def write_recording(recording, path):
+    """A processed recording: of every profile its time, count, and x, y, z (mm) and intensities."""
+    with open(path, "wb") as out:
+        for time_s, x, z in zip(*profiles(recording)):
+            seen = np.isfinite(x)
+            n = int(seen.sum())
+            xyz = np.stack([x[seen], np.zeros(n), z[seen]]) * 1e3
+            out.write(time_s.tobytes() + np.uint32(n).tobytes() + xyz.astype("<f4").tobytes())
+            out.write(np.zeros(n, "<u4").tobytes())
+
+
+def write_poses(poses, path):
+    """Ten columns: time, position, velocity, and roll, pitch, yaw (rad) of Rz Ry Rx."""
+    rows = np.column_stack([poses.time_s, poses.position_m, np.zeros_like(poses.position_m),
+                            poses.rotation.as_euler("xyz")])
+    np.savetxt(path, rows, fmt="%.12f")
+
+
+def write_mounting(mounting, path):
+    angles = mounting.rotation.inv().as_euler("xyz", degrees=True)[0]
+    values = zip(("x", "y", "z", "rx", "ry", "rz"), (*mounting.position_m[0], *angles))
+    keys = "".join(f"<{key}>{value:.12f}</{key}>" for key, value in values)
+    path.write_text(f'<SystemCalibration FormatVersion="1">{keys}</SystemCalibration>\n')
+
+
+def prepare(given):
+    for name in ("input", "output", "calibration"):
+        (given.work / name).mkdir(parents=True, exist_ok=True)
+    poses, mounts = trajectory(given.trajectory), mountings(given.mountings)
+    for name, short in SCANNERS.items():
+        write_recording(given.drive / f"{name}.bin", given.work / "input" / f"{short}.bin")
+        write_poses(poses, given.work / "input" / f"{short}.trj")
+        write_mounting(mounts[name], given.work / "calibration" / f"system_config_lmi_{short}.xml")
+    settings = json.loads((given.peer / "config" / "kin_calibration_config.json").read_text())
+    settings["GeorefConfig"]["globaloffset"] = {"x": 0, "y": 0, "z": 0}
+    (given.work / "settings.json").write_text(json.dumps(settings))
+
+
+def calibrate(work):
+    """The stages of the peer's main.py, from reading to mountings at every profile."""
+    sys.modules["open3d"] = ModuleType("open3d")  # only draws; large, and needs libraries of the system
+    from src.core.KinematicCalibration import KinematicCalibration
+
+    with chdir(work), open("log.txt", "w") as log, redirect_stdout(log):
+        peer = KinematicCalibration(".", "output/", "calibration/", "settings.json")
+        peer.loadconfig()
+        peer.loadcalibration()
+        peer.loaddata()
+        peer.run()
+        peer.compute_kinematic_calibration_parameter()
+    return peer
+
+
+def write_mountings(peer, path):
+    """Its splines of mountings, evaluated at the profiles, as mounting.csv."""
+    with open(path, "w") as out:
+        out.write("time_s,scanner,x_m,y_m,z_m,qx,qy,qz,qw\n")
+        for name, found in (("left", peer.kcalL.xint), ("right", peer.kcalR.xint)):
+            turns = Rotation.from_euler("xyz", found[:, 1:4]).inv().as_quat()
+            for row, turn in zip(found, turns):
+                out.write(f"{row[0]:.6f},{name}," + ",".join(f"{v:.12f}" for v in (*row[4:7], *turn)) + "\n")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("peer", type=Path)
+    parser.add_argument("drive", type=Path)
+    for name in ("--trajectory", "--mountings", "--work"):
+        parser.add_argument(name, type=Path, required=True)
+    given = parser.parse_args()
+    prepare(given)
+    sys.path.insert(0, str(given.peer.resolve()))
+    begun, begun_cpu = time.perf_counter(), time.process_time()
+    peer = calibrate(given.work)
+    seconds, cpu_s = time.perf_counter() - begun, time.process_time() - begun_cpu
+    write_mountings(peer, given.work / "mounting.csv")
+    windows = np.array([window["transformation"] for window in peer.xlist])
+    print(json.dumps({"seconds": seconds, "cpu_s": cpu_s, "windows": len(windows),
+                      "failed": int(np.isnan(windows).any(axis=1).sum())}))
+
+
+if __name__ == "__main__":
+    main()
