@@ -9,8 +9,8 @@ truth/mounting.toml, calibration.toml or a project, or come with time, as in mou
 
 points: root mean square of the 3-D error of all points on the field.
 gap: means of the error vectors in cells of 5 cm that both scanners saw in one pass, within 5 s; root
-mean squares of the difference, left minus right: along the normal of the surface, and in 3-D. The
-normal is that of the plane through the true points of the pass in the 15 cm around the cell.
+mean squares of the difference, left minus right: along the normal of the plane through the true points
+of the cell, upwards, and in 3-D.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-CELL_M, AROUND_CELLS, PASS_GAP_S = 0.05, 1, 5.0
+CELL_M, PASS_GAP_S = 0.05, 5.0
 STAND_OFF_M, INVALID = 1.150, -32768
 QUATERNION = ["qx", "qy", "qz", "qw"]
 

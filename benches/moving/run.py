@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """boresight and KinScanCal on the same drives, with mountings that move and that do not, in one go.
 
-usage: python3 benches/moving/run.py [--rows plain,walk] [--peer FOLDER] [--work DIR] ...
+usage: python3 benches/moving/run.py [--rows rigid,walk] [--peer FOLDER] [--work DIR] ...
 
 Simulates a drive for each row, estimates its poses with `boresight trajectory` (the first of two
 steps), runs the peer with these poses and the true mountings of the robot at rest, compares the points
@@ -55,14 +55,14 @@ def main():
     binary = given.binary or build()
     python = environment(given.venv, PACKAGES)
     peer = given.peer or checkout(given.work / "KinScanCal")
-    print(row("drive", "method", "points mm", "gap mm", "gap mm, 3-D", "s", "windows failed"))
-    print(row("---", "---", *["---:"] * 5))
+    print(row("drive", "method", "points mm", "gap mm", "gap mm, 3-D", "s", "CPU s", "windows failed"))
+    print(row("---", "---", *["---:"] * 6))
     for name in given.rows:
         title, scenario = ROWS[name]
         for method, found in compare(binary, python, peer, given.work / name, {"seed": given.seed, **scenario}).items():
             numbers = [f"{found[key]:.2f}" for key in ("points_mm", "gap_normal_mm", "gap_3d_mm")]
             failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
-            print(row(title, method, *numbers, f"{found['seconds']:.0f}", failed), flush=True)
+            print(row(title, method, *numbers, f"{found['seconds']:.0f}", f"{found['cpu_s']:.0f}", failed), flush=True)
     print(f"\nRoot mean squares against the truth; seed {given.seed}; KinScanCal {COMMIT}.")
 
 
@@ -108,7 +108,7 @@ def compare(binary, python, peer, work, scenario):
     say(f"{work.name}: two steps")
     poses, rest = work / "trajectory" / "trajectory.csv", drive / "truth" / "mounting.toml"
     run = succeed([binary, "trajectory", str(drive / "project.toml"), "--out", str(poses.parent), "--quiet"])
-    methods = {"two steps": (poses, rest, {"seconds": run["wall_s"]})}
+    methods = {"two steps": (poses, rest, {"seconds": run["wall_s"], "cpu_s": run["cpu_s"]})}
     say(f"{work.name}: KinScanCal")
     run = succeed([python, str(HERE / "with_peer.py"), str(peer), str(drive), "--trajectory", str(poses),
                    "--mountings", str(rest), "--work", str(work / "peer")])

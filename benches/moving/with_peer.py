@@ -6,6 +6,11 @@ PEER_FOLDER is a checkout of KinScanCal, which is run as it is, with its own set
 offset is set to zero, for worlds with a local origin. Its main.py is passed by: it copies results into
 a data set's folders and plots them with a library that is not public. Its stages are called as there.
 Into DIR go what it reads (input, calibration), what it writes (output), its log, and mounting.csv.
+
+Two things would end it. Windows are spread evenly over the way and knots of its spline over time: where
+the robot rests, knots have no windows. So recordings are cut to when it moves; its mountings are held
+before and after. And where no neighbours match, its ICP raises an error: such a window counts as failed,
+like those that it gives up itself.
 """
 
 import argparse
@@ -22,12 +27,21 @@ from scipy.spatial.transform import Rotation
 from evaluate import mountings, profiles, trajectory
 
 SCANNERS = {"left": "l", "right": "r"}
+MOVING_M_S = 0.05
 
 
-def write_recording(recording, path):
+def moving(poses):
+    """When the robot is first and last faster than a crawl."""
+    speed = np.linalg.norm(np.gradient(poses.position_m, poses.time_s, axis=0), axis=1)
+    return poses.time_s[speed > MOVING_M_S][[0, -1]]
+
+
+def write_recording(recording, span_s, path):
     """A processed recording: of every profile its time, count, and x, y, z (mm) and intensities."""
     with open(path, "wb") as out:
         for time_s, x, z in zip(*profiles(recording)):
+            if not span_s[0] < time_s < span_s[1]:
+                continue
             seen = np.isfinite(x)
             n = int(seen.sum())
             xyz = np.stack([x[seen], np.zeros(n), z[seen]]) * 1e3
@@ -54,7 +68,7 @@ def prepare(given):
         (given.work / name).mkdir(parents=True, exist_ok=True)
     poses, mounts = trajectory(given.trajectory), mountings(given.mountings)
     for name, short in SCANNERS.items():
-        write_recording(given.drive / f"{name}.bin", given.work / "input" / f"{short}.bin")
+        write_recording(given.drive / f"{name}.bin", moving(poses), given.work / "input" / f"{short}.bin")
         write_poses(poses, given.work / "input" / f"{short}.trj")
         write_mounting(mounts[name], given.work / "calibration" / f"system_config_lmi_{short}.xml")
     settings = json.loads((given.peer / "config" / "kin_calibration_config.json").read_text())
@@ -66,7 +80,18 @@ def calibrate(work):
     """The stages of the peer's main.py, from reading to mountings at every profile."""
     sys.modules["open3d"] = ModuleType("open3d")  # only draws; large, and needs libraries of the system
     from src.core.KinematicCalibration import KinematicCalibration
+    from src.icp.SymPlane2PlaneICP import SymPlane2PlaneICP
 
+    run = SymPlane2PlaneICP.runICP
+
+    def run_or_fail(icp, config):
+        try:
+            return run(icp, config)
+        except (np.linalg.LinAlgError, IndexError, ValueError):
+            icp.xyzm1 = []
+            return np.full(6, np.nan), False
+
+    SymPlane2PlaneICP.runICP = run_or_fail
     with chdir(work), open("log.txt", "w") as log, redirect_stdout(log):
         peer = KinematicCalibration(".", "output/", "calibration/", "settings.json")
         peer.loadconfig()

@@ -2,6 +2,7 @@
 //! of the positions before and after.
 
 use super::axis::{Axis, decimate};
+use super::bending_figures;
 use super::chart::Plot;
 use super::content::Calibrations;
 use super::figures::{FULL, HALF, VERTICES, series, time_label, time_shift};
@@ -25,7 +26,8 @@ pub fn figures(calibrations: &Calibrations, tracks: &[Track]) -> String {
         return String::new();
     };
     let solution = tracks.first().and_then(|track| track.solution);
-    let figures = moved(drive) + &residuals(drive, solution);
+    let bending = calibrations.joint_found().map(bending_figures::figures);
+    let figures = moved(drive) + &residuals(drive, solution) + &bending.unwrap_or_default();
     if figures.is_empty() {
         return figures;
     }

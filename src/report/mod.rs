@@ -7,6 +7,7 @@
 mod adjustment;
 mod agreement;
 mod axis;
+mod bending_figures;
 mod chart;
 pub(crate) mod constancy;
 pub mod content;
