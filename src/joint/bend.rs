@@ -116,7 +116,11 @@ impl Rung {
                 true => HELD_SIGMA,
                 false => KNOT_SIGMA[i / 3],
             });
-            GaussMarkov::at_knots(times_s.clone(), sigma.collect(), correlation_s)
+            let knots = GaussMarkov::at_knots(times_s.clone(), sigma.collect(), correlation_s);
+            match self {
+                Self::DenseKnots => knots.with_bridges(),
+                _ => knots,
+            }
         };
         Some(mountings.iter().map(process).collect())
     }
