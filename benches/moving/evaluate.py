@@ -14,6 +14,7 @@ of the cell, upwards, and in 3-D.
 """
 
 import argparse
+import csv
 import json
 import tomllib
 from pathlib import Path
@@ -27,11 +28,16 @@ QUATERNION = ["qx", "qy", "qz", "qw"]
 
 
 def table(path):
-    return np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8"))
-
-
-def stacked(rows, *columns):
-    return np.column_stack([rows[column] for column in columns])
+    """Columns of a CSV file by name; those that are no numbers as texts."""
+    with open(path, newline="") as file:
+        rows = list(csv.reader(line for line in file if not line.startswith("#")))
+    columns = {}
+    for name, values in zip(rows[0], zip(*rows[1:])):
+        try:
+            columns[name.strip()] = np.array(values, dtype=float)
+        except ValueError:
+            columns[name.strip()] = np.array(values)
+    return columns
 
 
 class Transform:
@@ -42,26 +48,18 @@ class Transform:
 
     def at(self, time_s):
         """Rotations and translations; the first and last are held beyond the ends."""
+        if len(self.time_s) == 1:
+            n = len(time_s)
+            return Rotation.from_quat(np.repeat(self.rotation.as_quat(), n, 0)), np.repeat(self.position_m, n, 0)
         time_s = np.clip(time_s, self.time_s[0], self.time_s[-1])
-        position = [np.interp(time_s, self.time_s, axis) for axis in self.position_m.T]
+        position = [np.interp(time_s, self.time_s, self.position_m[:, i]) for i in range(3)]
         return Slerp(self.time_s, self.rotation)(time_s), np.column_stack(position)
 
 
-def from_rows(rows, *position):
-    return Transform(rows["time_s"], stacked(rows, *position), Rotation.from_quat(stacked(rows, *QUATERNION)))
-
-
 def trajectory(path):
-    return from_rows(table(path), "east_m", "north_m", "up_m")
-
-
-def mountings(path):
-    """body_from_scanner of every scanner, by name."""
-    if path.suffix == ".toml":
-        return {scanner["name"]: constant(scanner) for scanner in tomllib.loads(path.read_text())["scanner"]}
     rows = table(path)
-    return {str(name): from_rows(rows[rows["scanner"] == name], "x_m", "y_m", "z_m")
-            for name in np.unique(rows["scanner"])}
+    position = np.column_stack([rows[name] for name in ("east_m", "north_m", "up_m")])
+    return Transform(rows["time_s"], position, Rotation.from_quat(np.column_stack([rows[q] for q in QUATERNION])))
 
 
 def constant(scanner):
@@ -72,7 +70,20 @@ def constant(scanner):
         rotation = Rotation.from_euler("xyz", scanner["rotation_deg"], degrees=True)
         if scanner.get("rotation_convention", "zyx") == "bonn":
             rotation = rotation.inv()
-    return Transform([0.0, 1.0], [scanner["translation_m"]] * 2, Rotation.concatenate([rotation, rotation]))
+    return Transform([0.0], [scanner["translation_m"]], Rotation.from_quat([rotation.as_quat()]))
+
+
+def mountings(path):
+    """body_from_scanner of every scanner, by name."""
+    if Path(path).suffix == ".toml":
+        return {scanner["name"]: constant(scanner) for scanner in tomllib.loads(Path(path).read_text())["scanner"]}
+    rows, found = table(path), {}
+    for name in np.unique(rows.get("scanner", "")):
+        of = rows["scanner"] == name if name else slice(None)
+        position = np.column_stack([rows[axis][of] for axis in ("x_m", "y_m", "z_m")])
+        rotation = Rotation.from_quat(np.column_stack([rows[q][of] for q in QUATERNION]))
+        found[str(name)] = Transform(rows["time_s"][of], position, rotation)
+    return found
 
 
 def truth(drive):
@@ -81,7 +92,7 @@ def truth(drive):
     for name in found:
         moving = drive / "truth" / f"mounting-{name}.csv"
         if moving.exists():
-            found[name] = from_rows(table(moving), "x_m", "y_m", "z_m")
+            found[name] = mountings(moving)[""]
     return trajectory(drive / "truth" / "trajectory.csv"), found
 
 

@@ -116,11 +116,7 @@ impl Rung {
                 true => HELD_SIGMA,
                 false => KNOT_SIGMA[i / 3],
             });
-            let knots = GaussMarkov::at_knots(times_s.clone(), sigma.collect(), correlation_s);
-            match self {
-                Self::DenseKnots => knots.with_bridges(),
-                _ => knots,
-            }
+            GaussMarkov::at_knots(times_s.clone(), sigma.collect(), correlation_s)
         };
         Some(mountings.iter().map(process).collect())
     }

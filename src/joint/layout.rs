@@ -59,7 +59,7 @@ impl Layout {
         let first_patch = add(found.patches, 1);
         let drives = bends.into_iter().flat_map(|bends| &bends.knots);
         let of_drive = |scanners: &Vec<GaussMarkov>| {
-            let first = scanners.iter().map(|knots| add(knots.blocks(), 6));
+            let first = scanners.iter().map(|knots| add(knots.knot_s.len(), 6));
             first.collect()
         };
         let knots = drives.map(of_drive).collect();

@@ -126,9 +126,6 @@ impl JointProblem<'_> {
             for knot in 0..process.knot_s.len() {
                 process.rows(knot, first, group, batch);
             }
-            for interval in 0..process.knot_s.len() - 1 {
-                process.bridge_rows(interval, first, group, batch);
-            }
         }
     }
 

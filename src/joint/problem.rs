@@ -344,9 +344,8 @@ impl<'a> JointProblem<'a> {
             }
             let knots = bends.knots.iter_mut().flatten();
             for (knots, &first) in knots.zip(layout.knots.iter().flatten()) {
-                let step = of(first, knots.value.len() + knots.bridge.len());
-                let unknowns = knots.value.iter_mut().chain(&mut knots.bridge);
-                unknowns.zip(step).for_each(|(x, d)| *x += d);
+                let step = of(first, knots.value.len());
+                knots.value.iter_mut().zip(step).for_each(|(x, d)| *x += d);
             }
         }
         if !next.shapes.is_empty() {

@@ -1,7 +1,5 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
-use std::f64::consts::PI;
-
 use super::bend::{Bends, COMPLIANCE};
 use super::motion::{AT_BRIDGE, GaussMarkov, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
@@ -45,8 +43,6 @@ pub struct Mean {
     /// By the compliance, and by the knot behind: each profile has its own load and share of the knots.
     pub by_compliance: [f64; COMPLIANCE],
     pub by_next_knot: [f64; 6],
-    /// By the arc between the knots.
-    pub by_knots_bridge: [f64; 6],
     /// By how late the profile is.
     pub by_late: f64,
     /// d, metres.
@@ -72,7 +68,6 @@ impl Mean {
         // What d turns with them is left out: a residual over d, a thousandth.
         self.by_compliance = self.by_compliance.map(|x| x * factor);
         self.by_next_knot = self.by_next_knot.map(|x| x * factor);
-        self.by_knots_bridge = self.by_knots_bridge.map(|x| x * factor);
         self.by_late = self.by_late * factor - share * by_late;
     }
 }
@@ -104,8 +99,6 @@ pub struct StepScans<'a> {
 struct BetweenKnots {
     /// The one before.
     knot: usize,
-    /// The arc between them, if there is one, behind all knots.
-    bridge: Option<usize>,
     from_s: f64,
     to_s: f64,
 }
@@ -119,7 +112,6 @@ impl BetweenKnots {
         let (knot, _) = process.locate(middle_s);
         Self {
             knot,
-            bridge: process.bridge_place(knot),
             from_s: process.knot_s[knot],
             to_s: process.knot_s[knot + 1],
         }
@@ -222,7 +214,7 @@ impl<'a> StepScans<'a> {
         let mut sum = Vec3::zeros();
         let mut by_nodes: NodeGradient = [0.0; _];
         let (mut by_mounting, mut by_next_knot) = ([0.0; 6], [0.0; 6]);
-        let (mut by_compliance, mut by_knots_bridge) = ([0.0; COMPLIANCE], [0.0; 6]);
+        let mut by_compliance = [0.0; COMPLIANCE];
         let mut by_late = 0.0;
         let count: f64 = points.iter().map(|point| point.weight).sum();
         let mut all_arms = Vec3::zeros();
@@ -254,11 +246,8 @@ impl<'a> StepScans<'a> {
                 }
                 let between = self.between.get(scanner);
                 let share = between.map_or(0.0, |between| between.share(pose.time_s));
-                let arc = (PI * share).sin();
-                let sums = by_next_knot.iter_mut().zip(&mut by_knots_bridge);
-                for ((next, bridge), by) in sums.zip(by) {
-                    *next += by * share;
-                    *bridge += by * arc;
+                for (sum, by) in by_next_knot.iter_mut().zip(by) {
+                    *sum += by * share;
                 }
             }
             all_arms += arms;
@@ -272,7 +261,6 @@ impl<'a> StepScans<'a> {
             by_mounting,
             by_compliance,
             by_next_knot,
-            by_knots_bridge,
             by_late: by_late / count,
             depth_m: 0.0,
             time_s: times_s / count,
@@ -351,9 +339,6 @@ pub fn place(
         let before: [f64; 6] = std::array::from_fn(|i| by_mounting[i] - next[i]);
         batch.touch(first + between.knot, &before);
         batch.touch(first + between.knot + 1, &next);
-        if let Some(bridge) = between.bridge {
-            batch.touch(first + bridge, &mean.by_knots_bridge.map(|x| x * w));
-        }
     }
     batch.touch(blocks.mountings[scanner], &by_mounting);
 }

@@ -1,13 +1,10 @@
 //! Errors that are correlated in time: first-order Gauss-Markov processes at knots.
 
 use super::super::row::RowBatch;
-use std::f64::consts::PI;
-
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// A stationary process of `dimension` independent components with E x(t) x(t + Δ) = σ² e^(−Δ/τ),
-/// known at knots and linear between them, or with an arc over each interval on top, β sin(πu): the first term
-/// of the Brownian bridge that the process is between two knots.
+/// known at knots and linear between them.
 #[derive(Debug, Clone)]
 pub struct GaussMarkov {
     /// Times of the knots, seconds.
@@ -18,8 +15,6 @@ pub struct GaussMarkov {
     pub correlation_s: f64,
     /// Values at the knots, one after the other.
     pub value: Vec<f64>,
-    /// β of each interval, one after the other; empty where lines are straight.
-    pub bridge: Vec<f64>,
     /// Knots before which it jumped: they are not tied to the one before.
     pub restarts: Vec<usize>,
 }
@@ -51,25 +46,8 @@ impl GaussMarkov {
             knot_s,
             sigma,
             correlation_s,
-            bridge: Vec::new(),
             restarts: Vec::new(),
         }
-    }
-
-    /// With an arc over each interval.
-    pub fn with_bridges(mut self) -> Self {
-        self.bridge = vec![0.0; self.value.len() - self.dimension()];
-        self
-    }
-
-    /// The place of an interval's arc behind all knots.
-    pub fn bridge_place(&self, interval: usize) -> Option<usize> {
-        (!self.bridge.is_empty()).then(|| self.knot_s.len() + interval)
-    }
-
-    /// Blocks of unknowns: knots, and arcs behind them.
-    pub fn blocks(&self) -> usize {
-        (self.value.len() + self.bridge.len()) / self.dimension()
     }
 
     /// From the first knot to the last, seconds.
@@ -77,15 +55,10 @@ impl GaussMarkov {
         self.knot_s[self.knot_s.len() - 1] - self.knot_s[0]
     }
 
-    /// Variance that is left out between the knots, as a share of σ²: h/(3τ) on average over intervals of h by
-    /// straight lines, h/τ (1/3 − 2/π²) with arcs.
+    /// Variance that straight lines between the knots leave out, as a share of σ²: h/(3τ) on average over
+    /// intervals of h.
     pub fn left_out_share(&self) -> f64 {
-        let by_arcs = match self.bridge.is_empty() {
-            true => 0.0,
-            false => 2.0 / (PI * PI),
-        };
-        let interval_s = self.span_s() / (self.knot_s.len() - 1) as f64;
-        interval_s / self.correlation_s * (1.0 / 3.0 - by_arcs)
+        self.span_s() / (self.knot_s.len() - 1) as f64 / (3.0 * self.correlation_s)
     }
 
     /// Components.
@@ -110,10 +83,7 @@ impl GaussMarkov {
     /// The value of a component at a time.
     pub fn at(&self, time_s: f64, component: usize) -> f64 {
         let (knot, u) = self.locate(time_s);
-        let arc = self.bridge.get(knot * self.dimension() + component);
-        let straight =
-            self.of_knot(knot)[component] * (1.0 - u) + self.of_knot(knot + 1)[component] * u;
-        straight + arc.map_or(0.0, |arc| arc * (PI * u).sin())
+        self.of_knot(knot)[component] * (1.0 - u) + self.of_knot(knot + 1)[component] * u
     }
 
     /// Restarts it where it jumped by most; returns whether there is such a knot.
@@ -173,29 +143,6 @@ impl GaussMarkov {
             batch.touch(first_block + before, &own);
             own[component] = scale;
             batch.touch(first_block + knot, &own);
-        }
-    }
-
-    /// Adds the prior of the arc over an interval, if there are any: β/(2 σ √(h/τ)/π) of each component.
-    pub fn bridge_rows(
-        &self,
-        interval: usize,
-        first_block: usize,
-        group: usize,
-        batch: &mut RowBatch,
-    ) {
-        let Some(place) = self.bridge_place(interval) else {
-            return;
-        };
-        let d = self.dimension();
-        let interval_s = self.knot_s[interval + 1] - self.knot_s[interval];
-        let share = 2.0 * (interval_s / self.correlation_s).sqrt() / PI;
-        for component in 0..d {
-            let w = 1.0 / (self.sigma[component] * share).max(f64::MIN_POSITIVE);
-            let mut own = vec![0.0; d];
-            own[component] = w;
-            batch.begin(group, 1.0, self.bridge[interval * d + component] * w);
-            batch.touch(first_block + place, &own);
         }
     }
 }
