@@ -29,12 +29,12 @@ PACKAGES = ["numpy==2.4.6", "scipy==1.17.1", "scikit-learn==1.9.1", "pandas==3.1
             "laspy==2.7.0", "alive_progress", "colorama", "plyfile", "rich"]
 PEER, COMMIT = "https://github.com/Engineering-Geodesy-Bonn/KinScanCal", "c6146d5"
 
-# The drive of `simulate --scenario plain`, and the first one of `demo`.
+# The drive of `simulate --scenario plain`, and the first passes of `demo`: on its whole drive the
+# peer takes most of an hour, for windows that fail.
 BACK_AND_FORTH = [{"from_m": [(1.25, 6.25)[k % 2], 1.5 + 0.6 * k], "to_m": [(6.25, 1.25)[k % 2], 1.5 + 0.6 * k]}
                   for k in range(6)]
-OVER_BOARDS = [{"board": board, "heading_deg": heading}
-               for heading, boards in [(90.0, (0, 1)), (270.0, (4, 3)), (126.656, (3, 2, 1)), (0.0, (1, 4)),
-                                       (233.344, (4, 2, 0))] for board in boards]
+OVER_BOARDS = [{"board": board, "heading_deg": heading} for heading, boards in [(90.0, (0, 1)), (270.0, (4, 3))]
+               for board in boards]
 DENSE = {"profiles": {"width": 640, "rate_hz": 50.0}, "reference": {"soil_spacing_m": 0.05}}
 SOIL = {**DENSE, "soil": {"clod_height_m": 0.02, "clod_cover": 0.1}, "boards": [],
         "drives": [{"passes": BACK_AND_FORTH}]}
@@ -61,8 +61,9 @@ def main():
         title, scenario = ROWS[name]
         for method, found in compare(binary, python, peer, given.work / name, {"seed": given.seed, **scenario}).items():
             numbers = [f"{found[key]:.2f}" for key in ("points_mm", "gap_normal_mm", "gap_3d_mm")]
+            times = [f"{found[key]:.0f}" for key in ("seconds", "cpu_s")]
             failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
-            print(row(title, method, *numbers, f"{found['seconds']:.0f}", f"{found['cpu_s']:.0f}", failed), flush=True)
+            print(row(title, method, *numbers, *times, failed), flush=True)
     print(f"\nRoot mean squares against the truth; seed {given.seed}; KinScanCal {COMMIT}.")
 
 
@@ -112,6 +113,7 @@ def compare(binary, python, peer, work, scenario):
     say(f"{work.name}: KinScanCal")
     run = succeed([python, str(HERE / "with_peer.py"), str(peer), str(drive), "--trajectory", str(poses),
                    "--mountings", str(rest), "--work", str(work / "peer")])
+    # Another method is another row here: its poses, its mountings, and its seconds.
     methods["KinScanCal"] = poses, work / "peer" / "mounting.csv", json.loads(run["out"])
     return {method: {**errors(python, drive, poses, mountings), **more}
             for method, (poses, mountings, more) in methods.items()}

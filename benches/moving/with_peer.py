@@ -4,7 +4,7 @@ usage: with_peer.py PEER_FOLDER DRIVE --trajectory CSV --mountings FILE --work D
 
 PEER_FOLDER is a checkout of KinScanCal, which is run as it is, with its own settings; only its global
 offset is set to zero, for worlds with a local origin. Its main.py is passed by: it copies results into
-a data set's folders and plots them with a library that is not public. Its stages are called as there.
+a data set's folders and plots them with a library beyond its requirements. Its stages are called as there.
 Into DIR go what it reads (input, calibration), what it writes (output), its log, and mounting.csv.
 
 Two things would end it. Windows are spread evenly over the way and knots of its spline over time: where

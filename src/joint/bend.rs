@@ -108,7 +108,7 @@ impl Rung {
         let (spacing_s, correlation_s) = match self {
             Self::Rigid | Self::Compliance => return None,
             Self::SlowKnots => (2.0, 30.0),
-            Self::DenseKnots => (0.25, 5.0),
+            Self::DenseKnots => (0.1, 5.0),
         };
         let times_s = knot_times(motion, spacing_s);
         let process = |mounting: &Mounting| {
