@@ -27,6 +27,9 @@ from common import ROOT, build, environment, measured, row, say
 
 PACKAGES = ["numpy==2.4.6", "scipy==1.17.1", "scikit-learn==1.9.1", "pandas==3.1.1", "matplotlib==3.11.2",
             "laspy==2.7.0", "alive_progress", "colorama", "plyfile", "rich"]
+# Where so many windows fail in a row that the peer's spline has no solution, it is run again with fewer:
+# knots come every six windows.
+WIDE_STEP_M = 0.2
 PEER, COMMIT = "https://github.com/Engineering-Geodesy-Bonn/KinScanCal", "c6146d5"
 
 # The drive of `simulate --scenario plain`, and the first passes of `demo`: on its whole drive the
@@ -60,7 +63,7 @@ def main():
     for name in given.rows:
         title, scenario = ROWS[name]
         for method, found in compare(binary, python, peer, given.work / name, {"seed": given.seed, **scenario}).items():
-            numbers = [f"{found[key]:.2f}" for key in ("points_mm", "gap_normal_mm", "gap_3d_mm")]
+            numbers = [f"{found[key]:.2f}" if key in found else "–" for key in ("points_mm", "gap_normal_mm", "gap_3d_mm")]
             times = [f"{found[key]:.0f}" for key in ("seconds", "cpu_s")]
             failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
             print(row(title, method, *numbers, *times, failed), flush=True)
@@ -110,16 +113,26 @@ def compare(binary, python, peer, work, scenario):
     poses, rest = work / "trajectory" / "trajectory.csv", drive / "truth" / "mounting.toml"
     run = succeed([binary, "trajectory", str(drive / "project.toml"), "--out", str(poses.parent), "--quiet"])
     methods = {"two steps": (poses, rest, {"seconds": run["wall_s"], "cpu_s": run["cpu_s"]})}
-    say(f"{work.name}: KinScanCal")
-    run = succeed([python, str(HERE / "with_peer.py"), str(peer), str(drive), "--trajectory", str(poses),
-                   "--mountings", str(rest), "--work", str(work / "peer")])
-    # Another method is another row here: its poses, its mountings, and its seconds.
-    methods["KinScanCal"] = poses, work / "peer" / "mounting.csv", json.loads(run["out"])
+    methods["KinScanCal"] = with_peer(python, peer, drive, poses, rest, work / "peer")
+    if not methods["KinScanCal"][1]:
+        methods[f"KinScanCal, a window every {WIDE_STEP_M} m"] = with_peer(
+            python, peer, drive, poses, rest, work / "peer-wide", "--step-m", str(WIDE_STEP_M))
+    # Another method is one more of these: its poses, its mountings (a file), its seconds.
     return {method: {**errors(python, drive, poses, mountings), **more}
             for method, (poses, mountings, more) in methods.items()}
 
 
+def with_peer(python, peer, drive, poses, rest, work, *more):
+    say(f"{work.parent.name}: {' '.join(['KinScanCal', *more])}")
+    run = succeed([python, str(HERE / "with_peer.py"), str(peer), str(drive), "--trajectory", str(poses),
+                   "--mountings", str(rest), "--work", str(work), *more])
+    found = json.loads(run["out"])
+    return poses, work / "mounting.csv" if found["solved"] else None, found
+
+
 def errors(python, drive, poses, mountings):
+    if mountings is None:
+        return {}
     run = succeed([python, str(HERE / "evaluate.py"), str(drive), "--trajectory", str(poses),
                    "--mountings", str(mountings)])
     return json.loads(run["out"])

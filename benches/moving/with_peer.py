@@ -1,16 +1,17 @@
 """KinScanCal on one drive: writes its mountings by time, prints one JSON line.
 
-usage: with_peer.py PEER_FOLDER DRIVE --trajectory CSV --mountings FILE --work DIR
+usage: with_peer.py PEER_FOLDER DRIVE --trajectory CSV --mountings FILE --work DIR [--step-m M]
 
 PEER_FOLDER is a checkout of KinScanCal, which is run as it is, with its own settings; only its global
 offset is set to zero, for worlds with a local origin. Its main.py is passed by: it copies results into
 a data set's folders and plots them with a library beyond its requirements. Its stages are called as there.
 Into DIR go what it reads (input, calibration), what it writes (output), its log, and mounting.csv.
 
-Two things would end it. Windows are spread evenly over the way and knots of its spline over time: where
-the robot rests, knots have no windows. So recordings are cut to when it moves; its mountings are held
-before and after. And where no neighbours match, its ICP raises an error: such a window counts as failed,
-like those that it gives up itself.
+Two things would end it for reasons beside the matter. Windows are spread evenly over the way and knots of
+its spline over time: where the robot rests, knots have no windows. So recordings are cut to when it moves;
+its mountings are held before and after. And where no neighbours match, its ICP raises an error: such a
+window counts as failed, like those that it gives up itself. Where so many fail in a row that a knot has
+none left, its spline is singular, and "solved" is false.
 """
 
 import argparse
@@ -72,12 +73,14 @@ def prepare(given):
         write_poses(poses, given.work / "input" / f"{short}.trj")
         write_mounting(mounts[name], given.work / "calibration" / f"system_config_lmi_{short}.xml")
     settings = json.loads((given.peer / "config" / "kin_calibration_config.json").read_text())
+    if given.step_m:
+        settings["IntervalConfig"]["stepsize"] = given.step_m
     settings["GeorefConfig"]["globaloffset"] = {"x": 0, "y": 0, "z": 0}
     (given.work / "settings.json").write_text(json.dumps(settings))
 
 
 def calibrate(work):
-    """The stages of the peer's main.py, from reading to mountings at every profile."""
+    """The stages of the peer's main.py, from reading to mountings at every profile, and whether it got there."""
     sys.modules["open3d"] = ModuleType("open3d")  # only draws; large, and needs libraries of the system
     from src.core.KinematicCalibration import KinematicCalibration
     from src.icp.SymPlane2PlaneICP import SymPlane2PlaneICP
@@ -98,8 +101,11 @@ def calibrate(work):
         peer.loadcalibration()
         peer.loaddata()
         peer.run()
-        peer.compute_kinematic_calibration_parameter()
-    return peer
+        try:
+            peer.compute_kinematic_calibration_parameter()
+        except np.linalg.LinAlgError:
+            return peer, False
+    return peer, True
 
 
 def write_mountings(peer, path):
@@ -118,15 +124,17 @@ def main():
     parser.add_argument("drive", type=Path)
     for name in ("--trajectory", "--mountings", "--work"):
         parser.add_argument(name, type=Path, required=True)
+    parser.add_argument("--step-m", type=float, help="distance between windows, if not that of its settings")
     given = parser.parse_args()
     prepare(given)
     sys.path.insert(0, str(given.peer.resolve()))
     begun, begun_cpu = time.perf_counter(), time.process_time()
-    peer = calibrate(given.work)
+    peer, solved = calibrate(given.work)
     seconds, cpu_s = time.perf_counter() - begun, time.process_time() - begun_cpu
-    write_mountings(peer, given.work / "mounting.csv")
+    if solved:
+        write_mountings(peer, given.work / "mounting.csv")
     windows = np.array([window["transformation"] for window in peer.xlist])
-    print(json.dumps({"seconds": seconds, "cpu_s": cpu_s, "windows": len(windows),
+    print(json.dumps({"seconds": seconds, "cpu_s": cpu_s, "solved": solved, "windows": len(windows),
                       "failed": int(np.isnan(windows).any(axis=1).sum())}))
 
 

@@ -2,12 +2,12 @@
 //!
 //! The mounting of scanner s at time t is its mean, perturbed by
 //!
-//!   δ(t) = C_s (ℓ(t) − ℓ̄) + m_s(t),
+//!   δ(t) = C_s (ℓ(t) − ℓ̄) + c_s u(t) + m_s(t),
 //!
-//! (δφ, δp) in body axes, with the load ℓ, the compliance C_s (6 × 4) and a Gauss-Markov process m_s at
-//! knots. The loads are the parts of the specific force in the body: gravity and acceleration, this smoothed
-//! over half a second, along x and y each, as along z they hardly change. Both bend a frame, but not where
-//! masses beside it swing.
+//! (δφ, δp) in body axes, with the load ℓ, the compliance C_s (6 × 4), the creep c_s over a drive with u from −½
+//! to ½, the same in all drives, and a Gauss-Markov process m_s at knots. The loads are the parts of the
+//! specific force in the body: gravity and acceleration, this smoothed over half a second, along x and y each,
+//! as along z they hardly change. Both bend a frame, but not where masses beside it swing.
 
 use std::sync::Arc;
 
@@ -25,11 +25,17 @@ use crate::trajectory::Trajectory;
 /// Components of a load, in units of gravity: the direction up along the body's x and y axes, and its
 /// acceleration along them.
 pub const LOADS: usize = 4;
-/// Unknowns of a compliance: δ by each load, one after the other.
+/// Coefficients of a compliance: δ by each load, one after the other.
 pub const COMPLIANCE: usize = 6 * LOADS;
+/// What mountings follow: the loads and time.
+pub const CAUSES: usize = LOADS + 1;
+/// Unknowns of a compliance, and of a creep behind it.
+pub const BENDING: usize = 6 * CAUSES;
 /// Standard deviations of the prior of a compliance: a degree of tilt bends by some tenths of a degree and
 /// some millimetres. Radians per g, metres per g.
 pub const COMPLIANCE_SIGMA: [f64; 2] = [0.3, 0.5];
+/// And of that of a creep, radians and metres in a drive.
+pub const CREEP_SIGMA: [f64; 2] = [0.01, 0.03];
 
 /// Standard deviations of the motion in time, radians and metres.
 pub const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
@@ -154,12 +160,12 @@ pub struct Bends {
     pub rung: Rung,
     /// ℓ̄, over all drives.
     pub mean_load: [f64; LOADS],
-    /// ℓ along each drive.
-    pub loads: Arc<Vec<Series<LOADS>>>,
-    /// C of each scanner, column by column.
-    pub compliance: Vec<[f64; COMPLIANCE]>,
-    /// What is known of it beforehand: values and standard deviations.
-    pub prior: Vec<[[f64; COMPLIANCE]; 2]>,
+    /// ℓ − ℓ̄ and u along each drive.
+    pub causes: Arc<Vec<Series<CAUSES>>>,
+    /// C of each scanner, column by column, and c.
+    pub compliance: Vec<[f64; BENDING]>,
+    /// What is known of them beforehand: values and standard deviations.
+    pub prior: Vec<[[f64; BENDING]; 2]>,
     /// m of each scanner of each drive; empty without knots.
     pub knots: Vec<Vec<GaussMarkov>>,
 }
@@ -182,27 +188,39 @@ impl Bends {
             .collect::<Option<_>>()?;
         let loads: Vec<Series<LOADS>> = drives.iter().map(loads).collect();
         let prior: Vec<_> = (mountings.iter().enumerate())
-            .map(|(scanner, mounting)| match known.get(scanner) {
-                Some(known) => [known.by_load, known.sigma],
-                None => unknown(mounting),
+            .map(|(scanner, mounting)| {
+                let [mut value, mut sigma] = unknown(mounting);
+                if let Some(known) = known.get(scanner) {
+                    value[..COMPLIANCE].copy_from_slice(&known.by_load);
+                    sigma[..COMPLIANCE].copy_from_slice(&known.sigma);
+                }
+                [value, sigma]
             })
             .collect();
+        let mean_load = known.first().map_or_else(|| mean(&loads), |k| k.mean_load);
+        let causes = loads.iter().zip(&drives).map(|(loads, drive)| {
+            let (from_s, to_s) = drive.span_s();
+            Series::sampled((from_s, to_s), STEP_S, |time_s| {
+                let [a, b, c, d] = off(&loads.at(time_s), &mean_load);
+                [a, b, c, d, (time_s - from_s) / (to_s - from_s) - 0.5]
+            })
+        });
         let knots = motions
             .iter()
             .filter_map(|m| rung.knots(m.as_ref(), mountings));
         Some(Self {
             rung,
-            mean_load: known.first().map_or_else(|| mean(&loads), |k| k.mean_load),
-            loads: Arc::new(loads),
+            mean_load,
+            causes: Arc::new(causes.collect()),
             compliance: prior.iter().map(|[value, _]| *value).collect(),
             prior,
             knots: knots.collect(),
         })
     }
 
-    /// ℓ − ℓ̄ at a time of a drive.
-    pub fn load(&self, drive: usize, time_s: f64) -> [f64; LOADS] {
-        off(&self.loads[drive].at(time_s), &self.mean_load)
+    /// ℓ − ℓ̄ and u at a time of a drive.
+    pub fn causes(&self, drive: usize, time_s: f64) -> [f64; CAUSES] {
+        self.causes[drive].at(time_s)
     }
 
     /// Restarts motions in time where they jumped; returns whether one did.
@@ -226,7 +244,7 @@ impl Bends {
 
     /// (δφ, δp) of a scanner at a time of a drive.
     pub fn offset(&self, drive: usize, scanner: usize, time_s: f64) -> [f64; 6] {
-        let offset = under(&self.compliance[scanner], &self.load(drive, time_s));
+        let offset = under(&self.compliance[scanner], &self.causes(drive, time_s));
         let process = self.knots.get(drive).map(|of_drive| &of_drive[scanner]);
         process.map_or(offset, |process| {
             std::array::from_fn(|i| offset[i] + process.at(time_s, i))
@@ -234,13 +252,14 @@ impl Bends {
     }
 }
 
-/// Values and standard deviations of a compliance of which nothing is known.
-fn unknown(mounting: &Mounting) -> [[f64; COMPLIANCE]; 2] {
-    let sigma = |i: usize| match is_fixed(mounting, i % 6) {
-        true => 0.0,
-        false => COMPLIANCE_SIGMA[i % 6 / 3],
+/// Values and standard deviations of a compliance and a creep of which nothing is known.
+fn unknown(mounting: &Mounting) -> [[f64; BENDING]; 2] {
+    let sigma = |i: usize| match (is_fixed(mounting, i % 6), i < COMPLIANCE) {
+        (true, _) => 0.0,
+        (false, true) => COMPLIANCE_SIGMA[i % 6 / 3],
+        (false, false) => CREEP_SIGMA[i % 6 / 3],
     };
-    [[0.0; COMPLIANCE], std::array::from_fn(sigma)]
+    [[0.0; BENDING], std::array::from_fn(sigma)]
 }
 
 /// Whether one of (δφ, δp) does not move: a position or rotation that is fixed as a whole.
@@ -284,11 +303,8 @@ fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
     times
 }
 
-/// C ℓ.
-pub fn under(compliance: &[f64; COMPLIANCE], load: &[f64; LOADS]) -> [f64; 6] {
-    std::array::from_fn(|i| {
-        (0..LOADS)
-            .map(|axis| compliance[6 * axis + i] * load[axis])
-            .sum()
-    })
+/// C ℓ, or with creep and time behind them.
+fn under(compliance: &[f64], causes: &[f64]) -> [f64; 6] {
+    let by_each = || compliance.chunks_exact(6).zip(causes);
+    std::array::from_fn(|i| by_each().map(|(by, cause)| by[i] * cause).sum())
 }

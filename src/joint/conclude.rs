@@ -83,10 +83,10 @@ pub fn conclude(
     let bends = state.bends.as_ref();
     let compliance = bends.into_iter().flat_map(|bends| {
         let scanners = bends.compliance.iter().zip(&layout.compliance);
-        scanners.map(|(by_load, &place)| {
+        scanners.map(|(bending, &place)| {
             let variances = block(place, place).map(|part| part.diagonal());
             Compliance {
-                by_load: *by_load,
+                by_load: std::array::from_fn(|i| bending[i]),
                 sigma: std::array::from_fn(|i| variances.as_ref().map_or(f64::NAN, |v| root(v[i]))),
                 mean_load: bends.mean_load,
             }
@@ -239,11 +239,11 @@ fn compliance_and_knots<'a>(
         _ => Vec::new(),
     };
     move |time_s| {
-        let load = bends.load(drive, time_s);
+        let causes = bends.causes(drive, time_s);
         std::array::from_fn(|i| {
             let mut variance = 0.0;
-            for (a, x) in load.iter().enumerate() {
-                for (b, y) in load.iter().enumerate() {
+            for (a, x) in causes.iter().enumerate() {
+                for (b, y) in causes.iter().enumerate() {
                     let part = of_load
                         .as_ref()
                         .map_or(f64::NAN, |of| of[(6 * a + i, 6 * b + i)]);

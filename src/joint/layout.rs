@@ -1,6 +1,6 @@
 //! Which block of unknowns and which group of observations is what.
 
-use super::bend::{Bends, COMPLIANCE};
+use super::bend::{BENDING, Bends};
 use super::input::JointInput;
 use super::motion::{GaussMarkov, Motion};
 use super::surfel::{Association, CLASSES, COVERAGES};
@@ -96,7 +96,7 @@ impl Layout {
         } else {
             0
         };
-        let compliance = (0..count).map(|_| add(1, COMPLIANCE)).collect();
+        let compliance = (0..count).map(|_| add(1, BENDING)).collect();
         let mountings = (0..input.mountings.len()).map(|_| add(1, 6)).collect();
         Self {
             first_motion,

@@ -1,7 +1,7 @@
 //! Rows of all that is known or assumed beforehand: surfels, the reference's errors, constants and
 //! mountings.
 
-use super::bend::COMPLIANCE;
+use super::bend::BENDING;
 use super::layout::{REFERENCE, UP};
 use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::row::{HELD_SIGMA, RowBatch};
@@ -115,7 +115,7 @@ impl JointProblem<'_> {
         for ((compliance, [mean, sigma]), &block) in scanners.zip(&self.layout.compliance) {
             for (i, value) in compliance.iter().enumerate() {
                 let w = 1.0 / sigma[i].max(HELD_SIGMA);
-                let mut by = [0.0; COMPLIANCE];
+                let mut by = [0.0; BENDING];
                 by[i] = w;
                 batch.begin(group, 1.0, (value - mean[i]) * w);
                 batch.touch(block, &by);

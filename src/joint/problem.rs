@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bend::COMPLIANCE;
+use super::bend::BENDING;
 use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE, UP};
 use super::motion::Places;
@@ -339,7 +339,7 @@ impl<'a> JointProblem<'a> {
         }
         if let Some(bends) = &mut next.bends {
             for (compliance, &block) in bends.compliance.iter_mut().zip(&layout.compliance) {
-                let step = of(block, COMPLIANCE);
+                let step = of(block, BENDING);
                 compliance.iter_mut().zip(step).for_each(|(x, d)| *x += d);
             }
             let knots = bends.knots.iter_mut().flatten();
@@ -376,7 +376,7 @@ fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
     if row.weight == 0.0 {
         return;
     }
-    let mut values = [0.0; COMPLIANCE * COMPLIANCE];
+    let mut values = [0.0; BENDING * BENDING];
     let mut start = 0;
     for (i, &a) in row.blocks.iter().enumerate() {
         let a = a as usize;

@@ -1,6 +1,6 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
-use super::bend::{Bends, COMPLIANCE};
+use super::bend::{BENDING, Bends};
 use super::motion::{AT_BRIDGE, GaussMarkov, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
@@ -40,8 +40,8 @@ pub struct Mean {
     pub by_nodes: NodeGradient,
     /// By the mounting (δφ, δp).
     pub by_mounting: [f64; 6],
-    /// By the compliance, and by the knot behind: each profile has its own load and share of the knots.
-    pub by_compliance: [f64; COMPLIANCE],
+    /// By compliance and creep, and by the knot behind: each profile has its own load and share of the knots.
+    pub by_compliance: [f64; BENDING],
     pub by_next_knot: [f64; 6],
     /// By how late the profile is.
     pub by_late: f64,
@@ -214,7 +214,7 @@ impl<'a> StepScans<'a> {
         let mut sum = Vec3::zeros();
         let mut by_nodes: NodeGradient = [0.0; _];
         let (mut by_mounting, mut by_next_knot) = ([0.0; 6], [0.0; 6]);
-        let mut by_compliance = [0.0; COMPLIANCE];
+        let mut by_compliance = [0.0; BENDING];
         let mut by_late = 0.0;
         let count: f64 = points.iter().map(|point| point.weight).sum();
         let mut all_arms = Vec3::zeros();
@@ -240,9 +240,9 @@ impl<'a> StepScans<'a> {
                 *sum += by;
             }
             if let Some(bends) = self.seen.bends {
-                let load = bends.load(self.seen.drive, pose.time_s);
+                let causes = bends.causes(self.seen.drive, pose.time_s);
                 for (i, sum) in by_compliance.iter_mut().enumerate() {
-                    *sum += by[i % 6] * load[i / 6];
+                    *sum += by[i % 6] * causes[i / 6];
                 }
                 let between = self.between.get(scanner);
                 let share = between.map_or(0.0, |between| between.share(pose.time_s));
