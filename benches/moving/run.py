@@ -38,7 +38,7 @@ BACK_AND_FORTH = [{"from_m": [(1.25, 6.25)[k % 2], 1.5 + 0.6 * k], "to_m": [(6.2
                   for k in range(6)]
 OVER_BOARDS = [{"board": board, "heading_deg": heading} for heading, boards in [(90.0, (0, 1)), (270.0, (4, 3))]
                for board in boards]
-DENSE = {"profiles": {"width": 640, "rate_hz": 50.0}, "reference": {"soil_spacing_m": 0.05}}
+DENSE = {"profiles": {"width": 640, "rate_hz": 50.0}}
 SOIL = {**DENSE, "soil": {"clod_height_m": 0.02, "clod_cover": 0.1}, "boards": [],
         "drives": [{"passes": BACK_AND_FORTH}]}
 BENDS = {"enabled": True, "rotation_deg_per_deg": 0.0, "shift_m_per_deg": 0.0, "shift_m_per_m_s2": 0.0,
@@ -52,6 +52,8 @@ ROWS = {
                                            "drives": [{"passes": OVER_BOARDS}]}),
 }
 
+ERRORS = ("points_mm", "gap_normal_mm", "gap_3d_mm")
+
 
 def main():
     given = arguments()
@@ -62,8 +64,9 @@ def main():
     print(row("---", "---", *["---:"] * 6))
     for name in given.rows:
         title, scenario = ROWS[name]
-        for method, found in compare(binary, python, peer, given.work / name, {"seed": given.seed, **scenario}).items():
-            numbers = [f"{found[key]:.2f}" if key in found else "–" for key in ("points_mm", "gap_normal_mm", "gap_3d_mm")]
+        scenario = {"seed": given.seed, **scenario}
+        for method, found in compare(binary, python, peer, given.work / name, scenario).items():
+            numbers = [f"{found[key]:.2f}" if key in found else "–" for key in ERRORS]
             times = [f"{found[key]:.0f}" for key in ("seconds", "cpu_s")]
             failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
             print(row(title, method, *numbers, *times, failed), flush=True)

@@ -6,8 +6,8 @@
 //!
 //! (δφ, δp) in body axes, with the load ℓ, the compliance C_s (6 × 4), the creep c_s over a drive with u from −½
 //! to ½, the same in all drives, and a Gauss-Markov process m_s at knots. The loads are the parts of the
-//! specific force in the body: gravity and acceleration, this smoothed over half a second, along x and y each,
-//! as along z they hardly change. Both bend a frame, but not where masses beside it swing.
+//! specific force in the body: gravity and acceleration, this smoothed over some tenths of a second, along x and
+//! y each, as along z they hardly change. Both bend a frame, but not where masses beside it swing.
 
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ pub const BENDING_STEP_S: f64 = 0.05;
 /// Loads are tabulated at this step, seconds.
 const STEP_S: f64 = 0.1;
 /// Accelerations are second differences over this time to both sides, which smooth over it, seconds.
-const SMOOTH_S: f64 = 0.5;
+const SMOOTH_S: f64 = 0.2;
 
 /// How a mounting follows the load on the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,7 +131,7 @@ impl Rung {
 /// ℓ at a time: −Rᵀ g / |g| and Rᵀ a / |g| along x and y, with a from second differences.
 fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     let (first_s, last_s) = trajectory.span_s();
-    // At the ends of a drive the body is taken to move on as it does half a second from there.
+    // At the ends of a drive the body is taken to move on as it does close to them.
     let [low_s, high_s] = match last_s - first_s > 2.0 * SMOOTH_S {
         true => [first_s + SMOOTH_S, last_s - SMOOTH_S],
         false => [0.5 * (first_s + last_s); 2],
