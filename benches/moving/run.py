@@ -57,7 +57,7 @@ ERRORS = ("points_mm", "gap_normal_mm", "gap_3d_mm")
 
 def main():
     given = arguments()
-    binary = given.binary or build()
+    programs = given.binary or build(), given.joint or build_joint()
     python = environment(given.venv, PACKAGES)
     peer = given.peer or checkout(given.work / "KinScanCal")
     print(row("drive", "method", "points mm", "gap mm", "gap mm, 3-D", "s", "CPU s", "windows failed"))
@@ -65,7 +65,7 @@ def main():
     for name in given.rows:
         title, scenario = ROWS[name]
         scenario = {"seed": given.seed, **scenario}
-        for method, found in compare(binary, python, peer, given.work / name, scenario).items():
+        for method, found in compare(programs, python, peer, given.work / name, scenario).items():
             numbers = [f"{found[key]:.2f}" if key in found else "–" for key in ERRORS]
             times = [f"{found[key]:.0f}" for key in ("seconds", "cpu_s")]
             failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
@@ -78,6 +78,7 @@ def arguments():
     parser.add_argument("--rows", default=",".join(ROWS), metavar="ROW,ROW", help=f"[{','.join(ROWS)}]")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--binary", metavar="FILE", help="boresight; built where not given")
+    parser.add_argument("--joint", metavar="FILE", help="the example of this name; built where not given")
     parser.add_argument("--peer", type=Path, metavar="DIR", help="checkout of KinScanCal; cloned where not given")
     parser.add_argument("--venv", type=Path, default=ROOT / "target" / "bench-moving-venv", metavar="DIR")
     parser.add_argument("--work", type=Path, default=ROOT / "target" / "bench-moving", metavar="DIR")
@@ -87,6 +88,11 @@ def arguments():
     if unknown:
         parser.error(f"no row {', '.join(unknown)}")
     return given
+
+
+def build_joint():
+    subprocess.run(["cargo", "build", "--release", "--quiet", "--example", "joint"], cwd=ROOT, check=True)
+    return str(ROOT / "target" / "release" / "examples" / "joint")
 
 
 def checkout(folder):
@@ -105,8 +111,9 @@ def toml(value):
     return json.dumps(value)
 
 
-def compare(binary, python, peer, work, scenario):
+def compare(programs, python, peer, work, scenario):
     """Errors of each method on one drive, with the seconds it took."""
+    binary, joint = programs
     work.mkdir(parents=True, exist_ok=True)
     file, drive = work / "scenario.toml", work / "simulated" / "drive-1"
     file.write_text("".join(f"{key} = {toml(value)}\n" for key, value in scenario.items()))
@@ -120,7 +127,11 @@ def compare(binary, python, peer, work, scenario):
     if not methods["KinScanCal"][1]:
         methods[f"KinScanCal, a window every {WIDE_STEP_M} m"] = with_peer(
             python, peer, drive, poses, rest, work / "peer-wide", "--step-m", str(WIDE_STEP_M))
-    # Another method is one more of these: its poses, its mountings (a file), its seconds.
+    say(f"{work.name}: joint adjustment")
+    kept = work / "joint"
+    run = succeed([joint, "1", str(scenario["seed"]), "--case", "known", "--scenario", str(file), "--keep", str(kept)])
+    methods["joint adjustment"] = (kept / "trajectory.csv", kept / "mounting.csv",
+                                   {"seconds": run["wall_s"], "cpu_s": run["cpu_s"]})
     return {method: {**errors(python, drive, poses, mountings), **more}
             for method, (poses, mountings, more) in methods.items()}
 

@@ -18,6 +18,8 @@ use super::joint_drive::Setup;
 pub struct Options {
     /// Keys of the scenario with values, as TOML: `soil.clod_height_m=0.02`.
     pub set: Vec<String>,
+    /// In the place of the demo or the plain field: a preset or a file.
+    pub scenario: Option<String>,
     pub nodes: Nodes,
     pub surfel_m: Option<f64>,
     /// The only rung of the ladder.
@@ -26,11 +28,8 @@ pub struct Options {
 }
 
 /// All cases.
-pub const NAMES: [&str; 34] = [
+pub const NAMES: [&str; 31] = [
     "known",
-    "known-walk",
-    "known-compliance-3",
-    "known-boards",
     "compliance-evaluation",
     "compliance",
     "compliance-3",
@@ -80,16 +79,10 @@ const LATE_S: f64 = 0.02;
 
 /// The setup of a case for a seed.
 pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
-    let plain = [
-        "plain",
-        "plain-reference",
-        "known",
-        "known-walk",
-        "known-compliance-3",
-    ];
-    let base = match plain.contains(&name) {
-        true => Scenario::plain(),
-        false => Scenario::demo(),
+    let base = match (&options.scenario, name) {
+        (Some(scenario), _) => Scenario::load(scenario)?,
+        (None, "plain" | "plain-reference" | "known") => Scenario::plain(),
+        (None, _) => Scenario::demo(),
     };
     let mut setup = Setup::new(with_keys(Scenario { seed, ..base }, &options.set)?);
     let scenario = &mut setup.scenario;
@@ -188,12 +181,7 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
             walk(scenario);
             scenario.deformation.walk_together = true;
         }
-        "known" => {}
-        "known-walk" => walk(scenario),
-        "known-compliance-3" => bend(scenario, 0.75),
-        "known-boards" => {
-            (scenario.soil.clod_height_m, scenario.soil.clod_cover) = (0.02, 0.1);
-        }
+        "known" => (setup.reference, setup.known) = (None, Some(KNOWN_SIGMAS)),
         "jump" => {
             bend(scenario, 0.0);
             scenario.deformation.jump_m = 0.003;
@@ -208,9 +196,6 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
             let names = NAMES.join(", ");
             return Err(Error::data(format!("no case {name}"), names));
         }
-    }
-    if name.starts_with("known") {
-        (setup.reference, setup.known) = (None, Some(KNOWN_SIGMAS));
     }
     setup.joint.surfel_m = options.surfel_m;
     if let Some(rung) = options.mounting {

@@ -9,16 +9,24 @@ mod summary;
 #[path = "../../tests/common/joint_drive.rs"]
 mod joint_drive;
 
+use std::path::{Path, PathBuf};
+
 use boresight::Result;
 use boresight::error::Error;
+use boresight::format;
 use boresight::joint::Rung;
+use boresight::sensor::PoseRecord;
 use boresight::trajectory::Nodes;
 use cases::Options;
 use joint_drive::Run;
 use summary::Summary;
 
+/// Kept poses are so far apart, seconds.
+const STEP_S: f64 = 0.02;
+
 const USAGE: &str = "joint [SEEDS] [FIRST] [--case NAME]… [--set KEY=VALUE]… [--nodes imu] \
-                     [--surfel METRES] [--mounting RUNG] [--from-truth] [--eigen]";
+                     [--surfel METRES] [--mounting RUNG] [--from-truth] [--eigen] [--scenario NAME|FILE] \
+                     [--keep DIR]";
 
 fn main() -> Result<()> {
     let arguments = Arguments::read()?;
@@ -29,6 +37,9 @@ fn main() -> Result<()> {
             let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
             match Run::new(&setup, folder.path()) {
                 Ok(run) => {
+                    if let Some(keep) = &arguments.keep {
+                        write(keep, &run)?;
+                    }
                     summary::print_seed(name, seed, &run);
                     if arguments.eigen {
                         summary::print_directions(&run);
@@ -48,6 +59,8 @@ struct Arguments {
     first: u64,
     cases: Vec<String>,
     eigen: bool,
+    /// Where the poses and mountings by time of the last drive go.
+    keep: Option<PathBuf>,
     options: Options,
 }
 
@@ -58,6 +71,7 @@ impl Arguments {
             first: 1,
             cases: Vec::new(),
             eigen: false,
+            keep: None,
             options: Options::default(),
         };
         let wrong = |what: &str| Error::data(format!("{what}: not understood"), USAGE);
@@ -74,6 +88,8 @@ impl Arguments {
                 "--mounting" => found.options.mounting = Some(rung(&value()?)?),
                 "--from-truth" => found.options.from_truth = true,
                 "--eigen" => found.eigen = true,
+                "--scenario" => found.options.scenario = Some(value()?),
+                "--keep" => found.keep = Some(value()?.into()),
                 other => numbers.push(other.parse().map_err(|_| wrong(other))?),
             }
         }
@@ -88,6 +104,31 @@ impl Arguments {
         }
         Ok(found)
     }
+}
+
+/// `trajectory.csv` and `mounting.csv`, evenly in time.
+fn write(folder: &Path, run: &Run) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let drive = &run.joint.drives[0];
+    let (from_s, to_s) = drive.trajectory.span_s();
+    let count = ((to_s - from_s) / STEP_S) as usize;
+    let times_s = || (0..=count).map(|k| from_s + STEP_S * k as f64);
+    let poses = times_s().filter_map(|t| Some(PoseRecord::new(t, drive.trajectory.pose_at(t)?)));
+    let poses: Vec<PoseRecord> = poses.collect();
+    format::write_trajectory(&folder.join("trajectory.csv"), &poses)?;
+    let mut text = "time_s,scanner,x_m,y_m,z_m,qx,qy,qz,qw\n".to_owned();
+    for (scanner, mounting) in run.joint.mountings.iter().enumerate() {
+        let mean = &mounting.body_from_scanner;
+        for time_s in times_s() {
+            let moved = drive.bending.get(scanner);
+            let now = moved.map_or(*mean, |moved| moved.offsets.apply(mean, time_s));
+            let (t, q) = (now.translation_m, now.rotation);
+            let row = [t.x, t.y, t.z, q.i, q.j, q.k, q.w].map(|x| format!("{x:.12}"));
+            text += &format!("{time_s:.4},{},{}\n", mounting.name, row.join(","));
+        }
+    }
+    let file = folder.join("mounting.csv");
+    std::fs::write(&file, text).map_err(|e| Error::io(file, e))
 }
 
 fn rung(name: &str) -> Result<Rung> {

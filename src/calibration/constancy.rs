@@ -221,7 +221,7 @@ impl Residual {
 }
 
 /// The upward normal of a neighbourhood; `None` if it is not flat.
-fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
+pub fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
     let eigen = shape.eigen();
     if eigen.values.z > 0.1 * eigen.values.y {
         return None;

@@ -3,11 +3,12 @@
 //!
 //! Start with [`calibrate`], the algorithm; then see `cost.rs` (the mathematics), `adjust.rs` (one
 //! scale), `observability.rs` and `uncertainty.rs` (the quality of the result), and `constancy.rs`
-//! (whether the mounting is constant).
+//! and `gap.rs` (whether the mounting is constant).
 
 mod adjust;
 mod constancy;
 mod cost;
+mod gap;
 mod input;
 mod minimum;
 pub(crate) mod observability;
@@ -30,6 +31,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use constancy::{Block, Constancy};
+pub use gap::Gap;
 pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
 pub use minimum::Minimum;
 pub use observability::{Observability, UnobservableDirection};
@@ -117,6 +119,7 @@ pub fn calibrate(
             .flatten(),
         origin_sigma_m: 0.0,
         minimum,
+        gap: Gap::of(&solved.state.surface),
         constancy: Constancy::of(&solved.state.surface, input.trajectory),
         mountings: solved.state.mountings,
         observability: solved.observability,

@@ -184,6 +184,7 @@ mod tests {
             origin_sigma_m: 0.0,
             minimum: None,
             constancy: None,
+            gap: None,
         }
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::constancy::Constancy;
+use super::gap::Gap;
 use super::minimum::Minimum;
 use super::observability::Observability;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, poses};
@@ -33,6 +34,8 @@ pub struct Calibration {
     pub minimum: Option<Minimum>,
     /// Test of a constant mounting; `None` if it is not possible.
     pub constancy: Option<Constancy>,
+    /// Whether the scanners keep their distance; `None` where no two saw enough together.
+    pub gap: Option<Gap>,
 }
 
 /// Course of the adjustment of one scale.

@@ -6,6 +6,7 @@ use nalgebra::DMatrix;
 use serde::{Serialize, Serializer};
 
 use super::constancy::Constancy;
+use super::gap::Gap;
 use super::minimum::Minimum;
 use super::observability::Observability;
 use super::parameters::PARAMETER_NAMES;
@@ -115,6 +116,7 @@ impl Serialize for Calibration {
             origin_sigma_m: f64,
             minimum: &'a Option<Minimum>,
             mounting_constant: &'a Option<Constancy>,
+            gap: &'a Option<Gap>,
             parameters: Vec<Parameter>,
             covariance: Option<Vec<Vec<f64>>>,
             /// Null where either parameter is fixed or unobservable.
@@ -140,6 +142,7 @@ impl Serialize for Calibration {
             origin_sigma_m: self.origin_sigma_m,
             minimum: &self.minimum,
             mounting_constant: &self.constancy,
+            gap: &self.gap,
             parameters: parameters.collect(),
             covariance: self.covariance.as_ref().map(rows),
             correlation: self.correlation().as_ref().map(rows),

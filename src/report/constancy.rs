@@ -1,7 +1,7 @@
 //! What the residuals along the drive say about the mounting.
 
 use super::number;
-use crate::calibration::{Calibration, Constancy, Method};
+use crate::calibration::{Calibration, Constancy, Gap, Method};
 use crate::verdict::Verdict;
 
 /// The test of a constant mounting; `None` if it is not possible.
@@ -38,6 +38,23 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
         number::length(constancy.rms_m),
         constancy.ratio
     ))
+}
+
+/// That two scanners move on each other; `None` where they keep their distance.
+pub fn gap(calibration: &Calibration) -> Option<Verdict> {
+    let found = calibration.gap.filter(|found: &Gap| !found.constant)?;
+    let [first, other] = found
+        .scanners
+        .map(|scanner| &calibration.mountings[scanner].name);
+    let text = format!(
+        "The scanners {first} and {other} do not keep their distance{}: on spots that both saw in the same pass, \
+         it changes along the drive by {}, {:.1} times as much as two rigid mountings explain. A mount has play, or \
+         the frame bends.",
+        of_two_steps(calibration),
+        number::length(found.rms_m),
+        found.ratio
+    );
+    Some(Verdict::care("mounting.gap", text).with_value(found.rms_m, None))
 }
 
 /// Correlations below are chance; the time of a jump is chosen among many.

@@ -69,12 +69,13 @@ pub fn verdicts(content: &Content, acceptance: &Acceptance) -> Vec<Verdict> {
 }
 
 /// What follows from faults of logs or scans.
-const CONSEQUENCES: [&str; 6] = [
+const CONSEQUENCES: [&str; 7] = [
     "agreement.",
     "calibration.",
     "mounting.moved",
     "mounting.sigma",
     "mounting.constancy",
+    "mounting.gap",
     "reference.",
 ];
 
@@ -134,6 +135,7 @@ fn of_calibration(
     );
     // Of two rigid steps, whatever the mountings do that are adjusted since.
     all.extend(constancy::verdict(result).filter(|_| !moves));
+    all.extend(constancy::gap(result).filter(|_| !moves));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     all.extend(solution.and_then(|solution| origin(solution, result.origin_sigma_m)));
     all
@@ -231,7 +233,9 @@ fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -> Op
         number::length(acceptance.sigma_translation_m),
         number::shortest(acceptance.sigma_rotation_rad.to_degrees())
     );
-    let is_constant = moves || calibration.constancy.as_ref().is_none_or(|c| c.constant);
+    let is_constant = moves
+        || calibration.constancy.as_ref().is_none_or(|c| c.constant)
+            && calibration.gap.is_none_or(|gap| gap.constant);
     let is_accepted =
         length_m <= acceptance.sigma_translation_m && angle_rad <= acceptance.sigma_rotation_rad;
     Some(match (is_constant, is_accepted) {

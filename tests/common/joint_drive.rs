@@ -168,7 +168,7 @@ impl Run {
             .collect();
         let adjusted = &joint.drives[0];
         let moved = (late_s.as_slice(), adjusted.bending.as_slice());
-        let one_piece = check.found(joint.poses(), &adjusted.trajectory, moved, seconds);
+        let mut one_piece = check.found(joint.poses(), &adjusted.trajectory, moved, seconds);
         let points = check.known(&joint, &late_s);
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
@@ -202,12 +202,22 @@ impl Run {
         });
         let evaluation = evaluation.transpose()?;
         let moving = &check.moving;
-        let truth = (truth.iter().enumerate())
-            .map(|(scanner, at_rest)| match moving.get(scanner) {
-                Some(moving) => middle(at_rest, moving),
-                None => *at_rest,
-            })
-            .collect();
+        let mut truth = truth.clone();
+        // Means over the same times: a drive is longer than its mountings are known to move.
+        for (scanner, moving) in moving.iter().enumerate() {
+            let (records, found) = (moving.poses().iter(), &mut one_piece.mountings[scanner]);
+            let mean = *found;
+            truth[scanner] = middle(
+                &truth[scanner],
+                records
+                    .clone()
+                    .map(|pose| as_mounting(&pose.world_from_body)),
+            );
+            if let Some(moved) = joint.drives[0].bending.get(scanner) {
+                let now = records.map(|pose| moved.offsets.apply(&mean, pose.time_s));
+                *found = middle(&mean, now);
+            }
+        }
         Ok(Self {
             evaluation,
             truth,
@@ -320,16 +330,19 @@ fn as_mounting(pose: &WorldFromBody) -> BodyFromScanner {
     BodyFromScanner::new(pose.rotation, pose.translation_m)
 }
 
-/// The mean of a mounting that moves.
-fn middle(at_rest: &BodyFromScanner, moving: &Trajectory) -> BodyFromScanner {
+/// The mean of mountings near one.
+fn middle(
+    near: &BodyFromScanner,
+    mountings: impl ExactSizeIterator<Item = BodyFromScanner>,
+) -> BodyFromScanner {
+    let count = mountings.len() as f64;
     let (mut turns, mut shifts) = (Vec3::zeros(), Vec3::zeros());
-    for pose in moving.poses() {
-        let (turn, shift) = as_mounting(&pose.world_from_body).perturbation_from(at_rest);
+    for mounting in mountings {
+        let (turn, shift) = mounting.perturbation_from(near);
         turns += turn;
         shifts += shift;
     }
-    let count = moving.poses().len() as f64;
-    at_rest.perturbed(&(turns / count), &(shifts / count))
+    near.perturbed(&(turns / count), &(shifts / count))
 }
 
 /// None where they are rigid.

@@ -158,6 +158,7 @@ fn calibration(
         origin_sigma_m: 0.0,
         minimum: None,
         constancy: None,
+        gap: None,
         mountings,
     }
 }
