@@ -106,6 +106,9 @@ fn with_own_poses_the_errors_are_those_claimed() {
     assert_honest(&found, "own poses");
     let constancy = found.constancy.unwrap();
     assert!(constancy.constant, "{} times expected", constancy.ratio);
+    let gap = found.gap.unwrap();
+    // Half of what is allowed.
+    assert!(gap.constant && gap.ratio < 1.0, "{gap:?}");
 }
 
 #[test]
@@ -226,4 +229,32 @@ fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
         "{}",
         constancy.rms_m
     );
+}
+
+/// The residuals to the reference show it hardly more than poses that are off would.
+#[test]
+fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scenario = Scenario::demo();
+    let deformation = &mut scenario.deformation;
+    deformation.enabled = true;
+    (
+        deformation.rotation_deg_per_deg,
+        deformation.shift_m_per_deg,
+    ) = (0.0, 0.0);
+    deformation.shift_m_per_m_s2 = 0.0;
+    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
+    (deformation.walk_deg, deformation.walk_m) = (0.08, 0.0015);
+    let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
+    case.project.calibration.voxel_sizes_m = vec![0.05, 0.02];
+    for reference in [case.reference.as_slice(), &[]] {
+        let found = calibrated(&case.project, &case.own, reference);
+        let gap = found.gap.unwrap();
+        println!(
+            "{gap:?}, residuals {:?}",
+            found.constancy.map(|found| found.ratio)
+        );
+        assert_eq!(gap.scanners, [0, 1]);
+        assert!(!gap.constant && gap.ratio > 4.0, "{gap:?}");
+    }
 }

@@ -15,9 +15,6 @@ use super::state::State;
 pub const IMU: &str = "imu";
 /// Largest Ω/r of the IMU, before chance.
 const MAX_IMU_RATIO: f64 = 1.2;
-/// The same with dense knots: what these leave out moves all rows of a step together, and some of it passes
-/// into the poses.
-const MAX_IMU_RATIO_OF_KNOTS: f64 = 2.5;
 /// Standard deviations by which chance may raise it.
 const CHANCE_SIGMAS: f64 = 2.0;
 /// Largest part of the scans' residuals that a motion explains, over what chance makes of it: ten times what
@@ -36,14 +33,9 @@ pub const MAX_BLOCK_RMS: f64 = 2.0;
 /// Fewest blocks that decide.
 const MIN_BLOCKS: usize = 4;
 
-/// The largest Ω/r of an IMU with this redundancy that mountings explain which move as much as a rung lets
-/// them.
-pub fn max_imu_ratio(rung: Rung, redundancy: f64) -> f64 {
-    let most = match rung {
-        Rung::DenseKnots => MAX_IMU_RATIO_OF_KNOTS,
-        _ => MAX_IMU_RATIO,
-    };
-    most * (1.0 + CHANCE_SIGMAS * (2.0 / redundancy).sqrt())
+/// The largest Ω/r of an IMU with this redundancy that noise explains.
+pub fn max_imu_ratio(redundancy: f64) -> f64 {
+    MAX_IMU_RATIO * (1.0 + CHANCE_SIGMAS * (2.0 / redundancy).sqrt())
 }
 
 /// Which drive, in words, where there are several.
@@ -77,7 +69,7 @@ pub fn of_imu(
         "{who}{of_drive} {contradict} a {} mounting: the squares of {whose} residuals are {ratio:.1} \
          times what {whose} noise explains (at most {:.2})",
         rung.name(),
-        max_imu_ratio(rung, redundancy)
+        max_imu_ratio(redundancy)
     )
 }
 
@@ -105,7 +97,7 @@ pub fn evident(
         let (imu, rung) = (&found[group], state.rung());
         let ratio = imu.ratio().unwrap_or(0.0);
         let of_drive = of_drive(&drive.name, drives.len());
-        if ratio > EVIDENT * max_imu_ratio(rung, imu.redundancy) {
+        if ratio > EVIDENT * max_imu_ratio(imu.redundancy) {
             let who = (problem.groups.names[group].as_str(), of_drive.as_str());
             reasons.push(of_imu(who, rung, (ratio, imu.redundancy)));
         }
@@ -123,7 +115,7 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
         let of_drive = of_drive(&drive.name, joint.drives.len());
         if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)
             && let Some(ratio) = imu.ratio
-            && ratio > max_imu_ratio(joint.rung, imu.redundancy)
+            && ratio > max_imu_ratio(imu.redundancy)
         {
             let who = (drive.imu.as_str(), of_drive.as_str());
             found.push(of_imu(who, joint.rung, (ratio, imu.redundancy)));

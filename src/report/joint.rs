@@ -46,10 +46,10 @@ impl Kind {
     }
 
     /// The largest ratio that needs no attention; `None` where the ratio is 1 by construction.
-    fn limit(self, group: &GroupTest, joint: &Joint) -> Option<f64> {
+    fn limit(self, group: &GroupTest) -> Option<f64> {
         let chance = 3.0 * (2.0 / group.redundancy).sqrt();
         match self {
-            Self::Imu => Some(max_imu_ratio(joint.rung, group.redundancy)),
+            Self::Imu => Some(max_imu_ratio(group.redundancy)),
             Self::Scan => None,
             _ => Some(NOTABLE_RATIO.max(1.0 + chance)),
         }
@@ -92,7 +92,7 @@ fn chi_squares(joint: &Joint) -> String {
     let mut body = String::new();
     for group in joint.groups.iter().filter(|group| group.ratio.is_some()) {
         let kind = Kind::of(group, joint);
-        let limit = kind.limit(group, joint);
+        let limit = kind.limit(group);
         let is_large = limit
             .zip(group.ratio)
             .is_some_and(|(most, ratio)| ratio > most);
