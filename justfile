@@ -58,6 +58,10 @@ consistency DRIVES="50":
 bench-kernels *ARGS:
     python3 benches/kernels/run.py {{ARGS}}
 
+# Benchmark of mountings that move against KinScanCal on the same drives (needs Python; three quarters of an hour)
+bench-moving *ARGS:
+    python3 benches/moving/run.py {{ARGS}}
+
 # All messages that users can see, for proofreading (needs Python)
 messages *FILES:
     python3 tools/messages.py {{FILES}}
