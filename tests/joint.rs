@@ -1,10 +1,11 @@
-//! The joint adjustment of a simulated drive: one of those of `examples/joint`, shorter.
+//! The joint adjustment of simulated drives: some of those of `examples/joint`, shorter.
 
 #![allow(clippy::unwrap_used)] // helpers fail as tests do
 
 #[path = "common/joint_drive.rs"]
 mod joint_drive;
 
+use boresight::joint::Rung;
 use boresight::nalgebra::DVector;
 use boresight::simulation::Scenario;
 use joint_drive::{Run, Setup};
@@ -39,4 +40,39 @@ fn errors_are_as_small_as_their_sigmas_and_far_below_those_of_two_steps() {
     // Rotation about y: the tilt of the fan, which poses of two steps determine worst.
     let about_y = |errors: &DVector<f64>| errors[4].hypot(errors[10]);
     assert!(about_y(&two_steps) > 3.0 * about_y(&joint));
+}
+
+/// Soil that only overlaps itself, no boards and no reference, on a frame that follows roll and pitch by
+/// millimetres: neither does two steps see it, nor may a mounting that is known stay rigid.
+#[test]
+fn a_known_mounting_that_bends_is_found_without_a_reference() {
+    let mut scenario = Scenario::plain();
+    scenario.drives[0].passes.truncate(4);
+    let deformation = &mut scenario.deformation;
+    deformation.enabled = true;
+    deformation.shift_m_per_m_s2 = 0.0;
+    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
+    let setup = Setup {
+        reference: None,
+        known: Some([2e-4, 1e-4]),
+        ..Setup::new(scenario)
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(&setup, folder.path()).unwrap();
+    let [before, after] = [&run.two_steps, &run.one_piece];
+    println!(
+        "points {:.3} {:.3} gap {:.3} {:.3} mm, {:?}, {:?}, {:.1} s",
+        before.points_m * 1e3,
+        after.points_m * 1e3,
+        before.gap_m * 1e3,
+        after.gap_m * 1e3,
+        run.joint.rung,
+        run.refused,
+        after.seconds
+    );
+    assert!(run.refused.is_empty(), "{:?}", run.refused);
+    assert_eq!(run.joint.rung, Rung::Compliance);
+    assert!(before.points_m > 0.004 && before.gap_m > 0.003);
+    // The prism alone knows positions to a millimetre on so short a drive.
+    assert!(after.points_m < 0.4 * before.points_m && after.gap_m < 1e-4);
 }
