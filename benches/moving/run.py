@@ -6,7 +6,9 @@ usage: python3 benches/moving/run.py [--rows rigid,walk] [--peer FOLDER] [--work
 Simulates a drive for each row, estimates its poses with `boresight trajectory` (the first of two
 steps), runs the peer with these poses and the true mountings of the robot at rest, compares the points
 and the gap between the scanners with the truth (see evaluate.py), and prints a table. "Two steps" are
-the same poses with the same mountings, unchanged: what the peer is given.
+the same poses with the same mountings, unchanged: what the peer is given. The joint adjustment's time
+is that of the example `joint` as a whole, with simulation, trajectory and its own comparison; the peer's
+begins where the poses are ready. All run on one thread.
 
 The peer is cloned, unless --peer names a checkout. It takes a normal from the neighbours within 1 cm,
 at least ten: the simulator's default of 320 points and 25 profiles a second has too few of them where
@@ -23,7 +25,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from common import ROOT, build, environment, measured, row, say
+from common import ROOT, build, environment, measured, row, say, version
 
 PACKAGES = ["numpy==2.4.6", "scipy==1.17.1", "scikit-learn==1.9.1", "pandas==3.1.1", "matplotlib==3.11.2",
             "laspy==2.7.0", "alive_progress", "colorama", "plyfile", "rich"]
@@ -60,6 +62,7 @@ def main():
     programs = given.binary or build(), given.joint or build_joint()
     python = environment(given.venv, PACKAGES)
     peer = given.peer or checkout(given.work / "KinScanCal")
+    at = version("git", "-C", str(peer), "rev-parse", "--short", "HEAD")
     print(row("drive", "method", "points mm", "gap mm", "gap mm, 3-D", "s", "CPU s", "windows failed"))
     print(row("---", "---", *["---:"] * 6))
     for name in given.rows:
@@ -70,7 +73,7 @@ def main():
             times = [f"{found[key]:.0f}" for key in ("seconds", "cpu_s")]
             failed = f"{found['failed']} of {found['windows']}" if "windows" in found else ""
             print(row(title, method, *numbers, *times, failed), flush=True)
-    print(f"\nRoot mean squares against the truth; seed {given.seed}; KinScanCal {COMMIT}.")
+    print(f"\nRoot mean squares against the truth; seed {given.seed}; KinScanCal {at}.")
 
 
 def arguments():
@@ -153,7 +156,7 @@ def errors(python, drive, poses, mountings):
 
 
 def succeed(command):
-    run = measured(command, env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
+    run = measured(command, env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"})
     if run is None:
         sys.exit(1)
     return run

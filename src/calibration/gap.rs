@@ -27,6 +27,8 @@ const MIN_POINTS: usize = 30;
 const MIN_BLOCKS: usize = 10;
 /// What mountings that are known to some tenths of a millimetre do to it on slopes and boards, metres.
 const LEAST_SIGMA_M: f64 = 3e-4;
+/// A change counts up to this many standard deviations: a foot in one block is no mounting that moves.
+const MOST_SIGMAS: f64 = 6.0;
 /// Root mean square of the changes, over what is expected of them, beyond which a mounting moves on the other.
 const MAX_RATIO: f64 = 2.0;
 
@@ -96,7 +98,8 @@ impl Gap {
                 .iter()
                 .map(|[mean_m, sigma_m]| (mean_m - usual_m, sigma_m))
         };
-        let ratio = rms(changes().map(|(change_m, sigma_m)| change_m / sigma_m));
+        let ratio = rms(changes()
+            .map(|(change_m, sigma_m)| (change_m / sigma_m).clamp(-MOST_SIGMAS, MOST_SIGMAS)));
         Some(Self {
             scanners,
             rms_m: rms(changes().map(|(change_m, _)| change_m)),

@@ -68,6 +68,10 @@ impl Compliance {
         }
     }
 
+    fn is_rigid(&self) -> bool {
+        self.sigma == [0.0; COMPLIANCE] && self.by_load == [0.0; COMPLIANCE]
+    }
+
     /// (δφ, δp) under a load.
     pub fn offset(&self, load: &[f64; LOADS]) -> [f64; 6] {
         under(&self.by_load, &off(load, &self.mean_load))
@@ -80,9 +84,9 @@ impl Compliance {
 pub enum Rung {
     /// Not at all.
     Rigid,
-    /// Linearly with the load.
+    /// Linearly with the load, and with time.
     Compliance,
-    /// And slowly with time.
+    /// And slowly, in any way.
     SlowKnots,
     /// And as fast as the trajectory is known.
     DenseKnots,
@@ -114,6 +118,7 @@ impl Rung {
         let (spacing_s, correlation_s) = match self {
             Self::Rigid | Self::Compliance => return None,
             Self::SlowKnots => (2.0, 30.0),
+            // All nodes of a prism's usual rate.
             Self::DenseKnots => (0.1, 5.0),
         };
         let times_s = knot_times(motion, spacing_s);
@@ -193,6 +198,9 @@ impl Bends {
                 if let Some(known) = known.get(scanner) {
                     value[..COMPLIANCE].copy_from_slice(&known.by_load);
                     sigma[..COMPLIANCE].copy_from_slice(&known.sigma);
+                    if known.is_rigid() {
+                        sigma = [0.0; BENDING];
+                    }
                 }
                 [value, sigma]
             })

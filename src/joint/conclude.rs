@@ -226,7 +226,7 @@ fn compliance_and_knots<'a>(
 ) -> impl Fn(f64) -> [f64; 6] + 'a {
     let layout = &problem.layout;
     let place = layout.compliance[scanner];
-    let of_load = block(place, place);
+    let of_causes = block(place, place);
     let process = bends.knots.get(drive).map(|of_drive| &of_drive[scanner]);
     let first = layout.knots.get(drive).map(|of_drive| of_drive[scanner]);
     let of_knots: Vec<[f64; 6]> = match (process, first) {
@@ -244,7 +244,7 @@ fn compliance_and_knots<'a>(
             let mut variance = 0.0;
             for (a, x) in causes.iter().enumerate() {
                 for (b, y) in causes.iter().enumerate() {
-                    let part = of_load
+                    let part = of_causes
                         .as_ref()
                         .map_or(f64::NAN, |of| of[(6 * a + i, 6 * b + i)]);
                     variance += x * y * part;

@@ -127,10 +127,16 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
             let worst = blocks.rms.iter().copied().fold(0.0, f64::max);
             let decides = blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS;
             if decides && worst > MAX_BLOCK_RMS {
+                let (what, likely) = match joint.reference {
+                    Some(_) => (
+                        "scans and reference",
+                        "the mounting bends, or the reference is shifted",
+                    ),
+                    None => ("the scans", "the mounting moves otherwise, or is another"),
+                };
                 found.push(format!(
-                    "`{}`{of_drive} contradicts scans and reference: means of its residuals over {:.0} s reach \
-                     {worst:.1} standard deviations (at most {MAX_BLOCK_RMS:.0}): the mounting \
-                     bends, or the reference is shifted",
+                    "`{}`{of_drive} contradicts {what}: means of its residuals over {:.0} s reach {worst:.1} standard \
+                     deviations (at most {MAX_BLOCK_RMS:.0}): {likely}",
                     blocks.sensor,
                     blocks.block_s,
                 ));

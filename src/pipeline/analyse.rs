@@ -265,6 +265,7 @@ fn warnings(
         warnings.push("the calibration did not converge at every scale".into());
     }
     warnings.extend(report::constancy::warning(calibration));
+    warnings.extend(report::constancy::gap_warning(calibration));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     if solution.is_some_and(|solution| !solution.converged) {
         warnings

@@ -101,7 +101,8 @@ pub fn compare(
 }
 
 /// The poses of an evaluation drive, and how its mountings move, adjusted with its own scans and without the
-/// reference by the mountings of a joint adjustment; `None` after two steps and where it cannot be adjusted.
+/// reference by the mountings of a joint adjustment; `None` after two steps, and where it cannot be adjusted
+/// or is contradicted.
 fn adjusted_alone(
     (name, project): (&str, &Project),
     poses: &Poses,

@@ -350,9 +350,9 @@ pub enum MountingMotion {
     Auto,
     /// Not at all.
     Rigid,
-    /// Linearly with the load.
+    /// Linearly with the load, and with time.
     Compliance,
-    /// And slowly with time.
+    /// And slowly, in any way.
     SlowKnots,
     /// And as fast as the trajectory is known.
     DenseKnots,

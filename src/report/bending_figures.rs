@@ -80,7 +80,7 @@ fn of_scanner(
         &format!("<div class=\"pair\">{charts}</div>\n"),
         &format!(
             "How the mounting of {} moved about its mean, in body axes: by {} mm and {}° on each axis, root mean \
-             square, with bands of one standard deviation. Roll is positive with the right side down, pitch with \
+             square, with bands of one standard deviation, and the same against roll and pitch, in the same colours. Roll is positive with the right side down, pitch with \
              the front up. Lines are what the load explains with all else at its mean; dots lie off them where \
              other loads act, or where the mounting moved with time.",
             escape(name),
@@ -161,11 +161,11 @@ fn by_tilt(
 ) -> String {
     let every = moved.offsets.samples().count().div_ceil(DOTS).max(1);
     let samples = moved.offsets.samples().step_by(every);
-    let mut down = 1.0;
+    let mut upward = 1.0;
     let dots = samples.filter_map(|(time_s, offset)| {
         let pose = drive.trajectory.pose_at(time_s)?;
         let up = pose.rotation.inverse() * Vec3::z();
-        down = up.z.signum();
+        upward = up.z.signum();
         Some((tilt_deg(&up, load), offset))
     });
     let dots: Vec<(f64, &[f64; 6])> = dots.collect();
@@ -174,7 +174,7 @@ fn by_tilt(
         let at = |k: usize| {
             let tilt = x.min + (x.max - x.min) * k as f64 / CURVE as f64;
             let mut now = compliance.mean_load;
-            now[load] = tilt.to_radians().sin() * if load == 1 { down } else { 1.0 };
+            now[load] = tilt.to_radians().sin() * if load == 1 { upward } else { 1.0 };
             [tilt, compliance.offset(&now)[place] * kind.factor]
         };
         (0..=CURVE).map(at).collect()

@@ -40,21 +40,33 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
     ))
 }
 
-/// That two scanners move on each other; `None` where they keep their distance.
+/// That two scanners move on each other; `None` where they keep their distance. Of a joint adjustment, its own
+/// tests tell.
 pub fn gap(calibration: &Calibration) -> Option<Verdict> {
-    let found = calibration.gap.filter(|found: &Gap| !found.constant)?;
+    let text = gap_warning(calibration)?;
+    let found_m = calibration.gap.map_or(0.0, |found| found.rms_m);
+    Some(Verdict::care("mounting.gap", text).with_value(found_m, None))
+}
+
+/// The same in words.
+pub fn gap_warning(calibration: &Calibration) -> Option<String> {
+    let found = moving_gap(calibration)?;
     let [first, other] = found
         .scanners
         .map(|scanner| &calibration.mountings[scanner].name);
-    let text = format!(
-        "The scanners {first} and {other} do not keep their distance{}: on spots that both saw in the same pass, \
+    Some(format!(
+        "The scanners {first} and {other} do not keep their distance: on spots that both saw in the same pass, \
          it changes along the drive by {}, {:.1} times as much as two rigid mountings explain. A mount has play, or \
          the frame bends.",
-        of_two_steps(calibration),
         number::length(found.rms_m),
         found.ratio
-    );
-    Some(Verdict::care("mounting.gap", text).with_value(found.rms_m, None))
+    ))
+}
+
+/// The gap of two steps, if it is not constant.
+pub fn moving_gap(calibration: &Calibration) -> Option<Gap> {
+    let found = calibration.gap.filter(|found| !found.constant);
+    found.filter(|_| calibration.method != Method::Joint)
 }
 
 /// Correlations below are chance; the time of a jump is chosen among many.

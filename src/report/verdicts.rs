@@ -135,7 +135,7 @@ fn of_calibration(
     );
     // Of two rigid steps, whatever the mountings do that are adjusted since.
     all.extend(constancy::verdict(result).filter(|_| !moves));
-    all.extend(constancy::gap(result).filter(|_| !moves));
+    all.extend(constancy::gap(result));
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     all.extend(solution.and_then(|solution| origin(solution, result.origin_sigma_m)));
     all
@@ -235,7 +235,7 @@ fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -> Op
     );
     let is_constant = moves
         || calibration.constancy.as_ref().is_none_or(|c| c.constant)
-            && calibration.gap.is_none_or(|gap| gap.constant);
+            && constancy::moving_gap(calibration).is_none();
     let is_accepted =
         length_m <= acceptance.sigma_translation_m && angle_rad <= acceptance.sigma_rotation_rad;
     Some(match (is_constant, is_accepted) {

@@ -72,7 +72,7 @@ pub struct Found {
     pub poses_m: f64,
     /// Of points in the field, metres: what poses and mounting are off, without the scanner's noise.
     pub points_m: f64,
-    /// Between the points of both scanners on the same spot in the same pass, up, metres.
+    /// Between the points of both scanners in cells of [`CELL_M`] and spans of [`PASS_S`], up, metres.
     pub gap_m: f64,
     pub seconds: f64,
 }
@@ -203,7 +203,7 @@ impl Run {
         let evaluation = evaluation.transpose()?;
         let moving = &check.moving;
         let mut truth = truth.clone();
-        // Means over the same times: a drive is longer than its mountings are known to move.
+        // The true motion covers a part of the drive: means over that part.
         for (scanner, moving) in moving.iter().enumerate() {
             let (records, found) = (moving.poses().iter(), &mut one_piece.mountings[scanner]);
             let mean = *found;
