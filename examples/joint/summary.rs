@@ -4,7 +4,7 @@ use boresight::geometry::Vec3;
 use boresight::nalgebra::{DMatrix, SymmetricEigen};
 use boresight::statistics::{NORMAL_97_5, chi_square, mean, rms};
 
-use super::joint_drive::{Run, SIX};
+use super::joint_drive::{Found, Run, SIX};
 
 /// z of both ends of 99 %.
 const NORMAL_99_5: f64 = 2.575_829_303_548_901;
@@ -117,13 +117,12 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
             list(blocks.rms.iter().copied(), 2)
         );
     }
-    if let Some([two, one]) = &run.evaluation {
+    if let Some(found) = &run.evaluation {
+        let list = |of: fn(&Found) -> f64| list(found.iter().map(|found| of(found) * 1e3), 3);
         println!(
-            "{case} seed {seed} another drive: poses {:.3} {:.3} points {:.3} {:.3} mm",
-            two.poses_m * 1e3,
-            one.poses_m * 1e3,
-            two.points_m * 1e3,
-            one.points_m * 1e3,
+            "{case} seed {seed} another drive, mountings of two steps, of joint, and adjusted: poses {} points {} mm",
+            list(|found| found.poses_m),
+            list(|found| found.points_m),
         );
     }
     for jump in joint.drives.iter().flat_map(|drive| &drive.jumps) {

@@ -12,7 +12,7 @@ use boresight::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody, so3};
 use boresight::joint::{Joint, JointSettings, MovedMounting, contradictions};
 use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
-use boresight::pipeline::stages;
+use boresight::pipeline::{clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
 use boresight::sensor::PoseRecord;
@@ -88,8 +88,8 @@ pub struct Run {
     pub points: Vec<[Vec3; 2]>,
     /// What contradicts the joint adjustment.
     pub refused: Vec<String>,
-    /// Another drive with the mountings of both methods, with its own poses and adjusted.
-    pub evaluation: Option<[Found; 2]>,
+    /// Another drive with its own poses and the mountings of both methods, and adjusted.
+    pub evaluation: Option<[Found; 3]>,
 }
 
 impl Run {
@@ -195,8 +195,16 @@ impl Run {
                 moving: true_mountings(&scenario, other)?,
             };
             let still = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
+            let by_load = clouds::bending(&own, &poses.trajectory).into_iter();
+            let by_load = by_load.map(|offsets| MovedMounting {
+                sigmas: offsets.clone(),
+                offsets,
+            });
+            let by_load: Vec<MovedMounting> = by_load.collect();
+            let on_own_poses = (&[0.0; 2][..], &by_load[..]);
             Ok::<_, Error>([
                 check.found(start, &poses.trajectory, (&[0.0; 2], &[]), 0.0),
+                check.found(joint.poses(), &poses.trajectory, on_own_poses, 0.0),
                 check.found(adjusted.poses(), &adjusted.drives[0].trajectory, still, 0.0),
             ])
         });
