@@ -255,6 +255,7 @@ fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
             found.constancy.map(|found| found.ratio)
         );
         assert_eq!(gap.scanners, [0, 1]);
-        assert!(!gap.constant && gap.ratio > 4.0, "{gap:?}");
+        // Bounded changes: no block counts for more than six.
+        assert!(!gap.constant && gap.ratio > 3.0, "{gap:?}");
     }
 }
