@@ -56,26 +56,27 @@ struct Sums {
 impl Gap {
     /// Of the two scanners whose distance changes most; `None` where too little was seen by two.
     pub fn of(surface: &Surface) -> Option<Self> {
-        let count = surface.cloud.scanners;
-        let pairs =
-            (0..count).flat_map(|first| (first + 1..count).map(move |other| [first, other]));
-        let gaps = pairs.filter_map(|scanners| Self::between(surface, scanners));
+        let centres = 0..surface.neighbourhoods.centres().len();
+        let distances: Vec<Vec<Distance>> = centres
+            .into_par_iter()
+            .map(|index| distances(surface, index))
+            .collect();
+        let mut pairs = BTreeMap::<[u32; 2], BTreeMap<i64, Sums>>::new();
+        for found in distances.iter().flatten() {
+            let block = (found.time_s / BLOCK_S).floor() as i64;
+            let blocks = pairs.entry(found.scanners).or_default();
+            let sums = blocks.entry(block).or_default();
+            sums.count += 1.0;
+            sums.sum_m += found.distance_m;
+            sums.squares_m2 += found.distance_m * found.distance_m;
+        }
+        let gaps = pairs
+            .iter()
+            .filter_map(|(scanners, blocks)| Self::between(*scanners, blocks));
         gaps.max_by(|a, b| a.ratio.total_cmp(&b.ratio))
     }
 
-    fn between(surface: &Surface, scanners: [usize; 2]) -> Option<Self> {
-        let centres = 0..surface.neighbourhoods.centres().len();
-        let distances: Vec<(f64, f64)> = centres
-            .into_par_iter()
-            .filter_map(|index| distance_m(surface, scanners, index))
-            .collect();
-        let mut blocks = BTreeMap::<i64, Sums>::new();
-        for (time_s, distance_m) in distances {
-            let sums = blocks.entry((time_s / BLOCK_S).floor() as i64).or_default();
-            sums.count += 1.0;
-            sums.sum_m += distance_m;
-            sums.squares_m2 += distance_m * distance_m;
-        }
+    fn between(scanners: [u32; 2], blocks: &BTreeMap<i64, Sums>) -> Option<Self> {
         let known = blocks
             .values()
             .filter(|sums| sums.count >= MIN_POINTS as f64);
@@ -101,7 +102,7 @@ impl Gap {
         let ratio = rms(changes()
             .map(|(change_m, sigma_m)| (change_m / sigma_m).clamp(-MOST_SIGMAS, MOST_SIGMAS)));
         Some(Self {
-            scanners,
+            scanners: scanners.map(|scanner| scanner as usize),
             rms_m: rms(changes().map(|(change_m, _)| change_m)),
             ratio,
             constant: ratio < MAX_RATIO,
@@ -109,32 +110,45 @@ impl Gap {
     }
 }
 
-/// How far a point of the first scanner lies above those of the other beside it, along the normal, with its
-/// time.
-fn distance_m(surface: &Surface, [first, other]: [usize; 2], index: usize) -> Option<(f64, f64)> {
+/// How far a point of the first scanner lies above those of the other beside it, along the normal.
+struct Distance {
+    scanners: [u32; 2],
+    time_s: f64,
+    distance_m: f64,
+}
+
+/// Those of the centre of a neighbourhood, to each scanner behind its own.
+fn distances(surface: &Surface, index: usize) -> Vec<Distance> {
     let Surface { cloud, placed, .. } = surface;
     let centre = surface.neighbourhoods.centres()[index] as usize;
-    let own = cloud.profile(cloud.movable.get(centre)?);
-    if own.scanner as usize != first {
-        return None;
-    }
-    let members = surface.neighbourhoods.of(index);
-    let is_beside = |&&member: &&u32| {
-        let point = cloud.movable.get(member as usize);
-        let profile = point.map(|point| cloud.profile(point));
-        profile.is_some_and(|profile| {
-            profile.scanner as usize == other && (profile.time_s - own.time_s).abs() < PASS_S
-        })
+    let Some(point) = cloud.movable.get(centre) else {
+        return Vec::new();
     };
-    let beside = members
-        .iter()
-        .filter(is_beside)
-        .map(|&member| placed.world[member as usize]);
-    let beside: Vec<Vec3> = beside.collect();
-    if beside.len() < MIN_BESIDE {
-        return None;
+    let own = cloud.profile(point);
+    let members = surface.neighbourhoods.of(index);
+    let mut beside = BTreeMap::<u32, (Vec3, usize)>::new();
+    for &member in members {
+        let Some(point) = cloud.movable.get(member as usize) else {
+            continue;
+        };
+        let other = cloud.profile(point);
+        if other.scanner > own.scanner && (other.time_s - own.time_s).abs() < PASS_S {
+            let (sum, count) = beside.entry(other.scanner).or_default();
+            *sum += placed.world[member as usize];
+            *count += 1;
+        }
     }
-    let normal = upward_normal(&StructureTensor::of(&placed.world, members))?;
-    let mean = beside.iter().sum::<Vec3>() / beside.len() as f64;
-    Some((own.time_s, normal.dot(&(placed.world[centre] - mean))))
+    beside.retain(|_, (_, count)| *count >= MIN_BESIDE);
+    if beside.is_empty() {
+        return Vec::new();
+    }
+    let Some(normal) = upward_normal(&StructureTensor::of(&placed.world, members)) else {
+        return Vec::new();
+    };
+    let distance = |(other, (sum, count)): (u32, (Vec3, usize))| Distance {
+        scanners: [own.scanner, other],
+        time_s: own.time_s,
+        distance_m: normal.dot(&(placed.world[centre] - sum / count as f64)),
+    };
+    beside.into_iter().map(distance).collect()
 }

@@ -1,28 +1,23 @@
 //! A simulated drive adjusted in two steps and in one piece, beside its truth: of tests and examples.
 #![allow(dead_code)] // each program uses its part
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-use boresight::calibration::ScannerSample;
 use boresight::error::{Error, Result};
-use boresight::format;
-use boresight::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody, so3};
+use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use boresight::joint::{Joint, JointSettings, MovedMounting, contradictions};
 use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
 use boresight::pipeline::{clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
-use boresight::sensor::PoseRecord;
-use boresight::simulation::{Scenario, SimulatedDrive, simulate};
-use boresight::statistics::rms;
-use boresight::trajectory::Trajectory;
+use boresight::simulation::{Scenario, simulate};
 
-#[path = "moving.rs"]
-mod moving;
-use moving::mountings_in;
+#[path = "against_truth.rs"]
+mod against_truth;
+pub use against_truth::Found;
+use against_truth::{Check, as_mounting, middle, true_mountings, true_poses};
 
 /// Unknowns of a mounting.
 pub const SIX: usize = 6;
@@ -63,18 +58,6 @@ impl Setup {
             known: None,
         }
     }
-}
-
-/// What one method found.
-pub struct Found {
-    pub mountings: Vec<BodyFromScanner>,
-    /// Root mean square error of the poses behind profiles with points in the field, metres.
-    pub poses_m: f64,
-    /// Of points in the field, metres: what poses and mounting are off, without the scanner's noise.
-    pub points_m: f64,
-    /// Between the points of both scanners in cells of [`CELL_M`] and spans of [`PASS_S`], up, metres.
-    pub gap_m: f64,
-    pub seconds: f64,
 }
 
 /// A drive and what both methods found.
@@ -328,46 +311,6 @@ fn by_known_mountings(drive: &Drive<'_>, [shift_m, turn_rad]: [f64; 2]) -> Resul
     })
 }
 
-fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
-    let file = drive.folder.join("truth/trajectory.csv");
-    Trajectory::new(format::read_trajectory(&file)?)
-}
-
-/// A mounting among poses by time.
-fn as_mounting(pose: &WorldFromBody) -> BodyFromScanner {
-    BodyFromScanner::new(pose.rotation, pose.translation_m)
-}
-
-/// The mean of mountings near one.
-fn middle(
-    near: &BodyFromScanner,
-    mountings: impl ExactSizeIterator<Item = BodyFromScanner>,
-) -> BodyFromScanner {
-    let count = mountings.len() as f64;
-    let (mut turns, mut shifts) = (Vec3::zeros(), Vec3::zeros());
-    for mounting in mountings {
-        let (turn, shift) = mounting.perturbation_from(near);
-        turns += turn;
-        shifts += shift;
-    }
-    near.perturbed(&(turns / count), &(shifts / count))
-}
-
-/// None where they are rigid.
-fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec<Trajectory>> {
-    if !scenario.deformation.enabled {
-        return Ok(Vec::new());
-    }
-    let scanners = scenario.scanners.iter();
-    let files = scanners.map(|s| drive.folder.join(format!("truth/mounting-{}.csv", s.name)));
-    let poses = files.map(|file| {
-        let rows = mountings_in(&file)?.into_iter();
-        let pose = |m: BodyFromScanner| WorldFromBody::new(m.rotation, m.translation_m);
-        Trajectory::new(rows.map(|(t, m)| PoseRecord::new(t, pose(m))).collect())
-    });
-    poses.collect()
-}
-
 fn errors(found: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {
     let of_each = found.iter().zip(truth).flat_map(|(found, truth)| {
         let (turn, shift) = found.perturbation_from(truth);
@@ -383,124 +326,4 @@ fn moved(mut points: Vec<Vec3>, shift_m: &Vec3, turn: &Vec3) -> Vec<Vec3> {
         *point = centre + rotation * (*point - centre) + shift_m;
     }
     points
-}
-
-/// What results are compared with.
-struct Check<'a> {
-    scenario: &'a Scenario,
-    samples: &'a [ScannerSample],
-    exact: &'a Trajectory,
-    truth: &'a [BodyFromScanner],
-    /// True mountings along the drive where they move.
-    moving: Vec<Trajectory>,
-}
-
-/// One point of so many is compared.
-const EACH: usize = 4;
-/// Spots on which both scanners are compared, metres, and how long both take to see one, seconds.
-const CELL_M: f64 = 0.05;
-const PASS_S: f64 = 10.0;
-
-/// The mounting of a scanner at a time, moved about its mean.
-fn mounted(
-    means: &[BodyFromScanner],
-    bending: &[MovedMounting],
-    scanner: usize,
-    time_s: f64,
-) -> BodyFromScanner {
-    match bending.get(scanner) {
-        Some(moved) => moved.offsets.apply(&means[scanner], time_s),
-        None => means[scanner],
-    }
-}
-
-impl Check<'_> {
-    /// The true pose of the body, and where a point in the field was.
-    fn truly(
-        &self,
-        scanner: usize,
-        true_s: f64,
-        in_scanner_m: &Vec3,
-    ) -> Option<(WorldFromBody, Vec3)> {
-        let exact = self.exact.pose_at(true_s)?;
-        let mounted = match self.moving.get(scanner) {
-            Some(moving) => as_mounting(&moving.pose_at(true_s)?),
-            None => self.truth[scanner],
-        };
-        let point = exact.map(&mounted.map(in_scanner_m));
-        let [east, north] = self.scenario.field.size_m;
-        let within = (0.0..=east).contains(&point.x) && (0.0..=north).contains(&point.y);
-        within.then_some((exact, point))
-    }
-
-    /// Errors of the points of which the adjustment says how well they are known, and their standard deviations.
-    fn known(&self, joint: &Joint, late_s: &[f64]) -> Vec<[Vec3; 2]> {
-        let drive = &joint.drives[0];
-        let known = (0..)
-            .zip(&drive.points)
-            .flat_map(|(scanner, points)| points.iter().map(move |p| (scanner, p)));
-        let mountings = joint.poses();
-        let errors = known.filter_map(|(scanner, known): (usize, _)| {
-            let stamp_s = known.time_s + late_s[scanner];
-            let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
-            let (_, truth) = self.truly(scanner, true_s, &known.in_scanner_m)?;
-            let pose = drive.trajectory.pose_at(known.time_s)?;
-            let mounting = mounted(&mountings, &drive.bending, scanner, known.time_s);
-            let found = pose.map(&mounting.map(&known.in_scanner_m));
-            Some([found - truth, known.sigma_m])
-        });
-        errors.collect()
-    }
-
-    fn found(
-        &self,
-        mountings: Vec<BodyFromScanner>,
-        poses: &Trajectory,
-        (late_s, bending): (&[f64], &[MovedMounting]),
-        seconds: f64,
-    ) -> Found {
-        let (mut pose_sum, mut pose_count) = (0.0, 0.0);
-        let (mut point_sum, mut point_count) = (0.0, 0.0);
-        let mut cells = BTreeMap::new();
-        for (scanner, sample) in self.samples.iter().enumerate() {
-            let mut last = None;
-            for point in sample.points.iter().step_by(EACH) {
-                let stamp_s = sample.profiles[point.profile as usize].time_s;
-                let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
-                let Some(pose) = poses.pose_at(stamp_s - late_s[scanner]) else {
-                    continue;
-                };
-                let Some((exact, truth)) = self.truly(scanner, true_s, &point.position_m) else {
-                    continue;
-                };
-                let mounting = mounted(&mountings, bending, scanner, true_s);
-                let error = pose.map(&mounting.map(&point.position_m)) - truth;
-                point_sum += error.norm_squared();
-                point_count += 1.0;
-                let [east, north] = [truth.x, truth.y].map(|x| (x / CELL_M).floor() as i64);
-                let cell = (east, north, (stamp_s / PASS_S).floor() as i64);
-                let seen: &mut [[f64; 2]; 2] = cells.entry(cell).or_default();
-                if let Some([sum, count]) = seen.get_mut(scanner) {
-                    *sum += error.z;
-                    *count += 1.0;
-                }
-                if last != Some(point.profile) {
-                    last = Some(point.profile);
-                    pose_sum += (pose.translation_m - exact.translation_m).norm_squared();
-                    pose_count += 1.0;
-                }
-            }
-        }
-        let of_both = cells
-            .values()
-            .filter(|seen| seen.iter().all(|s| s[1] > 0.0));
-        let gaps = of_both.map(|[left, right]| left[0] / left[1] - right[0] / right[1]);
-        Found {
-            mountings,
-            gap_m: rms(gaps),
-            poses_m: (pose_sum / f64::max(pose_count, 1.0)).sqrt(),
-            points_m: (point_sum / f64::max(point_count, 1.0)).sqrt(),
-            seconds,
-        }
-    }
 }
