@@ -28,6 +28,10 @@ fn list(values: impl Iterator<Item = f64>, digits: usize) -> String {
         .join(" ")
 }
 
+fn millimetres(metres: f64) -> String {
+    format!("{:.3}", 1e3 * metres)
+}
+
 /// Both methods' errors of one drive, in a few lines.
 pub fn print_seed(case: &str, seed: u64, run: &Run) {
     let [two, one] = run.errors();
@@ -94,6 +98,12 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
         joint.stop,
         run.two_steps.seconds,
         run.one_piece.seconds,
+    );
+    println!(
+        "{case} seed {seed} distances to the reference {} {}, exact {} mm",
+        millimetres(run.two_steps.distances_m[0]),
+        millimetres(run.one_piece.distances_m[0]),
+        millimetres(run.one_piece.distances_m[1]),
     );
     let [error, sigma] = [0, 1].map(|which| {
         let of = |axis: usize| rms(run.points.iter().map(|point| point[which][axis]));

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 
 use boresight::calibration::ScannerSample;
+use boresight::comparison::{ComparisonSettings, Normals, Statistics, core_points, m3c2};
 use boresight::error::Result;
 use boresight::format;
 use boresight::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use boresight::joint::{Joint, MovedMounting};
+use boresight::progress::Silent;
 use boresight::sensor::PoseRecord;
 use boresight::simulation::{Scenario, SimulatedDrive};
 use boresight::statistics::rms;
@@ -25,6 +27,9 @@ pub struct Found {
     pub points_m: f64,
     /// Between the points of both scanners in cells of [`CELL_M`] and spans of [`PASS_S`], up, metres.
     pub gap_m: f64,
+    /// Root mean square of the M3C2 distances to the reference, and by exact poses and mountings, metres;
+    /// not a number without one.
+    pub distances_m: [f64; 2],
     pub seconds: f64,
 }
 
@@ -76,6 +81,8 @@ pub struct Check<'a> {
     pub truth: &'a [BodyFromScanner],
     /// True mountings along the drive where they move.
     pub moving: Vec<Trajectory>,
+    /// Empty where there is none.
+    pub reference: &'a [Vec3],
 }
 
 /// One point of so many is compared.
@@ -135,6 +142,19 @@ impl Check<'_> {
         errors.collect()
     }
 
+    /// Root mean square of the M3C2 distances of points to the reference, metres.
+    fn distance_m(&self, points: &[Vec3]) -> f64 {
+        if self.reference.is_empty() {
+            return f64::NAN;
+        }
+        let settings = ComparisonSettings::default();
+        let core = core_points(self.reference, &settings);
+        let normals = Normals::UPWARDS;
+        let found = m3c2(self.reference, points, &core, normals, &settings, &Silent);
+        let statistics = found.and_then(|found| Statistics::of(&found));
+        statistics.map_or(f64::NAN, |statistics| statistics.rmse_m)
+    }
+
     pub fn found(
         &self,
         mountings: Vec<BodyFromScanner>,
@@ -145,6 +165,7 @@ impl Check<'_> {
         let (mut pose_sum, mut pose_count) = (0.0, 0.0);
         let (mut point_sum, mut point_count) = (0.0, 0.0);
         let mut cells = BTreeMap::new();
+        let (mut placed, mut truly_placed) = (Vec::new(), Vec::new());
         for (scanner, sample) in self.samples.iter().enumerate() {
             let mut last = None;
             for point in sample.points.iter().step_by(EACH) {
@@ -157,7 +178,10 @@ impl Check<'_> {
                     continue;
                 };
                 let mounting = mounted(&mountings, bending, scanner, true_s);
-                let error = pose.map(&mounting.map(&point.position_m)) - truth;
+                let place = pose.map(&mounting.map(&point.position_m));
+                placed.push(place);
+                truly_placed.push(truth);
+                let error = place - truth;
                 point_sum += error.norm_squared();
                 point_count += 1.0;
                 let [east, north] = [truth.x, truth.y].map(|x| (x / CELL_M).floor() as i64);
@@ -181,6 +205,7 @@ impl Check<'_> {
         Found {
             mountings,
             gap_m: rms(gaps),
+            distances_m: [&placed, &truly_placed].map(|points| self.distance_m(points)),
             poses_m: (pose_sum / f64::max(pose_count, 1.0)).sqrt(),
             points_m: (point_sum / f64::max(point_count, 1.0)).sqrt(),
             seconds,

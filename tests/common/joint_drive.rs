@@ -137,6 +137,7 @@ impl Run {
             exact: &exact,
             truth: &truth,
             moving: true_mountings(&scenario, &files.drives[0])?,
+            reference: &reference,
         };
         let two_steps = check.found(
             start.clone(),
@@ -176,6 +177,7 @@ impl Run {
                 exact: &true_poses(other)?,
                 truth: &truth,
                 moving: true_mountings(&scenario, other)?,
+                reference: &[],
             };
             let still = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
             let by_load = clouds::bending(&own, &poses.trajectory).into_iter();
