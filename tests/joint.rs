@@ -5,7 +5,7 @@
 #[path = "common/joint_drive.rs"]
 mod joint_drive;
 
-use boresight::joint::Rung;
+use boresight::joint::{JointSettings, MountingMotion, Rung};
 use boresight::nalgebra::DVector;
 use boresight::simulation::Scenario;
 use joint_drive::{Run, Setup};
@@ -72,4 +72,48 @@ fn a_known_mounting_that_bends_is_found_without_a_reference() {
     assert!(before.points_m > 0.004 && before.gap_m > 0.003);
     // The prism alone knows positions to a millimetre on so short a drive.
     assert!(after.points_m < 0.4 * before.points_m && after.gap_m < 1e-4);
+}
+
+/// A frame that warms up in the sun, with a thermometer on it, and without.
+#[test]
+fn a_frame_follows_the_temperature_of_its_log() {
+    let mut scenario = Scenario::demo();
+    scenario.drives[0].passes.truncate(7);
+    let bend = &mut scenario.deformation;
+    bend.enabled = true;
+    (bend.rotation_deg_per_deg, bend.shift_m_per_deg) = (0.0, 0.0);
+    (bend.shift_m_per_m_s2, bend.drift_deg, bend.drift_m) = (0.0, 0.0, 0.0);
+    (bend.warming_deg, bend.warming_m) = (0.2, 0.008);
+    let folder = tempfile::tempdir().unwrap();
+    let adjusted = |logged: bool| {
+        let setup = Setup {
+            project: Box::new(move |project| {
+                assert!(project.bending.is_some());
+                project.bending = project.bending.take().filter(|_| logged);
+            }),
+            joint: JointSettings {
+                mounting: MountingMotion {
+                    least: Rung::Compliance,
+                    most: Rung::Compliance,
+                },
+                ..Setup::new(scenario.clone()).joint
+            },
+            ..Setup::new(scenario.clone())
+        };
+        let name = format!("logged-{logged}");
+        let run = Run::new(&setup, &folder.path().join(name)).unwrap();
+        println!(
+            "logged {logged}: points {:.3} {:.3} mm, {:?}",
+            run.two_steps.points_m * 1e3,
+            run.one_piece.points_m * 1e3,
+            run.refused
+        );
+        run
+    };
+    let run = adjusted(true);
+    assert!(run.refused.is_empty(), "{:?}", run.refused);
+    // As on a rigid frame.
+    assert!(run.one_piece.points_m < 0.0007 && run.two_steps.points_m > 0.001);
+    // A line in time does not explain it.
+    assert!(!adjusted(false).refused.is_empty());
 }

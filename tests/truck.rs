@@ -109,6 +109,7 @@ fn poses_adjusted_along_bring_the_passes_no_farther_apart() {
             scans: Scans {
                 samples: samples.iter().collect(),
             },
+            frame: None,
         }],
         reference: &[],
     };

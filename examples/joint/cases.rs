@@ -28,7 +28,7 @@ pub struct Options {
 }
 
 /// All cases.
-pub const NAMES: [&str; 31] = [
+pub const NAMES: [&str; 33] = [
     "known",
     "compliance-evaluation",
     "compliance",
@@ -37,6 +37,8 @@ pub const NAMES: [&str; 31] = [
     "walk",
     "walk-together",
     "jump",
+    "warming",
+    "warming-unlogged",
     "reference",
     "shift",
     "no-reference",
@@ -73,6 +75,9 @@ const LIDAR_COLUMNS: usize = 720;
 
 /// Length of what is kept and left out in turn of odd and even halves, seconds: about a pass.
 const HALF_S: f64 = 25.0;
+
+/// What the sun does to the frame, metres and degrees.
+const WARMING: (f64, f64) = (0.008, 0.2);
 
 /// How late stamps are, seconds.
 const LATE_S: f64 = 0.02;
@@ -185,6 +190,16 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         "jump" => {
             bend(scenario, 0.0);
             scenario.deformation.jump_m = 0.003;
+        }
+        "warming" | "warming-unlogged" => {
+            bend(scenario, 0.0);
+            (
+                scenario.deformation.warming_m,
+                scenario.deformation.warming_deg,
+            ) = WARMING;
+            if name != "warming" {
+                change = Box::new(|project| project.bending = None);
+            }
         }
         "board" => scenario.boards[1].moved_m = [0.0, 0.0, 0.01],
         "sideways" => scenario.reference.offset_m = [0.005, 0.0, 0.0],

@@ -9,13 +9,13 @@ use crate::error::{Error, Location, Result};
 
 /// The columns that a reader wants: those it needs, then those it can use.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Columns {
-    pub(crate) needed: &'static [&'static str],
-    pub(crate) optional: &'static [&'static str],
+pub(crate) struct Columns<'a> {
+    pub(crate) needed: &'a [&'a str],
+    pub(crate) optional: &'a [&'a str],
 }
 
-impl Columns {
-    fn wanted(&self) -> impl Iterator<Item = &'static str> {
+impl<'a> Columns<'a> {
+    fn wanted(&self) -> impl Iterator<Item = &'a str> {
         self.needed.iter().chain(self.optional).copied()
     }
 
@@ -60,7 +60,7 @@ pub(crate) struct Table {
 impl Table {
     /// Opens a table and looks up the wanted columns in its header. A comment counts as the header
     /// if it names the required columns and numbers follow.
-    pub(crate) fn open(path: &Path, columns: &Columns) -> Result<Self> {
+    pub(crate) fn open(path: &Path, columns: &Columns<'_>) -> Result<Self> {
         let mut lines = Lines::open(path)?;
         let mut comment: Option<Vec<String>> = None;
         let mut cells = Vec::new();
@@ -177,7 +177,11 @@ impl Table {
 }
 
 /// Looks up the wanted columns among `names`.
-fn match_columns(lines: &Lines, names: &[String], columns: &Columns) -> Result<Vec<Option<Slot>>> {
+fn match_columns(
+    lines: &Lines,
+    names: &[String],
+    columns: &Columns<'_>,
+) -> Result<Vec<Option<Slot>>> {
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
     for (slot, wanted) in columns.wanted().enumerate() {
@@ -230,7 +234,7 @@ fn abbreviated(names: &[String]) -> String {
 fn nearest<'a>(
     wanted: &str,
     names: &'a [String],
-    columns: &Columns,
+    columns: &Columns<'_>,
     reach: usize,
 ) -> Option<&'a str> {
     names

@@ -2,10 +2,11 @@
 //!
 //! The mounting of scanner s at time t is its mean, perturbed by
 //!
-//!   δ(t) = C_s (ℓ(t) − ℓ̄) + c_s u(t) + m_s(t),
+//!   δ(t) = C_s (ℓ(t) − ℓ̄) + c_s u(t) + F_s f(t) + m_s(t),
 //!
 //! (δφ, δp) in body axes, with the load ℓ, the compliance C_s (6 × 4), the creep c_s over a drive with u from −½
-//! to ½, the same in all drives, and a Gauss-Markov process m_s at knots. The loads are the parts of the
+//! to ½, the same in all drives, columns f of a log, temperatures for example, as shares of their range from
+//! their mean over all drives, and a Gauss-Markov process m_s at knots. The loads are the parts of the
 //! specific force in the body: gravity and acceleration, this smoothed over some tenths of a second, along x and
 //! y each, as along z they hardly change. Both bend a frame, but not where masses beside it swing.
 
@@ -13,12 +14,13 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::input::{JointDrive, JointInput};
 use super::motion::{GaussMarkov, Motion};
 use super::row::HELD_SIGMA;
 use super::surfel::ScanRow;
 use crate::calibration::Mounting;
 use crate::geometry::Vec3;
-use crate::sensor::{PoseRecord, STANDARD_GRAVITY_M_S2};
+use crate::sensor::{MAX_FRAME_COLUMNS, PoseRecord, STANDARD_GRAVITY_M_S2};
 use crate::statistics::{self, Series};
 use crate::trajectory::Trajectory;
 
@@ -27,14 +29,14 @@ use crate::trajectory::Trajectory;
 pub const LOADS: usize = 4;
 /// Coefficients of a compliance: δ by each load, one after the other.
 pub const COMPLIANCE: usize = 6 * LOADS;
-/// What mountings follow: the loads and time.
-pub const CAUSES: usize = LOADS + 1;
-/// Unknowns of a compliance, and of a creep behind it.
+/// Most of what mountings follow: the loads, time, and columns of a log.
+pub const CAUSES: usize = LOADS + 1 + MAX_FRAME_COLUMNS;
+/// Unknowns of a compliance, and of a creep and of columns behind it.
 pub const BENDING: usize = 6 * CAUSES;
 /// Standard deviations of the prior of a compliance: a degree of tilt bends by some tenths of a degree and
 /// some millimetres. Radians per g, metres per g.
 pub const COMPLIANCE_SIGMA: [f64; 2] = [0.3, 0.5];
-/// And of that of a creep, radians and metres in a drive.
+/// And of that of a creep, radians and metres in a drive, and of what a column does over its range.
 pub const CREEP_SIGMA: [f64; 2] = [0.01, 0.03];
 
 /// Standard deviations of the motion in time, radians and metres.
@@ -165,9 +167,11 @@ pub struct Bends {
     pub rung: Rung,
     /// ℓ̄, over all drives.
     pub mean_load: [f64; LOADS],
-    /// ℓ − ℓ̄ and u along each drive.
+    /// ℓ − ℓ̄, u and f along each drive.
     pub causes: Arc<Vec<Series<CAUSES>>>,
-    /// C of each scanner, column by column, and c.
+    /// Number of those that are there.
+    pub causes_used: usize,
+    /// C of each scanner, column by column, c and F.
     pub compliance: Vec<[f64; BENDING]>,
     /// What is known of them beforehand: values and standard deviations.
     pub prior: Vec<[[f64; BENDING]; 2]>,
@@ -178,12 +182,8 @@ pub struct Bends {
 impl Bends {
     /// Bent as another adjustment found, or not yet; `None` where mountings stay rigid or a drive has no
     /// trajectory.
-    pub fn new(
-        rung: Rung,
-        motions: &[Box<dyn Motion>],
-        mountings: &[Mounting],
-        known: &[Compliance],
-    ) -> Option<Self> {
+    pub fn new(rung: Rung, motions: &[Box<dyn Motion>], input: &JointInput<'_>) -> Option<Self> {
+        let (mountings, known) = (&input.mountings, input.compliance);
         if rung == Rung::Rigid {
             return None;
         }
@@ -206,11 +206,14 @@ impl Bends {
             })
             .collect();
         let mean_load = known.first().map_or_else(|| mean(&loads), |k| k.mean_load);
-        let causes = loads.iter().zip(&drives).map(|(loads, drive)| {
-            let (from_s, to_s) = drive.span_s();
+        let columns = Columns::new(input);
+        let each = loads.iter().zip(&drives).zip(&input.drives);
+        let causes = each.map(|((loads, trajectory), drive)| {
+            let (from_s, to_s) = trajectory.span_s();
             Series::sampled((from_s, to_s), STEP_S, |time_s| {
                 let [a, b, c, d] = off(&loads.at(time_s), &mean_load);
-                [a, b, c, d, (time_s - from_s) / (to_s - from_s) - 0.5]
+                let [e, f] = columns.of(drive, time_s);
+                [a, b, c, d, (time_s - from_s) / (to_s - from_s) - 0.5, e, f]
             })
         });
         let knots = motions
@@ -220,15 +223,21 @@ impl Bends {
             rung,
             mean_load,
             causes: Arc::new(causes.collect()),
+            causes_used: LOADS + 1 + columns.count,
             compliance: prior.iter().map(|[value, _]| *value).collect(),
             prior,
             knots: knots.collect(),
         })
     }
 
-    /// ℓ − ℓ̄ and u at a time of a drive.
+    /// ℓ − ℓ̄, u and f at a time of a drive.
     pub fn causes(&self, drive: usize, time_s: f64) -> [f64; CAUSES] {
         self.causes[drive].at(time_s)
+    }
+
+    /// Unknowns of a scanner that are not those of its knots.
+    pub fn unknowns(&self) -> usize {
+        6 * self.causes_used
     }
 
     /// Restarts motions in time where they jumped; returns whether one did.
@@ -257,6 +266,44 @@ impl Bends {
         process.map_or(offset, |process| {
             std::array::from_fn(|i| offset[i] + process.at(time_s, i))
         })
+    }
+}
+
+/// The columns of the logs of all drives.
+struct Columns {
+    count: usize,
+    mean: [f64; MAX_FRAME_COLUMNS],
+    /// Largest less least value; infinite where there is none, so that shares of it are zero.
+    range: [f64; MAX_FRAME_COLUMNS],
+}
+
+impl Columns {
+    fn new(input: &JointInput<'_>) -> Self {
+        let logs = || input.drives.iter().filter_map(|drive| drive.frame.as_ref());
+        let of_column = |column: usize| -> Vec<f64> {
+            let rows = logs().flat_map(|log| &log.rows);
+            rows.map(|(_, values)| values[column]).collect()
+        };
+        let range = |column: usize| {
+            let values = of_column(column);
+            let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let range = values.iter().map(|x| largest - x).fold(0.0, f64::max);
+            if range > 0.0 { range } else { f64::INFINITY }
+        };
+        Self {
+            count: logs().map(|log| log.columns).max().unwrap_or(0),
+            mean: std::array::from_fn(|column| statistics::mean(&of_column(column))),
+            range: std::array::from_fn(range),
+        }
+    }
+
+    /// f at a time of a drive; zero for one without a log.
+    fn of(&self, drive: &JointDrive<'_>, time_s: f64) -> [f64; MAX_FRAME_COLUMNS] {
+        let Some(log) = &drive.frame else {
+            return Default::default();
+        };
+        let values = log.at(time_s);
+        std::array::from_fn(|i| (values[i] - self.mean[i]) / self.range[i])
     }
 }
 
@@ -311,7 +358,7 @@ fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
     times
 }
 
-/// C ℓ, or with creep and time behind them.
+/// C ℓ, or with creep and columns, and time and their values, behind them.
 fn under(compliance: &[f64], causes: &[f64]) -> [f64; 6] {
     let by_each = || compliance.chunks_exact(6).zip(causes);
     std::array::from_fn(|i| by_each().map(|(by, cause)| by[i] * cause).sum())

@@ -242,6 +242,7 @@ fn compliance_and_knots<'a>(
         let causes = bends.causes(drive, time_s);
         std::array::from_fn(|i| {
             let mut variance = 0.0;
+            let causes = &causes[..bends.causes_used];
             for (a, x) in causes.iter().enumerate() {
                 for (b, y) in causes.iter().enumerate() {
                     let part = of_causes

@@ -4,6 +4,7 @@ use super::bend::Compliance;
 use super::motion::Motion;
 use crate::calibration::{Mounting, ScannerSample};
 use crate::geometry::Vec3;
+use crate::sensor::FrameLog;
 use nalgebra::DMatrix;
 
 /// The scans of one drive: a sample of each scanner in the order of the mountings.
@@ -21,6 +22,9 @@ pub struct JointDrive<'a> {
     pub motion: Box<dyn Motion>,
     /// Its scans.
     pub scans: Scans<'a>,
+    /// What mountings may follow beside the load and time, with the same columns in all drives; `None`
+    /// without a log.
+    pub frame: Option<FrameLog>,
 }
 
 /// What is adjusted together.

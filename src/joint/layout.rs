@@ -1,6 +1,6 @@
 //! Which block of unknowns and which group of observations is what.
 
-use super::bend::{BENDING, Bends};
+use super::bend::Bends;
 use super::input::JointInput;
 use super::motion::{GaussMarkov, Motion};
 use super::surfel::{Association, CLASSES, COVERAGES};
@@ -96,7 +96,8 @@ impl Layout {
         } else {
             0
         };
-        let compliance = (0..count).map(|_| add(1, BENDING)).collect();
+        let unknowns = bends.map_or(0, Bends::unknowns);
+        let compliance = (0..count).map(|_| add(1, unknowns)).collect();
         let mountings = (0..input.mountings.len()).map(|_| add(1, 6)).collect();
         Self {
             first_motion,

@@ -113,12 +113,13 @@ impl JointProblem<'_> {
         let group = self.groups.assumed;
         let scanners = bends.compliance.iter().zip(&bends.prior);
         for ((compliance, [mean, sigma]), &block) in scanners.zip(&self.layout.compliance) {
-            for (i, value) in compliance.iter().enumerate() {
+            let unknowns = bends.unknowns();
+            for (i, value) in compliance[..unknowns].iter().enumerate() {
                 let w = 1.0 / sigma[i].max(HELD_SIGMA);
                 let mut by = [0.0; BENDING];
                 by[i] = w;
                 batch.begin(group, 1.0, (value - mean[i]) * w);
-                batch.touch(block, &by);
+                batch.touch(block, &by[..unknowns]);
             }
         }
         let firsts = self.layout.knots.iter().flatten();

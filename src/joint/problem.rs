@@ -190,6 +190,11 @@ impl<'a> JointProblem<'a> {
             late: late.to_vec(),
             compliance: self.layout.compliance.clone(),
             knots: self.layout.knots.get(drive).cloned().unwrap_or_default(),
+            bending: self
+                .layout
+                .compliance
+                .first()
+                .map_or(0, |&block| self.layout.sizes[block]),
         }
     }
 
@@ -339,7 +344,7 @@ impl<'a> JointProblem<'a> {
         }
         if let Some(bends) = &mut next.bends {
             for (compliance, &block) in bends.compliance.iter_mut().zip(&layout.compliance) {
-                let step = of(block, BENDING);
+                let step = of(block, layout.sizes[block]);
                 compliance.iter_mut().zip(step).for_each(|(x, d)| *x += d);
             }
             let knots = bends.knots.iter_mut().flatten();

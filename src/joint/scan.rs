@@ -241,7 +241,7 @@ impl<'a> StepScans<'a> {
             }
             if let Some(bends) = self.seen.bends {
                 let causes = bends.causes(self.seen.drive, pose.time_s);
-                for (i, sum) in by_compliance.iter_mut().enumerate() {
+                for (i, sum) in by_compliance[..bends.unknowns()].iter_mut().enumerate() {
                     *sum += by[i % 6] * causes[i / 6];
                 }
                 let between = self.between.get(scanner);
@@ -281,6 +281,8 @@ pub struct ScanBlocks {
     /// Of each scanner's compliance and of its first knot in this drive; empty where there are none.
     pub compliance: Vec<usize>,
     pub knots: Vec<usize>,
+    /// Unknowns of a compliance and what is behind it.
+    pub bending: usize,
 }
 
 /// Adds the rows of a step; `sigma_m` and the group of a row come from `noise`.
@@ -332,7 +334,8 @@ pub fn place(
     }
     let by_mounting = mean.by_mounting.map(|x| x * w);
     if let Some(&compliance) = blocks.compliance.get(scanner) {
-        batch.touch(compliance, &mean.by_compliance.map(|x| x * w));
+        let by = mean.by_compliance.map(|x| x * w);
+        batch.touch(compliance, &by[..blocks.bending]);
     }
     if let (Some(first), Some(between)) = (blocks.knots.get(scanner), scans.between.get(scanner)) {
         let next = mean.by_next_knot.map(|x| x * w);

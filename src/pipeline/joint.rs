@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 use super::stages::{self, Poses};
 use crate::calibration::{Calibration, Mounting, ScannerSample};
 use crate::error::{Error, Problem, Result};
+use crate::format;
 use crate::geometry::Vec3;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
@@ -14,8 +15,9 @@ use crate::joint::{
     JointReport, LateScanner, Scans, Score, adjust, contradictions,
 };
 use crate::progress::Progress;
-use crate::project::{Logs, Motion, Project};
+use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::report;
+use crate::sensor::FrameLog;
 use crate::trajectory::Solution;
 
 /// A scanner is late where the scans say so by more than this many standard deviations, and by more than
@@ -235,7 +237,20 @@ fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
         scans: Scans {
             samples: drive.samples.iter().collect(),
         },
+        frame: frame_log(drive.project)?,
     })
+}
+
+/// What the mountings of a drive may follow, in common time.
+fn frame_log(project: &Project) -> Result<Option<FrameLog>> {
+    let Some(FrameLogFile { log, columns }) = &project.bending else {
+        return Ok(None);
+    };
+    let mut read = format::read_frame_log(&log.path, columns)?;
+    read.rows
+        .iter_mut()
+        .for_each(|(time_s, _)| *time_s += log.time_offset_s);
+    Ok(Some(read))
 }
 
 /// The correlated errors of position sensors and heading.

@@ -37,6 +37,8 @@ pub struct Project {
     pub is_joint: bool,
     /// Settings of the joint adjustment, and uncertainties of the inputs that only it uses.
     pub joint: JointSettings,
+    /// What mountings may follow beside tilt, acceleration and time.
+    pub bending: Option<FrameLogFile>,
     /// Settings of the comparisons.
     pub comparison: ComparisonSettings,
     /// What results are held against.
@@ -80,6 +82,15 @@ pub struct LogFile {
     pub path: PathBuf,
     /// Common time = sensor time + this, seconds.
     pub time_offset_s: f64,
+}
+
+/// A file of what a frame may follow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameLogFile {
+    /// The file.
+    pub log: LogFile,
+    /// Names of its columns, 1 to [`MAX_FRAME_COLUMNS`](crate::sensor::MAX_FRAME_COLUMNS).
+    pub columns: Vec<String>,
 }
 
 /// A file of positions.

@@ -87,6 +87,9 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
         }
         Motion::Poses(poses) => files.push((file("trajectory"), &poses.path)),
     }
+    if let Some(bending) = &project.bending {
+        files.push((file("bending"), &bending.log.path));
+    }
     for (index, scanner) in project.scanners.iter().enumerate() {
         for (number, path) in scanner.profiles.iter().enumerate() {
             let steps = vec![

@@ -10,7 +10,8 @@ mod source;
 mod written;
 
 pub use checked::{
-    LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference, Scanner,
+    FrameLogFile, LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference,
+    Scanner,
 };
 
 #[cfg(test)]

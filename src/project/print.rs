@@ -62,6 +62,11 @@ fn written(project: &Project) -> Written {
             max_iterations: Some(project.joint.max_iterations),
             mounting: Some(mounting_motion(&project.joint.mounting)),
         },
+        bending: project.bending.as_ref().map(|bending| written::Bending {
+            file: bending.log.path.clone(),
+            time_offset_s: Some(bending.log.time_offset_s),
+            columns: bending.columns.clone(),
+        }),
         drive: project.drives.iter().map(other_drive).collect(),
         evaluation: project.evaluations.iter().map(other_drive).collect(),
         comparison: written::Comparison {

@@ -31,6 +31,8 @@ pub struct Written {
     pub gnss: Tables<Gnss>,
     /// Headings of the antenna baseline.
     pub heading: Option<Heading>,
+    /// What mountings may follow beside tilt, acceleration and time.
+    pub bending: Option<Bending>,
     /// Settings of the trajectory estimation, or a file of poses instead of the four above.
     pub trajectory: Option<Trajectory>,
     /// The scanners.
@@ -339,6 +341,18 @@ pub struct Joint {
     pub max_iterations: Option<usize>,
     /// How much mountings may move. Default `auto`.
     pub mounting: Option<MountingMotion>,
+}
+
+/// `[bending]`: what mountings may follow beside tilt, acceleration and time
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bending {
+    /// A text table with `time_s`, relative to the project file.
+    pub file: PathBuf,
+    /// Common time = sensor time + this.
+    pub time_offset_s: Option<f64>,
+    /// One or two of its columns, in any units: a temperature, a load.
+    pub columns: Vec<String>,
 }
 
 /// How much mountings may move.

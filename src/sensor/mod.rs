@@ -1,11 +1,13 @@
 //! The measurements of each sensor as plain records, and checks of their streams.
 
+mod frame_log;
 mod total_station;
 
 pub mod allan;
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
+pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
 /// Standard gravity, the g of datasheets, m/s².

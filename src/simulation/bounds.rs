@@ -142,6 +142,8 @@ impl Scenario {
             ),
             ("deformation.drift_deg", bend.drift_deg, COORDINATE),
             ("deformation.drift_m", bend.drift_m, COORDINATE),
+            ("deformation.warming_deg", bend.warming_deg, COORDINATE),
+            ("deformation.warming_m", bend.warming_m, COORDINATE),
             ("deformation.hysteresis", bend.hysteresis, ANY),
             ("deformation.walk_deg", bend.walk_deg, ANY),
             ("deformation.walk_m", bend.walk_m, ANY),

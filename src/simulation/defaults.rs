@@ -252,6 +252,8 @@ impl Default for DeformationSettings {
             shift_m_per_m_s2: 0.005,
             drift_deg: 0.5,
             drift_m: 0.024,
+            warming_deg: 0.0,
+            warming_m: 0.0,
             hysteresis: 0.0,
             walk_deg: 0.0,
             walk_m: 0.0,

@@ -1,5 +1,7 @@
 //! A mounting that is not rigid: the enclosure bends with tilt and acceleration, and creeps.
 
+use std::f64::consts::PI;
+
 use super::drive::{BodyState, Drive};
 use super::random::{Correlated, Purpose, stream};
 use super::scenario::Scenario;
@@ -18,6 +20,10 @@ pub struct Mountings {
     /// Of each scanner: rotation (degrees) and shift (metres) in FRD axes.
     walks: Vec<Series<6>>,
 }
+
+/// How much warmer a frame becomes in the sun, kelvins, and its temperature before.
+pub const WARMING_K: f64 = 12.0;
+const START_C: f64 = 18.0;
 
 /// What depends on the past is found at this step, seconds.
 const STEP_S: f64 = 0.05;
@@ -81,15 +87,18 @@ impl Mountings {
             * (state.world_from_body.rotation.inverse() * state.acceleration_m_s2);
         let (start, end) = self.span_s;
         let age = ((time_s - start) / (end - start)).clamp(0.0, 1.0) - 0.5;
+        let warmth = self.warmth(time_s);
         // Arms ahead of the axle bend with pitch, and sideways with roll.
         let turn_deg = Vec3::new(roll + 0.5 * side * pitch, pitch, 0.5 * side * roll)
             * settings.rotation_deg_per_deg
             + Vec3::new(side, 0.6, -0.4 * side) * (age * settings.drift_deg)
+            + Vec3::new(0.5, side, 0.5 * side) * (warmth * settings.warming_deg)
             + walk_deg;
         let shift_m = Vec3::new(-0.5 * pitch, 0.5 * roll, pitch + side * roll)
             * settings.shift_m_per_deg
             + Vec3::new(acceleration.x, acceleration.y, 0.0) * settings.shift_m_per_m_s2
             + Vec3::new(0.3, 0.5 * side, 1.0) * (age * settings.drift_m)
+            + Vec3::new(0.5 * side, side, 1.0) * (warmth * settings.warming_m)
             + walk_m
             + jump;
         let turn = self.body_from_frd * turn_deg.map(f64::to_radians);
@@ -97,6 +106,20 @@ impl Mountings {
             so3::exp(&turn) * rigid.rotation,
             rigid.translation_m + self.body_from_frd * shift_m,
         )
+    }
+
+    /// How far the frame has warmed up, 0 to 1: quickly at first, and less while a cloud is before the sun, in
+    /// the third quarter of the drive.
+    fn warmth(&self, time_s: f64) -> f64 {
+        let (start, end) = self.span_s;
+        let age = ((time_s - start) / (end - start)).clamp(0.0, 1.0);
+        let cloud = (PI * (4.0 * age - 2.0).clamp(0.0, 1.0)).sin();
+        1.0 - (-4.0 * age).exp() - 0.3 * cloud
+    }
+
+    /// What a thermometer on the frame reads, °C.
+    pub fn temperature_c(&self, time_s: f64) -> f64 {
+        START_C + WARMING_K * self.warmth(time_s)
     }
 }
 

@@ -12,6 +12,9 @@ use crate::error::{Error, Result};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention, Vec3};
 
+/// The log of the frame's temperature.
+pub const FRAME_LOG: &str = "frame.csv";
+
 /// The folder of a drive.
 pub(super) fn drive_name(index: usize) -> String {
     format!("drive-{}", index + 1)
@@ -86,6 +89,9 @@ fn project(scenario: &Scenario, index: usize) -> String {
     );
     for (scanner, initial) in scenario.scanners.iter().zip(scenario.initial_mountings()) {
         text += &scanner_table(&scanner.name, Some(&recording_name(scanner)), &initial, 6);
+    }
+    if scenario.deformation.warms() {
+        text += &format!("\n[bending]\nfile = \"{FRAME_LOG}\"\ncolumns = [\"temperature_c\"]\n");
     }
     text += "\n[reference]\nfile = \"../tls.laz\"\n\
              \n[calibration]\nvoxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005]\nneighbours = 50\n";

@@ -190,6 +190,10 @@ pub struct DeformationSettings {
     pub drift_deg: f64,
     /// Shift accumulated over a drive, metres.
     pub drift_m: f64,
+    /// Rotation as the frame warms up by 12 K, degrees.
+    pub warming_deg: f64,
+    /// And shift, metres.
+    pub warming_m: f64,
     /// Half the width of the play with which roll and pitch act, as a share of their amplitude.
     pub hysteresis: f64,
     /// Standard deviation of a Gauss-Markov process of each rotation, degrees.
@@ -202,4 +206,11 @@ pub struct DeformationSettings {
     pub walk_together: bool,
     /// Shift of the first scanner in the middle of a drive, upwards and ahead alike, metres.
     pub jump_m: f64,
+}
+
+impl DeformationSettings {
+    /// Whether the frame follows a temperature, which is then logged.
+    pub fn warms(&self) -> bool {
+        self.enabled && (self.warming_deg != 0.0 || self.warming_m != 0.0)
+    }
 }

@@ -127,7 +127,7 @@ fn write_logs(
     Ok(())
 }
 
-/// The true mounting of every scanner ten times a second.
+/// The true mounting of every scanner ten times a second, and a thermometer where the frame warms up.
 fn write_deformation(
     scenario: &Scenario,
     drive: &Drive,
@@ -135,6 +135,15 @@ fn write_deformation(
 ) -> Result<()> {
     use std::fmt::Write;
     let mountings = Mountings::new(scenario, drive);
+    if scenario.deformation.warms() {
+        let mut text = String::from("time_s,temperature_c\n");
+        let (start, end) = drive.span_s;
+        for k in 0..=(end - start) as usize {
+            let time_s = start + k as f64;
+            let _ = writeln!(text, "{time_s:.1},{:.2}", mountings.temperature_c(time_s));
+        }
+        describe::write_text(&at(describe::FRAME_LOG), &text)?;
+    }
     for (scanner, settings) in scenario.scanners.iter().enumerate() {
         let mut text = String::from("time_s,x_m,y_m,z_m,qx,qy,qz,qw\n");
         let (start, end) = drive.moving_s;

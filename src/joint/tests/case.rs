@@ -16,7 +16,7 @@ use crate::joint::{
     MountingMotion, Rung, Scans,
 };
 use crate::progress::Silent;
-use crate::sensor::{HeadingFix, ImuSample, PoseRecord, PoseSigma, PositionFix};
+use crate::sensor::{FrameLog, HeadingFix, ImuSample, PoseRecord, PoseSigma, PositionFix};
 use crate::surface::{Profile, ProfilePoint};
 use crate::trajectory::{
     Constant, Estimate, HeadingSettings, ImuNoise, MotionLogs, PositionSettings, Trajectory,
@@ -346,6 +346,14 @@ impl Case {
                 scans: Scans {
                     samples: self.samples.iter().collect(),
                 },
+                frame: Some(FrameLog {
+                    rows: vec![
+                        (0.0, [20.0, 0.0]),
+                        (0.4 * SPAN_S, [25.0, 0.0]),
+                        (SPAN_S, [24.0, 0.0]),
+                    ],
+                    columns: 1,
+                }),
             }],
             reference: &self.reference,
         }
@@ -386,8 +394,7 @@ impl Case {
             bends: Bends::new(
                 self.settings.mounting.least,
                 std::slice::from_ref(&self.motion),
-                &self.mountings,
-                &[],
+                &self.input(),
             ),
             late_s: vec![0.0; self.mountings.len()],
             shapes: Vec::new(),

@@ -40,6 +40,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         calibration: settings::calibration(source, &written.calibration, voxel_sizes_m)?,
         is_joint: settings::is_joint(source, written)?,
         joint: settings::joint(source, written)?,
+        bending: settings::bending(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,
         acceptance: settings::acceptance(source, &written.acceptance)?,
         drives,

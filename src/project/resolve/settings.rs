@@ -6,8 +6,10 @@ use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::error::Result;
 use crate::joint::{JointSettings, MountingMotion, ReferenceSigma, Rung};
+use crate::project::checked::FrameLogFile;
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Method, Written};
+use crate::sensor::MAX_FRAME_COLUMNS;
 use crate::verdict::Acceptance;
 
 /// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
@@ -115,7 +117,38 @@ pub(super) fn is_joint(source: &Source, written: &Written) -> Result<bool> {
             expected,
         ));
     }
+    if written.bending.is_some() {
+        return Err(source.error(
+            &[Step::Key("bending")],
+            format!("[bending] {without}"),
+            expected,
+        ));
+    }
     Ok(false)
+}
+
+/// What mountings follow beside tilt, acceleration and time.
+pub(super) fn bending(source: &Source, written: &Written) -> Result<Option<FrameLogFile>> {
+    let Some(bending) = &written.bending else {
+        return Ok(None);
+    };
+    let table = Table::new(source, "bending");
+    let columns = &bending.columns;
+    let twice = columns.len() == 2 && columns[0] == columns[1];
+    if !(1..=MAX_FRAME_COLUMNS).contains(&columns.len())
+        || twice
+        || columns.contains(&"time_s".into())
+    {
+        return Err(table.error(
+            "columns",
+            format!("columns = {columns:?}"),
+            "the names of one or two columns of the log, beside time_s",
+        ));
+    }
+    Ok(Some(FrameLogFile {
+        log: table.log(&bending.file, bending.time_offset_s)?,
+        columns: columns.clone(),
+    }))
 }
 
 /// Lengths and times above 0, standard deviations that may be 0.

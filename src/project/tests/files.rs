@@ -67,7 +67,13 @@ fn drives_are_checked_as_evaluations_are_and_adjusted_once() {
     let path = |drive: &str| folder.path().join(drive);
     for drive in ["drive-1", "drive-2", "drive-3", "drive-4"] {
         std::fs::create_dir(path(drive)).unwrap();
-        for file in ["imu.csv", "prism.csv", "gnss.csv", "heading.csv"] {
+        for file in [
+            "frame.csv",
+            "imu.csv",
+            "prism.csv",
+            "gnss.csv",
+            "heading.csv",
+        ] {
             std::fs::write(path(drive).join(file), "").unwrap();
         }
         for file in ["left.bin", "right.bin", "tls.laz"] {
@@ -89,7 +95,7 @@ fn drives_are_checked_as_evaluations_are_and_adjusted_once() {
     }
     let inputs = checked(JOINT).unwrap().inputs();
     for drive in ["drive-2", "drive-3", "drive-4"] {
-        for file in ["project.toml", "imu.csv", "right.bin"] {
+        for file in ["project.toml", "frame.csv", "imu.csv", "right.bin"] {
             let input = path(drive).join(file).canonicalize().unwrap();
             let is_input = |input: &std::path::PathBuf| input.canonicalize().unwrap();
             assert!(inputs.iter().map(is_input).any(|found| found == input));

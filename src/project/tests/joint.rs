@@ -66,6 +66,11 @@ project = "../drive-3/project.toml"
 [[evaluation]]
 name = "drive-4"
 project = "../drive-4/project.toml"
+
+[bending]
+file = "frame.csv"
+time_offset_s = -0.5
+columns = ["temperature_c"]
 "#;
 
 fn settings(text: &str) -> TrajectorySettings {
@@ -93,6 +98,9 @@ fn keys_of_the_joint_adjustment_are_understood() {
         correlation_s: 5.0,
     };
     assert_eq!(project.joint, expected);
+    let bending = project.bending.as_ref().unwrap();
+    assert_eq!(bending.log.time_offset_s, -0.5);
+    assert_eq!(bending.columns, ["temperature_c"]);
     let estimated: Vec<bool> = project
         .scanners
         .iter()
@@ -351,5 +359,28 @@ fn mistakes_about_it_are_named_with_line_and_remedy() {
     assert!(
         never.contains("line 6: found correlation_s = 0, expected a number above 0"),
         "{never}"
+    );
+}
+
+#[test]
+fn columns_that_a_frame_cannot_follow_are_refused() {
+    for columns in [
+        "[]",
+        "[\"a\", \"a\"]",
+        "[\"time_s\"]",
+        "[\"a\", \"b\", \"c\"]",
+    ] {
+        let text = JOINT.replace("[\"temperature_c\"]", columns);
+        let found = message(&text);
+        assert!(found.contains("one or two columns"), "{found}");
+    }
+    let two_step = JOINT.replace("method = \"joint\"", "method = \"two-step\"");
+    let two_step = two_step.replace("estimate = [\"time_offset\"]", "");
+    let (start, _) = two_step.split_once("[[drive]]").unwrap();
+    let (_, bending) = two_step.split_once("[bending]").unwrap();
+    let found = message(&format!("{start}[bending]{bending}"));
+    assert!(
+        found.contains("[bending] without the joint adjustment"),
+        "{found}"
     );
 }
