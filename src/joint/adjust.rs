@@ -75,7 +75,12 @@ pub fn at_rung(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let mut state = start(input);
-    state.bends = Bends::new(rung, &state.motions, input);
+    state.bends = Bends::new(
+        rung,
+        &state.motions,
+        (&input.mountings, input.compliance),
+        &input.frames(),
+    );
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
     let mut reference = ReferenceCells::new(input.reference, surfel_m, state.reference);

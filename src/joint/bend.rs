@@ -14,13 +14,12 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::input::{JointDrive, JointInput};
 use super::motion::{GaussMarkov, Motion};
 use super::row::HELD_SIGMA;
 use super::surfel::ScanRow;
 use crate::calibration::Mounting;
 use crate::geometry::Vec3;
-use crate::sensor::{MAX_FRAME_COLUMNS, PoseRecord, STANDARD_GRAVITY_M_S2};
+use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, PoseRecord, STANDARD_GRAVITY_M_S2};
 use crate::statistics::{self, Series};
 use crate::trajectory::Trajectory;
 
@@ -182,8 +181,12 @@ pub struct Bends {
 impl Bends {
     /// Bent as another adjustment found, or not yet; `None` where mountings stay rigid or a drive has no
     /// trajectory.
-    pub fn new(rung: Rung, motions: &[Box<dyn Motion>], input: &JointInput<'_>) -> Option<Self> {
-        let (mountings, known) = (&input.mountings, input.compliance);
+    pub fn new(
+        rung: Rung,
+        motions: &[Box<dyn Motion>],
+        (mountings, known): (&[Mounting], &[Compliance]),
+        frames: &[Option<&FrameLog>],
+    ) -> Option<Self> {
         if rung == Rung::Rigid {
             return None;
         }
@@ -206,13 +209,13 @@ impl Bends {
             })
             .collect();
         let mean_load = known.first().map_or_else(|| mean(&loads), |k| k.mean_load);
-        let columns = Columns::new(input);
-        let each = loads.iter().zip(&drives).zip(&input.drives);
-        let causes = each.map(|((loads, trajectory), drive)| {
+        let columns = Columns::new(frames);
+        let each = loads.iter().zip(&drives).zip(frames);
+        let causes = each.map(|((loads, trajectory), log)| {
             let (from_s, to_s) = trajectory.span_s();
             Series::sampled((from_s, to_s), STEP_S, |time_s| {
                 let [a, b, c, d] = off(&loads.at(time_s), &mean_load);
-                let [e, f] = columns.of(drive, time_s);
+                let [e, f] = columns.of(*log, time_s);
                 [a, b, c, d, (time_s - from_s) / (to_s - from_s) - 0.5, e, f]
             })
         });
@@ -278,8 +281,8 @@ struct Columns {
 }
 
 impl Columns {
-    fn new(input: &JointInput<'_>) -> Self {
-        let logs = || input.drives.iter().filter_map(|drive| drive.frame.as_ref());
+    fn new(frames: &[Option<&FrameLog>]) -> Self {
+        let logs = || frames.iter().flatten();
         let of_column = |column: usize| -> Vec<f64> {
             let rows = logs().flat_map(|log| &log.rows);
             rows.map(|(_, values)| values[column]).collect()
@@ -298,8 +301,8 @@ impl Columns {
     }
 
     /// f at a time of a drive; zero for one without a log.
-    fn of(&self, drive: &JointDrive<'_>, time_s: f64) -> [f64; MAX_FRAME_COLUMNS] {
-        let Some(log) = &drive.frame else {
+    fn of(&self, log: Option<&FrameLog>, time_s: f64) -> [f64; MAX_FRAME_COLUMNS] {
+        let Some(log) = log else {
             return Default::default();
         };
         let values = log.at(time_s);

@@ -43,3 +43,11 @@ pub struct JointInput<'a> {
     /// Points of the reference in the world, metres; empty without one.
     pub reference: &'a [Vec3],
 }
+
+impl JointInput<'_> {
+    /// What mountings may follow in each drive.
+    pub fn frames(&self) -> Vec<Option<&FrameLog>> {
+        let drives = self.drives.iter();
+        drives.map(|drive| drive.frame.as_ref()).collect()
+    }
+}

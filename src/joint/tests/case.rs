@@ -394,7 +394,8 @@ impl Case {
             bends: Bends::new(
                 self.settings.mounting.least,
                 std::slice::from_ref(&self.motion),
-                &self.input(),
+                (&self.mountings, &[]),
+                &self.input().frames(),
             ),
             late_s: vec![0.0; self.mountings.len()],
             shapes: Vec::new(),
