@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::print::unprintable;
 use crate::error::{Error, Location, Result};
-use crate::format::{self, Format};
+use crate::format;
 use crate::sensor::STANDARD_GRAVITY_M_S2;
 use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseEstimate, allan};
 
@@ -157,7 +157,7 @@ fn digits(value: f64) -> String {
 /// Noise figures of the static log `file`, as JSON and as text.
 pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
     let format = format::detect(file)?;
-    if format != Format::ImuCsv {
+    if !format.has_imu() {
         return Err(Error::format(
             file,
             Location::Whole,

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::describe;
 use super::print::unprintable;
 use crate::error::Result;
-use crate::format::{self, Format};
+use crate::format;
 use crate::pipeline::{self, Outcome};
 use crate::project::Project;
 use crate::verdict::Verdict;
@@ -62,7 +62,7 @@ impl Inspect {
 
 /// Adds what the logs of a project contradict to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
-    if format::detect(file)? != Format::Project {
+    if format::detect(file)?.id() != "project" {
         let found = format::inspect(file)?;
         let document = serde_json::to_value(&found).map_err(unprintable)?;
         return Ok((document, found.to_string().trim_end().to_owned()));

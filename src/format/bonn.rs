@@ -11,6 +11,7 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::file::{self, CHUNK_POINTS, nothing_in};
+use super::kind::Kind;
 use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
@@ -29,6 +30,13 @@ const MIDDLE: usize = 24;
 const WIDEST: u32 = 1 << 16;
 /// Beyond the range of any profile scanner; damaged scales and offsets exceed it.
 const FARTHEST_M: f64 = 1e3;
+
+pub(crate) const RECORDING: Kind = Kind {
+    signature: Some(|start| looks_like(start.bytes)),
+    extensions: &["bin"],
+    profiles: Some(|path| Ok(Box::new(BonnReader::open(path)?))),
+    ..Kind::new("bonn-profiles", "profiles (Gocator recording, Bonn .bin)")
+};
 
 /// Reads a recording in bounded memory.
 pub(crate) struct BonnReader {

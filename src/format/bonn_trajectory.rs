@@ -5,10 +5,18 @@
 
 use std::path::Path;
 
+use super::kind::Kind;
 use super::pose_table::read_lines;
 use crate::error::Result;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord};
+
+pub(crate) const TRJ: Kind = Kind {
+    numbers: &[16],
+    extensions: &["trj"],
+    poses: Some(read),
+    ..Kind::new("bonn-trajectory", "trajectory (Bonn .trj)")
+};
 
 /// Reads a `.trj`.
 pub(crate) fn read(path: &Path) -> Result<Vec<PoseRecord>> {

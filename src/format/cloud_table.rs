@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::kind::Kind;
 use super::lines::Lines;
 use super::native::TableWriter;
 use super::table::{Columns, Table};
@@ -12,6 +13,17 @@ use crate::geometry::Vec3;
 pub(crate) const CLOUD: Columns = Columns {
     needed: &["east_m", "north_m", "up_m"],
     optional: &["time_s", "intensity", "scanner"],
+};
+
+pub(crate) const CLOUD_TABLE: Kind = Kind {
+    columns: Some(CLOUD),
+    cloud: Some(read_table),
+    ..Kind::new("cloud-csv", "cloud (table)")
+};
+
+pub(crate) const XYZ: Kind = Kind {
+    cloud: Some(read_xyz),
+    ..Kind::new("xyz-text", "cloud (lines of x y z)")
 };
 
 /// Reads a native table.

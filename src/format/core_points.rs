@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use super::cloud::read_cloud;
-use super::detect::{Format, detect};
+use super::cloud_table::CLOUD_TABLE;
+use super::detect::detect;
 use super::lines::header_names;
 use super::native::read_rows;
+use super::read::read_cloud;
 use super::table::Columns;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -32,7 +33,7 @@ pub struct CorePoints {
 /// # Errors
 /// Those of [`read_cloud`]; a table with one or two of the three columns.
 pub fn read_core_points(path: &Path) -> Result<CorePoints> {
-    let is_table = matches!(detect(path), Ok(Format::CloudCsv));
+    let is_table = detect(path).is_ok_and(|format| format.id() == CLOUD_TABLE.id);
     let components = &WITH_NORMALS.needed[3..];
     let has_normals = is_table
         && header_names(path)?

@@ -1,108 +1,14 @@
 //! Detection of file formats: by content, then by name.
 
-use std::fmt;
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 use super::file::{extension, first_bytes, nothing_in, open};
+use super::kind::{Format, Kind, Start};
+use super::kinds::KINDS;
 use super::lines::{Lines, Separator, numbers};
-use super::table::Columns;
-use super::{bonn, cloud_table, native, pose_table, positions, profile, sbet};
+use super::{cloud_table, positions, pts};
 use crate::error::{Error, Result};
-
-/// A file format that can be read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Format {
-    /// IMU log as a native table.
-    ImuCsv,
-    /// Log of positions of a prism or GNSS antenna as a native table.
-    PrismCsv,
-    /// Polar observations of a total station as a native table.
-    PolarCsv,
-    /// Coordinates and polar observations of a Leica total station.
-    TpsCsv,
-    /// Heading log as a native table.
-    HeadingCsv,
-    /// Profiles as a native table.
-    ProfileCsv,
-    /// Trajectory as a native table.
-    TrajectoryCsv,
-    /// Cloud as a native table.
-    CloudCsv,
-    /// Plain lines of x y z.
-    XyzText,
-    /// Gocator recording of the Bonn robot.
-    BonnProfiles,
-    /// Trajectory of the Bonn robot.
-    BonnTrajectory,
-    /// Mounting of the Bonn group.
-    BonnMounting,
-    /// Trajectory as time, position and quaternion.
-    Tum,
-    /// Smoothed best estimate of trajectory.
-    Sbet,
-    /// ASPRS LAS.
-    Las,
-    /// Compressed LAS.
-    Laz,
-    /// Polygon file format.
-    Ply,
-    /// Point Cloud Library.
-    Pcd,
-    /// ASTM E57.
-    E57,
-    /// Leica PTS.
-    Pts,
-    /// Leica PTX.
-    Ptx,
-    /// NumPy array.
-    Npy,
-    /// Project file of this program.
-    Project,
-}
-
-impl fmt::Display for Format {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::ImuCsv => "IMU log (table)",
-            Self::PrismCsv => "position log (table)",
-            Self::PolarCsv => "total station log (table, polar)",
-            Self::TpsCsv => "total station log (Leica, coordinates and polar)",
-            Self::HeadingCsv => "heading log (table)",
-            Self::ProfileCsv => "profiles (table)",
-            Self::TrajectoryCsv => "trajectory (table)",
-            Self::CloudCsv => "cloud (table)",
-            Self::XyzText => "cloud (lines of x y z)",
-            Self::BonnProfiles => "profiles (Gocator recording, Bonn .bin)",
-            Self::BonnTrajectory => "trajectory (Bonn .trj)",
-            Self::BonnMounting => "mounting (Bonn XML)",
-            Self::Tum => "trajectory (TUM)",
-            Self::Sbet => "trajectory (SBET, geographic)",
-            Self::Las => "points (LAS)",
-            Self::Laz => "points (LAZ)",
-            Self::Ply => "cloud (PLY)",
-            Self::Pcd => "cloud (PCD)",
-            Self::E57 => "cloud (E57)",
-            Self::Pts => "cloud (PTS)",
-            Self::Ptx => "cloud (PTX)",
-            Self::Npy => "cloud (NumPy)",
-            Self::Project => "project",
-        })
-    }
-}
-
-/// The native tables, those with more required columns first.
-pub(crate) const TABLES: [(Format, Columns); 8] = [
-    (Format::TrajectoryCsv, pose_table::TRAJECTORY),
-    (Format::ImuCsv, native::IMU),
-    (Format::TpsCsv, positions::TPS),
-    (Format::PolarCsv, positions::POLAR),
-    (Format::PrismCsv, positions::POSITIONS),
-    (Format::CloudCsv, cloud_table::CLOUD),
-    (Format::ProfileCsv, profile::PROFILES),
-    (Format::HeadingCsv, native::HEADING),
-];
 
 /// Detects the format of a file.
 ///
@@ -113,56 +19,25 @@ pub fn detect(path: &Path) -> Result<Format> {
     let start = first_bytes(path, &mut file)?;
     file.seek(SeekFrom::Start(0))
         .map_err(|e| Error::io(path, e))?;
-    if let Some(format) = by_signature(&start, size) {
-        return Ok(format);
+    let start = Start {
+        bytes: &start,
+        size,
+    };
+    let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|is_one| is_one(&start));
+    if let Some(kind) = KINDS.iter().find(is_signed) {
+        return Ok(Format(kind));
     }
     // The content is ambiguous: the name decides if it can, and its reader reports what is wrong.
-    match extension(path).as_str() {
-        "las" => return Ok(Format::Las),
-        "laz" => return Ok(Format::Laz),
-        "ply" => return Ok(Format::Ply),
-        "pcd" => return Ok(Format::Pcd),
-        "e57" => return Ok(Format::E57),
-        "npy" => return Ok(Format::Npy),
-        "pts" => return Ok(Format::Pts),
-        "ptx" => return Ok(Format::Ptx),
-        "sbet" => return Ok(Format::Sbet),
-        "bin" => return Ok(Format::BonnProfiles),
-        "trj" => return Ok(Format::BonnTrajectory),
-        "tum" => return Ok(Format::Tum),
-        "toml" => return Ok(Format::Project),
-        _ => {}
-    }
-    by_text(path)
-}
-
-/// The format identified by the first bytes.
-fn by_signature(start: &[u8], size: u64) -> Option<Format> {
-    let contains = |what: &[u8]| start.windows(what.len()).any(|w| w == what);
-    if start.starts_with(b"LASF") {
-        let compressed = start.get(104).is_some_and(|b| b & 0x80 != 0);
-        Some(if compressed { Format::Laz } else { Format::Las })
-    } else if start.starts_with(b"ply\n") || start.starts_with(b"ply\r\n") {
-        Some(Format::Ply)
-    } else if start.starts_with(b"ASTM-E57") {
-        Some(Format::E57)
-    } else if start.starts_with(b"\x93NUMPY") {
-        Some(Format::Npy)
-    } else if contains(b"FIELDS ") && contains(b"DATA ") {
-        Some(Format::Pcd)
-    } else if contains(b"<SystemCalibration") {
-        Some(Format::BonnMounting)
-    } else if bonn::looks_like(start) {
-        Some(Format::BonnProfiles)
-    } else if sbet::looks_like(start, size) {
-        Some(Format::Sbet)
-    } else {
-        None
+    let extension = extension(path);
+    let is_named = |kind: &&&Kind| kind.extensions.contains(&extension.as_str());
+    match KINDS.iter().find(is_named) {
+        Some(kind) => Ok(Format(kind)),
+        None => by_text(path).map(Format),
     }
 }
 
 /// The format of a table or of lines of numbers.
-fn by_text(path: &Path) -> Result<Format> {
+fn by_text(path: &Path) -> Result<&'static Kind> {
     let mut lines = Lines::open(path)?;
     let mut cells = Vec::new();
     let mut comment = Vec::new();
@@ -193,11 +68,15 @@ fn by_text(path: &Path) -> Result<Format> {
         }
         match (cells.len(), single) {
             (1, 0) => single = 1,
-            (1, _) => return Ok(Format::Ptx),
-            (3.., 1) => return Ok(Format::Pts),
-            (16, _) => return Ok(Format::BonnTrajectory),
-            (8, _) if extension(path) != "xyz" => return Ok(Format::Tum),
-            (3.., _) => return Ok(Format::XyzText),
+            (1, _) => return Ok(&pts::PTX),
+            (3.., 1) => return Ok(&pts::PTS),
+            (3.., _) if extension(path) == "xyz" => return Ok(&cloud_table::XYZ),
+            (3.., _) => {
+                let fitting = KINDS
+                    .iter()
+                    .find(|kind| kind.numbers.contains(&cells.len()));
+                return Ok(fitting.copied().unwrap_or(&cloud_table::XYZ));
+            }
             (n, _) => {
                 return Err(lines.error(
                     format!("{n} numbers without a header"),
@@ -220,12 +99,13 @@ fn unknown(lines: &Lines, names: &[String]) -> Error {
 
 /// The table with these columns. A prism log and a cloud with times can have the same columns, but
 /// a cloud begins with its coordinates.
-fn by_columns(names: &[String]) -> Option<Format> {
-    let format = TABLES.iter().find(|(_, columns)| columns.are_in(names))?.0;
+fn by_columns(names: &[String]) -> Option<&'static Kind> {
+    let has_columns = |kind: &&&Kind| kind.columns.is_some_and(|columns| columns.are_in(names));
+    let found = *KINDS.iter().find(has_columns)?;
     let is_cloud = names.first().is_some_and(|name| name == "east_m")
         || names.iter().any(|n| n == "intensity" || n == "scanner");
-    if format == Format::PrismCsv && is_cloud {
-        return Some(Format::CloudCsv);
+    match found.id == positions::POSITION_TABLE.id && is_cloud {
+        true => Some(&cloud_table::CLOUD_TABLE),
+        false => Some(found),
     }
-    Some(format)
 }

@@ -5,8 +5,16 @@ use std::path::Path;
 
 use super::binary::Number;
 use super::file::{first_bytes, guarded, open};
+use super::kind::Kind;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+
+pub(crate) const E57: Kind = Kind {
+    signature: Some(|start| start.bytes.starts_with(b"ASTM-E57")),
+    extensions: &["e57"],
+    cloud: Some(read),
+    ..Kind::new("e57", "cloud (E57)")
+};
 use crate::geometry::{Rotation, Vec3, WorldFromScanner};
 
 fn problem(path: &Path, error: impl std::fmt::Display) -> Error {

@@ -5,17 +5,12 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::file::{self, first_bytes, guarded};
+use super::file::{self, guarded};
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
 /// More points than any chunk of a compressed file contains; real files have 50,000.
 const LARGEST_CHUNK: u64 = 100_000_000;
-
-/// Whether the file starts like LAS or LAZ. Leaves the file at its start.
-pub(crate) fn is_las(path: &Path, file: &mut File) -> Result<bool> {
-    Ok(first_bytes(path, file)?.starts_with(b"LASF"))
-}
 
 /// A decoded point with its optional values.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use super::kind::Kind;
 use super::lines::Lines;
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
@@ -11,6 +12,11 @@ use crate::output::write_whole;
 
 const KEYS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 const ROOT: &str = "SystemCalibration";
+
+pub(crate) const MOUNTING: Kind = Kind {
+    signature: Some(|start| start.contains(b"<SystemCalibration")),
+    ..Kind::new("bonn-mounting", "mounting (Bonn XML)")
+};
 
 /// Reads body_from_scanner; the values may be elements or attributes.
 ///

@@ -5,6 +5,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::file::nothing_in;
+use super::kind::Kind;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -27,12 +28,23 @@ pub(crate) const HEADING: Columns = Columns {
     optional: &["sigma_deg", "pitch_deg", "sigma_pitch_deg"],
 };
 
+pub(crate) const IMU_TABLE: Kind = Kind {
+    columns: Some(IMU),
+    imu: Some(read_imu),
+    ..Kind::new("imu-csv", "IMU log (table)")
+};
+pub(crate) const HEADING_TABLE: Kind = Kind {
+    columns: Some(HEADING),
+    heading: Some(read_heading),
+    ..Kind::new("heading-csv", "heading log (table)")
+};
+
 /// Reads an IMU log, `time_s, gyro_x_rad_s, …, accel_x_m_s2, …`. Rows are returned in the order of
 /// the file.
 ///
 /// # Errors
 /// Missing columns, cells that are not finite numbers, no rows.
-pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
+pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     read_rows::<7, _>(path, &IMU, "IMU sample", |row, _| {
         Ok(ImuSample {
             time_s: row[0],
@@ -48,7 +60,7 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// As [`read_imu`]; also a standard deviation that is not positive, or that of a missing pitch.
-pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
+pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     read_rows::<5, _>(path, &HEADING, "heading", |row, table| {
         let radians = |value: f64| (!value.is_nan()).then(|| value.to_radians());
         let pitch_rad = radians(row[3]);
@@ -171,7 +183,7 @@ pub(crate) fn write_rows<const N: usize, T>(
     sheet.finish()
 }
 
-/// Writes an IMU log that [`read_imu`] reads back bit by bit.
+/// Writes an IMU log that [`read_imu`](super::read_imu) reads back bit by bit.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -182,7 +194,7 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
     })
 }
 
-/// Writes a heading log in degrees, which [`read_heading`] reads back to a relative 1e-15; with
+/// Writes a heading log in degrees, which [`read_heading`](super::read_heading) reads back to a relative 1e-15; with
 /// columns for standard deviations and pitch if any fix has them.
 ///
 /// # Errors

@@ -3,9 +3,17 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Number};
+use super::kind::Kind;
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::geometry::Vec3;
+
+pub(crate) const NPY: Kind = Kind {
+    signature: Some(|start| start.bytes.starts_with(b"\x93NUMPY")),
+    extensions: &["npy"],
+    cloud: Some(read),
+    ..Kind::new("npy", "cloud (NumPy)")
+};
 
 pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     let mut bytes = Bytes::open(path)?;

@@ -3,7 +3,15 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Fields, Number};
+use super::kind::Kind;
 use crate::cloud::PointCloud;
+
+pub(crate) const PCD: Kind = Kind {
+    signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
+    extensions: &["pcd"],
+    cloud: Some(read),
+    ..Kind::new("pcd", "cloud (PCD)")
+};
 use crate::error::Result;
 
 #[derive(Clone, Copy, PartialEq, Eq)]

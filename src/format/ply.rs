@@ -3,7 +3,17 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Fields, Number};
+use super::kind::Kind;
 use crate::cloud::PointCloud;
+
+pub(crate) const PLY: Kind = Kind {
+    signature: Some(|start| {
+        start.bytes.starts_with(b"ply\n") || start.bytes.starts_with(b"ply\r\n")
+    }),
+    extensions: &["ply"],
+    cloud: Some(read),
+    ..Kind::new("ply", "cloud (PLY)")
+};
 use crate::error::Result;
 
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::file::nothing_in;
+use super::kind::Kind;
 use super::lines::Lines;
 use super::native::{read_rows, write_rows};
 use super::table::{Columns, Table};
@@ -31,6 +32,19 @@ pub(crate) const TRAJECTORY: Columns = Columns {
         "sigma_rotation_north_rad",
         "sigma_rotation_up_rad",
     ],
+};
+
+pub(crate) const POSE_TABLE: Kind = Kind {
+    columns: Some(TRAJECTORY),
+    poses: Some(read_native),
+    ..Kind::new("trajectory-csv", "trajectory (table)")
+};
+
+pub(crate) const TUM: Kind = Kind {
+    numbers: &[8],
+    extensions: &["tum"],
+    poses: Some(read_tum),
+    ..Kind::new("tum", "trajectory (TUM)")
 };
 
 /// Tolerance of the length of a quaternion: four decimals stay within it.

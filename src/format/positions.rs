@@ -4,13 +4,15 @@
 use std::path::Path;
 
 use super::file::nothing_in;
+use super::kind::Kind;
 use super::lines::header_names;
 use super::native::{TableWriter, sigma};
 use super::table::{Columns, Table};
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Mat3, Vec3};
 use crate::sensor::{
-    Observations, PolarObservation, PositionFix, RejectedRow, TotalStation, VerticalAngle,
+    Observations, PolarObservation, PositionFix, Positions, RejectedRow, TotalStation,
+    VerticalAngle,
 };
 
 pub(crate) const POSITIONS: Columns = Columns {
@@ -58,14 +60,30 @@ pub(crate) const TPS: Columns = Columns {
     optional: &[],
 };
 
-/// The content of a position log.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Positions {
-    /// In the order of the file.
-    pub fixes: Vec<PositionFix>,
-    /// Rows without a measurement: the instrument did not see the prism.
-    pub rejected: Vec<RejectedRow>,
-}
+pub(crate) const POSITION_TABLE: Kind = Kind {
+    columns: Some(POSITIONS),
+    positions: Some(read_positions),
+    cloud: Some(super::cloud_table::read_table),
+    ..Kind::new("prism-csv", "position log (table)")
+};
+
+pub(crate) const POLAR_TABLE: Kind = Kind {
+    columns: Some(POLAR),
+    positions: Some(read_positions),
+    note: "polar observations: the project must give station_m and station_orientation_deg",
+    ..Kind::new("polar-csv", "total station log (table, polar)")
+};
+
+pub(crate) const TPS_TABLE: Kind = Kind {
+    columns: Some(TPS),
+    positions: Some(read_positions),
+    note: "coordinates and polar observations: choose in the project with observations = \"cartesian\" or \
+           \"polar\"; vertical angles count from the horizon (vertical_angle = \"elevation\")",
+    ..Kind::new(
+        "tps-csv",
+        "total station log (Leica, coordinates and polar)",
+    )
+};
 
 /// Reads a position log in one of its forms, rows in the order of the file:
 ///
@@ -82,7 +100,7 @@ pub struct Positions {
 /// Missing columns, cells that are not finite numbers, standard deviations or covariances that are
 /// not positive, geographic coordinates, vertical angles outside the instrument's convention, polar
 /// observations without an instrument, no rows, no row with a range.
-pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
+pub(crate) fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     let found = read_new_positions(path, observations)?;
     if found.fixes.is_empty() {
         let rejected = found.rejected.len();
@@ -286,7 +304,7 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     })
 }
 
-/// Writes a log of coordinates that [`read_positions`] reads back exactly: with `sigma_m` if that
+/// Writes a log of coordinates that [`read_positions`](super::read_positions) reads back exactly: with `sigma_m` if that
 /// describes all covariances, else with three standard deviations or six covariances.
 ///
 /// # Errors

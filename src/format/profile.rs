@@ -2,13 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::bonn::BonnReader;
-use super::file::{CHUNK_POINTS, extension, first_bytes, nothing_in, open};
-use super::las_scan::{LasScan, PosedScan};
+use super::file::{CHUNK_POINTS, nothing_in};
+use super::kind::Kind;
 use super::native::TableWriter;
 use super::profile_reader::ProfileReader;
 use super::table::{Columns, Table};
-use super::{bonn, las};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
@@ -18,26 +16,14 @@ pub(crate) const PROFILES: Columns = Columns {
     optional: &["y_m", "intensity"],
 };
 
-/// Opens a recording: Bonn `.bin`, the native table `time_s, x_m, z_m`, LAS or LAZ with points in
-/// the scanner frame and times, or LAS and LAZ with the sensor's pose for every point, from which
-/// the points are transformed back into the scanner frame (these are sorted by time in memory).
-///
-/// # Errors
-/// A file that is missing, empty, or of none of these formats.
-pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
-    let (mut file, _) = open(path)?;
-    if las::is_las(path, &mut file)? {
-        let file = las::LasFile::open(path)?;
-        return if las::PoseColumns::of(&file).is_some() {
-            Ok(Box::new(PosedScan::read(file)?))
-        } else {
-            Ok(Box::new(LasScan::new(&file)?))
-        };
-    }
-    let start = first_bytes(path, &mut file)?;
-    if extension(path) == "bin" || bonn::looks_like(&start) {
-        return Ok(Box::new(BonnReader::open(path)?));
-    }
+pub(crate) const PROFILE_TABLE: Kind = Kind {
+    columns: Some(PROFILES),
+    profiles: Some(open_table),
+    ..Kind::new("profile-csv", "profiles (table)")
+};
+
+/// Opens `time_s, x_m, z_m`.
+pub(crate) fn open_table(path: &Path) -> Result<Box<dyn ProfileReader>> {
     Ok(Box::new(TableProfiles {
         table: Table::open(path, &PROFILES)?,
         path: path.to_owned(),
@@ -87,7 +73,7 @@ impl ProfileReader for TableProfiles {
     }
 }
 
-/// Writes profiles as a native table that [`open_profiles`] reads back exactly, with `y_m` if any
+/// Writes profiles as a native table that [`open_profiles`](super::open_profiles) reads back exactly, with `y_m` if any
 /// point is outside the profile plane.
 ///
 /// # Errors

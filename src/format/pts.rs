@@ -2,10 +2,23 @@
 
 use std::path::Path;
 
+use super::kind::Kind;
 use super::lines::Lines;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::geometry::{Vec3, is_finite};
+
+pub(crate) const PTS: Kind = Kind {
+    extensions: &["pts"],
+    cloud: Some(read_pts),
+    ..Kind::new("pts", "cloud (PTS)")
+};
+
+pub(crate) const PTX: Kind = Kind {
+    extensions: &["ptx"],
+    cloud: Some(read_ptx),
+    ..Kind::new("ptx", "cloud (PTX)")
+};
 
 /// Reads a line of at least `n` numbers; false at the end of the file.
 fn row(lines: &mut Lines, n: usize, cells: &mut Vec<f64>) -> Result<bool> {

@@ -6,7 +6,9 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Number};
-use crate::error::Result;
+use super::kind::Kind;
+use crate::error::{Error, Result};
+use crate::sensor::PoseRecord;
 
 /// Bytes of a record.
 pub(crate) const RECORD: usize = 136;
@@ -31,6 +33,27 @@ pub(crate) const COLUMNS: [&str; 17] = [
     "gyro_y_rad_s",
     "gyro_z_rad_s",
 ];
+
+pub(crate) const SBET: Kind = Kind {
+    signature: Some(|start| looks_like(start.bytes, start.size)),
+    extensions: &["sbet"],
+    poses: Some(refuse),
+    note: "geographic positions and a wander azimuth: export projected coordinates to use it",
+    ..Kind::new("sbet", "trajectory (SBET, geographic)")
+};
+
+/// Says what to do instead; damage is reported first.
+fn refuse(path: &Path) -> Result<Vec<PoseRecord>> {
+    for_each(path, |_| ())?;
+    Err(Error::data(
+        format!(
+            "{}: SBET contains latitude, longitude and a wander azimuth, not a local frame",
+            path.display()
+        ),
+        "export the trajectory in projected coordinates as time_s, east_m, north_m, up_m, qx, qy, qz, qw, \
+         with the grid convergence in its attitude",
+    ))
+}
 
 fn record(bytes: &[u8]) -> [f64; 17] {
     std::array::from_fn(|i| Number::F64.read(&bytes[8 * i..], false))

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::format;
 use crate::progress::Progress;
 use crate::project::{LogFile, Logs, PositionLog, Project};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, RejectedRow};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, RejectedRow};
 use crate::trajectory::MotionLogs;
 use crate::trajectory::TrajectorySettings;
 
@@ -44,7 +44,7 @@ impl DriveLogs {
                 time_offset_s,
                 observations,
             } = log;
-            let format::Positions {
+            let Positions {
                 mut fixes,
                 rejected: rows,
             } = format::read_positions(path, observations)?;

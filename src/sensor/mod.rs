@@ -99,6 +99,15 @@ impl std::fmt::Display for RejectedRow {
     }
 }
 
+/// The content of a position log.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Positions {
+    /// In the order of the file.
+    pub fixes: Vec<PositionFix>,
+    /// Rows without a measurement: the instrument did not see the prism.
+    pub rejected: Vec<RejectedRow>,
+}
+
 /// One laser point in the frame of its scanner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScanPoint {

@@ -35,7 +35,7 @@ impl CloudSource {
     /// As [`format::las_count`] and [`format::read_cloud`].
     pub fn open(path: &Path, progress: &dyn Progress) -> Result<Self> {
         // For a file of unknown format, the reader gives the better error.
-        if let Ok(Format::Las | Format::Laz) = format::detect(path) {
+        if format::detect(path).is_ok_and(Format::is_las) {
             return Ok(Self::Las {
                 path: path.to_owned(),
                 points: format::las_count(path)?,

@@ -307,7 +307,7 @@ fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
     );
 
     let found = inspect(&path).unwrap();
-    assert_eq!((found.format, found.count), (Format::TpsCsv, 1522));
+    assert_eq!((found.format.id(), found.count), ("tps-csv", 1522));
     let text = found.to_string();
     for expected in [
         "9 rows without a range",

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::format::detect::Format;
+use crate::format::kind::Format;
 
 /// An interval of time that is much longer than the others.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

@@ -5,14 +5,13 @@ mod inspection;
 
 use std::path::Path;
 
-use super::cloud::read_cloud;
-use super::detect::{Format, TABLES, detect};
+use super::detect::detect;
 use super::las::{LasFile, PoseColumns, extra_names};
 use super::mounting::read_mounting;
-use super::profile::open_profiles;
+use super::native::IMU;
+use super::read::{open_profiles, read_cloud, read_heading, read_imu, read_trajectory};
 use super::sbet;
 use super::table::{Columns, Table};
-use super::trajectory::read_trajectory;
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
@@ -42,22 +41,25 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
         columns: Vec::new(),
         notes: Vec::new(),
     };
-    if let Some((_, columns)) = TABLES.iter().find(|(table, _)| *table == format) {
-        inspect_table(path, columns, &mut report)?;
-        return Ok(report);
+    let kind = format.0;
+    if !kind.note.is_empty() {
+        report.notes.push(kind.note.to_owned());
     }
-    match format {
-        Format::BonnProfiles => inspect_profiles(path, &mut report)?,
-        Format::BonnTrajectory | Format::Tum => inspect_poses(path, &mut report)?,
-        Format::Sbet => inspect_sbet(path, &mut report)?,
-        Format::Las | Format::Laz => inspect_las(path, &mut report)?,
-        Format::BonnMounting => inspect_mounting(path, &mut report)?,
-        Format::Project => {
+    match (kind.id, &kind.columns) {
+        (_, Some(columns)) => inspect_table(path, columns, &mut report)?,
+        ("las" | "laz", _) => inspect_las(path, &mut report)?,
+        ("sbet", _) => inspect_sbet(path, &mut report)?,
+        ("bonn-mounting", _) => inspect_mounting(path, &mut report)?,
+        ("project", _) => {
             return Err(Error::data(
                 format!("{} is a project, not data", path.display()),
                 "inspect the files that it names, or inspect it as a project",
             ));
         }
+        _ if kind.profiles.is_some() => inspect_profiles(path, &mut report)?,
+        _ if kind.poses.is_some() => inspect_poses(path, &mut report)?,
+        _ if kind.imu.is_some() => inspect_imu(path, &mut report)?,
+        _ if kind.heading.is_some() => inspect_heading(path, &mut report)?,
         _ => inspect_cloud(path, &mut report)?,
     }
     Ok(report)
@@ -92,19 +94,6 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
              values above"
         ));
     }
-    match report.format {
-        Format::TpsCsv => report.notes.push(
-            "coordinates and polar observations: choose in the project with observations = \
-             \"cartesian\" or \"polar\"; vertical angles count from the horizon (vertical_angle = \
-             \"elevation\")"
-                .to_owned(),
-        ),
-        Format::PolarCsv => report.notes.push(
-            "polar observations: the project must give station_m and station_orientation_deg"
-                .to_owned(),
-        ),
-        _ => {}
-    }
     report.columns = table.names().to_vec();
     let repeated = seen.clock.repeated;
     seen.report(report);
@@ -112,10 +101,8 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
     }
     // Of profiles and clouds many points share a time, of logs no two records should.
-    let is_log = matches!(
-        report.format,
-        Format::ImuCsv | Format::PrismCsv | Format::PolarCsv | Format::TpsCsv | Format::HeadingCsv
-    );
+    let kind = report.format.0;
+    let is_log = kind.imu.is_some() || kind.positions.is_some() || kind.heading.is_some();
     if is_log && repeated > 0 {
         report.notes.push(format!(
             "{repeated} rows repeat the time of the previous row: they are dropped and reported when \
@@ -149,16 +136,32 @@ fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
     Ok(())
 }
 
+fn inspect_imu(path: &Path, report: &mut Inspection) -> Result<()> {
+    let mut seen = Gather::of(&IMU.needed[1..]);
+    for sample in read_imu(path)? {
+        let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
+        seen.see(sample.time_s, gyro.iter().chain(accel.iter()).copied());
+    }
+    seen.report(report);
+    Ok(())
+}
+
+fn inspect_heading(path: &Path, report: &mut Inspection) -> Result<()> {
+    let mut seen = Gather::of(&["heading_deg", "pitch_deg"]);
+    for fix in read_heading(path)? {
+        let pitch_deg = fix.pitch_rad.map_or(f64::NAN, f64::to_degrees);
+        seen.see(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
+    }
+    seen.report(report);
+    Ok(())
+}
+
 fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut seen = Gather::of(&sbet::COLUMNS[1..]);
     sbet::for_each(path, |row| {
         seen.see(row[0], row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
-    report.notes.push(
-        "geographic positions and a wander azimuth: export projected coordinates to use it"
-            .to_owned(),
-    );
     seen.report(report);
     Ok(())
 }

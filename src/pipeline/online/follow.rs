@@ -14,6 +14,7 @@ use crate::format;
 use crate::pipeline::job::Job;
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
+use crate::sensor::Positions;
 
 /// Interval between checks for new rows.
 const POLL: Duration = Duration::from_millis(20);
@@ -54,7 +55,7 @@ pub(super) fn follow(
             for (sensor, (log, tail)) in logs.positions.iter().zip(&mut positions).enumerate() {
                 if tail.read_new_rows(&scratch)? {
                     let read = format::read_new_positions(&scratch, &log.observations);
-                    let format::Positions { fixes, rejected } = tail.locate(read)?;
+                    let Positions { fixes, rejected } = tail.locate(read)?;
                     for mut row in rejected {
                         row.source = log.path.display().to_string();
                         row.line = tail.line(row.line);

@@ -1,0 +1,118 @@
+//! What a file format is: how a file of it is told, and what is read from it.
+
+use std::fmt;
+use std::path::Path;
+
+use super::profile_reader::ProfileReader;
+use super::table::Columns;
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::sensor::{HeadingFix, ImuSample, Observations, PoseRecord, Positions};
+
+/// The beginning of a file.
+pub(crate) struct Start<'a> {
+    /// Up to 4096 bytes.
+    pub(crate) bytes: &'a [u8],
+    /// Of the whole file.
+    pub(crate) size: u64,
+}
+
+impl Start<'_> {
+    pub(crate) fn contains(&self, what: &[u8]) -> bool {
+        self.bytes.windows(what.len()).any(|w| w == what)
+    }
+}
+
+/// A reader of a file.
+pub(crate) type Reader<T> = fn(&Path) -> Result<T>;
+
+/// A file format. Each has its constant in the file of its reader, and a line in the table of
+/// [`kinds`](super::kinds).
+pub(crate) struct Kind {
+    /// As in JSON.
+    pub(crate) id: &'static str,
+    /// In words.
+    pub(crate) name: &'static str,
+    /// Whether a file that begins so is one.
+    pub(crate) signature: Option<fn(&Start<'_>) -> bool>,
+    /// The header of a table; the first needed column is the time where it has one.
+    pub(crate) columns: Option<Columns<'static>>,
+    /// How many numbers a line has where it has only numbers.
+    pub(crate) numbers: &'static [usize],
+    /// Ends of names, where the content does not tell.
+    pub(crate) extensions: &'static [&'static str],
+    pub(crate) imu: Option<Reader<Vec<ImuSample>>>,
+    pub(crate) heading: Option<Reader<Vec<HeadingFix>>>,
+    pub(crate) positions: Option<fn(&Path, &Observations) -> Result<Positions>>,
+    pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
+    pub(crate) cloud: Option<Reader<PointCloud>>,
+    pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
+    /// What a user should know of it.
+    pub(crate) note: &'static str,
+}
+
+impl Kind {
+    /// Of which nothing is known yet.
+    pub(crate) const fn new(id: &'static str, name: &'static str) -> Self {
+        Self {
+            id,
+            name,
+            signature: None,
+            columns: None,
+            numbers: &[],
+            extensions: &[],
+            imu: None,
+            heading: None,
+            positions: None,
+            poses: None,
+            cloud: None,
+            profiles: None,
+            note: "",
+        }
+    }
+}
+
+/// A file format that is told, and in most cases read.
+#[derive(Clone, Copy)]
+pub struct Format(pub(crate) &'static Kind);
+
+impl Format {
+    /// Its name in results, such as `las`, `imu-csv` or `project`.
+    pub fn id(self) -> &'static str {
+        self.0.id
+    }
+
+    /// Whether its points can be read in pieces.
+    pub fn is_las(self) -> bool {
+        matches!(self.id(), "las" | "laz")
+    }
+
+    /// Whether it holds the samples of an IMU.
+    pub fn has_imu(self) -> bool {
+        self.0.imu.is_some()
+    }
+}
+
+impl PartialEq for Format {
+    fn eq(&self, other: &Self) -> bool {
+        self.id() == other.id()
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0.name)
+    }
+}
+
+impl fmt::Debug for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.id())
+    }
+}
+
+impl serde::Serialize for Format {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
+        to.serialize_str(self.id())
+    }
+}

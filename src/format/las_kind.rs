@@ -1,0 +1,52 @@
+//! LAS and LAZ among the formats.
+
+use super::kind::{Kind, Start};
+use super::las::{LasFile, PoseColumns};
+use super::las_points::read_las;
+use super::las_scan::{LasScan, PosedScan, read_poses};
+use super::profile_reader::ProfileReader;
+use crate::error::Result;
+use std::path::Path;
+
+/// The byte with the format of the points, and its bit for compression.
+const POINT_FORMAT: usize = 104;
+const COMPRESSED: u8 = 0x80;
+
+pub(crate) const LAS: Kind = Kind {
+    signature: Some(|start| is_las(start) && !is_compressed(start)),
+    extensions: &["las"],
+    poses: Some(read_poses),
+    cloud: Some(read_las),
+    profiles: Some(open_profiles),
+    ..Kind::new("las", "points (LAS)")
+};
+
+pub(crate) const LAZ: Kind = Kind {
+    signature: Some(|start| is_las(start) && is_compressed(start)),
+    extensions: &["laz"],
+    poses: Some(read_poses),
+    cloud: Some(read_las),
+    profiles: Some(open_profiles),
+    ..Kind::new("laz", "points (LAZ)")
+};
+
+fn is_las(start: &Start<'_>) -> bool {
+    start.bytes.starts_with(b"LASF")
+}
+
+fn is_compressed(start: &Start<'_>) -> bool {
+    start
+        .bytes
+        .get(POINT_FORMAT)
+        .is_some_and(|b| b & COMPRESSED != 0)
+}
+
+/// Points in the scanner frame with times, or with the sensor's pose for every point, from which they are
+/// transformed back into the scanner frame (these are sorted by time in memory).
+fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
+    let file = LasFile::open(path)?;
+    Ok(match PoseColumns::of(&file) {
+        Some(_) => Box::new(PosedScan::read(file)?),
+        None => Box::new(LasScan::new(&file)?),
+    })
+}
