@@ -27,6 +27,17 @@ impl fmt::Display for Location {
     }
 }
 
+/// What a message quotes of a file is no longer than this, characters.
+const LONGEST_QUOTE: usize = 1000;
+
+/// The beginning of a text that is too long to print.
+fn shortened(text: String) -> String {
+    match text.char_indices().nth(LONGEST_QUOTE) {
+        None => text,
+        Some((end, _)) => format!("{}… ({} bytes more)", &text[..end], text.len() - end),
+    }
+}
+
 /// Why readable data cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -104,8 +115,8 @@ impl Error {
         Self::Format {
             path: path.as_ref().to_owned(),
             at,
-            found: found.into(),
-            expected: expected.into(),
+            found: shortened(found.into()),
+            expected: shortened(expected.into()),
         }
     }
 

@@ -9,6 +9,7 @@ mod describe;
 mod features;
 mod georeference;
 mod inspect;
+mod interrupt;
 mod print;
 mod simulate;
 mod terminal;
@@ -30,7 +31,7 @@ use terminal::Terminal;
 /// Calibrates laser profile scanners on a moving platform and validates the result.
 ///
 /// `boresight demo` runs everything on simulated drives; `boresight run project.toml` runs it
-/// on yours. Exit codes: 0 done, 1 failed, 2 wrong use, 3 not usable (with --strict).
+/// on yours. Exit codes: 0 done, 1 failed, 2 wrong use, 3 not usable (with --strict), 130 stopped by Ctrl-C.
 #[derive(Debug, Parser)]
 #[command(name = "boresight", version, max_term_width = 100)]
 struct CommandLine {
@@ -89,6 +90,7 @@ pub fn main() -> ExitCode {
         }
     };
     let (json, strict) = (line.global.json, line.global.strict);
+    interrupt::listen();
     let printed = execute(line).and_then(|(outcome, complete)| {
         print_outcome(&outcome, json)?;
         let verdicts = outcome.verdicts.unwrap_or_default();
@@ -98,9 +100,18 @@ pub fn main() -> ExitCode {
         Ok((false, _)) => ExitCode::from(1),
         Ok((true, Headline::Unusable)) if strict => ExitCode::from(3),
         Ok((true, _)) => ExitCode::SUCCESS,
+        // The reader of what is printed while running has closed the pipe: it has seen enough.
+        Err(Error::Io { path, source })
+            if path.as_os_str() == "stdout" && source.kind() == std::io::ErrorKind::BrokenPipe =>
+        {
+            ExitCode::SUCCESS
+        }
         Err(error) => {
             print_error(&error, json);
-            ExitCode::from(1)
+            match error {
+                Error::Cancelled => ExitCode::from(interrupt::EXIT_CODE),
+                _ => ExitCode::from(1),
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::context::Context;
-use crate::error::Result;
+use crate::error::{Error, Location, Result};
 use crate::pipeline::{self, Outcome};
 
 /// Write simulated drives as sensor files, together with the truth
@@ -15,10 +15,22 @@ pub(super) struct Simulate {
     /// Folder for the drives
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Replace the drives that are in the folder
+    #[arg(long)]
+    force: bool,
 }
 
 impl Simulate {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let written = self.out.join("scenario.toml");
+        if written.exists() && !self.force {
+            return Err(Error::format(
+                &self.out,
+                Location::Whole,
+                "simulated drives",
+                "an unused name, or --force to replace them",
+            ));
+        }
         let scenario = PathBuf::from(&self.scenario);
         context.logged(&self.out, &[scenario], |options| {
             pipeline::simulate(&self.scenario, options, &context.terminal)

@@ -129,6 +129,10 @@ fn duration(duration: Duration) -> String {
 }
 
 impl Progress for Terminal {
+    fn is_cancelled(&self) -> bool {
+        super::interrupt::is_asked()
+    }
+
     fn begin(&self, stage: &str, total: u64) {
         let mut state = self.state();
         // An outer bar is hidden while an inner one runs.

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::file;
 use crate::cloud::PointCloud;
@@ -99,18 +99,18 @@ impl Fields {
 }
 
 /// The bytes of a file, read piece by piece.
-pub(crate) struct Bytes<'a> {
-    pub(crate) path: &'a Path,
+pub(crate) struct Bytes {
+    pub(crate) path: PathBuf,
     pub(crate) reader: BufReader<File>,
     pub(crate) at: u64,
     pub(crate) total: u64,
 }
 
-impl<'a> Bytes<'a> {
-    pub(crate) fn open(path: &'a Path) -> Result<Self> {
+impl Bytes {
+    pub(crate) fn open(path: &Path) -> Result<Self> {
         let (file, total) = file::open(path)?;
         Ok(Self {
-            path,
+            path: path.to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
             at: 0,
             total,
@@ -120,7 +120,7 @@ impl<'a> Bytes<'a> {
     /// A format error at the current position.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
         let at = Location::Byte(self.at);
-        Error::format(self.path, at, found, expected)
+        Error::format(&self.path, at, found, expected)
     }
 
     /// Checks that `n` more bytes exist before memory is allocated for them.
@@ -140,7 +140,7 @@ impl<'a> Bytes<'a> {
         self.check(into.len() as u64, what)?;
         self.reader
             .read_exact(into)
-            .map_err(|e| Error::io(self.path, e))?;
+            .map_err(|e| Error::io(&self.path, e))?;
         self.at += into.len() as u64;
         Ok(())
     }
@@ -152,7 +152,7 @@ impl<'a> Bytes<'a> {
         let read = (&mut self.reader)
             .take(1 << 16)
             .read_until(b'\n', &mut line)
-            .map_err(|e| Error::io(self.path, e))?;
+            .map_err(|e| Error::io(&self.path, e))?;
         if read == 0 {
             return Err(self.error("the end of the file", "a line of text"));
         }

@@ -8,7 +8,7 @@ use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::lines::{Lines, Separator, numbers};
 use super::{cloud_table, positions, pts};
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 
 /// Detects the format of a file.
 ///
@@ -72,10 +72,19 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
             (3.., 1) => return Ok(&pts::PTS),
             (3.., _) if extension(path) == "xyz" => return Ok(&cloud_table::XYZ),
             (3.., _) => {
-                let fitting = KINDS
-                    .iter()
-                    .find(|kind| kind.numbers.contains(&cells.len()));
-                return Ok(fitting.copied().unwrap_or(&cloud_table::XYZ));
+                let fits = |kind: &&&Kind| kind.numbers.is_some_and(|fit| fit(&cells));
+                if let Some(kind) = KINDS.iter().find(fits) {
+                    return Ok(kind);
+                }
+                if is_matrix(&mut lines, cells)? {
+                    return Err(Error::format(
+                        path,
+                        Location::Whole,
+                        "a 4 by 4 matrix",
+                        KNOWN,
+                    ));
+                }
+                return Ok(&cloud_table::XYZ);
             }
             (n, _) => {
                 return Err(lines.error(
@@ -88,13 +97,35 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
     Err(nothing_in(path, "line of data"))
 }
 
+/// Whether four lines of four numbers, the last 0 0 0 1, are all that there is: a transformation, which could
+/// be read as four points.
+fn is_matrix(lines: &mut Lines, mut cells: Vec<f64>) -> Result<bool> {
+    let mut rows = 1;
+    while rows <= 4 && cells.len() == 4 {
+        let is_last = cells == [0.0, 0.0, 0.0, 1.0];
+        loop {
+            if !lines.advance()? {
+                return Ok(rows == 4 && is_last);
+            }
+            if !lines.text().is_empty() {
+                break;
+            }
+        }
+        if !numbers(lines.text(), &mut cells) {
+            return Ok(false);
+        }
+        rows += 1;
+    }
+    Ok(false)
+}
+
+/// What a text may be.
+const KNOWN: &str = "the columns of an IMU, prism or heading log, of profiles, a trajectory or a cloud, or one \
+                     of the binary formats";
+
 fn unknown(lines: &Lines, names: &[String]) -> Error {
     let found: String = names.join(", ").chars().take(200).collect();
-    lines.error(
-        format!("`{found}`"),
-        "the columns of an IMU, prism or heading log, of profiles, a trajectory or a cloud, or \
-         one of the binary formats",
-    )
+    lines.error(format!("`{found}`"), KNOWN)
 }
 
 /// The table with these columns. A prism log and a cloud with times can have the same columns, but

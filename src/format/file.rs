@@ -2,21 +2,55 @@
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::error::{Error, Location, Result};
 
 /// Approximate number of points that readers return at a time.
 pub(crate) const CHUNK_POINTS: usize = 200_000;
 
+/// A file, or a part of one that is named behind it: `drive.mcap#/left/points` is a topic of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Part {
+    pub(crate) file: PathBuf,
+    pub(crate) name: Option<String>,
+}
+
+impl Part {
+    /// A `#` in the name of a file that exists is a part of its name.
+    pub(crate) fn of(path: &Path) -> Self {
+        let text = path.to_string_lossy();
+        let split = match path.exists() {
+            true => None,
+            false => text.split_once('#'),
+        };
+        let file = split.map_or(path, |(file, _)| Path::new(file)).to_owned();
+        let name = split.map(|(_, name)| name.to_owned());
+        Self { file, name }
+    }
+}
+
+/// The file of a path that may name a part of it, such as a topic of a recording.
+pub fn file_of(path: &Path) -> PathBuf {
+    Part::of(path).file
+}
+
 /// Opens a file that must not be empty; also returns its size in bytes.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
-    if metadata.is_dir() {
-        return Err(Error::format(path, Location::Whole, "a folder", "a file"));
+    let path = &file_of(path);
+    // Opening a pipe waits until somebody writes to it.
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    if !metadata.is_file() {
+        let found = match metadata.is_dir() {
+            true => "a folder",
+            false => "a pipe or a device",
+        };
+        return Err(Error::format(path, Location::Whole, found, "a file"));
     }
-    if metadata.is_file() && metadata.len() == 0 {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    if metadata.len() == 0 {
         return Err(Error::format(
             path,
             Location::Whole,
@@ -54,13 +88,37 @@ pub(crate) fn extension(path: &Path) -> String {
         .unwrap_or_default()
 }
 
+/// Decoders in use.
+static GUARDED: AtomicUsize = AtomicUsize::new(0);
+
+/// Keeps the text of panics of decoders off the terminal, on whatever thread they happen: they become errors.
+/// Those of this program are printed as ever.
+fn silence_decoders() {
+    static ONCE: Once = Once::new();
+    const DECODERS: [&str; 3] = ["/las-", "/laz-", "/e57-"];
+    ONCE.call_once(|| {
+        let print = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            let place = panic.location().map_or("", |place| place.file());
+            let is_decoder = DECODERS.iter().any(|name| place.contains(name));
+            if !is_decoder || GUARDED.load(Ordering::SeqCst) == 0 {
+                print(panic);
+            }
+        }));
+    });
+}
+
 /// Runs a third-party decoder on a file that may be damaged: a panic becomes an error of the file.
 pub(crate) fn guarded<T>(
     path: &Path,
     format: &str,
     decode: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode)).unwrap_or_else(|_| {
+    silence_decoders();
+    GUARDED.fetch_add(1, Ordering::SeqCst);
+    let decoded = std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode));
+    GUARDED.fetch_sub(1, Ordering::SeqCst);
+    decoded.unwrap_or_else(|_| {
         Err(Error::format(
             path,
             Location::Whole,

@@ -7,7 +7,7 @@ use super::profile_reader::ProfileReader;
 use super::table::Columns;
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::sensor::{HeadingFix, ImuSample, Observations, PoseRecord, Positions};
+use crate::sensor::{GeographicFix, HeadingFix, ImuSample, Observations, PoseRecord, Positions};
 
 /// The beginning of a file.
 pub(crate) struct Start<'a> {
@@ -37,16 +37,19 @@ pub(crate) struct Kind {
     pub(crate) signature: Option<fn(&Start<'_>) -> bool>,
     /// The header of a table; the first needed column is the time where it has one.
     pub(crate) columns: Option<Columns<'static>>,
-    /// How many numbers a line has where it has only numbers.
-    pub(crate) numbers: &'static [usize],
+    /// Whether its lines, which have only numbers, begin with these.
+    pub(crate) numbers: Option<fn(&[f64]) -> bool>,
     /// Ends of names, where the content does not tell.
     pub(crate) extensions: &'static [&'static str],
     pub(crate) imu: Option<Reader<Vec<ImuSample>>>,
     pub(crate) heading: Option<Reader<Vec<HeadingFix>>>,
     pub(crate) positions: Option<fn(&Path, &Observations) -> Result<Positions>>,
+    pub(crate) geographic: Option<Reader<Vec<GeographicFix>>>,
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
     pub(crate) cloud: Option<Reader<PointCloud>>,
     pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
+    /// What else a file holds, in a line.
+    pub(crate) contents: Option<Reader<String>>,
     /// What a user should know of it.
     pub(crate) note: &'static str,
 }
@@ -59,14 +62,16 @@ impl Kind {
             name,
             signature: None,
             columns: None,
-            numbers: &[],
+            numbers: None,
             extensions: &[],
             imu: None,
             heading: None,
             positions: None,
+            geographic: None,
             poses: None,
             cloud: None,
             profiles: None,
+            contents: None,
             note: "",
         }
     }

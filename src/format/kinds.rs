@@ -2,13 +2,14 @@
 
 use super::kind::Kind;
 use super::{
-    bonn, bonn_trajectory, cloud_table, e57, las_kind, mounting, native, npy, pcd, ply, pose_table,
-    positions, profile, project_file, pts, sbet,
+    bonn, bonn_processed, bonn_rts, bonn_trajectory, cloud_table, e57, euroc, gsi, kitti, las_kind,
+    mounting, native, nmea, npy, pcd, ply, pose_table, positions, profile, project_file, pts, ros,
+    sbet, sbg, sbg_text,
 };
 
 /// Each is tried in this order: those with signatures that others do not have first, and tables with more
 /// columns before those with fewer.
-pub(crate) const KINDS: [&Kind; 23] = [
+pub(crate) const KINDS: [&Kind; 35] = [
     &las_kind::LAS,
     &las_kind::LAZ,
     &ply::PLY,
@@ -16,16 +17,28 @@ pub(crate) const KINDS: [&Kind; 23] = [
     &npy::NPY,
     &pcd::PCD,
     &mounting::MOUNTING,
+    &euroc::IMU_LOG,
+    &euroc::POSES,
+    &euroc::POSITIONS,
+    &nmea::LOG,
+    &gsi::MEASUREMENTS,
+    &kitti::OXTS_TIMES,
+    &sbg_text::EXPORT,
+    &ros::BAG,
+    &sbg::LOG,
     &bonn::RECORDING,
+    &bonn_processed::RECORDING,
     &sbet::SBET,
     &pts::PTS,
     &pts::PTX,
     &bonn_trajectory::TRJ,
+    &kitti::POSES,
     &pose_table::TUM,
     &project_file::PROJECT,
     &pose_table::POSE_TABLE,
     &native::IMU_TABLE,
     &positions::TPS_TABLE,
+    &bonn_rts::RTS,
     &positions::POLAR_TABLE,
     &positions::POSITION_TABLE,
     &cloud_table::CLOUD_TABLE,

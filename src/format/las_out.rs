@@ -140,6 +140,7 @@ fn leak(writer: las::Writer<BufWriter<File>>) {
 fn problem(path: &Path, error: las::Error) -> Error {
     match error {
         las::Error::Io(source) => Error::io(path, source),
+        las::Error::LasZipError(laz::LasZipError::IoError(source)) => Error::io(path, source),
         other => Error::format(
             path,
             Location::Whole,

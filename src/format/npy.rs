@@ -35,7 +35,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     let mut header = vec![0; length];
     bytes.take(&mut header, "the header")?;
     let header = String::from_utf8_lossy(&header).into_owned();
-    let unfit = |bytes: &Bytes<'_>| {
+    let unfit = |bytes: &Bytes| {
         let found: String = header.trim().chars().take(200).collect();
         bytes.error(
             format!("`{found}`"),

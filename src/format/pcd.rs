@@ -6,6 +6,12 @@ use super::binary::{Bytes, Fields, Number};
 use super::kind::Kind;
 use crate::cloud::PointCloud;
 
+/// A compressed file may not take more memory than so many times its size and so many bytes.
+const MOST_EXPANDED: u64 = 4;
+const ALWAYS_BYTES: u64 = 64_000_000;
+/// Of a point in memory: coordinates, time and intensity.
+const POINT_BYTES: u64 = 36;
+
 pub(crate) const PCD: Kind = Kind {
     signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
     extensions: &["pcd"],
@@ -33,7 +39,7 @@ pub(crate) struct Header {
 /// Above the repetition count of any descriptor field.
 const MOST_REPEATS: usize = 4096;
 
-pub(crate) fn read_header(bytes: &mut Bytes<'_>) -> Result<Header> {
+pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
     let (mut names, mut sizes, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
     let mut repeats: Vec<usize> = Vec::new();
     let (mut area, mut points) = ([None::<u64>; 2], None::<u64>);
@@ -187,6 +193,14 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
                 ));
             }
             bytes.check(packed, "compressed points")?;
+            let needed = unpacked.saturating_add(header.count.saturating_mul(POINT_BYTES));
+            if needed > MOST_EXPANDED * bytes.total + ALWAYS_BYTES {
+                return Err(bytes.error(
+                    format!("{packed} bytes that unpack to {unpacked}"),
+                    "points that take at most four times the file and 64 MB: save the cloud as binary, \
+                     not binary_compressed",
+                ));
+            }
             let mut input = vec![0; packed as usize];
             bytes.take(&mut input, "compressed points")?;
             let columns = unpack(&input, unpacked as usize)

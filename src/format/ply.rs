@@ -44,7 +44,7 @@ fn number(name: &str) -> Option<Number> {
     })
 }
 
-pub(crate) fn read_header(bytes: &mut Bytes<'_>) -> Result<Header> {
+pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
     if bytes.line()? != "ply" {
         return Err(bytes.error("a different first line", "`ply`"));
     }

@@ -41,7 +41,7 @@ pub(crate) const POSE_TABLE: Kind = Kind {
 };
 
 pub(crate) const TUM: Kind = Kind {
-    numbers: &[8],
+    numbers: Some(|line| line.len() == 8),
     extensions: &["tum"],
     poses: Some(read_tum),
     ..Kind::new("tum", "trajectory (TUM)")

@@ -206,6 +206,12 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
 
 fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
     let mut nodes = format::read_trajectory(&file.path)?;
+    for other in &file.others {
+        nodes.extend(format::read_trajectory(other)?);
+    }
+    // Stable: of poses at one time, the one of the first file is kept.
+    nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    nodes.dedup_by(|later, kept| later.time_s == kept.time_s);
     for node in &mut nodes {
         node.time_s += file.time_offset_s;
         node.world_from_body.translation_m -= origin_m;

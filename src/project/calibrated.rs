@@ -48,6 +48,7 @@ pub(super) fn with_trajectory(project: &Project, path: &Path) -> Result<Project>
     Ok(Project {
         motion: Motion::Poses(PosesFile {
             path,
+            others: Vec::new(),
             time_offset_s: 0.0,
             sigma_position_m: None,
             sigma_rotation_rad: None,

@@ -110,6 +110,8 @@ pub struct PositionLog {
 pub struct PosesFile {
     /// Absolute.
     pub path: PathBuf,
+    /// Further files with the same poses at other times, as those of each scanner's profiles.
+    pub others: Vec<PathBuf>,
     /// Common time = time in the file + this, seconds.
     pub time_offset_s: f64,
     /// Standard deviation of each coordinate if the file gives none, metres.

@@ -6,6 +6,7 @@ use super::checked::{Motion, OtherDrive, Project};
 use super::resolve;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
+use crate::format::file_of;
 use crate::trajectory::PositionKind;
 
 /// See [`Project::check_files`].
@@ -85,7 +86,10 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
                 files.push((file("heading"), &heading.path));
             }
         }
-        Motion::Poses(poses) => files.push((file("trajectory"), &poses.path)),
+        Motion::Poses(poses) => {
+            let all = std::iter::once(&poses.path).chain(&poses.others);
+            files.extend(all.map(|path| (file("trajectory"), path.as_path())));
+        }
     }
     if let Some(bending) = &project.bending {
         files.push((file("bending"), &bending.log.path));
@@ -116,12 +120,12 @@ fn check_own_files(project: &Project) -> Result<()> {
 /// See [`Project::inputs`].
 pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
     let mut inputs = vec![project.path.clone()];
-    inputs.extend(named(project).into_iter().map(|(_, path)| path.to_owned()));
+    inputs.extend(named(project).into_iter().map(|(_, path)| file_of(path)));
     for other in others(project) {
         inputs.push(other.drive.project.clone());
         // An unreadable file is reported when it is needed.
         if let Ok(drive) = resolve::read(&other.drive.project) {
-            inputs.extend(named(&drive).into_iter().map(|(_, path)| path.to_owned()));
+            inputs.extend(named(&drive).into_iter().map(|(_, path)| file_of(path)));
         }
     }
     inputs
@@ -185,6 +189,7 @@ fn check_distinct(project: &Project) -> Result<()> {
 }
 
 fn check_exists(project: &Project, steps: &[Step<'_>], path: &Path) -> Result<()> {
+    let path = &file_of(path);
     if path.is_file() {
         return Ok(());
     }

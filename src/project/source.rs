@@ -29,6 +29,15 @@ impl Source {
             let expected = "a project file, such as `project.toml` in it";
             return Err(Error::format(path, Location::Whole, "a folder", expected));
         }
+        // Opening a pipe waits until somebody writes to it.
+        if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+            return Err(Error::format(
+                path,
+                Location::Whole,
+                "a pipe or a device",
+                "a file",
+            ));
+        }
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let good = error.utf8_error().valid_up_to();

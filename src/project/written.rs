@@ -209,8 +209,10 @@ pub struct Heading {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trajectory {
-    /// Poses instead of logs, relative to the project file.
-    pub file: Option<PathBuf>,
+    /// Poses instead of logs, relative to the project file; several files are poses of one drive at different
+    /// times, as those of each scanner's profiles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<Files>,
     /// With `file`: common time = time in the file + this.
     pub time_offset_s: Option<f64>,
     /// With `file`: standard deviation of each coordinate if the file gives none.

@@ -46,6 +46,21 @@ impl PositionFix {
     }
 }
 
+/// One position of a GNSS antenna on an ellipsoid, usually WGS 84.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GeographicFix {
+    /// Seconds.
+    pub time_s: f64,
+    /// Positive to the north, radians.
+    pub latitude_rad: f64,
+    /// Positive to the east, radians.
+    pub longitude_rad: f64,
+    /// Above the ellipsoid, metres.
+    pub height_m: f64,
+    /// Standard deviations to the east, to the north and upwards if the file gives them, metres.
+    pub sigma_m: Option<Vec3>,
+}
+
 /// One heading of the antenna baseline, with its pitch if the receiver gives one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeadingFix {
@@ -180,7 +195,14 @@ macro_rules! timed {
         }
     )*};
 }
-timed!(ImuSample, PositionFix, HeadingFix, ScanPoint, PoseRecord);
+timed!(
+    ImuSample,
+    PositionFix,
+    GeographicFix,
+    HeadingFix,
+    ScanPoint,
+    PoseRecord
+);
 
 /// First and last time of a stream in time order, seconds; `None` if it is empty.
 pub fn span_s<T: Timed>(stream: &[T]) -> Option<(f64, f64)> {

@@ -175,7 +175,9 @@ pub(super) fn describe_limits(lines: &mut Lines, limits: &PoseLimits) {
 
 pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile, correlation_s: f64) {
     lines.section("trajectory");
-    lines.file("file", &poses.path);
+    for path in std::iter::once(&poses.path).chain(&poses.others) {
+        lines.file("file", path);
+    }
     lines.offset(poses.time_offset_s);
     let else_unknown = |sigma: Option<String>| {
         sigma.map_or("from the file".to_owned(), |sigma| {

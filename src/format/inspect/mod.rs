@@ -6,15 +6,17 @@ mod inspection;
 use std::path::Path;
 
 use super::detect::detect;
+use super::kind::Kind;
 use super::las::{LasFile, PoseColumns, extra_names};
 use super::mounting::read_mounting;
 use super::native::IMU;
-use super::read::{open_profiles, read_cloud, read_heading, read_imu, read_trajectory};
+use super::read::{open_profiles, read_cloud, read_trajectory};
 use super::sbet;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in, open};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
+use crate::sensor::Observations;
 use gather::Gather;
 pub use inspection::{Bounds, Gap, Inspection};
 
@@ -56,11 +58,11 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
                 "inspect the files that it names, or inspect it as a project",
             ));
         }
+        _ if kind.contents.is_some() => inspect_log(path, kind, &mut report)?,
         _ if kind.profiles.is_some() => inspect_profiles(path, &mut report)?,
         _ if kind.poses.is_some() => inspect_poses(path, &mut report)?,
-        _ if kind.imu.is_some() => inspect_imu(path, &mut report)?,
-        _ if kind.heading.is_some() => inspect_heading(path, &mut report)?,
-        _ => inspect_cloud(path, &mut report)?,
+        _ if kind.cloud.is_some() => inspect_cloud(path, &mut report)?,
+        _ => inspect_log(path, kind, &mut report)?,
     }
     Ok(report)
 }
@@ -136,24 +138,74 @@ fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
     Ok(())
 }
 
-fn inspect_imu(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mut seen = Gather::of(&IMU.needed[1..]);
-    for sample in read_imu(path)? {
-        let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
-        seen.see(sample.time_s, gyro.iter().chain(accel.iter()).copied());
+/// A log of several sensors: the first of what it may hold that it does hold, and what else there is.
+fn inspect_log(path: &Path, kind: &Kind, report: &mut Inspection) -> Result<()> {
+    if let Some(contents) = kind.contents {
+        report.notes.push(contents(path)?);
     }
-    seen.report(report);
-    Ok(())
+    let mut missing = None;
+    for inspect in [
+        inspect_imu,
+        inspect_heading,
+        inspect_geographic,
+        inspect_positions,
+    ] {
+        match inspect(path, kind) {
+            Some(Ok(seen)) => {
+                seen.report(report);
+                return Ok(());
+            }
+            Some(Err(error)) => missing = missing.or(Some(error)),
+            None => {}
+        }
+    }
+    match kind.contents {
+        Some(_) => Ok(()),
+        None => missing.map_or(Ok(()), Err),
+    }
 }
 
-fn inspect_heading(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mut seen = Gather::of(&["heading_deg", "pitch_deg"]);
-    for fix in read_heading(path)? {
-        let pitch_deg = fix.pitch_rad.map_or(f64::NAN, f64::to_degrees);
-        seen.see(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
-    }
-    seen.report(report);
-    Ok(())
+fn inspect_imu(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+    kind.imu.map(|read| {
+        let mut seen = Gather::of(&IMU.needed[1..]);
+        for sample in read(path)? {
+            let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
+            seen.see(sample.time_s, gyro.iter().chain(accel.iter()).copied());
+        }
+        Ok(seen)
+    })
+}
+
+fn inspect_heading(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+    kind.heading.map(|read| {
+        let mut seen = Gather::of(&["heading_deg", "pitch_deg"]);
+        for fix in read(path)? {
+            let pitch_deg = fix.pitch_rad.map_or(f64::NAN, f64::to_degrees);
+            seen.see(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
+        }
+        Ok(seen)
+    })
+}
+
+fn inspect_geographic(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+    kind.geographic.map(|read| {
+        let mut seen = Gather::of(&["latitude_deg", "longitude_deg", "height_m"]);
+        for fix in read(path)? {
+            let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
+            seen.see(fix.time_s, [latitude, longitude, fix.height_m]);
+        }
+        Ok(seen)
+    })
+}
+
+fn inspect_positions(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+    kind.positions.map(|read| {
+        let mut seen = Gather::of(&["east_m", "north_m", "up_m"]);
+        for fix in read(path, &Observations::AsFound)?.fixes {
+            seen.see(fix.time_s, fix.position_m.iter().copied());
+        }
+        Ok(seen)
+    })
 }
 
 fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {

@@ -1,11 +1,10 @@
 //! Logs or poses, and the noise of the IMU.
 
-use std::path::Path;
-
 use super::table::Table;
 use super::{estimate, positions};
 use crate::error::Result;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
+use crate::project::shapes::Files;
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
 use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise, PoseLimits, TrajectorySettings};
@@ -73,7 +72,7 @@ fn refuse(table: &Table<'_>, keys: &[(&str, bool)], why: &str, expected: &str) -
     }
 }
 
-fn poses_file(source: &Source, file: &Path, poses: &written::Trajectory) -> Result<PosesFile> {
+fn poses_file(source: &Source, files: &Files, poses: &written::Trajectory) -> Result<PosesFile> {
     let table = Table::new(source, "trajectory");
     let estimation = [
         ("nodes", poses.nodes.is_some()),
@@ -87,12 +86,16 @@ fn poses_file(source: &Source, file: &Path, poses: &written::Trajectory) -> Resu
         "this key only if the trajectory is estimated from logs",
     )?;
     let sigma = |key, value: Option<f64>| value.map(|x| table.positive(key, x)).transpose();
+    let Some((first, others)) = files.0.split_first() else {
+        return Err(table.error("file", "an empty list", "at least one file"));
+    };
     let LogFile {
         path,
         time_offset_s,
-    } = table.log(file, poses.time_offset_s)?;
+    } = table.log(first, poses.time_offset_s)?;
     Ok(PosesFile {
         path,
+        others: others.iter().map(|file| source.absolute(file)).collect(),
         time_offset_s,
         sigma_position_m: sigma("sigma_position_m", poses.sigma_position_m)?,
         sigma_rotation_rad: sigma("sigma_rotation_deg", poses.sigma_rotation_deg)?

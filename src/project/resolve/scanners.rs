@@ -13,11 +13,21 @@ use crate::project::written::{self, Written};
 /// What of a scanner can be estimated besides its mounting.
 pub(in crate::project) const TIME_OFFSET: &str = "time_offset";
 
+/// More than any platform carries: their parameters are estimated together.
+const MAX_SCANNERS: usize = 64;
+
 /// The scanners, with unique names.
 pub(in crate::project) fn scanners(
     source: &Source,
     written: &[written::Scanner],
 ) -> Result<Vec<Scanner>> {
+    if written.len() > MAX_SCANNERS {
+        return Err(source.error(
+            &[Step::Key("scanner"), Step::Index(MAX_SCANNERS)],
+            format!("{} scanners", written.len()),
+            "64 at most",
+        ));
+    }
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
     check_names(source, "scanner", &names)?;
     let scanners = written.iter().enumerate();

@@ -1,0 +1,75 @@
+//! Dates and times of day as numbers.
+
+/// Seconds of a day, without leap seconds.
+pub(crate) const DAY_S: f64 = 86_400.0;
+
+/// The days from 1970-01-01 to a date of the Gregorian calendar; `None` if there is no such date.
+pub(crate) fn days_since_1970(year: i64, month: i64, day: i64) -> Option<i64> {
+    let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let length = match month {
+        2 => 28 + i64::from(leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => return None,
+    };
+    if !(1..=9999).contains(&year) || !(1..=length).contains(&day) {
+        return None;
+    }
+    // Years start in March, so that the leap day is the last one.
+    let (year, month) = match month {
+        1 | 2 => (year - 1, month + 9),
+        _ => (year, month - 3),
+    };
+    let day_of_year = (153 * month + 2) / 5 + day - 1;
+    let leap_days = year / 4 - year / 100 + year / 400;
+    Some(365 * year + leap_days + day_of_year - 719_468)
+}
+
+/// The seconds since midnight; `None` if there is no such time. Second 60 is a leap second.
+pub(crate) fn second_of_day(hour: u32, minute: u32, second_s: f64) -> Option<f64> {
+    let is_time = hour < 24 && minute < 60 && (0.0..61.0).contains(&second_s);
+    is_time.then(|| f64::from(hour * 3600 + minute * 60) + second_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_have_their_days() {
+        for (date, expected) in [
+            ((1970, 1, 1), Some(0)),
+            ((1969, 12, 31), Some(-1)),
+            ((2000, 2, 29), Some(11_016)),
+            ((2000, 3, 1), Some(11_017)),
+            ((2024, 12, 31), Some(20_088)),
+            ((1900, 2, 29), None),
+            ((2023, 2, 29), None),
+            ((2023, 4, 31), None),
+            ((2023, 13, 1), None),
+            ((2023, 0, 1), None),
+            ((0, 1, 1), None),
+            ((i64::MAX, 1, 1), None),
+            ((2023, 1, i64::MIN), None),
+        ] {
+            let (year, month, day) = date;
+            assert_eq!(days_since_1970(year, month, day), expected, "{date:?}");
+        }
+        let mut days = (1..10_000).flat_map(|year| {
+            (1..=12).flat_map(move |month| {
+                (1..=31).filter_map(move |day| days_since_1970(year, month, day))
+            })
+        });
+        let first = days.next().unwrap();
+        assert!(days.enumerate().all(|(i, day)| day == first + 1 + i as i64));
+    }
+
+    #[test]
+    fn times_of_day_have_their_seconds() {
+        assert_eq!(second_of_day(23, 59, 60.5), Some(86_400.5));
+        for (hour, minute, second_s) in [(24, 0, 0.0), (0, 60, 0.0), (0, 0, 61.0), (0, 0, -0.1)] {
+            assert_eq!(second_of_day(hour, minute, second_s), None);
+        }
+        assert_eq!(second_of_day(1, 2, f64::NAN), None);
+    }
+}

@@ -1,0 +1,287 @@
+//! Bags of both kinds: their topics, and the messages of one topic.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use super::cdr::Cdr;
+use super::records::{Channel, Cursor, Kind, Record, Span, TypeName, short_type};
+use super::ros1::Ros1;
+use super::walk::Walk;
+use super::wire::{Decoded, Encoding, Fault, Message};
+use crate::error::{Error, Result};
+
+/// More channels are damage.
+const MOST_CHANNELS: usize = 1 << 16;
+
+/// A topic of a bag.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Topic {
+    /// Its name.
+    pub(crate) name: String,
+    /// The type of its messages as ROS 1 writes it, such as `sensor_msgs/Imu`.
+    pub(crate) message_type: String,
+    /// Number of messages.
+    pub(crate) count: u64,
+    /// When the first and the last message were recorded, seconds; not the stamps of their headers.
+    pub(crate) recorded_s: Option<(f64, f64)>,
+    /// How the messages are serialised.
+    pub(super) encoding: Encoding,
+    /// The channels of the topic, in increasing order.
+    pub(super) channels: Vec<u32>,
+}
+
+/// Lists the topics of a bag by name.
+pub(super) fn topics(path: &Path) -> Result<Vec<Topic>> {
+    if let Some(directory) = Directory::from_indices(path)? {
+        return Ok(directory.topics());
+    }
+    Ok(Directory::from_messages(path)?.topics())
+}
+
+/// What a bag contains.
+#[derive(Default)]
+struct Directory {
+    schemas: BTreeMap<u32, String>,
+    channels: BTreeMap<u32, Channel>,
+    spans: BTreeMap<u32, Span>,
+}
+
+impl Directory {
+    /// Reads the indices after the chunks without unpacking these; `None` if they are incomplete.
+    fn from_indices(path: &Path) -> Result<Option<Self>> {
+        let mut walk = Walk::open(path)?;
+        let mut directory = Self::default();
+        let mut is_index_due = false;
+        let wanted = [Kind::Schema, Kind::Channel, Kind::Message, Kind::Index];
+        while let Some(kind) = walk.step(&wanted)? {
+            if is_index_due && kind != Kind::Index {
+                return Ok(None);
+            }
+            is_index_due = kind == Kind::Chunk;
+            if wanted.contains(&kind) {
+                match walk.record() {
+                    Some(record) => directory.note(record, &walk)?,
+                    None => return Ok(None),
+                }
+            }
+        }
+        let is_known = |id: &u32| match &directory.channels.get(id)?.message_type {
+            TypeName::Known(_) => Some(()),
+            TypeName::Schema(id) => directory.schemas.get(id).map(|_| ()),
+        };
+        let is_complete = directory.spans.keys().all(|id| is_known(id).is_some());
+        Ok((is_complete && !is_index_due && !walk.is_cut).then_some(directory))
+    }
+
+    /// Reads every record.
+    fn from_messages(path: &Path) -> Result<Self> {
+        let mut walk = Walk::open(path)?;
+        let mut directory = Self::default();
+        let mut block = Vec::new();
+        let wanted = [Kind::Schema, Kind::Channel, Kind::Message];
+        let with_chunks = [wanted.as_slice(), &[Kind::Chunk]].concat();
+        while let Some(kind) = walk.step(&with_chunks)? {
+            if kind == Kind::Chunk {
+                let start = walk.unpack(&mut block)?;
+                let mut rest = Cursor(&block[start..]);
+                while let Some(raw) = walk.split(&mut rest)? {
+                    if wanted.contains(&raw.kind) {
+                        directory.note(walk.parse(raw)?, &walk)?;
+                    }
+                }
+            } else if wanted.contains(&kind) {
+                let record = walk.record().ok_or_else(|| walk.unreadable(kind))?;
+                directory.note(record, &walk)?;
+            }
+        }
+        Ok(directory)
+    }
+
+    /// Adds what a record of `walk` tells.
+    fn note(&mut self, record: Record<'_>, walk: &Walk) -> Result<()> {
+        let (channel, span) = match record {
+            Record::Schema { id, name } => {
+                self.schemas.insert(id, name);
+                return Ok(());
+            }
+            Record::Channel { id, channel } => {
+                self.channels.insert(id, channel);
+                return self.check(self.channels.len(), walk);
+            }
+            Record::Index { channel, span } => (channel, span),
+            Record::Message {
+                channel,
+                recorded_ns,
+                ..
+            } => (channel, Span::one(recorded_ns)),
+        };
+        self.spans.entry(channel).or_default().add(span);
+        self.check(self.spans.len(), walk)
+    }
+
+    /// Refuses more channels than MCAP can count.
+    fn check(&self, channels: usize, walk: &Walk) -> Result<()> {
+        if channels <= MOST_CHANNELS {
+            return Ok(());
+        }
+        Err(walk.error(
+            format!("more than {MOST_CHANNELS} channels"),
+            "fewer channels",
+        ))
+    }
+
+    /// The channels, those of one topic with the same type together.
+    fn topics(self) -> Vec<Topic> {
+        let mut found: BTreeMap<(String, String, Encoding), (Span, Vec<u32>)> = BTreeMap::new();
+        for (id, channel) in self.channels {
+            let message_type = match channel.message_type {
+                TypeName::Known(name) => name,
+                TypeName::Schema(id) => self.schemas.get(&id).cloned().unwrap_or_default(),
+            };
+            let key = (channel.topic, short_type(&message_type), channel.encoding);
+            let (span, ids) = found.entry(key).or_default();
+            span.add(self.spans.get(&id).copied().unwrap_or_default());
+            ids.push(id);
+        }
+        let topic = |((name, message_type, encoding), (span, channels)): (_, (Span, _))| Topic {
+            name,
+            message_type,
+            count: span.count,
+            recorded_s: (span.count > 0)
+                .then_some((span.first_ns as f64 * 1e-9, span.last_ns as f64 * 1e-9)),
+            encoding,
+            channels,
+        };
+        found.into_iter().map(topic).collect()
+    }
+}
+
+/// The messages of one topic in the order of the file, which is that of recording.
+pub(super) struct Messages {
+    walk: Walk,
+    topic: Topic,
+    /// The records of the current chunk, or the content of a message outside of chunks.
+    block: Vec<u8>,
+    /// Where the next record begins in it.
+    at: usize,
+    /// Where the current message is in it.
+    message: Range<usize>,
+    /// Messages so far.
+    count: u64,
+}
+
+impl Messages {
+    /// The messages of a topic of this bag, from its start.
+    pub(super) fn open(path: &Path, topic: Topic) -> Result<Self> {
+        Ok(Self {
+            walk: Walk::open(path)?,
+            topic,
+            block: Vec::new(),
+            at: 0,
+            message: 0..0,
+            count: 0,
+        })
+    }
+
+    /// Goes to the next message; false at the end.
+    pub(super) fn advance(&mut self) -> Result<bool> {
+        loop {
+            if self.advance_in_chunk()? {
+                break;
+            }
+            match self.walk.step(&[Kind::Chunk, Kind::Message])? {
+                None | Some(Kind::End) => return Ok(false),
+                Some(Kind::Chunk) => self.at = self.walk.unpack(&mut self.block)?,
+                Some(Kind::Message) => match self.walk.record() {
+                    Some(Record::Message { channel, data, .. }) if self.has(channel) => {
+                        let size = data.len();
+                        self.walk.swap_data(&mut self.block);
+                        self.at = self.block.len();
+                        self.message = self.at - size..self.at;
+                        break;
+                    }
+                    Some(_) => {}
+                    None => return Err(self.walk.unreadable(Kind::Message)),
+                },
+                Some(_) => {}
+            }
+        }
+        self.count += 1;
+        Ok(true)
+    }
+
+    /// Goes to the next message of the current chunk; false at its end.
+    fn advance_in_chunk(&mut self) -> Result<bool> {
+        let mut rest = Cursor(&self.block[self.at..]);
+        let mut found = None;
+        while let Some(raw) = self.walk.split(&mut rest)? {
+            if raw.kind != Kind::Message {
+                continue;
+            }
+            if let Record::Message { channel, data, .. } = self.walk.parse(raw)?
+                && self.has(channel)
+            {
+                found = Some(data.len());
+                break;
+            }
+        }
+        self.at = self.block.len() - rest.0.len();
+        let Some(size) = found else {
+            self.at = self.block.len();
+            return Ok(false);
+        };
+        // A message ends where its record does.
+        self.message = self.at - size..self.at;
+        Ok(true)
+    }
+
+    /// Whether a channel belongs to the topic.
+    fn has(&self, channel: u32) -> bool {
+        self.topic.channels.binary_search(&channel).is_ok()
+    }
+
+    /// The bytes of the current message.
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.block[self.message.clone()]
+    }
+
+    /// Decodes the current message and converts it.
+    pub(super) fn read<'a, M: Message<'a>, T>(
+        &'a self,
+        convert: impl FnOnce(M) -> Decoded<T>,
+    ) -> Result<T> {
+        decode(&self.topic.encoding, self.bytes())
+            .and_then(convert)
+            .map_err(|fault| self.error(fault))
+    }
+
+    /// A format error at the record with the current message, or its chunk.
+    pub(super) fn error(&self, fault: Fault) -> Error {
+        let place = format!("message {} of {}", self.count, self.topic.name);
+        self.walk
+            .error(format!("{} in {place}", fault.found), fault.expected)
+    }
+
+    /// The topic.
+    pub(super) fn topic(&self) -> &Topic {
+        &self.topic
+    }
+
+    /// The file.
+    pub(super) fn walk(&self) -> &Walk {
+        &self.walk
+    }
+}
+
+/// Decodes the bytes of a message.
+fn decode<'a, M: Message<'a>>(encoding: &Encoding, bytes: &'a [u8]) -> Decoded<M> {
+    match encoding {
+        Encoding::Cdr => M::decode(&mut Cdr::new(bytes)?),
+        Encoding::Ros1 => M::decode(&mut Ros1::new(bytes)),
+        Encoding::Other(name) => Err(Fault::new(
+            format!("messages encoded as `{name}`"),
+            "cdr or ros1",
+        )),
+    }
+}

@@ -1,0 +1,116 @@
+//! The chunks of a bag: unpacked into their records.
+
+use super::compression::unpack;
+use super::records::{Cursor, Raw};
+use super::walk::{Container, Walk};
+use super::{mcap, rosbag};
+use crate::error::Result;
+use crate::format::file;
+
+impl Walk {
+    /// Unpacks the last record, a chunk that was wanted, into `into`, and returns where its records
+    /// begin there.
+    pub(super) fn unpack(&mut self, into: &mut Vec<u8>) -> Result<usize> {
+        let head = match self.container {
+            Container::Mcap => mcap::chunk_head(&self.data),
+            Container::Rosbag => rosbag::chunk_head(&self.head),
+        };
+        let Some(head) = head else {
+            into.clear();
+            return if self.is_cut {
+                Ok(0)
+            } else {
+                Err(self.error("a chunk without a valid head", "size and compression"))
+            };
+        };
+        let (size, crc, start) = (head.size, head.crc, head.start);
+        if matches!(head.compression, b"" | b"none") {
+            std::mem::swap(into, &mut self.data);
+            let found = (into.len() - start) as u64;
+            self.check(size, found, crc, &into[start..], None)?;
+            return Ok(start);
+        }
+        let limit = self.largest_allocation();
+        if size > limit && !self.is_cut {
+            return Err(self.too_large(size));
+        }
+        let most = usize::try_from(size.min(limit)).unwrap_or(usize::MAX);
+        // A chunk that was not completed does not tell its size.
+        let most = if self.is_cut { limit as usize } else { most };
+        let packed = self.data.get(start..).unwrap_or_default();
+        let unpacked = file::guarded(self.path(), "bag", || {
+            Ok(unpack(head.compression, packed, most, limit))
+        })?;
+        let Some(unpacked) = unpacked else {
+            let name: String = String::from_utf8_lossy(head.compression)
+                .chars()
+                .take(40)
+                .collect();
+            return Err(self.error(
+                format!("a chunk with the compression `{name}`"),
+                "none, bz2, lz4 or zstd",
+            ));
+        };
+        *into = unpacked.bytes;
+        self.unpacked = self.unpacked.saturating_add(into.len() as u64);
+        if self.unpacked > self.most_unpacked() {
+            return Err(self.error(
+                format!("chunks that unpack to {} bytes", self.unpacked),
+                format!("at most {} in a file of this size", self.most_unpacked()),
+            ));
+        }
+        self.check(size, into.len() as u64, crc, into, unpacked.fault)?;
+        Ok(0)
+    }
+
+    /// Compares an unpacked chunk with what its head says, unless it is cut off.
+    fn check(
+        &self,
+        claimed: u64,
+        found: u64,
+        crc: u32,
+        records: &[u8],
+        fault: Option<String>,
+    ) -> Result<()> {
+        if self.is_cut {
+            return Ok(());
+        }
+        if let Some(fault) = fault {
+            return Err(self.error(
+                format!("a chunk that cannot be unpacked ({fault})"),
+                "an undamaged chunk",
+            ));
+        }
+        if found != claimed {
+            return Err(self.error(
+                format!("a chunk of {found} bytes"),
+                format!("{claimed} bytes, as its head says"),
+            ));
+        }
+        if crc != 0 && crc32fast::hash(records) != crc {
+            return Err(self.error(
+                "a chunk whose checksum differs from that in its head",
+                "an undamaged chunk",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Takes the next record out of an unpacked chunk; `None` at its end.
+    pub(super) fn split<'a>(&self, bytes: &mut Cursor<'a>) -> Result<Option<Raw<'a>>> {
+        if bytes.0.is_empty() {
+            return Ok(None);
+        }
+        match self.container.split(bytes) {
+            Some(raw) => Ok(Some(raw)),
+            None if self.is_cut => Ok(None),
+            None => Err(self.error(
+                format!(
+                    "{} bytes at the end of a chunk that are no record",
+                    bytes.0.len()
+                ),
+                "a record",
+            )),
+        }
+    }
+}

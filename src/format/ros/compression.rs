@@ -1,0 +1,74 @@
+//! Unpacking of chunks: bz2, lz4 (frames) and zstd.
+
+use std::io::Read;
+
+/// Bytes unpacked at a time.
+const PIECE: usize = 1 << 16;
+/// Chunks are taken to unpack to at most this many times their size before they are seen to do.
+const USUAL_RATIO: usize = 8;
+
+/// What was unpacked.
+pub(super) struct Unpacked {
+    /// The bytes, at most as many as allowed.
+    pub(super) bytes: Vec<u8>,
+    /// Why it ended before the end of the packed data, if it did.
+    pub(super) fault: Option<String>,
+}
+
+/// Unpacks `packed` to at most `most` bytes, with allocations of at most `limit` bytes; `None` if the
+/// name of the compression is unknown.
+pub(super) fn unpack(
+    compression: &[u8],
+    packed: &[u8],
+    most: usize,
+    limit: u64,
+) -> Option<Unpacked> {
+    Some(match compression {
+        b"bz2" => read(bzip2_rs::DecoderReader::new(packed), packed.len(), most),
+        b"lz4" => read(
+            lz4_flex::frame::FrameDecoder::new(packed),
+            packed.len(),
+            most,
+        ),
+        b"zstd" => {
+            let mut decoder = ruzstd::decoding::FrameDecoder::new();
+            // The decoder holds the window and a few blocks in a buffer of a power of two of bytes.
+            let largest_buffer = 1 << limit.max(1).ilog2();
+            decoder.set_max_window_size(largest_buffer - largest_buffer / 64);
+            match ruzstd::decoding::StreamingDecoder::new_with_decoder(packed, decoder) {
+                Ok(decoder) => read(decoder, packed.len(), most),
+                Err(e) => Unpacked {
+                    bytes: Vec::new(),
+                    fault: Some(e.to_string()),
+                },
+            }
+        }
+        _ => return None,
+    })
+}
+
+/// Reads until the end, a fault or `most` bytes. Memory grows with what is there, not with what the
+/// file claims.
+fn read(mut source: impl Read, packed: usize, most: usize) -> Unpacked {
+    let mut bytes = Vec::with_capacity(most.min(packed.saturating_mul(USUAL_RATIO)));
+    let mut piece = vec![0; PIECE];
+    let fault = loop {
+        let n = match source.read(&mut piece) {
+            Ok(0) => break None,
+            Ok(n) => n,
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+            Err(e) => break Some(e.to_string()),
+        };
+        let left = most - bytes.len();
+        let taken = n.min(left);
+        if bytes.capacity() - bytes.len() < taken {
+            // Doubles, but never beyond what is allowed.
+            bytes.reserve_exact(bytes.len().max(PIECE).min(left));
+        }
+        bytes.extend_from_slice(&piece[..taken]);
+        if n > left {
+            break Some(format!("more than {most} bytes"));
+        }
+    };
+    Unpacked { bytes, fault }
+}

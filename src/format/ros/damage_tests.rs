@@ -1,0 +1,215 @@
+//! Damaged and cut bags: an error or the undamaged part, never a panic and never a long wait.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::tests::{SAMPLES, points_of, sample};
+use super::*;
+
+/// Numbers that only look random.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self, below: usize) -> usize {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % below.max(1)
+    }
+}
+
+/// Changes a few bytes, overwrites a length, or cuts the end or the middle off.
+fn damage(bytes: &mut Vec<u8>, dice: &mut Dice) {
+    let at = dice.roll(bytes.len());
+    match dice.roll(6) {
+        0 => bytes[at] ^= 1 << dice.roll(8),
+        1 => bytes[at] = dice.roll(256) as u8,
+        2 => {
+            let numbers = [
+                0,
+                1,
+                0x7f,
+                0xff,
+                0x7fff_ffff,
+                0xffff_ffff,
+                0x1_0000_0000,
+                u64::MAX,
+            ];
+            let number = numbers[dice.roll(numbers.len())].to_le_bytes();
+            let size = [4, 8][dice.roll(2)].min(bytes.len() - at);
+            bytes[at..at + size].copy_from_slice(&number[..size]);
+        }
+        3 => bytes.truncate(at),
+        4 => {
+            let end = (at + 1 + dice.roll(40)).min(bytes.len());
+            bytes.drain(at..end);
+        }
+        _ => {
+            for _ in 0..=dice.roll(8) {
+                let at = dice.roll(bytes.len());
+                bytes[at] = dice.roll(256) as u8;
+            }
+        }
+    }
+}
+
+/// Calls every reader; returns whether any succeeded.
+fn read_everything(path: &Path) -> bool {
+    let mut success = topics(path).is_ok();
+    success |= read_imu(path, None).is_ok();
+    success |= read_fixes(path, None).is_ok();
+    for topic in ["/odom", "/pose_cov", "/transform", "/pose"] {
+        success |= read_poses(path, Some(topic)).is_ok();
+    }
+    for topic in ["/scan", "/ouster", "/velodyne", "/livox", "/hesai"] {
+        success |= points_of(path, topic).is_ok();
+    }
+    success
+}
+
+/// Writes `count` damaged copies of every sample and hands them to `check`.
+fn for_damaged(count: u64, mut check: impl FnMut(&Path)) {
+    let dir = tempfile::tempdir().unwrap();
+    let path: PathBuf = dir.path().join("damaged");
+    for name in SAMPLES {
+        let whole = std::fs::read(sample(name)).unwrap();
+        for seed in 0..count {
+            let mut dice = Dice(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+            let mut bytes = whole.clone();
+            damage(&mut bytes, &mut dice);
+            std::fs::write(&path, &bytes).unwrap();
+            check(&path);
+        }
+    }
+}
+
+#[test]
+fn damage_is_an_error_or_harmless() {
+    let (mut cases, mut readable) = (0, 0);
+    for_damaged(200, |path| {
+        let start = Instant::now();
+        readable += usize::from(read_everything(path));
+        assert!(start.elapsed().as_secs_f64() < 1.0);
+        cases += 1;
+    });
+    println!("{cases} damaged bags, of which {readable} could be read in part");
+}
+
+#[test]
+fn a_cut_bag_is_read_to_its_last_whole_message() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("cut");
+    for name in SAMPLES {
+        let whole = std::fs::read(sample(name)).unwrap();
+        let all = read_imu(&sample(name), None).unwrap();
+        let mut last = 0;
+        for length in (1..whole.len()).step_by(97) {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let Ok(found) = read_imu(&path, None) else {
+                assert_eq!(last, 0, "{name}, {length} bytes");
+                continue;
+            };
+            assert_eq!(found, all[..found.len()], "{name}, {length} bytes");
+            assert!(found.len() >= last, "{name}, {length} bytes");
+            last = found.len();
+        }
+        assert_eq!(last, 12, "{name}");
+    }
+}
+
+/// Where the header of the last chunk of a ROS 1 bag begins, and its data.
+fn last_chunk(bytes: &[u8]) -> (usize, usize) {
+    let length = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let (mut at, mut last) = (rosbag::MAGIC.len(), (0, 0));
+    while at < bytes.len() {
+        let head = at + 4;
+        let data = head + length(at) + 4;
+        if rosbag::chunk_head(&bytes[head..data - 4]).is_some() {
+            last = (head, data);
+        }
+        at = data + length(data - 4);
+    }
+    last
+}
+
+#[test]
+fn an_open_recording_of_ros_1_is_read() {
+    // The recorder writes the place of the index and the sizes of the last chunk at the end.
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.bag.active");
+    for name in ["plain.bag", "bz2.bag", "lz4.bag"] {
+        let mut bytes = std::fs::read(sample(name)).unwrap();
+        let zero = |bytes: &mut [u8], field: &[u8], size: usize| {
+            let at = bytes.windows(field.len()).position(|w| w == field).unwrap() + field.len();
+            let value = bytes[at..at + size].to_vec();
+            bytes[at..at + size].fill(0);
+            value
+        };
+        let index = zero(&mut bytes, b"index_pos=", 8);
+        bytes.truncate(u64::from_le_bytes(index.try_into().unwrap()) as usize);
+        let (head, data) = last_chunk(&bytes);
+        std::fs::write(&path, &bytes[..head - 4]).unwrap();
+        let before = read_imu(&path, None).map_or(0, |samples| samples.len());
+        assert!(before < 12, "{name}");
+
+        zero(&mut bytes[head..data], b"size=", 4);
+        bytes[data - 4..data].fill(0);
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(read_imu(&path, None).unwrap().len(), 12, "{name}");
+    }
+}
+
+#[test]
+fn damage_in_a_complete_bag_is_reported_with_its_byte() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    let mut bytes = std::fs::read(sample("plain.mcap")).unwrap();
+    // In the first chunk, whose checksum then differs.
+    bytes[2000] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    let text = read_imu(&path, None).unwrap_err().to_string();
+    assert!(
+        text.contains("checksum") && text.contains(", byte "),
+        "{text}"
+    );
+}
+
+#[test]
+fn small_chunks_that_unpack_to_many_bytes_are_refused() {
+    const BLOCK: u32 = 1 << 17;
+    let block = |kind: u32, size: u32| (kind << 1 | size << 3).to_le_bytes();
+    let file = |blocks: u32, chunks: usize| {
+        // A frame of zstd: the prefix of a record of unknown kind, then one byte repeated.
+        let size = 9 + u64::from(blocks * BLOCK);
+        let mut packed = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x50];
+        packed.extend(&block(0, 9)[..3]);
+        packed.push(0x80);
+        packed.extend((size - 9).to_le_bytes());
+        for i in 0..blocks {
+            let is_last = u32::from(i + 1 == blocks);
+            packed.extend(&(block(1, BLOCK)[..3]));
+            let header = packed.len() - 3;
+            packed[header] |= is_last as u8;
+            packed.push(7);
+        }
+        let mut chunk = [0; 2].map(u64::to_le_bytes).concat();
+        chunk.extend(size.to_le_bytes());
+        chunk.extend([0, 4].map(u32::to_le_bytes).concat());
+        chunk.extend(b"zstd");
+        chunk.extend((packed.len() as u64).to_le_bytes());
+        chunk.extend(packed);
+        let record = [&[6], (chunk.len() as u64).to_le_bytes().as_slice(), &chunk].concat();
+        [mcap::MAGIC, &record.repeat(chunks), mcap::MAGIC].concat()
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    std::fs::write(&path, file(40, 2)).unwrap();
+    assert!(topics(&path).unwrap().is_empty());
+    std::fs::write(&path, file(400, 20)).unwrap();
+    let text = topics(&path).unwrap_err().to_string();
+    assert!(text.contains("chunks that unpack to"), "{text}");
+    std::fs::write(&path, file(800, 1)).unwrap();
+    let text = topics(&path).unwrap_err().to_string();
+    assert!(text.contains("found a chunk of 104857609 bytes"), "{text}");
+}

@@ -1,0 +1,207 @@
+//! Recordings of ROS: bags of ROS 2 as MCAP (`.mcap`) and of ROS 1 (`.bag`, version 2.0).
+//!
+//! A recording that was cut off is read to its last whole message. The messages of a topic are read
+//! in the order of the file, their times are the stamps in their headers.
+
+mod bag;
+mod cdr;
+mod chunk;
+mod cloud;
+mod compression;
+mod mcap;
+mod messages;
+mod points;
+mod records;
+mod ros1;
+mod rosbag;
+mod walk;
+mod wire;
+
+#[cfg(test)]
+mod damage_tests;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use super::file::{Part, nothing_in};
+use super::kind::Kind;
+use super::profile_reader::ProfileReader;
+use crate::error::{Error, Location, Result};
+use crate::sensor::{GeographicFix, ImuSample, PoseRecord};
+use bag::Messages;
+pub(crate) use bag::Topic;
+use messages::{
+    Imu, NavSatFix, ODOMETRY, Odometry, POSE, POSE_WITH_COVARIANCE, PoseStamped,
+    PoseWithCovarianceStamped, TRANSFORM, TransformStamped,
+};
+
+pub(crate) const BAG: Kind = Kind {
+    signature: Some(|start| looks_like(start.bytes)),
+    imu: Some(|path| of_part(path, read_imu)),
+    geographic: Some(|path| of_part(path, read_fixes)),
+    poses: Some(|path| of_part(path, read_poses)),
+    profiles: Some(|path| of_part(path, open_points)),
+    contents: Some(|path| Ok(format!("topics: {}", list(&topics(&Part::of(path).file)?)))),
+    note: "one topic of several is named behind the file: `drive.mcap#/topic`",
+    ..Kind::new("ros-bag", "recording (ROS bag or MCAP)")
+};
+
+/// Reads the topic that is named behind the file, or the only one that fits.
+fn of_part<T>(path: &Path, read: fn(&Path, Option<&str>) -> Result<T>) -> Result<T> {
+    let part = Part::of(path);
+    read(&part.file, part.name.as_deref())
+}
+
+/// The types with poses.
+const POSES: [&str; 4] = [ODOMETRY, POSE, POSE_WITH_COVARIANCE, TRANSFORM];
+
+/// Whether these are the first bytes of a bag; also of a ROS 1 bag of a version that is not read.
+pub(crate) fn looks_like(start: &[u8]) -> bool {
+    start.starts_with(mcap::MAGIC) || start.starts_with(rosbag::ANY_VERSION)
+}
+
+/// Lists the topics of a bag by name, from the indices of its chunks if it has them, otherwise from
+/// all its messages.
+///
+/// # Errors
+/// A file that is missing, of another format, or damaged.
+pub(crate) fn topics(path: &Path) -> Result<Vec<Topic>> {
+    bag::topics(path)
+}
+
+/// Reads the samples of a topic of `sensor_msgs/Imu` in the order of the file: angular rate and
+/// specific force in the axes of the IMU. Without a name the only such topic is taken.
+///
+/// # Errors
+/// As [`topics`]; no such topic or several; a message that is damaged or lacks one of both sensors.
+pub(crate) fn read_imu(path: &Path, topic: Option<&str>) -> Result<Vec<ImuSample>> {
+    let topic = choose(path, topic, &Imu::TYPES, "IMU samples")?;
+    read_all(path, topic, "IMU sample", |messages| {
+        messages.read(|imu: Imu| Ok(Some(imu.sample())))
+    })
+}
+
+/// Reads the poses of a topic of `nav_msgs/Odometry`, `geometry_msgs/PoseStamped`,
+/// `geometry_msgs/PoseWithCovarianceStamped` or `geometry_msgs/TransformStamped`. The world is the
+/// frame of the headers, the body the one that the poses are of. Without a name the only such topic
+/// is taken.
+///
+/// # Errors
+/// As [`read_imu`]; times that do not increase; a quaternion whose length is not 1.
+pub(crate) fn read_poses(path: &Path, topic: Option<&str>) -> Result<Vec<PoseRecord>> {
+    let topic = choose(path, topic, &POSES, "poses")?;
+    let message_type = topic.message_type.clone();
+    let mut last_s = f64::NEG_INFINITY;
+    read_all(path, topic, "pose", |messages| {
+        let pose = match message_type.as_str() {
+            ODOMETRY => messages.read(|m: Odometry| m.0.pose()),
+            POSE => messages.read(|m: PoseStamped| m.0.pose()),
+            POSE_WITH_COVARIANCE => messages.read(|m: PoseWithCovarianceStamped| m.0.pose()),
+            _ => messages.read(|m: TransformStamped| m.0.pose()),
+        }?;
+        if pose.time_s <= last_s {
+            let found = format!("time {} s after {last_s} s", pose.time_s);
+            return Err(messages.error(wire::Fault::new(found, "times that increase")));
+        }
+        last_s = pose.time_s;
+        Ok(Some(pose))
+    })
+}
+
+/// Reads the positions of a topic of `sensor_msgs/NavSatFix` in the order of the file, without the
+/// messages of a receiver that had no fix. Without a name the only such topic is taken.
+///
+/// # Errors
+/// As [`read_imu`].
+pub(crate) fn read_fixes(path: &Path, topic: Option<&str>) -> Result<Vec<GeographicFix>> {
+    let topic = choose(path, topic, &NavSatFix::TYPES, "GNSS fixes")?;
+    read_all(path, topic, "GNSS fix", |messages| {
+        messages.read(|fix: NavSatFix| Ok(fix.0))
+    })
+}
+
+/// Opens a topic of `sensor_msgs/PointCloud2` or `sensor_msgs/LaserScan` as a scanner recording. The
+/// points of a laser scan are in the x-y plane of the scanner. Without a name the only such topic is
+/// taken.
+///
+/// # Errors
+/// As [`topics`]; no such topic or several.
+pub(crate) fn open_points(path: &Path, topic: Option<&str>) -> Result<Box<dyn ProfileReader>> {
+    let topic = choose(path, topic, &points::TYPES, "points")?;
+    Ok(Box::new(points::BagPoints::open(path, topic)?))
+}
+
+/// Reads every message of a topic; `what` names one record.
+fn read_all<T>(
+    path: &Path,
+    topic: Topic,
+    what: &str,
+    mut record: impl FnMut(&Messages) -> Result<Option<T>>,
+) -> Result<Vec<T>> {
+    let what = format!("{what} in {}", topic.name);
+    let mut messages = Messages::open(path, topic)?;
+    let mut records = Vec::new();
+    while messages.advance()? {
+        records.extend(record(&messages)?);
+    }
+    if records.is_empty() {
+        return Err(nothing_in(path, &what));
+    }
+    Ok(records)
+}
+
+/// The topic called `wanted`, with or without the slash before its name, or the only one of these
+/// `types` that has messages.
+fn choose(path: &Path, wanted: Option<&str>, types: &[&str], what: &str) -> Result<Topic> {
+    let topics = topics(path)?;
+    let fits = |topic: &Topic| types.contains(&topic.message_type.as_str());
+    let bare = |name: &str| name.trim_start_matches('/').to_owned();
+    let refused = |found: String, expected: String| {
+        Err(Error::format(path, Location::Whole, found, expected))
+    };
+    let expected = format!("a topic with {what} ({})", types.join(", "));
+    let is_named = |topic: &Topic| wanted.is_none_or(|name| bare(name) == bare(&topic.name));
+    let mut candidates: Vec<&Topic> = topics.iter().filter(|t| is_named(t)).collect();
+    if let (Some(name), true) = (wanted, candidates.is_empty()) {
+        let found = format!("no topic `{name}` among {}", list(&topics));
+        return refused(found, expected);
+    }
+    let all_named = list(candidates.iter().copied());
+    candidates.retain(|topic| fits(topic));
+    // A topic that was announced and never used is no choice.
+    if candidates.iter().any(|topic| topic.count > 0) {
+        candidates.retain(|topic| topic.count > 0);
+    }
+    match candidates.as_slice() {
+        [topic] => Ok((*topic).clone()),
+        [] => refused(all_named, expected),
+        several => refused(
+            format!(
+                "{} topics with {what}: {}",
+                several.len(),
+                list(several.iter().copied())
+            ),
+            format!(
+                "the name of one of them behind the file: `{}#{}`",
+                path.display(),
+                several[0].name
+            ),
+        ),
+    }
+}
+
+/// Names and types of topics, short enough to print.
+fn list<'a>(topics: impl IntoIterator<Item = &'a Topic>) -> String {
+    const MOST_TOPICS: usize = 50;
+    const MOST: usize = 1000;
+    let names: Vec<String> = topics
+        .into_iter()
+        .take(MOST_TOPICS)
+        .map(|t| format!("{} ({}, {} messages)", t.name, t.message_type, t.count))
+        .collect();
+    if names.is_empty() {
+        return "no topics".to_owned();
+    }
+    names.join(", ").chars().take(MOST).collect()
+}

@@ -1,0 +1,327 @@
+//! The records of a bag, one after another from the start of the file.
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use super::records::{Cursor, Kind, Raw, Record};
+use super::{mcap, rosbag};
+use crate::error::{Error, Location, Result};
+use crate::format::file;
+
+/// Allocations never exceed four times the file and this, bytes.
+const SPARE_BYTES: u64 = 64 << 20;
+
+/// All chunks together never unpack to more than this many times the file and [`SPARE_BYTES`]: what
+/// does was made to keep the reader busy.
+const MOST_UNPACKED: u64 = 1000;
+
+/// The two kinds of bag.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Container {
+    /// MCAP.
+    Mcap,
+    /// ROS 1, version 2.0.
+    Rosbag,
+}
+
+impl Container {
+    /// Takes the next record of an unpacked chunk.
+    pub(super) fn split<'a>(self, bytes: &mut Cursor<'a>) -> Option<Raw<'a>> {
+        match self {
+            Self::Mcap => mcap::split(bytes),
+            Self::Rosbag => rosbag::split(bytes),
+        }
+    }
+
+    /// The content of a record.
+    fn parse(self, raw: Raw<'_>) -> Option<Record<'_>> {
+        match self {
+            Self::Mcap => mcap::parse(raw),
+            Self::Rosbag => rosbag::parse(raw),
+        }
+    }
+}
+
+/// A bag being read.
+pub(super) struct Walk {
+    path: PathBuf,
+    reader: BufReader<File>,
+    /// Its kind.
+    pub(super) container: Container,
+    /// Where the record of the last step begins.
+    pub(super) start: u64,
+    /// Where the next one begins.
+    at: u64,
+    /// Where the last one ends.
+    end: u64,
+    /// Size of the file in bytes.
+    total: u64,
+    /// Records from here on may be cut off, because the recording was not ended or not copied
+    /// completely; before it, this is damage.
+    may_be_cut_from: u64,
+    /// Bytes of all chunks unpacked so far.
+    pub(super) unpacked: u64,
+    /// Whether the file ended in the middle of the last record.
+    pub(super) is_cut: bool,
+    kind: Kind,
+    pub(super) head: Vec<u8>,
+    /// The data of the last record if they were wanted.
+    pub(super) data: Vec<u8>,
+}
+
+impl Walk {
+    /// Opens a file at its first record.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let (mut file, total) = file::open(path)?;
+        let start = file::first_bytes(path, &mut file)?;
+        let container = if start.starts_with(mcap::MAGIC) {
+            Container::Mcap
+        } else if start.starts_with(rosbag::MAGIC) {
+            Container::Rosbag
+        } else {
+            let first = String::from_utf8_lossy(&start[..start.len().min(13)]);
+            return Err(Error::format(
+                path,
+                Location::Byte(0),
+                format!("{:?}", first.trim_end()),
+                "an MCAP file, or a ROS 1 bag of version 2.0",
+            ));
+        };
+        let mut walk = Self {
+            path: path.to_owned(),
+            reader: BufReader::with_capacity(1 << 18, file),
+            container,
+            start: 0,
+            at: 0,
+            end: total,
+            total,
+            may_be_cut_from: 0,
+            unpacked: 0,
+            is_cut: false,
+            kind: Kind::Other,
+            head: Vec::new(),
+            data: Vec::new(),
+        };
+        match container {
+            Container::Mcap => walk.find_end_of_mcap()?,
+            Container::Rosbag => walk.find_index_of_rosbag()?,
+        }
+        Ok(walk)
+    }
+
+    /// An MCAP file that was written to its end repeats its first bytes there.
+    fn find_end_of_mcap(&mut self) -> Result<()> {
+        let size = mcap::MAGIC.len() as u64;
+        if let Some(end) = self.total.checked_sub(size).filter(|end| *end >= size) {
+            self.seek(end)?;
+            let mut last = [0; 8];
+            self.fill(&mut last)?;
+            if last == mcap::MAGIC {
+                self.end = end;
+                self.may_be_cut_from = u64::MAX;
+            }
+        }
+        self.seek(size)
+    }
+
+    /// The first record of a ROS 1 bag tells where its index begins.
+    fn find_index_of_rosbag(&mut self) -> Result<()> {
+        let first = rosbag::MAGIC.len() as u64;
+        self.seek(first)?;
+        self.start = first;
+        let index = self.prefix()?.and_then(|_| rosbag::index_start(&self.head));
+        match index {
+            Some(index) if index < self.total => self.may_be_cut_from = index,
+            Some(_) => {}
+            None => return Err(self.error("another record", "the header of a bag")),
+        }
+        self.seek(first)
+    }
+
+    /// Continues at byte `at`.
+    fn seek(&mut self, at: u64) -> Result<()> {
+        let sought = match i64::try_from(i128::from(at) - i128::from(self.at)) {
+            Ok(by) => self.reader.seek_relative(by),
+            Err(_) => self.reader.seek(SeekFrom::Start(at)).map(|_| ()),
+        };
+        sought.map_err(|e| Error::io(&self.path, e))?;
+        self.at = at;
+        Ok(())
+    }
+
+    /// Reads bytes that exist.
+    fn fill(&mut self, into: &mut [u8]) -> Result<()> {
+        self.reader
+            .read_exact(into)
+            .map_err(|e| Error::io(&self.path, e))?;
+        self.at += into.len() as u64;
+        Ok(())
+    }
+
+    /// Bytes to the end of the last record.
+    fn left(&self) -> u64 {
+        self.end.saturating_sub(self.at)
+    }
+
+    /// Reads a number of 32 bits if it exists.
+    fn length(&mut self) -> Result<Option<u32>> {
+        if self.left() < 4 {
+            return Ok(None);
+        }
+        let mut word = [0; 4];
+        self.fill(&mut word)?;
+        Ok(Some(u32::from_le_bytes(word)))
+    }
+
+    /// Reads the kind of the next record, its header and the length of its data; `None` if there is
+    /// no whole one.
+    fn prefix(&mut self) -> Result<Option<(Kind, u64)>> {
+        self.head.clear();
+        match self.container {
+            Container::Mcap => {
+                if self.left() < mcap::PREFIX as u64 {
+                    return Ok(None);
+                }
+                let mut bytes = [0; mcap::PREFIX];
+                self.fill(&mut bytes)?;
+                Ok(mcap::prefix(Cursor(&bytes)))
+            }
+            Container::Rosbag => {
+                let length = self.length()?;
+                let longest = self.left().min(rosbag::LONGEST_HEADER.into());
+                let Some(length) = length.filter(|n| u64::from(*n) <= longest) else {
+                    return Ok(None);
+                };
+                let mut head = vec![0; length as usize];
+                self.fill(&mut head)?;
+                self.head = head;
+                let data = self.length()?;
+                let kind = rosbag::kind(&self.head);
+                Ok(kind.zip(data.map(u64::from)))
+            }
+        }
+    }
+
+    /// Goes to the next record and reads its data if its kind is `wanted`; `None` at the end of the
+    /// file, of its messages, or of what there is of it.
+    pub(super) fn step(&mut self, wanted: &[Kind]) -> Result<Option<Kind>> {
+        self.start = self.at;
+        if self.is_cut || self.left() == 0 {
+            return Ok(None);
+        }
+        let may_be_cut = self.start >= self.may_be_cut_from;
+        let Some((kind, mut length)) = self.prefix()? else {
+            if may_be_cut {
+                self.is_cut = true;
+                return Ok(None);
+            }
+            return Err(self.error("bytes that are no record", "a record"));
+        };
+        let left = self.left();
+        // The recorder of ROS 1 writes the length of a chunk when it is complete.
+        if may_be_cut && kind == Kind::Chunk && length == 0 && self.is_packed() {
+            length = u64::MAX;
+        }
+        if length > left {
+            if !may_be_cut {
+                return Err(self.error(
+                    format!("only {left} bytes left in the file"),
+                    format!("{length} bytes of a record"),
+                ));
+            }
+            self.is_cut = true;
+            if kind != Kind::Chunk {
+                return Ok(None);
+            }
+            length = left;
+        }
+        self.kind = kind;
+        self.data.clear();
+        if wanted.contains(&kind) {
+            let size = usize::try_from(length).map_err(|_| self.too_large(length))?;
+            let mut data = std::mem::take(&mut self.data);
+            data.resize(size, 0);
+            self.fill(&mut data)?;
+            self.data = data;
+        } else {
+            self.seek(self.at + length)?;
+        }
+        Ok(Some(kind))
+    }
+
+    /// Whether the header of a chunk of a ROS 1 bag tells a compression. Without one the records of
+    /// an incomplete chunk are read like those outside of chunks.
+    fn is_packed(&self) -> bool {
+        rosbag::chunk_head(&self.head).is_some_and(|head| head.compression != b"none")
+    }
+
+    /// The content of the last record, which was wanted; `None` if it does not fit its kind.
+    pub(super) fn record(&self) -> Option<Record<'_>> {
+        self.container.parse(Raw {
+            kind: self.kind,
+            head: &self.head,
+            data: &self.data,
+        })
+    }
+
+    /// Exchanges the data of the last record, which were wanted, for `into`.
+    pub(super) fn swap_data(&mut self, into: &mut Vec<u8>) {
+        std::mem::swap(&mut self.data, into);
+    }
+
+    /// The content of a record out of a chunk.
+    pub(super) fn parse<'a>(&self, raw: Raw<'a>) -> Result<Record<'a>> {
+        self.container
+            .parse(raw)
+            .ok_or_else(|| self.unreadable(raw.kind))
+    }
+
+    /// The error of a record with another content than its kind demands.
+    pub(super) fn unreadable(&self, kind: Kind) -> Error {
+        self.error(
+            format!("a record ({kind:?}) that ends early or lacks a field"),
+            "a whole record",
+        )
+    }
+
+    /// The error of a size that a damaged file claims.
+    pub(super) fn too_large(&self, size: u64) -> Error {
+        let limit = self.largest_allocation();
+        self.error(
+            format!("a chunk of {size} bytes"),
+            format!("at most {limit} in a file of this size"),
+        )
+    }
+
+    /// A format error at the last record.
+    pub(super) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
+        Error::format(&self.path, Location::Byte(self.start), found, expected)
+    }
+
+    /// More bytes are not unpacked from all chunks together.
+    pub(super) fn most_unpacked(&self) -> u64 {
+        let most = self.total.saturating_mul(MOST_UNPACKED);
+        most.saturating_add(SPARE_BYTES)
+    }
+
+    /// More bytes are not allocated at once.
+    pub(super) fn largest_allocation(&self) -> u64 {
+        self.total.saturating_mul(4).saturating_add(SPARE_BYTES)
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Bytes read so far.
+    pub(super) fn bytes_read(&self) -> u64 {
+        self.at
+    }
+
+    /// Size of the file in bytes.
+    pub(super) fn bytes_total(&self) -> u64 {
+        self.total
+    }
+}

@@ -1,0 +1,156 @@
+//! Decoding of ROS messages: what both serialisations have in common.
+
+/// No laser scan has more rays; damaged lengths do.
+const MOST_RAYS: u32 = 1 << 20;
+
+/// Why a message cannot be used; the reader of the file adds the place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Fault {
+    /// What was found.
+    pub(super) found: String,
+    /// What was expected.
+    pub(super) expected: String,
+}
+
+impl Fault {
+    /// A fault with both texts.
+    pub(super) fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self {
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+
+    /// A message that ends before its content does.
+    fn short(left: usize, wanted: usize) -> Self {
+        Self::new(
+            format!("only {left} bytes left in the message"),
+            format!("{wanted} bytes"),
+        )
+    }
+}
+
+/// A decoded value, or why there is none.
+pub(super) type Decoded<T> = Result<T, Fault>;
+
+/// How the messages of a topic are serialised.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Encoding {
+    /// Common Data Representation, of ROS 2.
+    Cdr,
+    /// The serialisation of ROS 1.
+    Ros1,
+    /// Another one, by its name in the file.
+    Other(String),
+}
+
+/// The unread rest of a message.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rest<'a> {
+    bytes: &'a [u8],
+    /// Bytes taken so far.
+    pub(super) at: usize,
+}
+
+impl<'a> Rest<'a> {
+    /// All of a message.
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// The next `n` bytes.
+    pub(super) fn take(&mut self, n: usize) -> Decoded<&'a [u8]> {
+        let left = self.bytes.len();
+        let (taken, bytes) = self
+            .bytes
+            .split_at_checked(n)
+            .ok_or_else(|| Fault::short(left, n))?;
+        self.bytes = bytes;
+        self.at += n;
+        Ok(taken)
+    }
+}
+
+/// A serialisation: gives the values of a message one after another.
+pub(super) trait Wire<'a> {
+    /// The next `N` bytes, which are one number, as little-endian bytes.
+    fn word<const N: usize>(&mut self) -> Decoded<[u8; N]>;
+
+    /// The next `n` bytes as they are.
+    fn raw(&mut self, n: usize) -> Decoded<&'a [u8]>;
+
+    /// The bytes of a string.
+    fn text(&mut self) -> Decoded<&'a [u8]>;
+
+    /// The time stamp of a `std_msgs/Header`, seconds; the rest of the header is skipped.
+    fn header_stamp_s(&mut self) -> Decoded<f64>;
+
+    /// An unsigned byte, or a truth value.
+    fn u8(&mut self) -> Decoded<u8> {
+        let [byte] = self.word()?;
+        Ok(byte)
+    }
+
+    /// An unsigned number of 16 bits.
+    fn u16(&mut self) -> Decoded<u16> {
+        Ok(u16::from_le_bytes(self.word()?))
+    }
+
+    /// An unsigned number of 32 bits.
+    fn u32(&mut self) -> Decoded<u32> {
+        Ok(u32::from_le_bytes(self.word()?))
+    }
+
+    /// A number of 32 bits.
+    fn f32(&mut self) -> Decoded<f64> {
+        Ok(f64::from(f32::from_le_bytes(self.word()?)))
+    }
+
+    /// A number of 64 bits.
+    fn f64(&mut self) -> Decoded<f64> {
+        Ok(f64::from_le_bytes(self.word()?))
+    }
+
+    /// An array of fixed length of numbers of 64 bits.
+    fn f64s<const N: usize>(&mut self) -> Decoded<[f64; N]> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.f64()?;
+        }
+        Ok(values)
+    }
+
+    /// A sequence of bytes.
+    fn bytes(&mut self) -> Decoded<&'a [u8]> {
+        let count = self.u32()?;
+        self.raw(count as usize)
+    }
+
+    /// A sequence of numbers of 32 bits. Grows with what is there, not with what its length claims.
+    fn f32s(&mut self) -> Decoded<Vec<f64>> {
+        let count = self.u32()?;
+        if count > MOST_RAYS {
+            let found = format!("a sequence of {count} numbers");
+            return Err(Fault::new(found, format!("at most {MOST_RAYS}")));
+        }
+        (0..count).map(|_| self.f32()).collect()
+    }
+}
+
+/// A message type, decoded from either serialisation.
+pub(super) trait Message<'a>: Sized {
+    /// Takes the fields of the message in the order of its definition; fields after the last one of
+    /// interest may be left.
+    fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self>;
+}
+
+/// Seconds of a time stamp.
+pub(super) fn stamp_s(seconds: f64, nanoseconds: u32) -> Decoded<f64> {
+    if nanoseconds >= 1_000_000_000 {
+        return Err(Fault::new(
+            format!("a time stamp with {nanoseconds} ns after its full seconds"),
+            "less than 1000000000 ns",
+        ));
+    }
+    Ok(seconds + f64::from(nanoseconds) * 1e-9)
+}

@@ -1,0 +1,179 @@
+//! The frames of sbgECom, found again after damaged bytes.
+//!
+//! A frame is the bytes `FF 5A`, the message (u8), its class (u8), the length of the payload (u16),
+//! the payload, a CRC (u16) over everything from the message to the payload, and the byte `33`. All
+//! numbers are little-endian. A class with the highest bit set marks a page of a large frame, whose
+//! payload starts with five bytes about the pages; only answers to commands are sent so.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::format::file;
+
+const SYNC: [u8; 2] = [0xff, 0x5a];
+const END: u8 = 0x33;
+/// Bytes before the payload.
+const HEADER: usize = 6;
+/// Bytes of a frame without its payload.
+const OVERHEAD: usize = HEADER + 3;
+const MAX_PAYLOAD: usize = 4086;
+/// Bytes read from the file at a time.
+const CHUNK: u64 = 1 << 16;
+
+/// A whole frame with the right CRC.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame<'a> {
+    /// Its place in the file, bytes from the start.
+    pub(super) at: u64,
+    /// With the highest bit set for a page of a large frame.
+    pub(super) class: u8,
+    /// Its number within the class.
+    pub(super) message: u8,
+    /// At most 4086 bytes.
+    pub(super) payload: &'a [u8],
+}
+
+/// What bytes begin with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Start {
+    /// A whole frame of this many bytes.
+    Frame(usize),
+    /// The beginning of what may be a frame.
+    Incomplete,
+    /// Anything else.
+    Other,
+}
+
+/// The remainders of the CRC: polynomial 0x8408 (bits reversed), initially 0.
+const CRC_TABLE: [u16; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut crc = byte as u16;
+        let mut bit = 0;
+        while bit < 8 {
+            crc = (crc >> 1) ^ (if crc & 1 == 1 { 0x8408 } else { 0 });
+            bit += 1;
+        }
+        table[byte] = crc;
+        byte += 1;
+    }
+    table
+};
+
+fn crc(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0, |crc: u16, byte| {
+        (crc >> 8) ^ CRC_TABLE[usize::from(crc.to_le_bytes()[0] ^ byte)]
+    })
+}
+
+/// What `bytes` begin with.
+pub(super) fn start_of(bytes: &[u8]) -> Start {
+    let known = bytes.len().min(SYNC.len());
+    if bytes[..known] != SYNC[..known] {
+        return Start::Other;
+    }
+    let Some(&[low, high]) = bytes.get(4..HEADER).and_then(|b| b.first_chunk()) else {
+        return Start::Incomplete;
+    };
+    let payload = usize::from(u16::from_le_bytes([low, high]));
+    if payload > MAX_PAYLOAD {
+        return Start::Other;
+    }
+    let Some(frame) = bytes.get(..payload + OVERHEAD) else {
+        return Start::Incomplete;
+    };
+    let (checked, rest) = frame.split_at(payload + HEADER);
+    let [low, high] = crc(&checked[SYNC.len()..]).to_le_bytes();
+    if rest == [low, high, END] {
+        Start::Frame(frame.len())
+    } else {
+        Start::Other
+    }
+}
+
+/// The frames of a file one after the other; other bytes are counted.
+#[derive(Debug)]
+pub(super) struct Frames {
+    path: PathBuf,
+    file: File,
+    buffer: Vec<u8>,
+    /// Where in the buffer the bytes begin that were not looked at yet.
+    start: usize,
+    /// Place of the buffer in the file, bytes.
+    buffer_at: u64,
+    file_ended: bool,
+    /// Bytes outside whole frames so far.
+    pub(super) other_bytes: u64,
+    /// Unbroken runs of such bytes so far.
+    pub(super) other_runs: u64,
+    /// The last byte looked at is of such a run.
+    in_run: bool,
+}
+
+impl Frames {
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let (file, _) = file::open(path)?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            buffer: Vec::new(),
+            start: 0,
+            buffer_at: 0,
+            file_ended: false,
+            other_bytes: 0,
+            other_runs: 0,
+            in_run: false,
+        })
+    }
+
+    /// The next whole frame; `None` at the end.
+    pub(super) fn next(&mut self) -> Result<Option<Frame<'_>>> {
+        let size = loop {
+            match start_of(&self.buffer[self.start..]) {
+                Start::Frame(size) => break size,
+                Start::Incomplete if !self.file_ended => self.refill()?,
+                _ if self.start == self.buffer.len() => return Ok(None),
+                _ => self.skip(),
+            }
+        };
+        let at = self.buffer_at + self.start as u64;
+        let bytes = &self.buffer[self.start..self.start + size];
+        self.start += size;
+        self.in_run = false;
+        Ok(Some(Frame {
+            at,
+            message: bytes[2],
+            class: bytes[3],
+            payload: &bytes[HEADER..size - 3],
+        }))
+    }
+
+    /// Goes on to the next byte that could begin a frame: damage must not hide the frames after it,
+    /// so the length in a damaged header is not trusted.
+    fn skip(&mut self) {
+        let rest = &self.buffer[self.start + 1..];
+        let skipped = 1 + rest
+            .iter()
+            .position(|b| *b == SYNC[0])
+            .unwrap_or(rest.len());
+        self.start += skipped;
+        self.other_bytes += skipped as u64;
+        self.other_runs += u64::from(!self.in_run);
+        self.in_run = true;
+    }
+
+    fn refill(&mut self) -> Result<()> {
+        self.buffer.drain(..self.start);
+        self.buffer_at += self.start as u64;
+        self.start = 0;
+        let read = (&mut self.file)
+            .take(CHUNK)
+            .read_to_end(&mut self.buffer)
+            .map_err(|e| Error::io(&self.path, e))?;
+        self.file_ended = read == 0;
+        Ok(())
+    }
+}
