@@ -8,9 +8,11 @@ mod demo;
 mod describe;
 mod features;
 mod georeference;
+mod init;
 mod inspect;
 mod interrupt;
 mod print;
+mod salvage;
 mod simulate;
 mod terminal;
 mod thin;
@@ -67,7 +69,9 @@ struct Global {
 enum Command {
     Demo(demo::Demo),
     Simulate(simulate::Simulate),
+    Init(init::Init),
     Inspect(inspect::Inspect),
+    Salvage(salvage::Salvage),
     Trajectory(trajectory::Trajectory),
     /// Calibrate the mountings of all scanners of a project
     Calibrate(ProjectArguments),
@@ -136,6 +140,8 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
     pool.install(|| {
         let outcome = match line.command {
             Command::Inspect(command) => return command.execute(),
+            Command::Init(command) => command.execute(),
+            Command::Salvage(command) => command.execute(),
             Command::Demo(command) => command.execute(&context),
             Command::Simulate(command) => command.execute(&context),
             Command::Trajectory(command) => command.execute(&context),

@@ -11,7 +11,7 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::file::{self, CHUNK_POINTS, nothing_in};
-use super::kind::Kind;
+use super::kind::{Kind, WholeRecord};
 use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
@@ -35,6 +35,7 @@ pub(crate) const RECORDING: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
     extensions: &["bin"],
     profiles: Some(|path| Ok(Box::new(BonnReader::open(path)?))),
+    record: Some(whole_record),
     ..Kind::new("bonn-profiles", "profiles (Gocator recording, Bonn .bin)")
 };
 
@@ -66,6 +67,27 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
         && Head::parse(start).is_ok()
         && u32_at(start, 52) > 0
         && u32_at(start, HEAD) == u32_at(start, 52)
+}
+
+/// The record at the beginning of these bytes, if all of it is there.
+fn whole_record(bytes: &[u8]) -> Option<WholeRecord> {
+    let head = bytes.get(..HEAD).and_then(|head| Head::parse(head).ok())?;
+    let width = head.width as usize;
+    let xs = HEAD + 4 + 2 * width;
+    let zs = xs + 4 + 2 * width;
+    let shades = zs + MIDDLE;
+    let count = |at: usize| Some(u32_at(bytes.get(..at + 4)?, at) as usize);
+    let shaded = count(shades - 4)?;
+    let is_one = width > 0
+        && count(HEAD)? == width
+        && count(xs)? == width
+        && count(shades)? == shaded
+        && (shaded == width || shaded == 0);
+    let length = shades + 4 + shaded;
+    (is_one && length <= bytes.len()).then_some(WholeRecord {
+        length,
+        time_s: head.time_s,
+    })
 }
 
 /// The head of a record, in seconds and metres.
@@ -151,7 +173,8 @@ impl BonnReader {
                 at,
                 format!("only {left} bytes left in the file"),
                 format!(
-                    "{n} more bytes of the profile that starts at byte {}",
+                    "{n} more bytes of the profile that starts at byte {} (boresight salvage copies what is \
+                     whole)",
                     self.start
                 ),
             ));

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::binary::{Bytes, Number};
 use super::file::{CHUNK_POINTS, nothing_in};
-use super::kind::{Kind, Start};
+use super::kind::{Kind, Start, WholeRecord};
 use super::profile_reader::ProfileReader;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -26,6 +26,7 @@ const LONGEST_PAUSE_S: f64 = 3600.0;
 pub(crate) const RECORDING: Kind = Kind {
     signature: Some(looks_like),
     profiles: Some(|path| Ok(Box::new(ProcessedReader::open(path)?))),
+    record: Some(whole_record),
     ..Kind::new(
         "bonn-processed",
         "profiles (processed recording, Bonn .bin)",
@@ -69,6 +70,19 @@ fn looks_like(start: &Start<'_>) -> bool {
         None => count > 0,
     };
     are_near && follows
+}
+
+/// The record at the beginning of these bytes, if all of it is there and its coordinates can be.
+fn whole_record(bytes: &[u8]) -> Option<WholeRecord> {
+    let (time_s, count) = head(bytes)?;
+    let n = count as usize;
+    let length = HEAD + POINT * n;
+    let coordinates = bytes.get(HEAD..length)?.chunks_exact(4).take(3 * n);
+    let are_near = coordinates
+        .into_iter()
+        .all(|bytes| number(bytes, 0, Number::F32).abs() < f64::from(FARTHEST_MM));
+    // Nothing but zeros would do for an empty profile.
+    (are_near && n > 0).then_some(WholeRecord { length, time_s })
 }
 
 /// Reads a recording in bounded memory.

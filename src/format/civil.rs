@@ -25,6 +25,22 @@ pub(crate) fn days_since_1970(year: i64, month: i64, day: i64) -> Option<i64> {
     Some(365 * year + leap_days + day_of_year - 719_468)
 }
 
+/// Year, month and day of so many days since 1970-01-01: the last one that is not later.
+pub(crate) fn civil_date(days: i64) -> (i64, i64, i64) {
+    // Not earlier than the year before, as years have 365.2425 days.
+    let mut year = 1970 + (days as f64 / 365.2425).floor() as i64 - 1;
+    let begun = |year: i64, month: i64| days_since_1970(year, month, 1).is_some_and(|d| d <= days);
+    while begun(year + 1, 1) {
+        year += 1;
+    }
+    let month = (1..=12).rfind(|month| begun(year, *month)).unwrap_or(1);
+    (
+        year,
+        month,
+        days - days_since_1970(year, month, 1).unwrap_or(days) + 1,
+    )
+}
+
 /// The seconds since midnight; `None` if there is no such time. Second 60 is a leap second.
 pub(crate) fn second_of_day(hour: u32, minute: u32, second_s: f64) -> Option<f64> {
     let is_time = hour < 24 && minute < 60 && (0.0..61.0).contains(&second_s);
@@ -34,6 +50,14 @@ pub(crate) fn second_of_day(hour: u32, minute: u32, second_s: f64) -> Option<f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn days_have_their_dates() {
+        for days in (-1000..40_000).step_by(13).chain([59, 60, 11_016, 11_017]) {
+            let (year, month, day) = civil_date(days);
+            assert_eq!(days_since_1970(year, month, day), Some(days));
+        }
+    }
 
     #[test]
     fn dates_have_their_days() {

@@ -23,6 +23,15 @@ impl Start<'_> {
     }
 }
 
+/// A record of a recording at the beginning of some bytes.
+pub(crate) struct WholeRecord {
+    pub(crate) length: usize,
+    pub(crate) time_s: f64,
+}
+
+/// Tells the record at the beginning of some bytes, if all of it is there.
+pub(crate) type RecordAt = fn(&[u8]) -> Option<WholeRecord>;
+
 /// A reader of a file.
 pub(crate) type Reader<T> = fn(&Path) -> Result<T>;
 
@@ -48,6 +57,8 @@ pub(crate) struct Kind {
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
     pub(crate) cloud: Option<Reader<PointCloud>>,
     pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
+    /// Tells a whole record at the beginning of bytes, for salvaging.
+    pub(crate) record: Option<RecordAt>,
     /// What else a file holds, in a line.
     pub(crate) contents: Option<Reader<String>>,
     /// What a user should know of it.
@@ -71,6 +82,7 @@ impl Kind {
             poses: None,
             cloud: None,
             profiles: None,
+            record: None,
             contents: None,
             note: "",
         }
@@ -92,9 +104,34 @@ impl Format {
         matches!(self.id(), "las" | "laz")
     }
 
-    /// Whether it holds the samples of an IMU.
+    /// Whether it may hold the samples of an IMU.
     pub fn has_imu(self) -> bool {
         self.0.imu.is_some()
+    }
+
+    /// Whether it may hold headings.
+    pub fn has_heading(self) -> bool {
+        self.0.heading.is_some()
+    }
+
+    /// Whether it may hold positions.
+    pub fn has_positions(self) -> bool {
+        self.0.positions.is_some()
+    }
+
+    /// Whether it may hold poses.
+    pub fn has_poses(self) -> bool {
+        self.0.poses.is_some()
+    }
+
+    /// Whether it may hold a cloud.
+    pub fn has_cloud(self) -> bool {
+        self.0.cloud.is_some()
+    }
+
+    /// Whether it may hold points in the frame of a scanner.
+    pub fn has_profiles(self) -> bool {
+        self.0.profiles.is_some()
     }
 }
 

@@ -46,6 +46,7 @@ mod project_file;
 mod pts;
 mod read;
 mod ros;
+mod salvage;
 mod sbet;
 mod sbg;
 mod sbg_text;
@@ -73,3 +74,4 @@ pub use profile_reader::ProfileReader;
 pub use read::{
     open_profiles, read_cloud, read_heading, read_imu, read_positions, read_trajectory,
 };
+pub use salvage::{Salvaged, salvage};

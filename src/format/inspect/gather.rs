@@ -1,7 +1,8 @@
 //! Times and ranges of a stream, collected while it is read.
 
 use super::inspection::{Bounds, Gap, Inspection};
-use crate::statistics::median;
+use super::picture::Picture;
+use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// Number of gaps kept.
 const MOST_GAPS: usize = 10;
@@ -61,12 +62,16 @@ impl Times {
             return;
         }
         into.epochs = self.span.map(|_| self.epochs);
-        let Some(median) = median(std::mem::take(&mut self.intervals)) else {
+        let Some(middle) = median(self.intervals.clone()) else {
             return;
         };
-        into.rate_hz = Some(1.0 / median);
+        let mut off = std::mem::take(&mut self.intervals);
+        off.iter_mut()
+            .for_each(|interval| *interval = (*interval - middle).abs());
+        into.rate_hz = Some(1.0 / middle);
+        into.jitter_s = median(off).map(|off| SIGMAS_PER_MAD * off);
         into.gaps = self.longest;
-        into.gaps.retain(|gap| gap.duration_s > 5.0 * median);
+        into.gaps.retain(|gap| gap.duration_s > 5.0 * middle);
     }
 }
 
@@ -76,6 +81,9 @@ pub(super) struct Gather {
     pub(super) count: u64,
     pub(super) clock: Times,
     bounds: Vec<Bounds>,
+    picture: Option<Picture>,
+    /// Of the last record.
+    values: Vec<f64>,
 }
 
 impl Gather {
@@ -90,6 +98,8 @@ impl Gather {
             count: 0,
             clock: Times::default(),
             bounds: names.iter().map(bounds).collect(),
+            picture: Picture::of(names),
+            values: Vec::with_capacity(names.len()),
         }
     }
 
@@ -99,7 +109,12 @@ impl Gather {
         if !time_s.is_nan() {
             self.clock.see(time_s);
         }
-        for (bounds, value) in self.bounds.iter_mut().zip(values) {
+        self.values.clear();
+        self.values.extend(values);
+        if let Some(picture) = &mut self.picture {
+            picture.see(&self.values);
+        }
+        for (bounds, &value) in self.bounds.iter_mut().zip(&self.values) {
             // Both are false for NaN.
             if value < bounds.min {
                 bounds.min = value;
@@ -114,6 +129,9 @@ impl Gather {
         self.bounds.retain(|b| b.min <= b.max);
         into.bounds = self.bounds;
         into.count = self.count;
+        into.picture = self
+            .picture
+            .map_or_else(Vec::new, |picture| picture.lines());
         self.clock.report(into);
     }
 }

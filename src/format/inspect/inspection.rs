@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::format::civil::{DAY_S, civil_date};
 use crate::format::kind::Format;
 
 /// An interval of time that is much longer than the others.
@@ -42,12 +43,17 @@ pub struct Inspection {
     pub span_s: Option<[f64; 2]>,
     /// One over the median interval between distinct times, hertz.
     pub rate_hz: Option<f64>,
+    /// Robust standard deviation of these intervals, seconds.
+    pub jitter_s: Option<f64>,
     /// The longest gaps of more than five median intervals, longest first; ten at most.
     pub gaps: Vec<Gap>,
     /// Range of each column.
     pub bounds: Vec<Bounds>,
     /// Names of the columns or fields in the file.
     pub columns: Vec<String>,
+    /// Points from above, in lines of characters with eight dots each; not part of the JSON.
+    #[serde(skip)]
+    pub picture: Vec<String>,
     /// Further remarks for the user.
     pub notes: Vec<String>,
 }
@@ -67,9 +73,19 @@ impl fmt::Display for Inspection {
                 f,
                 "  time     {first:.6} s to {last:.6} s, {length:.3} s long"
             )?;
+            if let (Some(from), Some(to)) = (utc(first), utc(last)) {
+                writeln!(
+                    f,
+                    "  UTC      {from} to {to}, if these are seconds since 1970"
+                )?;
+            }
         }
         if let Some(rate_hz) = self.rate_hz {
-            writeln!(f, "  rate     {rate_hz:.3} Hz (median)")?;
+            let jitter_ms = 1e3 * self.jitter_s.unwrap_or(0.0);
+            writeln!(
+                f,
+                "  rate     {rate_hz:.3} Hz (median), jitter {jitter_ms:.3} ms"
+            )?;
         }
         for gap in &self.gaps {
             let Gap {
@@ -85,11 +101,30 @@ impl fmt::Display for Inspection {
         if !self.columns.is_empty() {
             writeln!(f, "  columns  {}", self.columns.join(", "))?;
         }
+        for line in &self.picture {
+            writeln!(f, "           {line}")?;
+        }
         for note in &self.notes {
             writeln!(f, "  note     {note}")?;
         }
         Ok(())
     }
+}
+
+/// Seconds of the Unix epoch in words, from 2000 to 2100; `None` for others, which are those of another clock.
+fn utc(time_s: f64) -> Option<String> {
+    const FROM_S: f64 = 946_684_800.0;
+    const TO_S: f64 = 4_102_444_800.0;
+    if !(FROM_S..TO_S).contains(&time_s) {
+        return None;
+    }
+    let (days, second) = ((time_s / DAY_S).floor(), time_s.rem_euclid(DAY_S));
+    let (year, month, day) = civil_date(days as i64);
+    let (hour, minute) = ((second / 3600.0) as u32, (second / 60.0) as u32 % 60);
+    let second = (second % 60.0).floor() as u32;
+    Some(format!(
+        "{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}"
+    ))
 }
 
 /// Name and unit of a column.

@@ -2,6 +2,7 @@
 
 mod gather;
 mod inspection;
+mod picture;
 
 use std::path::Path;
 
@@ -38,6 +39,8 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
         epochs: None,
         span_s: None,
         rate_hz: None,
+        jitter_s: None,
+        picture: Vec::new(),
         gaps: Vec::new(),
         bounds: Vec::new(),
         columns: Vec::new(),

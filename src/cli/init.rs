@@ -1,0 +1,58 @@
+//! `boresight init`
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::error::{Error, Location, Result};
+use crate::output::write_whole;
+use crate::pipeline::{self, Outcome};
+
+/// Write a commented project file for the logs and recordings of a folder
+#[derive(Debug, clap::Args)]
+pub(super) struct Init {
+    /// The folder of a drive, such as one of FieldPheno4D's
+    folder: PathBuf,
+    /// Replace the project file that is there
+    #[arg(long)]
+    force: bool,
+}
+
+impl Init {
+    pub fn execute(&self) -> Result<Outcome> {
+        let path = self.folder.join("project.toml");
+        if path.exists() && !self.force {
+            return Err(Error::format(
+                &path,
+                Location::Whole,
+                "a project file",
+                "none yet, or --force to replace it",
+            ));
+        }
+        let text = pipeline::init(&self.folder)?;
+        write_whole(&path, text.as_bytes())?;
+        let missing = text
+            .lines()
+            .filter(|line| line.starts_with("# ") && line.contains(" =  "));
+        let keys = missing.filter_map(|line| Some(line.strip_prefix("# ")?.split_once(" =")?.0));
+        let mut missing: Vec<&str> = Vec::new();
+        for key in keys {
+            if !missing.contains(&key) {
+                missing.push(key);
+            }
+        }
+        let summary = match missing.is_empty() {
+            true => "Everything that a run needs was found.".to_owned(),
+            false => format!(
+                "Fill in what the files cannot tell: {}.",
+                missing.join(", ")
+            ),
+        };
+        Ok(Outcome {
+            result: json!({ "project": path.display().to_string(), "missing": missing }),
+            summary,
+            files: vec![path],
+            ..Outcome::default()
+        })
+    }
+}

@@ -1,0 +1,63 @@
+//! `boresight salvage`
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::print::unprintable;
+use crate::error::{Error, Result};
+use crate::format;
+use crate::output::Staging;
+use crate::pipeline::Outcome;
+
+/// Copy damaged recordings (`.bin`) and text tables without what is cut off or no number
+#[derive(Debug, clap::Args)]
+pub(super) struct Salvage {
+    /// The damaged files
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Folder for the copies, which keep their names
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+impl Salvage {
+    pub fn execute(&self) -> Result<Outcome> {
+        let name = |file: &PathBuf| match file.file_name() {
+            Some(name) => Ok(name.to_string_lossy().into_owned()),
+            None => Err(Error::data(
+                format!("{} has no name", file.display()),
+                "give a file",
+            )),
+        };
+        let names = self.files.iter().map(name).collect::<Result<Vec<_>>>()?;
+        let staging = Staging::new(&self.out, &self.files, &names)?;
+        let (mut documents, mut lines) = (Vec::new(), Vec::new());
+        for (file, name) in self.files.iter().zip(&names) {
+            let found = format::salvage(file, &staging.path(name))?;
+            let what = match found.dropped_rows {
+                0 => "records".to_owned(),
+                rows => format!("rows, {rows} left out"),
+            };
+            lines.push(match found.first_byte {
+                None => format!("{}: whole, {} kept", file.display(), found.kept),
+                Some(byte) => format!(
+                    "{}: kept {} {what}; {} bytes left out in {} places, the first at byte {byte}",
+                    file.display(),
+                    found.kept,
+                    found.dropped_bytes,
+                    found.places
+                ),
+            });
+            let found = serde_json::to_value(found).map_err(unprintable)?;
+            documents.push(json!({ "file": file.display().to_string(), "salvaged": found }));
+        }
+        staging.commit()?;
+        Ok(Outcome {
+            result: json!({ "files": documents }),
+            summary: lines.join("\n"),
+            files: names.iter().map(|name| self.out.join(name)).collect(),
+            ..Outcome::default()
+        })
+    }
+}

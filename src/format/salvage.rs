@@ -1,0 +1,254 @@
+//! Copies of damaged recordings and tables with all that is whole.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Read, Write};
+use std::path::Path;
+
+use super::detect::detect;
+use super::file;
+use super::kind::{Kind, RecordAt, WholeRecord};
+use super::kinds::KINDS;
+use super::lines::Separator;
+use crate::error::{Error, Location, Result};
+
+/// What was kept of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Salvaged {
+    /// Profiles of a recording, or rows of a table.
+    pub kept: u64,
+    /// Rows of a table that were left out.
+    pub dropped_rows: u64,
+    /// Bytes that were left out.
+    pub dropped_bytes: u64,
+    /// Places where something was left out.
+    pub places: u64,
+    /// Byte of the first of them.
+    pub first_byte: Option<u64>,
+}
+
+impl Salvaged {
+    fn drop(&mut self, at: u64, bytes: u64, follows: bool) {
+        self.dropped_bytes += bytes;
+        self.places += u64::from(!follows);
+        self.first_byte.get_or_insert(at);
+    }
+}
+
+/// Bytes that are looked at together; no record is as long.
+const WINDOW: usize = 4 << 20;
+/// Profiles behind a damage do not follow later, seconds: bytes that only look like a profile seldom have such
+/// a time.
+const LONGEST_PAUSE_S: f64 = 3600.0;
+
+/// Writes `to`, a copy of a recording (`.bin`) or of a text table without what is damaged: records and rows
+/// that are cut off, that cannot be read, or that contain a value that is no finite number.
+///
+/// # Errors
+/// Files that cannot be read or written, that are of another format, or in which nothing is whole.
+pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
+    let known = detect(path).ok().map(|format| format.0);
+    let found = match known.and_then(|kind| kind.record) {
+        Some(record) => records(path, to, record),
+        None if known.is_none_or(is_text) => rows(path, to),
+        None => {
+            let kinds = KINDS.iter().filter(|kind| kind.record.is_some());
+            let names: Vec<&str> = kinds.map(|kind| kind.name).collect();
+            let found = known.map_or("another format", |kind| kind.name);
+            let expected = format!("a text table, or {}", names.join(", "));
+            return Err(Error::format(path, Location::Whole, found, expected));
+        }
+    }?;
+    match found.kept {
+        0 => Err(Error::format(
+            path,
+            Location::Whole,
+            "nothing that is whole",
+            "profiles or rows",
+        )),
+        _ => Ok(found),
+    }
+}
+
+fn is_text(kind: &Kind) -> bool {
+    kind.columns.is_some() || kind.numbers.is_some()
+}
+
+fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
+    let (mut from, total) = file::open(path)?;
+    let out = File::create(to).map_err(|e| Error::io(to, e))?;
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    let mut found = Salvaged::default();
+    let mut window: Vec<u8> = Vec::new();
+    // Of the window's begin in the file, and of the next byte in the window.
+    let (mut start, mut at) = (0u64, 0usize);
+    let mut last_s: Option<f64> = None;
+    let mut is_damaged = false;
+    while start + (at as u64) < total {
+        if window.len() - at < WINDOW / 2 && start + (window.len() as u64) < total {
+            window.drain(..at);
+            (start, at) = (start + at as u64, 0);
+            let wanted = (WINDOW - window.len()) as u64;
+            (&mut from)
+                .take(wanted)
+                .read_to_end(&mut window)
+                .map_err(|e| Error::io(path, e))?;
+        }
+        let fits = |whole: &WholeRecord| match last_s {
+            Some(last_s) => (last_s..last_s + LONGEST_PAUSE_S).contains(&whole.time_s),
+            None => true,
+        };
+        match record(&window[at..]).filter(fits) {
+            Some(whole) => {
+                out.write_all(&window[at..at + whole.length])
+                    .map_err(|e| Error::io(to, e))?;
+                at += whole.length;
+                found.kept += 1;
+                last_s = Some(whole.time_s);
+                is_damaged = false;
+            }
+            None => {
+                found.drop(start + at as u64, 1, is_damaged);
+                is_damaged = true;
+                at += 1;
+            }
+        }
+    }
+    out.flush().map_err(|e| Error::io(to, e))?;
+    Ok(found)
+}
+
+fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
+    let (from, _) = file::open(path)?;
+    let mut from = BufReader::with_capacity(1 << 20, from);
+    let out = File::create(to).map_err(|e| Error::io(to, e))?;
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    let mut found = Salvaged::default();
+    // Which columns hold numbers, by the first row that has any.
+    let mut numeric: Option<Vec<bool>> = None;
+    let (mut line, mut start) = (Vec::new(), 0u64);
+    let mut is_damaged = false;
+    loop {
+        line.clear();
+        let read = from
+            .read_until(b'\n', &mut line)
+            .map_err(|e| Error::io(path, e))? as u64;
+        if read == 0 {
+            break;
+        }
+        let text = std::str::from_utf8(&line).ok().map(str::trim);
+        let is_whole = match text {
+            None => false,
+            Some(text) if text.is_empty() || text.starts_with('#') => true,
+            Some(text) => {
+                let cells = values(text);
+                let is_row = cells.iter().flatten().any(|value| value.is_finite());
+                match &numeric {
+                    None if is_row => {
+                        numeric = Some(cells.iter().map(Option::is_some).collect());
+                        true
+                    }
+                    // A header.
+                    None => true,
+                    Some(numeric) => fits(&cells, numeric),
+                }
+            }
+        };
+        if is_whole {
+            out.write_all(&line).map_err(|e| Error::io(to, e))?;
+            found.kept += u64::from(numeric.is_some());
+        } else {
+            found.drop(start, read, is_damaged);
+            found.dropped_rows += 1;
+        }
+        is_damaged = !is_whole;
+        start += read;
+    }
+    out.flush().map_err(|e| Error::io(to, e))?;
+    Ok(found)
+}
+
+/// The numbers of a row; `None` for a cell that is none, infinite for one that is empty.
+fn values(text: &str) -> Vec<Option<f64>> {
+    let mut cells = Vec::new();
+    let _ = Separator::of(text).split::<()>(text, |_, cell| {
+        cells.push(match cell.is_empty() {
+            true => Some(f64::INFINITY),
+            false => cell.parse().ok(),
+        });
+        Ok(())
+    });
+    cells
+}
+
+fn fits(cells: &[Option<f64>], numeric: &[bool]) -> bool {
+    let is_number = |cell: &Option<f64>| cell.is_some_and(|value| !value.is_nan());
+    cells.len() == numeric.len()
+        && cells
+            .iter()
+            .zip(numeric)
+            .all(|(cell, is_numeric)| !is_numeric || is_number(cell))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn salvaged(name: &str, bytes: &[u8]) -> Result<(Salvaged, Vec<u8>)> {
+        let folder = tempfile::tempdir().unwrap();
+        let [from, to] = [name, "kept"].map(|name| folder.path().join(name));
+        std::fs::write(&from, bytes).unwrap();
+        let found = salvage(&from, &to)?;
+        Ok((found, std::fs::read(&to).unwrap()))
+    }
+
+    fn recording(profiles: usize) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let mut writer = crate::format::BonnWriter::create(&path).unwrap();
+        let points = vec![Some((0.1, -0.2, 7)); 50];
+        for i in 0..profiles {
+            writer
+                .write_profile(100.0 + 0.005 * i as f64, &points)
+                .unwrap();
+        }
+        writer.finish().unwrap();
+        std::fs::read(&path).unwrap()
+    }
+
+    #[test]
+    fn profiles_around_a_damage_are_kept() {
+        let whole = recording(10);
+        let length = whole.len() / 10;
+        let (found, kept) = salvaged("a.bin", &whole).unwrap();
+        assert_eq!(
+            (found.kept, found.dropped_bytes, kept),
+            (10, 0, whole.clone())
+        );
+        // Cut off in the last one, and a time that is no number in the fourth.
+        let mut damaged = whole[..whole.len() - 7].to_vec();
+        damaged[3 * length..3 * length + 8].copy_from_slice(&f64::NAN.to_le_bytes());
+        let (found, kept) = salvaged("a.bin", &damaged).unwrap();
+        let expected = [&whole[..3 * length], &whole[4 * length..9 * length]].concat();
+        assert_eq!((found.kept, found.places), (8, 2));
+        assert_eq!(found.first_byte, Some(3 * length as u64));
+        assert_eq!(found.dropped_bytes, (2 * length - 7) as u64);
+        assert!(kept == expected);
+    }
+
+    #[test]
+    fn rows_around_a_damage_are_kept() {
+        let text = "# made by hand\ntime_s,x_m,note\n1,2,a\n2,NaN,b\n3,4,c\n4,\n5,,d\n6,7";
+        let (found, kept) = salvaged("a.csv", text.as_bytes()).unwrap();
+        let kept = String::from_utf8(kept).unwrap();
+        assert_eq!(
+            kept,
+            "# made by hand\ntime_s,x_m,note\n1,2,a\n3,4,c\n5,,d\n"
+        );
+        assert_eq!((found.kept, found.dropped_rows, found.places), (3, 3, 3));
+        let none = salvaged("a.laz", b"LASF").unwrap_err().to_string();
+        assert!(
+            none.contains("expected a text table, or profiles"),
+            "{none}"
+        );
+    }
+}

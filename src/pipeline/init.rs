@@ -1,0 +1,307 @@
+//! A project made from the files of a folder.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Location, Problem, Result};
+use crate::format::{self, Format};
+use crate::geometry::euler::euler_deg_from_rotation;
+use crate::geometry::{BodyFromScanner, EulerConvention};
+
+/// Folders below the given one that are looked into.
+const DEEPEST: usize = 4;
+/// A folder with more files is not that of a drive.
+const MOST_FILES: usize = 10_000;
+
+/// What files of a folder are for, each relative to it.
+#[derive(Debug, Default)]
+struct Found {
+    imu: Vec<PathBuf>,
+    prism: Vec<PathBuf>,
+    gnss: Vec<PathBuf>,
+    heading: Vec<PathBuf>,
+    poses: Vec<PathBuf>,
+    profiles: Vec<PathBuf>,
+    clouds: Vec<PathBuf>,
+    mountings: Vec<(PathBuf, BodyFromScanner)>,
+    /// Recordings of several sensors, and what they hold.
+    recordings: Vec<(PathBuf, String)>,
+    /// Text and binary files that nothing reads.
+    unknown: Vec<PathBuf>,
+}
+
+/// A commented project file for the logs, recordings and clouds below `folder`, with paths relative to it. What
+/// files cannot tell is left as a comment behind which the value belongs: a run then names what is missing.
+///
+/// # Errors
+/// A folder that cannot be read, or without a recording of a scanner.
+pub fn init(folder: &Path) -> Result<String> {
+    if !folder.is_dir() {
+        let expected = "a folder with the files of a drive";
+        return Err(match folder.exists() {
+            true => Error::format(folder, Location::Whole, "a file", expected),
+            false => Error::format(folder, Location::Whole, "no such folder", expected),
+        });
+    }
+    let mut files = Vec::new();
+    list(folder, DEEPEST, &mut files)?;
+    files.sort();
+    let mut found = Found::default();
+    for file in &files {
+        found.sort_in(folder, file);
+    }
+    if found.profiles.is_empty() && found.recordings.is_empty() {
+        return Err(Error::of(
+            Problem::TooFew,
+            format!(
+                "none of the {} files in {} is a recording of a scanner",
+                files.len(),
+                folder.display()
+            ),
+            "boresight inspect FILE… says how each file is read",
+        ));
+    }
+    Ok(found.project())
+}
+
+fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
+    let error = |e| Error::io(folder, e);
+    for entry in std::fs::read_dir(folder).map_err(error)? {
+        let entry = entry.map_err(error)?;
+        let path = entry.path();
+        let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+        if is_hidden || files.len() == MOST_FILES {
+            continue;
+        }
+        // Results of runs, and the truth of simulated drives, are no inputs.
+        let is_other = ["out", "truth"].iter().any(|name| path.ends_with(name));
+        if path.is_dir() && depth > 0 && !is_other {
+            list(&path, depth - 1, files)?;
+        } else if path.is_file() {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+impl Found {
+    fn sort_in(&mut self, folder: &Path, file: &Path) {
+        let path = file.strip_prefix(folder).unwrap_or(file).to_owned();
+        let Ok(format) = format::detect(file) else {
+            self.unknown.push(path);
+            return;
+        };
+        if format.id() == "project" {
+            return;
+        }
+        if let Ok(mounting) = format::read_mounting(file)
+            && format.id() == "bonn-mounting"
+        {
+            self.mountings.push((path, mounting));
+            return;
+        }
+        if format.id() == "ros-bag" {
+            let topics = format::inspect(file).map(|found| found.notes.join("; "));
+            self.recordings.push((path, topics.unwrap_or_default()));
+            return;
+        }
+        let name = path.to_string_lossy().to_lowercase();
+        let is_gnss = ["gnss", "gps", "rtk"]
+            .iter()
+            .any(|word| name.contains(word));
+        match Role::of(format) {
+            Role::Cloud => self.clouds.push(path),
+            Role::Profiles => self.profiles.push(path),
+            Role::Poses => self.poses.push(path),
+            Role::Positions if is_gnss => self.gnss.push(path),
+            Role::Positions => self.prism.push(path),
+            Role::Logs => {
+                if format.has_heading() && format::read_heading(file).is_ok() {
+                    self.heading.push(path.clone());
+                }
+                if format.has_imu() && format::read_imu(file).is_ok() {
+                    self.imu.push(path);
+                }
+            }
+            Role::None => self.unknown.push(path),
+        }
+    }
+
+    fn project(&self) -> String {
+        let mut text = String::from(
+            "# What files cannot tell stands behind a `#` without a value: fill it in.\n\
+             [frame]\nbody = \"FRD\"                  # x forward, y right, z down; or \"FLU\"\n",
+        );
+        if self.poses.is_empty() {
+            self.logs(&mut text);
+        } else {
+            let files = list_of(&self.poses);
+            text += &format!(
+                "\n[trajectory]\nfile = {files}\n\
+                 # If the file gives no standard deviations, the joint adjustment needs these:\n\
+                 # sigma_position_m = 0.01\n# sigma_rotation_deg = 0.05\n"
+            );
+            let logs = self
+                .imu
+                .iter()
+                .chain(&self.prism)
+                .chain(&self.gnss)
+                .chain(&self.heading);
+            aside(
+                &mut text,
+                "logs from which the trajectory could be estimated instead",
+                logs,
+            );
+        }
+        for profiles in &self.profiles {
+            self.scanner(&mut text, profiles);
+        }
+        for (path, topics) in &self.recordings {
+            text += &format!(
+                "\n# {} holds {topics}.\n# A topic is named behind the file: file = {}\n",
+                path.display(),
+                quoted(&format!("{}#/topic", path.display()))
+            );
+        }
+        if let Some((first, others)) = self.clouds.split_first() {
+            text += &format!("\n[reference]\nfile = {}\n", quoted_path(first));
+            aside(&mut text, "other clouds", others);
+        }
+        aside(&mut text, "files that nothing reads", &self.unknown);
+        text
+    }
+
+    fn logs(&self, text: &mut String) {
+        let mut table = |name: &str, files: &[PathBuf], keys: &str| {
+            if let Some((first, others)) = files.split_first() {
+                *text += &format!("\n[{name}]\nfile = {}\n{keys}", quoted_path(first));
+                aside(text, "others of this kind", others);
+            }
+        };
+        table(
+            "imu",
+            &self.imu,
+            "# the noise of its datasheet: gyro_noise_deg_sqrt_h = …\n",
+        );
+        let arm =
+            "# lever_arm_m =                   # from the IMU, in the body frame: [x, y, z]\n";
+        table("prism", &self.prism, arm);
+        table("gnss", &self.gnss, arm);
+        table(
+            "heading",
+            &self.heading,
+            "# mounting_offset_deg = 0.0       # of the antenna baseline from the body's x axis\n",
+        );
+        if self.imu.is_empty() {
+            *text += "\n# No IMU log was found: [imu], or [trajectory] with a file of poses, is needed.\n";
+        }
+    }
+
+    fn scanner(&self, text: &mut String, profiles: &Path) {
+        let name = scanner_name(profiles);
+        let _ = write!(
+            text,
+            "\n[[scanner]]\nname = {}\nprofiles = {}\n",
+            quoted(&name),
+            quoted_path(profiles)
+        );
+        let same = self
+            .mountings
+            .iter()
+            .find(|(path, _)| scanner_name(path) == name);
+        match same {
+            Some((path, mounting)) => {
+                let t = mounting.translation_m;
+                let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
+                let round = |x: f64| (x * 1e6).round() / 1e6;
+                let _ = writeln!(
+                    text,
+                    "# from {}\ntranslation_m = [{:?}, {:?}, {:?}]\nrotation_deg = [{:?}, {:?}, {:?}]\n\
+                     rotation_convention = \"bonn\"",
+                    path.display(),
+                    round(t.x),
+                    round(t.y),
+                    round(t.z),
+                    round(angles[0]),
+                    round(angles[1]),
+                    round(angles[2]),
+                );
+            }
+            None => {
+                *text += "# translation_m =                 # of the scanner in the body frame, by tape: \
+                          [x, y, z]\n\
+                          # rotation_deg =                  # [α, β, γ], to some degrees\n\
+                          # rotation_convention = \"zyx\"     # or \"bonn\"\n";
+            }
+        }
+    }
+}
+
+/// What the files of a format are for.
+enum Role {
+    Cloud,
+    Profiles,
+    Poses,
+    Positions,
+    Logs,
+    None,
+}
+
+impl Role {
+    fn of(format: Format) -> Self {
+        match format {
+            _ if format.has_imu() || format.has_heading() => Self::Logs,
+            _ if format.has_positions() => Self::Positions,
+            _ if format.has_cloud() => Self::Cloud,
+            _ if format.has_profiles() => Self::Profiles,
+            _ if format.has_poses() => Self::Poses,
+            _ => Self::None,
+        }
+    }
+}
+
+/// `left` and `right` by the last letter of the file, as the Bonn group names them, otherwise the file's name.
+fn scanner_name(profiles: &Path) -> String {
+    let stem = profiles.file_stem().unwrap_or_default().to_string_lossy();
+    let mut letters = stem.chars().rev();
+    let (last, before) = (letters.next(), letters.next());
+    let stands_alone = before.is_none_or(|c| !c.is_alphabetic());
+    match last {
+        Some('l' | 'L') if stands_alone => "left".into(),
+        Some('r' | 'R') if stands_alone => "right".into(),
+        _ => {
+            let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+            stem.chars().map(plain).collect()
+        }
+    }
+}
+
+/// Lists files as a comment.
+fn aside<'a>(text: &mut String, what: &str, files: impl IntoIterator<Item = &'a PathBuf>) {
+    let names: Vec<String> = files
+        .into_iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    if !names.is_empty() {
+        *text += &format!("# {what}: {}\n", names.join(", "));
+    }
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+fn quoted_path(path: &Path) -> String {
+    quoted(&path.to_string_lossy())
+}
+
+/// One file, or a list of them.
+fn list_of(files: &[PathBuf]) -> String {
+    match files {
+        [one] => quoted_path(one),
+        all => {
+            let names: Vec<String> = all.iter().map(|path| quoted_path(path)).collect();
+            format!("[{}]", names.join(", "))
+        }
+    }
+}
