@@ -139,3 +139,17 @@ fn folders_without_a_scanner_are_refused() {
     let missing = init(&folder.path().join("not-there"));
     assert!(missing.err.contains("no such folder"), "{}", missing.err);
 }
+
+#[test]
+fn recordings_alone_are_no_project_yet() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = common::data("ros").join("plain.mcap");
+    fs::copy(bag, folder.path().join("drive.mcap")).unwrap();
+    let made = init(folder.path());
+    assert_eq!(made.code, 0, "{}", made.err);
+    assert!(
+        made.out.contains("[imu], or [trajectory] with poses") && made.out.contains("[[scanner]]")
+    );
+    let text = fs::read_to_string(folder.path().join("project.toml")).unwrap();
+    assert!(text.contains("/ouster (sensor_msgs/PointCloud2"), "{text}");
+}

@@ -6,7 +6,8 @@ use serde_json::json;
 
 use crate::error::{Error, Location, Result};
 use crate::output::write_whole;
-use crate::pipeline::{self, Outcome};
+use crate::pipeline::{self, NewProject, Outcome};
+use crate::project::Project;
 
 /// Write a commented project file for the logs and recordings of a folder
 #[derive(Debug, clap::Args)]
@@ -29,24 +30,15 @@ impl Init {
                 "none yet, or --force to replace it",
             ));
         }
-        let text = pipeline::init(&self.folder)?;
+        let NewProject { text, missing } = pipeline::init(&self.folder)?;
         write_whole(&path, text.as_bytes())?;
-        let missing = text
-            .lines()
-            .filter(|line| line.starts_with("# ") && line.contains(" =  "));
-        let keys = missing.filter_map(|line| Some(line.strip_prefix("# ")?.split_once(" =")?.0));
-        let mut missing: Vec<&str> = Vec::new();
-        for key in keys {
-            if !missing.contains(&key) {
-                missing.push(key);
-            }
-        }
-        let summary = match missing.is_empty() {
-            true => "Everything that a run needs was found.".to_owned(),
-            false => format!(
+        let summary = match (missing.is_empty(), Project::read(&path)) {
+            (false, _) => format!(
                 "Fill in what the files cannot tell: {}.",
                 missing.join(", ")
             ),
+            (true, Ok(_)) => "Everything that a run needs was found.".to_owned(),
+            (true, Err(error)) => format!("To be put right by hand: {error}"),
         };
         Ok(Outcome {
             result: json!({ "project": path.display().to_string(), "missing": missing }),

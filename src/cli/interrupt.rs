@@ -13,7 +13,7 @@ pub(super) fn is_asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }
 
-/// Listens to Ctrl-C and to being told to end. The first time, the work stops at the next place where it can;
+/// Listens to Ctrl-C. The first time, the work stops at the next place where it can;
 /// the second time, the process ends: what it leaves behind is removed by the next run.
 pub(super) fn listen() {
     let asked = || {

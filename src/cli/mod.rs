@@ -94,7 +94,6 @@ pub fn main() -> ExitCode {
         }
     };
     let (json, strict) = (line.global.json, line.global.strict);
-    interrupt::listen();
     let printed = execute(line).and_then(|(outcome, complete)| {
         print_outcome(&outcome, json)?;
         let verdicts = outcome.verdicts.unwrap_or_default();
@@ -138,6 +137,14 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         terminal: Terminal::new(global.quiet, global.verbose),
     };
     pool.install(|| {
+        // What asks nobody whether to go on ends at once, as ever.
+        let is_brief = matches!(
+            line.command,
+            Command::Inspect(_) | Command::Init(_) | Command::Salvage(_)
+        );
+        if !is_brief {
+            interrupt::listen();
+        }
         let outcome = match line.command {
             Command::Inspect(command) => return command.execute(),
             Command::Init(command) => command.execute(),

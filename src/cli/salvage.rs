@@ -1,5 +1,6 @@
 //! `boresight salvage`
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -31,6 +32,13 @@ impl Salvage {
             )),
         };
         let names = self.files.iter().map(name).collect::<Result<Vec<_>>>()?;
+        let mut seen = BTreeSet::new();
+        if let Some(twice) = names.iter().find(|name| !seen.insert(name.to_lowercase())) {
+            return Err(Error::data(
+                format!("two files are called {twice}, and so would be their copies"),
+                "salvage them into different folders",
+            ));
+        }
         let staging = Staging::new(&self.out, &self.files, &names)?;
         let (mut documents, mut lines) = (Vec::new(), Vec::new());
         for (file, name) in self.files.iter().zip(&names) {

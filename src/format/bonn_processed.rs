@@ -69,7 +69,7 @@ fn looks_like(start: &Start<'_>) -> bool {
         // Only the first profile is seen: it must say something.
         None => count > 0,
     };
-    are_near && follows
+    are_near && follows && (count > 0 || first_s > 0.0)
 }
 
 /// The record at the beginning of these bytes, if all of it is there and its coordinates can be.
@@ -81,8 +81,8 @@ fn whole_record(bytes: &[u8]) -> Option<WholeRecord> {
     let are_near = coordinates
         .into_iter()
         .all(|bytes| number(bytes, 0, Number::F32).abs() < f64::from(FARTHEST_MM));
-    // Nothing but zeros would do for an empty profile.
-    (are_near && n > 0).then_some(WholeRecord { length, time_s })
+    // Nothing but zeros would do for an empty profile at no time.
+    (are_near && (n > 0 || time_s > 0.0)).then_some(WholeRecord { length, time_s })
 }
 
 /// Reads a recording in bounded memory.

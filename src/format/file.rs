@@ -22,12 +22,10 @@ impl Part {
     /// A `#` in the name of a file that exists is a part of its name.
     pub(crate) fn of(path: &Path) -> Self {
         let text = path.to_string_lossy();
-        let split = match path.exists() {
-            true => None,
-            false => text.split_once('#'),
-        };
-        let file = split.map_or(path, |(file, _)| Path::new(file)).to_owned();
-        let name = split.map(|(_, name)| name.to_owned());
+        let marks = || text.match_indices('#').map(|(at, _)| at);
+        let at = marks().find(|at| !path.exists() && Path::new(&text[..*at]).is_file());
+        let file = at.map_or_else(|| path.to_owned(), |at| text[..at].into());
+        let name = at.map(|at| text[at + 1..].to_owned());
         Self { file, name }
     }
 }
@@ -99,7 +97,10 @@ fn silence_decoders() {
     ONCE.call_once(|| {
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
-            let place = panic.location().map_or("", |place| place.file());
+            let place = panic
+                .location()
+                .map_or("", |place| place.file())
+                .replace('\\', "/");
             let is_decoder = DECODERS.iter().any(|name| place.contains(name));
             if !is_decoder || GUARDED.load(Ordering::SeqCst) == 0 {
                 print(panic);

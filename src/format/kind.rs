@@ -104,6 +104,11 @@ impl Format {
         matches!(self.id(), "las" | "laz")
     }
 
+    /// Whether it is a text table with one measurement in a row.
+    pub fn is_table(self) -> bool {
+        self.0.columns.is_some()
+    }
+
     /// Whether it may hold the samples of an IMU.
     pub fn has_imu(self) -> bool {
         self.0.imu.is_some()

@@ -6,11 +6,10 @@ use super::binary::{Bytes, Fields, Number};
 use super::kind::Kind;
 use crate::cloud::PointCloud;
 
-/// A compressed file may not take more memory than so many times its size and so many bytes.
-const MOST_EXPANDED: u64 = 4;
+/// Compressed points may not unpack to more than so many times their size and so many bytes: scans do so to two to
+/// ten times.
+const MOST_EXPANDED: u64 = 32;
 const ALWAYS_BYTES: u64 = 64_000_000;
-/// Of a point in memory: coordinates, time and intensity.
-const POINT_BYTES: u64 = 36;
 
 pub(crate) const PCD: Kind = Kind {
     signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
@@ -193,12 +192,15 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
                 ));
             }
             bytes.check(packed, "compressed points")?;
-            let needed = unpacked.saturating_add(header.count.saturating_mul(POINT_BYTES));
-            if needed > MOST_EXPANDED * bytes.total + ALWAYS_BYTES {
+            if unpacked
+                > MOST_EXPANDED
+                    .saturating_mul(packed)
+                    .saturating_add(ALWAYS_BYTES)
+            {
                 return Err(bytes.error(
                     format!("{packed} bytes that unpack to {unpacked}"),
-                    "points that take at most four times the file and 64 MB: save the cloud as binary, \
-                     not binary_compressed",
+                    "at most 32 times as many and 64 MB: save the cloud as binary, not \
+                     binary_compressed",
                 ));
             }
             let mut input = vec![0; packed as usize];

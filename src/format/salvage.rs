@@ -36,6 +36,8 @@ impl Salvaged {
 
 /// Bytes that are looked at together; no record is as long.
 const WINDOW: usize = 4 << 20;
+/// Longer lines are not of a table.
+const LONGEST_LINE: u64 = 1 << 20;
 /// Profiles behind a damage do not follow later, seconds: bytes that only look like a profile seldom have such
 /// a time.
 const LONGEST_PAUSE_S: f64 = 3600.0;
@@ -93,11 +95,23 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
                 .read_to_end(&mut window)
                 .map_err(|e| Error::io(path, e))?;
         }
-        let fits = |whole: &WholeRecord| match last_s {
-            Some(last_s) => (last_s..last_s + LONGEST_PAUSE_S).contains(&whole.time_s),
-            None => true,
+        let fits = |whole: &WholeRecord| {
+            last_s.is_none_or(|last_s| {
+                let pause_s = whole.time_s - last_s;
+                pause_s >= 0.0 && (!is_damaged || pause_s < LONGEST_PAUSE_S)
+            })
         };
         match record(&window[at..]).filter(fits) {
+            // The one behind it is whole and earlier: the time of this one is wrong.
+            Some(whole)
+                if record(&window[at + whole.length..])
+                    .filter(fits)
+                    .is_some_and(|next| next.time_s < whole.time_s) =>
+            {
+                found.drop(start + at as u64, whole.length as u64, is_damaged);
+                is_damaged = true;
+                at += whole.length;
+            }
             Some(whole) => {
                 out.write_all(&window[at..at + whole.length])
                     .map_err(|e| Error::io(to, e))?;
@@ -123,13 +137,13 @@ fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
     let out = File::create(to).map_err(|e| Error::io(to, e))?;
     let mut out = BufWriter::with_capacity(1 << 20, out);
     let mut found = Salvaged::default();
-    // Which columns hold numbers, by the first row that has any.
-    let mut numeric: Option<Vec<bool>> = None;
+    let mut columns = Columns::default();
     let (mut line, mut start) = (Vec::new(), 0u64);
     let mut is_damaged = false;
     loop {
         line.clear();
-        let read = from
+        let read = (&mut from)
+            .take(LONGEST_LINE)
             .read_until(b'\n', &mut line)
             .map_err(|e| Error::io(path, e))? as u64;
         if read == 0 {
@@ -137,25 +151,13 @@ fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
         }
         let text = std::str::from_utf8(&line).ok().map(str::trim);
         let is_whole = match text {
+            _ if read == LONGEST_LINE => false,
             None => false,
             Some(text) if text.is_empty() || text.starts_with('#') => true,
-            Some(text) => {
-                let cells = values(text);
-                let is_row = cells.iter().flatten().any(|value| value.is_finite());
-                match &numeric {
-                    None if is_row => {
-                        numeric = Some(cells.iter().map(Option::is_some).collect());
-                        true
-                    }
-                    // A header.
-                    None => true,
-                    Some(numeric) => fits(&cells, numeric),
-                }
-            }
+            Some(text) => columns.fit(&cells(text)),
         };
         if is_whole {
             out.write_all(&line).map_err(|e| Error::io(to, e))?;
-            found.kept += u64::from(numeric.is_some());
         } else {
             found.drop(start, read, is_damaged);
             found.dropped_rows += 1;
@@ -163,30 +165,69 @@ fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
         is_damaged = !is_whole;
         start += read;
     }
+    found.kept = columns.rows;
     out.flush().map_err(|e| Error::io(to, e))?;
     Ok(found)
 }
 
-/// The numbers of a row; `None` for a cell that is none, infinite for one that is empty.
-fn values(text: &str) -> Vec<Option<f64>> {
+/// What a cell of a table holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cell {
+    Empty,
+    Number,
+    /// Infinite, or not a number.
+    NoNumber,
+    Text,
+}
+
+fn cells(text: &str) -> Vec<Cell> {
     let mut cells = Vec::new();
     let _ = Separator::of(text).split::<()>(text, |_, cell| {
-        cells.push(match cell.is_empty() {
-            true => Some(f64::INFINITY),
-            false => cell.parse().ok(),
+        cells.push(match cell.parse::<f64>() {
+            _ if cell.is_empty() => Cell::Empty,
+            Ok(value) if value.is_finite() => Cell::Number,
+            Ok(_) => Cell::NoNumber,
+            Err(_) => Cell::Text,
         });
         Ok(())
     });
     cells
 }
 
-fn fits(cells: &[Option<f64>], numeric: &[bool]) -> bool {
-    let is_number = |cell: &Option<f64>| cell.is_some_and(|value| !value.is_nan());
-    cells.len() == numeric.len()
-        && cells
-            .iter()
-            .zip(numeric)
-            .all(|(cell, is_numeric)| !is_numeric || is_number(cell))
+/// The columns of a table, by its header and its first row.
+#[derive(Default)]
+struct Columns {
+    /// Of the last line of text before the first row.
+    header: Option<usize>,
+    /// Whether each holds text.
+    are_text: Option<Vec<bool>>,
+    rows: u64,
+}
+
+impl Columns {
+    /// Takes in a line; whether it is whole.
+    fn fit(&mut self, cells: &[Cell]) -> bool {
+        let is_row = cells.contains(&Cell::Number) || cells.contains(&Cell::NoNumber);
+        if self.are_text.is_none() && !is_row {
+            self.header = Some(cells.len());
+            return true;
+        }
+        let width = self.are_text.as_ref().map(Vec::len).or(self.header);
+        let are_numbers = cells.iter().enumerate().all(|(i, cell)| {
+            let is_text = self
+                .are_text
+                .as_ref()
+                .is_none_or(|are_text| are_text[i.min(are_text.len() - 1)]);
+            *cell != Cell::NoNumber && (*cell != Cell::Text || is_text)
+        });
+        if !are_numbers || width.is_some_and(|width| width != cells.len()) {
+            return false;
+        }
+        self.are_text
+            .get_or_insert_with(|| cells.iter().map(|cell| *cell == Cell::Text).collect());
+        self.rows += 1;
+        true
+    }
 }
 
 #[cfg(test)]
@@ -236,6 +277,26 @@ mod tests {
     }
 
     #[test]
+    fn a_time_that_is_wrong_costs_one_profile_and_a_pause_none() {
+        let whole = recording(6);
+        let length = whole.len() / 6;
+        for at in [0, 2] {
+            let mut damaged = whole.clone();
+            damaged[at * length..at * length + 8].copy_from_slice(&1e6f64.to_le_bytes());
+            let (found, kept) = salvaged("a.bin", &damaged).unwrap();
+            let expected = [&whole[..at * length], &whole[(at + 1) * length..]].concat();
+            assert_eq!((found.kept, found.dropped_bytes), (5, length as u64));
+            assert!(kept == expected);
+        }
+        let mut paused = whole.clone();
+        for i in 3..6 {
+            let time_s = 90_000.0 + 0.005 * i as f64;
+            paused[i * length..i * length + 8].copy_from_slice(&time_s.to_le_bytes());
+        }
+        assert_eq!(salvaged("a.bin", &paused).unwrap().0.kept, 6);
+    }
+
+    #[test]
     fn rows_around_a_damage_are_kept() {
         let text = "# made by hand\ntime_s,x_m,note\n1,2,a\n2,NaN,b\n3,4,c\n4,\n5,,d\n6,7";
         let (found, kept) = salvaged("a.csv", text.as_bytes()).unwrap();
@@ -245,6 +306,11 @@ mod tests {
             "# made by hand\ntime_s,x_m,note\n1,2,a\n3,4,c\n5,,d\n"
         );
         assert_eq!((found.kept, found.dropped_rows, found.places), (3, 3, 3));
+        // A row that is cut or no number is not what the others are measured by.
+        let text = "time_s,x_m,z_m\n1,2\n1,NaN,2\n2,3,4\n3,inf,1\n";
+        let (found, kept) = salvaged("a.csv", text.as_bytes()).unwrap();
+        assert_eq!(String::from_utf8(kept).unwrap(), "time_s,x_m,z_m\n2,3,4\n");
+        assert_eq!((found.kept, found.dropped_rows), (1, 3));
         let none = salvaged("a.laz", b"LASF").unwrap_err().to_string();
         assert!(
             none.contains("expected a text table, or profiles"),

@@ -30,12 +30,29 @@ struct Found {
     unknown: Vec<PathBuf>,
 }
 
+/// A project made from the files of a folder.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NewProject {
+    /// The project file.
+    pub text: String,
+    /// Keys and tables that are to be filled in.
+    pub missing: Vec<&'static str>,
+}
+
+impl NewProject {
+    fn misses(&mut self, what: &'static str) {
+        if !self.missing.contains(&what) {
+            self.missing.push(what);
+        }
+    }
+}
+
 /// A commented project file for the logs, recordings and clouds below `folder`, with paths relative to it. What
 /// files cannot tell is left as a comment behind which the value belongs: a run then names what is missing.
 ///
 /// # Errors
 /// A folder that cannot be read, or without a recording of a scanner.
-pub fn init(folder: &Path) -> Result<String> {
+pub fn init(folder: &Path) -> Result<NewProject> {
     if !folder.is_dir() {
         let expected = "a folder with the files of a drive";
         return Err(match folder.exists() {
@@ -127,111 +144,113 @@ impl Found {
         }
     }
 
-    fn project(&self) -> String {
-        let mut text = String::from(
-            "# What files cannot tell stands behind a `#` without a value: fill it in.\n\
-             [frame]\nbody = \"FRD\"                  # x forward, y right, z down; or \"FLU\"\n",
-        );
+    fn project(&self) -> NewProject {
+        let mut made = NewProject {
+            text: "# What files cannot tell stands behind a `#` without a value: fill it in.\n\
+                   [frame]\nbody = \"FRD\"                  # x forward, y right, z down; or \"FLU\"\n"
+                .to_owned(),
+            missing: Vec::new(),
+        };
         if self.poses.is_empty() {
-            self.logs(&mut text);
+            self.logs(&mut made);
         } else {
             let files = list_of(&self.poses);
-            text += &format!(
+            made.text += &format!(
                 "\n[trajectory]\nfile = {files}\n\
                  # If the file gives no standard deviations, the joint adjustment needs these:\n\
                  # sigma_position_m = 0.01\n# sigma_rotation_deg = 0.05\n"
             );
-            let logs = self
-                .imu
-                .iter()
-                .chain(&self.prism)
-                .chain(&self.gnss)
-                .chain(&self.heading);
-            aside(
-                &mut text,
-                "logs from which the trajectory could be estimated instead",
-                logs,
-            );
+            let positions = self.prism.iter().chain(&self.gnss);
+            let logs = self.imu.iter().chain(positions).chain(&self.heading);
+            let what = "logs from which the trajectory could be estimated instead";
+            aside(&mut made.text, what, logs);
         }
+        let mut names: Vec<String> = Vec::new();
         for profiles in &self.profiles {
-            self.scanner(&mut text, profiles);
+            let plain = scanner_name(profiles);
+            let numbered = (2..).map(|number| format!("{plain}-{number}"));
+            let mut free = std::iter::once(plain.clone()).chain(numbered);
+            let name = free.find(|name| !names.contains(name)).unwrap_or_default();
+            self.scanner(&mut made, profiles, (&plain, &name));
+            names.push(name);
+        }
+        if self.profiles.is_empty() {
+            made.misses("[[scanner]]");
         }
         for (path, topics) in &self.recordings {
-            text += &format!(
+            made.text += &format!(
                 "\n# {} holds {topics}.\n# A topic is named behind the file: file = {}\n",
                 path.display(),
                 quoted(&format!("{}#/topic", path.display()))
             );
         }
         if let Some((first, others)) = self.clouds.split_first() {
-            text += &format!("\n[reference]\nfile = {}\n", quoted_path(first));
-            aside(&mut text, "other clouds", others);
+            made.text += &format!("\n[reference]\nfile = {}\n", quoted_path(first));
+            aside(&mut made.text, "other clouds", others);
         }
-        aside(&mut text, "files that nothing reads", &self.unknown);
-        text
+        aside(&mut made.text, "files that nothing reads", &self.unknown);
+        made
     }
 
-    fn logs(&self, text: &mut String) {
-        let mut table = |name: &str, files: &[PathBuf], keys: &str| {
-            if let Some((first, others)) = files.split_first() {
-                *text += &format!("\n[{name}]\nfile = {}\n{keys}", quoted_path(first));
-                aside(text, "others of this kind", others);
-            }
-        };
-        table(
-            "imu",
-            &self.imu,
-            "# the noise of its datasheet: gyro_noise_deg_sqrt_h = …\n",
-        );
+    fn logs(&self, made: &mut NewProject) {
         let arm =
             "# lever_arm_m =                   # from the IMU, in the body frame: [x, y, z]\n";
-        table("prism", &self.prism, arm);
-        table("gnss", &self.gnss, arm);
-        table(
-            "heading",
-            &self.heading,
-            "# mounting_offset_deg = 0.0       # of the antenna baseline from the body's x axis\n",
-        );
+        let noise = "# the noise of its datasheet: gyro_noise_deg_sqrt_h = …\n";
+        let offset =
+            "# mounting_offset_deg = 0.0       # of the antenna baseline from the body's x axis\n";
+        for (name, files, keys) in [
+            ("imu", &self.imu, noise),
+            ("prism", &self.prism, arm),
+            ("gnss", &self.gnss, arm),
+            ("heading", &self.heading, offset),
+        ] {
+            if let Some((first, others)) = files.split_first() {
+                made.text += &format!("\n[{name}]\nfile = {}\n{keys}", quoted_path(first));
+                aside(&mut made.text, "others of this kind", others);
+                if keys == arm {
+                    made.misses("lever_arm_m");
+                }
+            }
+        }
         if self.imu.is_empty() {
-            *text += "\n# No IMU log was found: [imu], or [trajectory] with a file of poses, is needed.\n";
+            made.misses("[imu], or [trajectory] with poses");
+        }
+        if self.prism.is_empty() && self.gnss.is_empty() {
+            made.misses("[prism] or [gnss], or [trajectory] with poses");
         }
     }
 
-    fn scanner(&self, text: &mut String, profiles: &Path) {
-        let name = scanner_name(profiles);
+    fn scanner(&self, made: &mut NewProject, profiles: &Path, (plain, name): (&str, &str)) {
         let _ = write!(
-            text,
+            made.text,
             "\n[[scanner]]\nname = {}\nprofiles = {}\n",
-            quoted(&name),
+            quoted(name),
             quoted_path(profiles)
         );
-        let same = self
-            .mountings
-            .iter()
-            .find(|(path, _)| scanner_name(path) == name);
-        match same {
+        let mut mountings = self.mountings.iter();
+        match mountings.find(|(path, _)| scanner_name(path) == plain) {
             Some((path, mounting)) => {
                 let t = mounting.translation_m;
                 let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
-                let round = |x: f64| (x * 1e6).round() / 1e6;
+                let list = |values: [f64; 3]| {
+                    let [x, y, z] = values.map(|x| (x * 1e6).round() / 1e6);
+                    format!("[{x:?}, {y:?}, {z:?}]")
+                };
                 let _ = writeln!(
-                    text,
-                    "# from {}\ntranslation_m = [{:?}, {:?}, {:?}]\nrotation_deg = [{:?}, {:?}, {:?}]\n\
-                     rotation_convention = \"bonn\"",
+                    made.text,
+                    "# from {}\ntranslation_m = {}\nrotation_deg = {}\nrotation_convention = \"bonn\"",
                     path.display(),
-                    round(t.x),
-                    round(t.y),
-                    round(t.z),
-                    round(angles[0]),
-                    round(angles[1]),
-                    round(angles[2]),
+                    list([t.x, t.y, t.z]),
+                    list(angles)
                 );
             }
             None => {
-                *text += "# translation_m =                 # of the scanner in the body frame, by tape: \
-                          [x, y, z]\n\
-                          # rotation_deg =                  # [α, β, γ], to some degrees\n\
-                          # rotation_convention = \"zyx\"     # or \"bonn\"\n";
+                made.misses("translation_m");
+                made.misses("rotation_deg");
+                made.text += "# translation_m =                 # of the scanner in the body frame, by tape: \
+                              [x, y, z]\n\
+                              # rotation_deg =                  # [α, β, γ], to some degrees\n\
+                              # rotation_convention = \"zyx\"     # or \"bonn\"\n";
             }
         }
     }

@@ -17,7 +17,7 @@ use crate::joint::{
 use crate::progress::Progress;
 use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::report;
-use crate::sensor::FrameLog;
+use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
 
 /// A scanner is late where the scans say so by more than this many standard deviations, and by more than
@@ -56,6 +56,18 @@ pub fn report(
             &stages::aligned(project, Project::read(&other.project)?)?,
             &two_steps.poses(),
         );
+        let columns = |project: &Project| project.bending.as_ref().map(|log| log.columns.clone());
+        if let (Some(theirs), Some(ours)) = (columns(&aligned), columns(project))
+            && theirs != ours
+        {
+            return Err(Error::data(
+                format!(
+                    "{}: [bending] with the columns {theirs:?}, not {ours:?}",
+                    other.name
+                ),
+                "name the same columns in the same order in all drives: mountings follow them alike",
+            ));
+        }
         let poses = stages::poses(&aligned, progress)?;
         let doubts = poses.doubts.iter().map(report::doubt);
         let contradicted = poses.preflight.iter().cloned().chain(doubts);
@@ -237,19 +249,26 @@ fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
         scans: Scans {
             samples: drive.samples.iter().collect(),
         },
-        frame: frame_log(drive.project)?,
+        frame: frame_log(drive)?,
     })
 }
 
 /// What the mountings of a drive may follow, in common time.
-fn frame_log(project: &Project) -> Result<Option<FrameLog>> {
-    let Some(FrameLogFile { log, columns }) = &project.bending else {
+fn frame_log(drive: &Drive<'_>) -> Result<Option<FrameLog>> {
+    let Some(FrameLogFile { log, columns }) = &drive.project.bending else {
         return Ok(None);
     };
     let mut read = format::read_frame_log(&log.path, columns)?;
     read.rows
         .iter_mut()
         .for_each(|(time_s, _)| *time_s += log.time_offset_s);
+    let span_s = |rows: &[(f64, [f64; MAX_FRAME_COLUMNS])]| Some((rows.first()?.0, rows.last()?.0));
+    if let Some(span_s) = span_s(&read.rows) {
+        check_overlap(
+            ("bending", span_s),
+            ("trajectory", drive.poses.trajectory.span_s()),
+        )?;
+    }
     Ok(Some(read))
 }
 

@@ -30,7 +30,7 @@ pub use commands::{calibrate, demo, run, simulate, trajectory};
 pub use compare::compare;
 pub use features::features;
 pub use findings::{Extras, Findings, Truth};
-pub use init::init;
+pub use init::{NewProject, init};
 pub use job::Job;
 pub use outcome::{Options, Outcome};
 pub use placement::{Placement, georeference};

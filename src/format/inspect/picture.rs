@@ -71,7 +71,7 @@ impl Picture {
         let dots = [COLUMNS * ACROSS - 1, LINES * DOWN - 1].map(|n| n as f64);
         let step = ((high[0] - low[0]) / dots[0]).max((high[1] - low[1]) / dots[1]);
         let has_extent = (0..2).all(|axis| high[axis] - low[axis] > 0.0);
-        if !has_extent || !step.is_finite() {
+        if !has_extent || !step.is_normal() {
             return Vec::new();
         }
         let of = |value: f64, from: f64| ((value - from) / step).round() as usize;
@@ -127,5 +127,10 @@ mod tests {
         (0..5).for_each(|i| picture.see(&[f64::from(i), 1.0]));
         assert!(picture.lines().is_empty());
         assert!(Picture::of(&["x_m", "z_m"]).is_none());
+        let mut tiny = Picture::of(&["x_m", "y_m"]).unwrap();
+        [0.0, 5e-324, 1e-322]
+            .iter()
+            .for_each(|x| tiny.see(&[*x, *x]));
+        assert!(tiny.lines().is_empty());
     }
 }

@@ -27,6 +27,23 @@ pub(super) fn follow(
     (job, progress): (&Job<'_>, &dyn Progress),
     mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
+    let others = logs.positions.iter().map(|log| &log.path);
+    let all = others
+        .chain([&logs.imu.path])
+        .chain(logs.heading.as_ref().map(|log| &log.path));
+    for path in all {
+        if let Ok(format) = format::detect(path)
+            && !format.is_table()
+        {
+            let expected = "a text table: other logs cannot be followed while they grow";
+            return Err(Error::format(
+                path,
+                Location::Whole,
+                format.to_string(),
+                expected,
+            ));
+        }
+    }
     // A temporary file in the staging folder, not a result.
     let scratch = job.path("new-rows.csv");
     let outcome = (|| {
