@@ -134,7 +134,7 @@ fn twenty_thousand_scanners_are_too_many() {
     fs::write(&path, text).unwrap();
     is_refused_briefly(
         &["run", path.to_str().unwrap()],
-        &["20000 scanners", "64 at most"],
+        &["20000 scanners", "1000 at most"],
     );
 }
 

@@ -23,7 +23,10 @@ pub(super) struct Simulate {
 impl Simulate {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let written = self.out.join("scenario.toml");
-        if written.exists() && !self.force {
+        let scenario = PathBuf::from(&self.scenario);
+        // That the scenario itself would be replaced is said further on.
+        let is_input = same_file::is_same_file(&written, &scenario).unwrap_or(false);
+        if written.exists() && !is_input && !self.force {
             return Err(Error::format(
                 &self.out,
                 Location::Whole,
@@ -31,7 +34,6 @@ impl Simulate {
                 "an unused name, or --force to replace them",
             ));
         }
-        let scenario = PathBuf::from(&self.scenario);
         context.logged(&self.out, &[scenario], |options| {
             pipeline::simulate(&self.scenario, options, &context.terminal)
         })

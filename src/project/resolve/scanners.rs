@@ -14,7 +14,7 @@ use crate::project::written::{self, Written};
 pub(in crate::project) const TIME_OFFSET: &str = "time_offset";
 
 /// More than any platform carries: their parameters are estimated together.
-const MAX_SCANNERS: usize = 64;
+const MAX_SCANNERS: usize = 1000;
 
 /// The scanners, with unique names.
 pub(in crate::project) fn scanners(
@@ -25,7 +25,7 @@ pub(in crate::project) fn scanners(
         return Err(source.error(
             &[Step::Key("scanner"), Step::Index(MAX_SCANNERS)],
             format!("{} scanners", written.len()),
-            "64 at most",
+            "1000 at most",
         ));
     }
     let names: Vec<&str> = written.iter().map(|s| s.name.as_str()).collect();
