@@ -8,6 +8,7 @@ use super::file::{first_bytes, guarded, open};
 use super::kind::Kind;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::geometry::{Rotation, Vec3, WorldFromScanner};
 
 pub(crate) const E57: Kind = Kind {
     signature: Some(|start| start.bytes.starts_with(b"ASTM-E57")),
@@ -15,7 +16,6 @@ pub(crate) const E57: Kind = Kind {
     cloud: Some(read),
     ..Kind::new("e57", "cloud (E57)")
 };
-use crate::geometry::{Rotation, Vec3, WorldFromScanner};
 
 fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
     Error::format(

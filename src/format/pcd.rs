@@ -5,6 +5,7 @@ use std::path::Path;
 use super::binary::{Bytes, Fields, Number};
 use super::kind::Kind;
 use crate::cloud::PointCloud;
+use crate::error::Result;
 
 /// Compressed points may not unpack to more than so many times their size and so many bytes: scans do so to two to
 /// ten times.
@@ -17,7 +18,6 @@ pub(crate) const PCD: Kind = Kind {
     cloud: Some(read),
     ..Kind::new("pcd", "cloud (PCD)")
 };
-use crate::error::Result;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Encoding {

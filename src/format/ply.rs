@@ -5,6 +5,7 @@ use std::path::Path;
 use super::binary::{Bytes, Fields, Number};
 use super::kind::Kind;
 use crate::cloud::PointCloud;
+use crate::error::Result;
 
 pub(crate) const PLY: Kind = Kind {
     signature: Some(|start| {
@@ -14,7 +15,6 @@ pub(crate) const PLY: Kind = Kind {
     cloud: Some(read),
     ..Kind::new("ply", "cloud (PLY)")
 };
-use crate::error::Result;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Encoding {

@@ -120,6 +120,13 @@ pub struct PosesFile {
     pub sigma_rotation_rad: Option<f64>,
 }
 
+impl PosesFile {
+    /// All its files.
+    pub fn paths(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.path).chain(&self.others)
+    }
+}
+
 /// One scanner and its mounting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scanner {

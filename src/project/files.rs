@@ -87,8 +87,11 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
             }
         }
         Motion::Poses(poses) => {
-            let all = std::iter::once(&poses.path).chain(&poses.others);
-            files.extend(all.map(|path| (file("trajectory"), path.as_path())));
+            files.extend(
+                poses
+                    .paths()
+                    .map(|path| (file("trajectory"), path.as_path())),
+            );
         }
     }
     if let Some(bending) = &project.bending {

@@ -141,12 +141,7 @@ fn other_drive(other: &OtherDrive) -> written::OtherDrive {
 
 fn write_poses(poses: &PosesFile) -> written::Trajectory {
     written::Trajectory {
-        file: Some(Files(
-            std::iter::once(&poses.path)
-                .chain(&poses.others)
-                .cloned()
-                .collect(),
-        )),
+        file: Some(Files(poses.paths().cloned().collect())),
         time_offset_s: Some(poses.time_offset_s),
         sigma_position_m: poses.sigma_position_m,
         sigma_rotation_deg: poses.sigma_rotation_rad.map(degrees),

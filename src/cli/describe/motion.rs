@@ -175,7 +175,7 @@ pub(super) fn describe_limits(lines: &mut Lines, limits: &PoseLimits) {
 
 pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile, correlation_s: f64) {
     lines.section("trajectory");
-    for path in std::iter::once(&poses.path).chain(&poses.others) {
+    for path in poses.paths() {
         lines.file("file", path);
     }
     lines.offset(poses.time_offset_s);
