@@ -39,16 +39,8 @@ fn shift_times(folder: &Path, name: &str, shift_s: f64) {
 
 /// The run failed with one error that holds every one of `expected`, and left no result.
 fn assert_one_error(folder: &Path, run: &Run, expected: &[&str]) {
-    assert_eq!(run.code, 1, "{}", run.err);
+    run.assert_failed_with(expected);
     assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
-    assert!(!run.err.contains("panicked"), "{}", run.err);
-    for expected in expected {
-        assert!(
-            run.err.contains(expected),
-            "should hold: {expected}\n{}",
-            run.err
-        );
-    }
     for result in [
         "result.json",
         "trajectory.csv",

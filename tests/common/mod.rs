@@ -66,6 +66,21 @@ pub struct Run {
     pub err: String,
 }
 
+impl Run {
+    /// It failed without a panic, and says every one of `expected`.
+    pub fn assert_failed_with(&self, expected: &[&str]) {
+        assert_eq!(self.code, 1, "{}", self.err);
+        assert!(!self.err.contains("panicked"), "{}", self.err);
+        for expected in expected {
+            assert!(
+                self.err.contains(expected),
+                "should hold: {expected}\n{}",
+                self.err
+            );
+        }
+    }
+}
+
 /// Runs the binary with `arguments`.
 #[cfg(feature = "cli")]
 pub fn boresight(arguments: &[&str]) -> Run {
