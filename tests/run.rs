@@ -10,6 +10,8 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use common::{boresight, names, on_project, rewrite_project, simulated};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
 /// `document` without what differs from run to run: times and memory.
@@ -156,6 +158,40 @@ fn a_killed_run_leaves_old_or_new_files() {
     assert_eq!(on_project(&drive, "run", &[]).code, 0);
     assert!(results(&out) == new);
     assert_eq!(hidden(&out), 0);
+}
+
+/// The next run after a kill gives what one that nobody disturbed gives.
+#[cfg(unix)]
+#[test]
+#[ignore = "100 kills, each with a whole run behind it"]
+fn a_hundred_killed_runs_are_made_up_for() {
+    let (_kept, drive) = simulated();
+    let (whole, out) = (drive.join("whole"), drive.join("out"));
+    let begun = Instant::now();
+    let run = on_project(&drive, "run", &["--out", whole.to_str().unwrap()]);
+    let took = begun.elapsed();
+    assert_eq!(run.code, 0, "{}", run.err);
+    let expected = results(&whole);
+    let random = &mut ChaCha8Rng::seed_from_u64(1);
+    let mut killed = 0;
+    for number in 0..100 {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
+            .args(["run", drive.join("project.toml").to_str().unwrap()])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(took.mul_f64(random.random_range(0.0..1.0)));
+        killed += usize::from(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert_eq!(on_project(&drive, "run", &[]).code, 0);
+        assert!(results(&out) == expected, "after kill {number}");
+        assert_eq!(hidden(&out), 0);
+        fs::remove_dir_all(&out).unwrap();
+    }
+    println!("{killed} of 100 were still at work");
+    assert!(killed > 80);
 }
 
 /// Number of hidden files and folders in `out`.

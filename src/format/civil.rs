@@ -47,6 +47,35 @@ pub(crate) fn second_of_day(hour: u32, minute: u32, second_s: f64) -> Option<f64
     is_time.then(|| f64::from(hour * 3600 + minute * 60) + second_s)
 }
 
+/// From these times on, Unix seconds, GPS is ahead of UTC by so many whole seconds.
+const LEAP_SECONDS: [(f64, f64); 19] = [
+    (315_964_800.0, 0.0),
+    (362_793_600.0, 1.0),
+    (394_329_600.0, 2.0),
+    (425_865_600.0, 3.0),
+    (489_024_000.0, 4.0),
+    (567_993_600.0, 5.0),
+    (631_152_000.0, 6.0),
+    (662_688_000.0, 7.0),
+    (709_948_800.0, 8.0),
+    (741_484_800.0, 9.0),
+    (773_020_800.0, 10.0),
+    (820_454_400.0, 11.0),
+    (867_715_200.0, 12.0),
+    (915_148_800.0, 13.0),
+    (1_136_073_600.0, 14.0),
+    (1_230_768_000.0, 15.0),
+    (1_341_100_800.0, 16.0),
+    (1_435_708_800.0, 17.0),
+    (1_483_228_800.0, 18.0),
+];
+
+/// GPS time, seconds since 1980-01-06, at a Unix time.
+pub(crate) fn gps_from_unix_s(unix_s: f64) -> f64 {
+    let ahead_s = LEAP_SECONDS.iter().rfind(|(from_s, _)| *from_s <= unix_s);
+    unix_s - LEAP_SECONDS[0].0 + ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,5 +124,18 @@ mod tests {
             assert_eq!(second_of_day(hour, minute, second_s), None);
         }
         assert_eq!(second_of_day(1, 2, f64::NAN), None);
+    }
+
+    #[test]
+    fn leap_seconds_begin_on_their_days() {
+        for (number, (from_s, ahead_s)) in LEAP_SECONDS.iter().enumerate() {
+            assert_eq!(*ahead_s, number as f64);
+            let (_, month, day) = civil_date((from_s / DAY_S) as i64);
+            assert!(number == 0 || [(1, 1), (7, 1)].contains(&(month, day)));
+            assert_eq!(from_s % DAY_S, 0.0);
+        }
+        // GPS week 2238 began on 2022-11-27 at 18 s before midnight UTC.
+        let unix_s = days_since_1970(2022, 11, 27).unwrap() as f64 * DAY_S - 18.0;
+        assert_eq!(gps_from_unix_s(unix_s), 2238.0 * 7.0 * DAY_S);
     }
 }

@@ -14,6 +14,7 @@ pub(crate) const E57: Kind = Kind {
     signature: Some(|start| start.bytes.starts_with(b"ASTM-E57")),
     extensions: &["e57"],
     cloud: Some(read),
+    wkt: Some(wkt),
     ..Kind::new("e57", "cloud (E57)")
 };
 
@@ -24,6 +25,21 @@ fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
         error.to_string(),
         "an undamaged E57 file",
     )
+}
+
+/// The file's `coordinateMetadata`, which holds WKT.
+fn wkt(path: &Path) -> Result<Option<String>> {
+    let (mut file, size) = open(path)?;
+    let head = first_bytes(path, &mut file)?;
+    check_header(path, &head, size)?;
+    guarded(path, "E57", || {
+        let reader =
+            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+        let text = reader
+            .coordinate_metadata()
+            .map(|text| text.trim().to_owned());
+        Ok(text.filter(|text| !text.is_empty()))
+    })
 }
 
 /// Calls `take` with every measured point and its intensity (0 if a scan has none).

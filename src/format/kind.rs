@@ -59,6 +59,8 @@ pub(crate) struct Kind {
     pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
     /// Tells a whole record at the beginning of bytes, for salvaging.
     pub(crate) record: Option<RecordAt>,
+    /// The coordinate reference system that a file names, as WKT.
+    pub(crate) wkt: Option<Reader<Option<String>>>,
     /// What else a file holds, in a line.
     pub(crate) contents: Option<Reader<String>>,
     /// What a user should know of it.
@@ -83,6 +85,7 @@ impl Kind {
             cloud: None,
             profiles: None,
             record: None,
+            wkt: None,
             contents: None,
             note: "",
         }

@@ -11,6 +11,8 @@ use std::path::Path;
 /// The byte with the format of the points, and its bit for compression.
 const POINT_FORMAT: usize = 104;
 const COMPRESSED: u8 = 0x80;
+/// The record of a coordinate reference system (LAS 1.4, "OGC coordinate system WKT").
+pub(super) const WKT_RECORD: u16 = 2112;
 
 pub(crate) const LAS: Kind = Kind {
     signature: Some(|start| is_las(start) && !is_compressed(start)),
@@ -18,6 +20,7 @@ pub(crate) const LAS: Kind = Kind {
     poses: Some(read_poses),
     cloud: Some(read_las),
     profiles: Some(open_profiles),
+    wkt: Some(wkt),
     ..Kind::new("las", "points (LAS)")
 };
 
@@ -27,6 +30,7 @@ pub(crate) const LAZ: Kind = Kind {
     poses: Some(read_poses),
     cloud: Some(read_las),
     profiles: Some(open_profiles),
+    wkt: Some(wkt),
     ..Kind::new("laz", "points (LAZ)")
 };
 
@@ -39,6 +43,15 @@ fn is_compressed(start: &Start<'_>) -> bool {
         .bytes
         .get(POINT_FORMAT)
         .is_some_and(|b| b & COMPRESSED != 0)
+}
+
+fn wkt(path: &Path) -> Result<Option<String>> {
+    let file = LasFile::open(path)?;
+    let mut records = file.header().all_vlrs();
+    let wkt = records.find(|vlr| vlr.user_id == "LASF_Projection" && vlr.record_id == WKT_RECORD);
+    let text = wkt.map(|vlr| String::from_utf8_lossy(&vlr.data).into_owned());
+    let text = text.map(|text| text.trim_end_matches('\0').trim().to_owned());
+    Ok(text.filter(|text| !text.is_empty()))
 }
 
 /// Points in the scanner frame with times, or with the sensor's pose for every point, from which they are

@@ -10,6 +10,7 @@ mod bonn_processed;
 mod bonn_rts;
 mod bonn_trajectory;
 mod civil;
+mod cloud_sink;
 mod cloud_table;
 mod cloud_writer;
 mod core_points;
@@ -54,6 +55,7 @@ mod table;
 mod unit;
 
 pub use bonn::BonnWriter;
+pub use cloud_sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
 pub use cloud_table::write_cloud_table;
 pub use cloud_writer::{CLOUD_STEP_M, CloudWriter};
 pub use core_points::{CorePoints, read_core_points};
@@ -72,6 +74,6 @@ pub use positions::write_positions;
 pub use profile::write_profiles;
 pub use profile_reader::ProfileReader;
 pub use read::{
-    open_profiles, read_cloud, read_heading, read_imu, read_positions, read_trajectory,
+    crs_wkt, open_profiles, read_cloud, read_heading, read_imu, read_positions, read_trajectory,
 };
 pub use salvage::{Salvaged, salvage};

@@ -110,6 +110,17 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
+/// The coordinate reference system that a cloud file names, as WKT; `None` where it names none.
+///
+/// # Errors
+/// A file that is missing, damaged or of an unknown format.
+pub fn crs_wkt(path: &Path) -> Result<Option<String>> {
+    match detect(path)?.0.wkt {
+        Some(reader) => reader(path),
+        None => Ok(None),
+    }
+}
+
 /// Opens a recording of a scanner, in bounded memory where the format allows it.
 ///
 /// # Errors

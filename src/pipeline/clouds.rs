@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use super::job::Job;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
 use crate::error::{Error, Result};
-use crate::format::CloudWriter;
+use crate::format::{
+    self, CloudClock, CloudPoint, CloudShape, CloudSink, CloudWriter, ExtraDimension, ExtraKind,
+};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
 use crate::joint::{BENDING_STEP_S, loads};
@@ -58,6 +60,59 @@ pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
 /// An even sample of each scanner's laser points, in the scanner frame.
 pub type KeptPoints = Vec<Vec<ScanPoint>>;
 
+/// The values of a georeferenced point beside its position, time and intensity.
+struct Values {
+    scanner: u16,
+    /// Number of the profile in the recordings of the scanner, from 0.
+    profile: u32,
+    time_s: f64,
+    /// Standard deviation of the body's position at that time, √(σ_e² + σ_n² + σ_u²), metres.
+    pose_sigma_m: f64,
+}
+
+impl Values {
+    fn new(scanner: u16) -> Self {
+        Self {
+            scanner,
+            profile: 0,
+            time_s: f64::NAN,
+            pose_sigma_m: f64::NAN,
+        }
+    }
+
+    fn dimensions() -> Vec<ExtraDimension> {
+        use ExtraKind::{F32, U32};
+        vec![
+            ExtraDimension::new("scanner", U32, "in the order of the project"),
+            ExtraDimension::new("profile", U32, "number in the recording"),
+            ExtraDimension::new("pose_sigma_m", F32, "of the body's position"),
+        ]
+    }
+
+    /// Of the next point: one at another time belongs to another profile.
+    fn next(&mut self, time_s: f64, trajectory: &Trajectory) {
+        if self.time_s == time_s {
+            return;
+        }
+        self.profile += u32::from(!self.time_s.is_nan());
+        self.time_s = time_s;
+        let sigma = trajectory.sigma_at(time_s);
+        self.pose_sigma_m = sigma.map_or(f64::NAN, |sigma| sigma.position_m.norm());
+    }
+
+    fn array(&self) -> [f64; 3] {
+        let (scanner, profile) = (f64::from(self.scanner), f64::from(self.profile));
+        [scanner, profile, self.pose_sigma_m]
+    }
+}
+
+/// The coordinate reference system of the world, which is that of the reference.
+fn wkt(project: &Project) -> Result<Option<String>> {
+    let reference = project.reference.as_ref();
+    let wkt = reference.map(|reference| format::crs_wkt(&reference.path));
+    Ok(wkt.transpose()?.flatten())
+}
+
 /// Reads all profiles of the project once and keeps an even sample of each scanner's points. If
 /// `placed` gives a mounting and a file for each scanner, all points are placed and written as
 /// well.
@@ -90,12 +145,19 @@ pub fn stream(
         .flat_map(|job| &job.2)
         .map(|reader| reader.bytes_total())
         .sum();
+    let (first_s, last_s) = trajectory.span_s();
+    let shape = CloudShape {
+        clock: CloudClock::of_span(first_s, last_s),
+        dimensions: Values::dimensions(),
+        wkt: placed.map_or(Ok(None), |_| wkt(project))?,
+        ..CloudShape::default()
+    };
     let stage = progress.stage("georeferencing", bytes);
     let found = in_parallel(jobs, |(number, scanner, readers)| {
         let index = usize::from(number);
         let (pose, bending, mut writer) = match placed {
             Some((mounted, files)) => {
-                let writer = CloudWriter::create(&files[index], project.origin_m)?;
+                let writer = CloudWriter::around(&files[index], project.origin_m, &shape)?;
                 let bending = mounted.bending.get(index);
                 (mounted.mountings[index], bending, Some(writer))
             }
@@ -105,18 +167,24 @@ pub fn stream(
         let mut place = place.with_bending(bending);
         let mut kept = EvenSample::new(MAX_KEPT);
         let mut chunk = Vec::new();
+        let mut values = Values::new(number);
         for mut reader in readers {
             let mut bytes = 0;
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
                     let time_s = point.time_s + scanner.time_offset_s;
+                    values.next(time_s, trajectory);
                     let Some(world) = place.place(point) else {
                         continue;
                     };
                     kept.push(*point);
                     if let Some(writer) = &mut writer {
-                        let position = world + project.origin_m;
-                        writer.write(&position, time_s, point.intensity, number)?;
+                        writer.push(&CloudPoint {
+                            position: world + project.origin_m,
+                            time_s,
+                            intensity: point.intensity,
+                            values: &values.array(),
+                        })?;
                     }
                 }
                 stage.advance(reader.bytes_read() - bytes)?;

@@ -25,7 +25,12 @@ pub enum CloudSource {
         points: u64,
     },
     /// The content of a file of another format.
-    Memory(PointCloud),
+    Memory {
+        /// Its points.
+        cloud: PointCloud,
+        /// Its coordinate reference system.
+        wkt: Option<String>,
+    },
 }
 
 impl CloudSource {
@@ -42,9 +47,9 @@ impl CloudSource {
             });
         }
         let read = || format::read_cloud(path);
-        Ok(Self::Memory(
-            stage(progress, "reading the cloud", 0, read)?.0,
-        ))
+        let (cloud, _) = stage(progress, "reading the cloud", 0, read)?;
+        let wkt = format::crs_wkt(path)?;
+        Ok(Self::Memory { cloud, wkt })
     }
 
     /// Number of points; at least one.
@@ -52,7 +57,7 @@ impl CloudSource {
     pub fn len(&self) -> u64 {
         match self {
             Self::Las { points, .. } => *points,
-            Self::Memory(cloud) => cloud.points.len() as u64,
+            Self::Memory { cloud, .. } => cloud.points.len() as u64,
         }
     }
 
@@ -73,7 +78,7 @@ impl CloudSource {
         };
         match self {
             Self::Las { path, .. } => format::stream_las(path, &mut each),
-            Self::Memory(cloud) => cloud.points.chunks(CHUNK).try_for_each(each),
+            Self::Memory { cloud, .. } => cloud.points.chunks(CHUNK).try_for_each(each),
         }
     }
 
@@ -82,7 +87,7 @@ impl CloudSource {
     /// # Errors
     /// As [`Self::stream`].
     pub fn points(&self, progress: &dyn Progress) -> Result<Cow<'_, [Vec3]>> {
-        if let Self::Memory(cloud) = self {
+        if let Self::Memory { cloud, .. } = self {
             return Ok(Cow::Borrowed(&cloud.points));
         }
         let mut points = Vec::with_capacity(self.len() as usize);
@@ -110,7 +115,10 @@ impl CloudSource {
     ) -> Result<f64> {
         let write = || match self {
             Self::Las { path, .. } => format::copy_las(path, output, dimensions, row, progress),
-            Self::Memory(cloud) => format::cloud_to_las(cloud, output, dimensions, row, progress),
+            Self::Memory { cloud, wkt } => {
+                let shaped = (dimensions, wkt.clone());
+                format::cloud_to_las(cloud, output, shaped, row, progress)
+            }
         };
         stage(progress, "writing the cloud", self.len(), write).map(|(_, seconds)| seconds)
     }

@@ -3,7 +3,7 @@
 use super::settings::PoseLimits;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
-use crate::sensor::PoseRecord;
+use crate::sensor::{PoseRecord, PoseSigma};
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///
@@ -128,6 +128,17 @@ impl Trajectory {
             .and_then(|(index, fraction)| self.between(index, fraction))
     }
 
+    /// Standard deviations of the pose at `time_s`, linear between the nodes; `None` outside the span and where
+    /// a node has none.
+    pub fn sigma_at(&self, time_s: f64) -> Option<PoseSigma> {
+        let (index, fraction) = self.locate(time_s)?;
+        let (a, b) = (self.nodes[index].sigma?, self.nodes[index + 1].sigma?);
+        Some(PoseSigma {
+            position_m: a.position_m.lerp(&b.position_m, fraction),
+            rotation_rad: a.rotation_rad.lerp(&b.rotation_rad, fraction),
+        })
+    }
+
     /// A cursor for times that mostly increase, as profiles do.
     pub fn cursor(&self) -> PoseCursor<'_> {
         PoseCursor {
@@ -235,12 +246,29 @@ mod tests {
     }
 
     #[test]
+    fn standard_deviations_are_linear_between_nodes() {
+        let node = |i: i32| PoseRecord {
+            sigma: Some(PoseSigma {
+                position_m: Vec3::repeat(0.01 * f64::from(i)),
+                rotation_rad: Vec3::repeat(f64::from(i)),
+            }),
+            ..record(f64::from(i))
+        };
+        let trajectory = Trajectory::new(vec![node(1), node(3), record(4.0)]).unwrap();
+        let sigma = trajectory.sigma_at(1.5).unwrap();
+        assert!((sigma.position_m.x - 0.015).abs() < 1e-15);
+        assert!((sigma.rotation_rad.z - 1.5).abs() < 1e-15);
+        assert_eq!(trajectory.sigma_at(3.5), None);
+        assert_eq!(trajectory.sigma_at(0.5), None);
+    }
+
+    #[test]
     fn poses_beyond_the_limits_are_not_given_out() {
         // Sigmas grow to 4 cm and 4° at node 4 and shrink again; nodes 0 to 8, a second apart.
         let node = |i: i32| {
             let grown = f64::from(4 - (i - 4).abs());
             PoseRecord {
-                sigma: Some(crate::sensor::PoseSigma {
+                sigma: Some(PoseSigma {
                     position_m: Vec3::new(0.001, 0.01 * grown, 0.002),
                     rotation_rad: Vec3::new(0.0, 0.0, grown.to_radians()),
                 }),

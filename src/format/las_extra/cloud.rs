@@ -5,12 +5,14 @@ use std::path::Path;
 use super::dimension::{ExtraDimension, Row};
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::format::cloud_sink::{CloudClock, CloudShape};
 use crate::format::cloud_writer::CloudWriter;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
 /// Writes the points of `cloud` that `row` accepts as LAS or LAZ, in their order, with time and
-/// intensity if the cloud has them and the values of `dimensions`; returns their number.
+/// intensity if the cloud has them and the values of the dimensions, in this coordinate reference
+/// system (WKT); returns their number.
 /// Coordinates are rounded to [`CLOUD_STEP_M`](crate::format::CLOUD_STEP_M), or to the smallest
 /// power of ten for which 32 bits span the cloud. `progress` advances by one for each point; the
 /// caller begins and ends the stage.
@@ -20,7 +22,7 @@ use crate::progress::Progress;
 pub fn cloud_to_las(
     cloud: &PointCloud,
     output: &Path,
-    dimensions: &[ExtraDimension],
+    (dimensions, wkt): (&[ExtraDimension], Option<String>),
     row: &mut Row<'_>,
     progress: &dyn Progress,
 ) -> Result<u64> {
@@ -31,8 +33,20 @@ pub fn cloud_to_las(
         .fold((first, first), |(low, high): (Vec3, Vec3), point| {
             (low.inf(point), high.sup(point))
         });
-    let has_time = !cloud.time_s.is_empty();
-    let mut writer = CloudWriter::spanning(output, &low, &high, has_time, dimensions)?;
+    let times = cloud.time_s.iter().copied();
+    let shape = CloudShape {
+        low,
+        high,
+        has_time: !cloud.time_s.is_empty(),
+        clock: CloudClock::of_span(
+            times.clone().fold(f64::INFINITY, f64::min),
+            times.fold(f64::NEG_INFINITY, f64::max),
+        ),
+        has_intensity: !cloud.intensity.is_empty(),
+        dimensions: dimensions.to_vec(),
+        wkt,
+    };
+    let mut writer = CloudWriter::spanning(output, &shape)?;
     let mut values = vec![f64::NAN; dimensions.len()];
     let mut written = 0;
     for (at, point) in cloud.points.iter().enumerate() {

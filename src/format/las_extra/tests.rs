@@ -239,7 +239,7 @@ fn a_cloud_keeps_what_it_has() {
         };
         let all = dimensions();
         assert_eq!(
-            cloud_to_las(&cloud, &output, &all, &mut row, &Silent).unwrap(),
+            cloud_to_las(&cloud, &output, (&all, None), &mut row, &Silent).unwrap(),
             39
         );
         let back = read_cloud(&output).unwrap();
@@ -264,7 +264,7 @@ fn a_cloud_wider_than_the_fine_step_reaches_is_written_coarser() {
         points: vec![Vec3::new(-1e6, 0.0, 0.0), Vec3::new(2e6, 0.125, 7.0)],
         ..PointCloud::default()
     };
-    cloud_to_las(&cloud, &output, &[], &mut |_, _| Ok(true), &Silent).unwrap();
+    cloud_to_las(&cloud, &output, (&[], None), &mut |_, _| Ok(true), &Silent).unwrap();
     let back = read_cloud(&output).unwrap();
     assert_eq!(back.points.len(), 2);
     for (a, b) in back.points.iter().zip(&cloud.points) {

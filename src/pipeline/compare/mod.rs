@@ -1,6 +1,7 @@
 //! `boresight compare`: distances between two cloud files at core points.
 
 mod cloud;
+mod columns;
 mod table;
 
 use std::time::Instant;
@@ -10,6 +11,7 @@ use serde_json::json;
 use super::{Options, Outcome};
 use crate::comparison::{Aggregation, ComparisonSettings, Statistics};
 use crate::error::Result;
+use crate::format;
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::tiles::{self, Comparison, peak_memory_bytes};
@@ -32,7 +34,8 @@ pub fn compare(
     let statistics = Statistics::of(&work.found)?;
     let start = Instant::now();
     table::write(&staging.path("m3c2.csv"), &work.found)?;
-    cloud::write(&staging.path("m3c2.laz"), &work.found, progress)?;
+    let wkt = format::crs_wkt(&comparison.reference)?;
+    cloud::write(&staging.path("m3c2.laz"), &work.found, wkt, progress)?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });
     let mut result = json!(statistics);
