@@ -8,8 +8,9 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use boresight::geometry::Projection;
 use common::tables::numbers;
-use common::{boresight, change_project, on_project, project_of_logs, replace_logs};
+use common::{boresight, change_project, on_project, project_of_logs, refused, replace_logs};
 
 const PRISM: &str = "[prism]\nfile = \"prism.csv\"\nlever_arm_m = [0.10, 0.05, -0.55]\n";
 const STATION: [f64; 3] = [-7.0, 12.0, 1.5];
@@ -34,6 +35,77 @@ fn write_polar(folder: &Path) {
 
 fn poses(folder: &Path) -> Vec<Vec<f64>> {
     numbers(&folder.join("out/trajectory.csv"))
+}
+
+/// The prism of the project, far from the world's zero, as a table and as NMEA sentences.
+fn write_antenna(folder: &Path) {
+    let crs = Projection::new("EPSG:25832").unwrap();
+    let mut table = "time_s,east_m,north_m,up_m\n".to_owned();
+    let mut log = String::new();
+    let sentence = |text: &str| {
+        let sum = text.bytes().fold(0, |sum, byte| sum ^ byte);
+        format!("${text}*{sum:02X}\r\n")
+    };
+    for cells in numbers(&folder.join("prism.csv")) {
+        let (time_s, [east, north, up]) =
+            (cells[0], [cells[1] + 364e3, cells[2] + 5621e3, cells[3]]);
+        let _ = writeln!(table, "{time_s},{east},{north},{up}");
+        let (latitude, longitude) = crs.unproject(east, north).unwrap();
+        let angle = |radians: f64, width: usize| {
+            let degrees = radians.to_degrees();
+            let minutes = (degrees - degrees.floor()) * 60.0;
+            format!("{:0width$.0}{minutes:012.9}", degrees.floor())
+        };
+        let clock = format!("1200{time_s:05.2}");
+        log += &sentence(&format!(
+            "GNGGA,{clock},{},N,{},E,4,17,0.7,{up:.4},M,0.0,M,1.0,0001",
+            angle(latitude, 2),
+            angle(longitude, 3)
+        ));
+        log += &sentence(&format!("GNZDA,{clock},23,11,2026,00,00"));
+    }
+    fs::write(folder.join("antenna.csv"), table).unwrap();
+    fs::write(folder.join("antenna.nmea"), log).unwrap();
+}
+
+/// Seconds from 1970 to the noon at which the antenna's log begins.
+const NOON_S: f64 = 1_795_435_200.0;
+
+#[test]
+fn latitudes_and_longitudes_are_projected_into_the_world() {
+    let folder = project_of_logs();
+    let folder = folder.path();
+    write_antenna(folder);
+    let gnss = |file: &str, offset_s: f64, crs: &str| {
+        format!(
+            "[frame]\norigin_m = [364e3, 5621e3, 0]\n{crs}[imu]\nfile = \"imu.csv\"\n[gnss]\n\
+             file = \"{file}\"\ntime_offset_s = {offset_s}\nlever_arm_m = [0.10, 0.05, -0.55]\n"
+        )
+    };
+    replace_logs(folder, &gnss("antenna.csv", 0.0, ""));
+    let run = on_project(folder, "trajectory", &[]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let expected = poses(folder);
+
+    replace_logs(folder, &gnss("antenna.nmea", -NOON_S, ""));
+    let error = refused(folder, &["trajectory", "./project.toml"]).err;
+    assert!(
+        error.contains("antenna.nmea") && error.contains("crs"),
+        "{error}"
+    );
+
+    replace_logs(
+        folder,
+        &gnss("antenna.nmea", -NOON_S, "crs = \"EPSG:25832\"\n"),
+    );
+    let run = on_project(folder, "trajectory", &[]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    for (found, expected) in poses(folder).iter().zip(&expected) {
+        // Heights have four decimals; Unix times are exact to 0.2 µs.
+        for column in 0..4 {
+            assert!((found[column] - expected[column]).abs() < 1e-4, "{found:?}");
+        }
+    }
 }
 
 #[test]

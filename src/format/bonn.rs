@@ -11,7 +11,7 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::file::{self, CHUNK_POINTS, nothing_in};
-use super::kind::{Kind, WholeRecord};
+use super::kind::{Frame, Kind, WholeRecord};
 use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
@@ -36,6 +36,9 @@ pub(crate) const RECORDING: Kind = Kind {
     extensions: &["bin"],
     profiles: Some(|path| Ok(Box::new(BonnReader::open(path)?))),
     record: Some(whole_record),
+    frame: Frame::Fixed(
+        "nanometres and micrometres, seconds (the format); scanner frame: x along the laser line, y = 0, z towards the scanner",
+    ),
     ..Kind::new("bonn-profiles", "profiles (Gocator recording, Bonn .bin)")
 };
 

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::binary::{Bytes, Number};
 use super::file::{CHUNK_POINTS, nothing_in};
-use super::kind::{Kind, Start, WholeRecord};
+use super::kind::{Frame, Kind, Start, WholeRecord};
 use super::profile_reader::ProfileReader;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -27,6 +27,7 @@ pub(crate) const RECORDING: Kind = Kind {
     signature: Some(looks_like),
     profiles: Some(|path| Ok(Box::new(ProcessedReader::open(path)?))),
     record: Some(whole_record),
+    frame: Frame::Fixed("millimetres, seconds (the format); scanner frame"),
     ..Kind::new(
         "bonn-processed",
         "profiles (processed recording, Bonn .bin)",

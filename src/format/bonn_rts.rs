@@ -21,7 +21,7 @@
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::table::{Columns, Table};
 use crate::error::{Error, Location, Result};
 use crate::sensor::{Observations, PolarObservation, Positions, RejectedRow};
@@ -37,6 +37,9 @@ pub(crate) const RTS: Kind = Kind {
     positions: Some(read_positions),
     note: "polar observations: the project must give station_m and station_orientation_deg; times are those of \
            the computer (ref_time)",
+    frame: Frame::Fixed(
+        "radians, metres and seconds (the format); polar about the instrument, clockwise from its zero, from the zenith",
+    ),
     ..Kind::new("rts-csv", "total station log (table of the Bonn group)")
 };
 

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use super::pose_table::read_lines;
 use crate::error::Result;
@@ -16,6 +16,9 @@ pub(crate) const TRJ: Kind = Kind {
     numbers: Some(|line| line.len() == 16),
     extensions: &["trj"],
     poses: Some(read),
+    frame: Frame::Fixed(
+        "metres, radians, seconds (the format); axes of the file, taken for the world; body as in the file",
+    ),
     ..Kind::new("bonn-trajectory", "trajectory (Bonn .trj)")
 };
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use super::native::TableWriter;
 use super::table::{Columns, Table};
@@ -18,11 +18,17 @@ pub(crate) const CLOUD: Columns = Columns {
 pub(crate) const CLOUD_TABLE: Kind = Kind {
     columns: Some(CLOUD),
     cloud: Some(read_table),
+    frame: Frame::Fixed(
+        "metres (named in the header); world: east, north, up (named in the header)",
+    ),
     ..Kind::new("cloud-csv", "cloud (table)")
 };
 
 pub(crate) const XYZ: Kind = Kind {
     cloud: Some(read_xyz),
+    frame: Frame::Fixed(
+        "metres (assumed: there is no header); axes of the file, taken for the world",
+    ),
     ..Kind::new("xyz-text", "cloud (lines of x y z)")
 };
 

@@ -2,27 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use super::civil::gps_from_unix_s;
 use super::cloud_sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
 use super::las_extra::dimension::{self, ExtraDimension};
-use super::las_kind::WKT_RECORD;
 use super::las_out::{LasOut, is_compressed};
-use crate::error::{Error, Result};
+use super::las_record::{
+    Placement, SCANNER, append_record, gps_time_s, is_adjusted_gps, wkt_record,
+};
+use crate::error::Result;
 use crate::geometry::Vec3;
 
 /// Step of the coordinates in written clouds, metres: it preserves 0.01 mm, and 32 bits reach 21 km
 /// to each side of the offset.
 pub const CLOUD_STEP_M: f64 = 1e-5;
-
-/// Bytes of a point of format 6, and of format 0, which has no time.
-const RECORD: usize = 30;
-const TIMELESS_RECORD: usize = 20;
-
-/// GPS time counts from 1980-01-06; its adjusted form is smaller by this, seconds.
-const GPS_ADJUSTMENT_S: f64 = 1e9;
-
-/// The dimension whose values are also those of `point_source_id`.
-const SCANNER: &str = "scanner";
 
 /// Writes a LAS 1.4 file of point format 6, compressed if its name ends in `.laz`: position, GPS
 /// time, intensity, the scanner's number as `point_source_id` and, up to 255, as `user_data`, and
@@ -32,14 +23,13 @@ const SCANNER: &str = "scanner";
 pub struct CloudWriter {
     path: PathBuf,
     out: LasOut,
-    offset_m: Vec3,
-    step_m: f64,
+    placement: Placement,
     has_time: bool,
     clock: CloudClock,
     dimensions: Vec<ExtraDimension>,
     /// Which dimension is the scanner's number.
     scanner: Option<usize>,
-    extra: Vec<u8>,
+    record: Vec<u8>,
 }
 
 impl CloudWriter {
@@ -63,7 +53,7 @@ impl CloudWriter {
             has_time: true,
             ..shape.clone()
         };
-        Self::open(path, offset_m, CLOUD_STEP_M, &shape)
+        Self::open(path, Placement::at(path, &offset_m, CLOUD_STEP_M)?, &shape)
     }
 
     /// Creates or replaces the file for a cloud of this shape. Coordinates are rounded to [`CLOUD_STEP_M`], or to the smallest
@@ -73,18 +63,11 @@ impl CloudWriter {
     /// # Errors
     /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
     pub fn spanning(path: &Path, shape: &CloudShape) -> Result<Self> {
-        let (low, high) = (&shape.low, &shape.high);
-        // Rounding the offset to whole metres costs half a metre on each side.
-        let reach_m = ((high - low) / 2.0).amax() + 1.0;
-        let mut step_m = CLOUD_STEP_M;
-        while step_m * f64::from(i32::MAX) < reach_m && reach_m.is_finite() {
-            step_m *= 10.0;
-        }
-        let middle = low + (high - low) / 2.0;
-        Self::open(path, middle, step_m, shape)
+        let placement = Placement::spanning(path, &shape.low, &shape.high, CLOUD_STEP_M)?;
+        Self::open(path, placement, shape)
     }
 
-    fn open(path: &Path, offset_m: Vec3, step_m: f64, shape: &CloudShape) -> Result<Self> {
+    fn open(path: &Path, placement: Placement, shape: &CloudShape) -> Result<Self> {
         let CloudShape {
             has_time,
             clock,
@@ -92,19 +75,8 @@ impl CloudWriter {
             ..
         } = shape;
         let (has_time, clock) = (*has_time, *clock);
-        let offset_m = offset_m.map(f64::round);
         let is_compressed = is_compressed(path)?;
-        if !offset_m.iter().all(|v| v.is_finite()) {
-            return Err(Error::data(
-                format!("{}: the offset of a cloud is not finite", path.display()),
-                "check the positions of the trajectory",
-            ));
-        }
         dimension::check(path, dimensions)?;
-        let axis = |offset| las::Transform {
-            scale: step_m,
-            offset,
-        };
         let mut builder = las::Builder::from((1, 4));
         builder.date = None;
         builder.guid = Default::default();
@@ -115,14 +87,10 @@ impl CloudWriter {
             ..Default::default()
         };
         builder.generating_software = "boresight".to_owned();
-        builder.transforms = las::Vector {
-            x: axis(offset_m.x),
-            y: axis(offset_m.y),
-            z: axis(offset_m.z),
-        };
+        builder.transforms = placement.transforms();
         // The extended point formats require WKT for any coordinate reference system.
         builder.has_wkt_crs = true;
-        if matches!(clock, CloudClock::AdjustedGps | CloudClock::Unix) {
+        if is_adjusted_gps(clock) {
             builder.gps_time_type = las::GpsTimeType::Standard;
         }
         builder.vlrs.extend(shape.wkt.as_deref().map(wkt_record));
@@ -130,13 +98,12 @@ impl CloudWriter {
         Ok(Self {
             path: path.to_owned(),
             out: LasOut::create(path, builder)?,
-            offset_m,
-            step_m,
+            placement,
             has_time,
             clock,
             scanner: dimensions.iter().position(|d| d.name == SCANNER),
             dimensions: dimensions.clone(),
-            extra: Vec::new(),
+            record: Vec::new(),
         })
     }
 
@@ -161,59 +128,15 @@ impl CloudWriter {
         scanner: u16,
         values: &[f64],
     ) -> Result<()> {
-        let raw = (point - self.offset_m).map(|v| (v / self.step_m).round());
-        // Written so that NaN fails as well.
-        if !raw.iter().all(|v| v.abs() <= f64::from(i32::MAX)) {
-            return Err(self.too_far(point, time_s));
-        }
-        let mut record = [0; RECORD];
-        for (place, v) in record.chunks_exact_mut(4).zip(raw.iter()) {
-            place.copy_from_slice(&(*v as i32).to_le_bytes());
-        }
-        // `as` saturates and converts NaN to 0.
-        record[12..14].copy_from_slice(&(intensity.round() as u16).to_le_bytes());
-        let user_data = u8::try_from(scanner).unwrap_or(u8::MAX);
-        // First of one return; flags, class and scan angle stay 0.
-        let length = if self.has_time {
-            record[14] = 0x11;
-            record[17] = user_data;
-            record[20..22].copy_from_slice(&scanner.to_le_bytes());
-            let time_s = match self.clock {
-                CloudClock::Unix => gps_from_unix_s(time_s) - GPS_ADJUSTMENT_S,
-                _ => time_s,
-            };
-            record[22..30].copy_from_slice(&time_s.to_le_bytes());
-            RECORD
-        } else {
-            record[14] = 0x09;
-            record[17] = user_data;
-            record[18..20].copy_from_slice(&scanner.to_le_bytes());
-            TIMELESS_RECORD
-        };
-        self.extra.clear();
+        let steps = self.placement.steps(&self.path, point, time_s)?;
+        let time_s = self.has_time.then(|| gps_time_s(self.clock, time_s));
+        self.record.clear();
+        append_record(steps, time_s, intensity, scanner, &mut self.record);
         for (at, dimension) in self.dimensions.iter().enumerate() {
             let value = values.get(at).copied().unwrap_or(f64::NAN);
-            dimension.kind.append(value, &mut self.extra);
+            dimension.kind.append(value, &mut self.record);
         }
-        self.out.push(&[&record[..length], &self.extra])
-    }
-
-    fn too_far(&self, point: &Vec3, time_s: f64) -> Error {
-        Error::data(
-            format!(
-                "{}: the point ({}, {}, {}) m at {time_s} s lies more than {:.0} m from \
-                 ({}, {}, {}) m",
-                self.path.display(),
-                point.x,
-                point.y,
-                point.z,
-                self.step_m * f64::from(i32::MAX),
-                self.offset_m.x,
-                self.offset_m.y,
-                self.offset_m.z,
-            ),
-            "check the trajectory and the mounting; a cloud file spans 42 km at most",
-        )
+        self.out.push(&[&self.record])
     }
 
     /// Writes buffered data and completes the header.
@@ -241,17 +164,6 @@ impl CloudSink for CloudWriter {
 
     fn finish(self: Box<Self>) -> Result<()> {
         CloudWriter::finish(*self)
-    }
-}
-
-fn wkt_record(wkt: &str) -> las::Vlr {
-    let mut data = wkt.as_bytes().to_vec();
-    data.push(0);
-    las::Vlr {
-        user_id: "LASF_Projection".to_owned(),
-        record_id: WKT_RECORD,
-        description: "OGC coordinate system WKT".to_owned(),
-        data,
     }
 }
 
@@ -301,7 +213,8 @@ mod tests {
         for (times_s, flag, first_s) in cases {
             let mut reader = written(&folder.path().join("a.laz"), times_s);
             assert_eq!(reader.header().gps_time_type(), flag);
-            let points: Vec<las::Point> = reader.points().map(|point| point.unwrap()).collect();
+            let points = reader.read_points(2).unwrap();
+            let points: Vec<las::Point> = points.points().map(|point| point.unwrap()).collect();
             assert_eq!(points[0].gps_time, Some(first_s));
             let scanners: Vec<u16> = points.iter().map(|point| point.point_source_id).collect();
             assert_eq!(scanners, [300, 301]);

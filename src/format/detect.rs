@@ -7,7 +7,7 @@ use super::file::{extension, first_bytes, nothing_in, open};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::lines::{Lines, Separator, numbers};
-use super::{cloud_table, positions, pts};
+use super::{cloud_table, pose_table, positions, pts};
 use crate::error::{Error, Location, Result};
 
 /// Detects the format of a file.
@@ -52,10 +52,26 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
             continue;
         }
         if !numbers(text, &mut cells) {
+            // CloudCompare marks its header; no other table is read behind this mark.
+            let (text, is_marked) = match text.strip_prefix("//") {
+                Some(rest) => (rest, true),
+                None => (text, false),
+            };
             let names = Separator::of(text).names(text);
-            return by_columns(&names).ok_or_else(|| unknown(&lines, &names));
+            let table = by_columns(&names).filter(|_| !is_marked);
+            return table
+                .or_else(|| by_header(&names))
+                .ok_or_else(|| unknown(&lines, &names));
         }
         if let Some(format) = by_columns(&comment) {
+            return Ok(format);
+        }
+        if comment == pose_table::TUM_COLUMNS {
+            return Ok(&pose_table::TUM);
+        }
+        let header = by_header(&comment).filter(|_| comment.len() == cells.len());
+        if let Some(format) = header {
+            refuse_matrix(path, &mut lines, cells)?;
             return Ok(format);
         }
         // A header with other names is not a comment on lines of x y z.
@@ -76,14 +92,7 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
                 if let Some(kind) = KINDS.iter().find(fits) {
                     return Ok(kind);
                 }
-                if is_matrix(&mut lines, cells)? {
-                    return Err(Error::format(
-                        path,
-                        Location::Whole,
-                        "a 4 by 4 matrix",
-                        KNOWN,
-                    ));
-                }
+                refuse_matrix(path, &mut lines, cells)?;
                 return Ok(&cloud_table::XYZ);
             }
             (n, _) => {
@@ -95,6 +104,19 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
         }
     }
     Err(nothing_in(path, "line of data"))
+}
+
+/// Reports a matrix.
+fn refuse_matrix(path: &Path, lines: &mut Lines, cells: Vec<f64>) -> Result<()> {
+    match is_matrix(lines, cells)? {
+        true => Err(Error::format(
+            path,
+            Location::Whole,
+            "a 4 by 4 matrix",
+            KNOWN,
+        )),
+        false => Ok(()),
+    }
 }
 
 /// Whether four lines of four numbers, the last 0 0 0 1, are all that there is: a transformation, which could
@@ -139,4 +161,10 @@ fn by_columns(names: &[String]) -> Option<&'static Kind> {
         true => Some(&cloud_table::CLOUD_TABLE),
         false => Some(found),
     }
+}
+
+/// The table of another program with this header.
+fn by_header(names: &[String]) -> Option<&'static Kind> {
+    let has_header = |kind: &&&Kind| kind.header.is_some_and(|is_one| is_one(names));
+    KINDS.iter().find(has_header).copied()
 }

@@ -4,8 +4,9 @@ use std::io::BufReader;
 use std::path::Path;
 
 use super::binary::Number;
+use super::crs;
 use super::file::{first_bytes, guarded, open};
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromScanner};
@@ -15,6 +16,7 @@ pub(crate) const E57: Kind = Kind {
     extensions: &["e57"],
     cloud: Some(read),
     wkt: Some(wkt),
+    frame: Frame::OfFile(describe_frame),
     ..Kind::new("e57", "cloud (E57)")
 };
 
@@ -40,6 +42,25 @@ fn wkt(path: &Path) -> Result<Option<String>> {
             .map(|text| text.trim().to_owned());
         Ok(text.filter(|text| !text.is_empty()))
     })
+}
+
+/// E57 is in metres; the coordinate reference system is that of the file, if it names one.
+fn describe_frame(path: &Path) -> Result<String> {
+    let (mut file, size) = open(path)?;
+    let head = first_bytes(path, &mut file)?;
+    check_header(path, &head, size)?;
+    let system = guarded(path, "E57", || {
+        let reader =
+            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+        Ok(reader.coordinate_metadata().and_then(crs::describe))
+    })?;
+    let system = system.map_or_else(
+        || "axes of the file, taken for the world".to_owned(),
+        |system| format!("{system} (coordinateMetadata of the file)"),
+    );
+    Ok(format!(
+        "metres (the format); poses of the scans applied; {system}"
+    ))
 }
 
 /// Calls `take` with every measured point and its intensity (0 if a scan has none).
@@ -143,4 +164,37 @@ fn check_header(path: &Path, head: &[u8], size: u64) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_coordinate_system_is_that_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for (metadata, expected) in [
+            (
+                Some(r#"PROJCS["UTM 32N",UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#),
+                "EPSG:25832, UTM 32N; metres",
+            ),
+            (None, "axes of the file, taken for the world"),
+        ] {
+            let path = folder.path().join("a.e57");
+            let mut writer = e57::E57Writer::from_file(&path, "file").unwrap();
+            writer.set_coordinate_metadata(metadata.map(str::to_owned));
+            let prototype = vec![
+                e57::Record::CARTESIAN_X_F64,
+                e57::Record::CARTESIAN_Y_F64,
+                e57::Record::CARTESIAN_Z_F64,
+            ];
+            let mut points = writer.add_pointcloud("scan", prototype).unwrap();
+            points
+                .add_point([1.0, 2.0, 3.0].map(e57::RecordValue::Double).to_vec())
+                .unwrap();
+            points.finalize().unwrap();
+            writer.finalize().unwrap();
+            let report = crate::format::inspect(&path).unwrap();
+            assert_eq!(report.count, 1);
+            assert!(report.frame.contains(expected), "{}", report.frame);
+        }
+    }
 }

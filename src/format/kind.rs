@@ -35,6 +35,15 @@ pub(crate) type RecordAt = fn(&[u8]) -> Option<WholeRecord>;
 /// A reader of a file.
 pub(crate) type Reader<T> = fn(&Path) -> Result<T>;
 
+/// Units and frame of what a file holds and whether they are found in it, given by the format, or assumed: a short line.
+#[derive(Clone, Copy)]
+pub(crate) enum Frame {
+    /// The same for all files of the format.
+    Fixed(&'static str),
+    /// Each file tells.
+    OfFile(Reader<String>),
+}
+
 /// A file format. Each has its constant in the file of its reader, and a line in the table of
 /// [`kinds`](super::kinds).
 pub(crate) struct Kind {
@@ -46,6 +55,8 @@ pub(crate) struct Kind {
     pub(crate) signature: Option<fn(&Start<'_>) -> bool>,
     /// The header of a table; the first needed column is the time where it has one.
     pub(crate) columns: Option<Columns<'static>>,
+    /// Whether a table with this header is one, where other programs name the columns.
+    pub(crate) header: Option<fn(&[String]) -> bool>,
     /// Whether its lines, which have only numbers, begin with these.
     pub(crate) numbers: Option<fn(&[f64]) -> bool>,
     /// Ends of names, where the content does not tell.
@@ -63,6 +74,8 @@ pub(crate) struct Kind {
     pub(crate) wkt: Option<Reader<Option<String>>>,
     /// What else a file holds, in a line.
     pub(crate) contents: Option<Reader<String>>,
+    /// Units and frame.
+    pub(crate) frame: Frame,
     /// What a user should know of it.
     pub(crate) note: &'static str,
 }
@@ -75,6 +88,7 @@ impl Kind {
             name,
             signature: None,
             columns: None,
+            header: None,
             numbers: None,
             extensions: &[],
             imu: None,
@@ -87,6 +101,7 @@ impl Kind {
             record: None,
             wkt: None,
             contents: None,
+            frame: Frame::Fixed(""),
             note: "",
         }
     }

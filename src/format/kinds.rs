@@ -2,14 +2,14 @@
 
 use super::kind::Kind;
 use super::{
-    bonn, bonn_processed, bonn_rts, bonn_trajectory, cloud_table, e57, euroc, gsi, kitti, las_kind,
-    mounting, native, nmea, npy, pcd, ply, pose_table, positions, profile, project_file, pts, ros,
-    sbet, sbg, sbg_text,
+    bonn, bonn_processed, bonn_rts, bonn_trajectory, cloud_table, e57, euroc, gocator_csv, gsi,
+    kitti, las_kind, mounting, native, nmea, npy, pcd, ply, pose_table, positions, profile,
+    project_file, pts, ros, sbet, sbg, sbg_text, xyz_table,
 };
 
 /// Each is tried in this order: those with signatures that others do not have first, and tables with more
 /// columns before those with fewer.
-pub(crate) const KINDS: [&Kind; 35] = [
+pub(crate) const KINDS: [&Kind; 37] = [
     &las_kind::LAS,
     &las_kind::LAZ,
     &ply::PLY,
@@ -26,6 +26,7 @@ pub(crate) const KINDS: [&Kind; 35] = [
     &gsi::MEASUREMENTS,
     &kitti::OXTS_TIMES,
     &sbg_text::EXPORT,
+    &gocator_csv::EXPORT,
     &bonn::RECORDING,
     &bonn_processed::RECORDING,
     &sbet::SBET,
@@ -44,5 +45,20 @@ pub(crate) const KINDS: [&Kind; 35] = [
     &cloud_table::CLOUD_TABLE,
     &profile::PROFILE_TABLE,
     &native::HEADING_TABLE,
+    &xyz_table::XYZ_TABLE,
     &cloud_table::XYZ,
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::super::kind::Frame;
+    use super::*;
+
+    #[test]
+    fn every_format_says_its_units_and_frame() {
+        for kind in KINDS {
+            let says_it = !matches!(kind.frame, Frame::Fixed(""));
+            assert!(says_it, "{}", kind.id);
+        }
+    }
+}

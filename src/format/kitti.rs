@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::civil::{DAY_S, days_since_1970, second_of_day};
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Mat3, Rotation, Vec3, WorldFromBody};
@@ -23,12 +23,16 @@ pub(crate) const POSES: Kind = Kind {
     numbers: Some(looks_like_poses),
     poses: Some(read_poses),
     note: "poses of a camera: x of the body is to the right, y down, z ahead",
+    frame: Frame::Fixed(
+        "metres (the format); world: the first camera, turned to z up; body: the camera, x right, y down, z forward",
+    ),
     ..Kind::new("kitti-poses", "trajectory (KITTI)")
 };
 
 pub(crate) const OXTS_TIMES: Kind = Kind {
     signature: Some(|start| is_time_stamp(start.bytes)),
     imu: Some(|path| read_imu(path.parent().unwrap_or(Path::new("")))),
+    frame: Frame::Fixed("rad/s and m/s² (the format); body frame x forward, y left, z up"),
     ..Kind::new(
         "kitti-oxts",
         "IMU log (timestamps.txt of a KITTI oxts folder)",

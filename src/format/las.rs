@@ -86,6 +86,13 @@ impl LasFile {
         self.bytes
     }
 
+    /// Whether [`LasFile::seek`] finds points: the decoder does not where compressed chunks have
+    /// different numbers of points, as in COPC.
+    pub(crate) fn can_seek(&self) -> bool {
+        let laz = self.header().laz_vlr();
+        !laz.is_ok_and(|laz| laz.uses_variable_size_chunks())
+    }
+
     /// Seeks to a point, counted from 0.
     pub(crate) fn seek(&mut self, index: u64) -> Result<()> {
         self.taken = index;

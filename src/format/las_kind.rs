@@ -1,7 +1,8 @@
 //! LAS and LAZ among the formats.
 
-use super::kind::{Kind, Start};
+use super::kind::{Frame, Kind, Start};
 use super::las::{LasFile, PoseColumns};
+use super::las_frame;
 use super::las_points::read_las;
 use super::las_scan::{LasScan, PosedScan, read_poses};
 use super::profile_reader::ProfileReader;
@@ -11,8 +12,6 @@ use std::path::Path;
 /// The byte with the format of the points, and its bit for compression.
 const POINT_FORMAT: usize = 104;
 const COMPRESSED: u8 = 0x80;
-/// The record of a coordinate reference system (LAS 1.4, "OGC coordinate system WKT").
-pub(super) const WKT_RECORD: u16 = 2112;
 
 pub(crate) const LAS: Kind = Kind {
     signature: Some(|start| is_las(start) && !is_compressed(start)),
@@ -21,6 +20,7 @@ pub(crate) const LAS: Kind = Kind {
     cloud: Some(read_las),
     profiles: Some(open_profiles),
     wkt: Some(wkt),
+    frame: Frame::OfFile(las_frame::describe),
     ..Kind::new("las", "points (LAS)")
 };
 
@@ -31,6 +31,7 @@ pub(crate) const LAZ: Kind = Kind {
     cloud: Some(read_las),
     profiles: Some(open_profiles),
     wkt: Some(wkt),
+    frame: Frame::OfFile(las_frame::describe),
     ..Kind::new("laz", "points (LAZ)")
 };
 
@@ -47,9 +48,8 @@ fn is_compressed(start: &Start<'_>) -> bool {
 
 fn wkt(path: &Path) -> Result<Option<String>> {
     let file = LasFile::open(path)?;
-    let mut records = file.header().all_vlrs();
-    let wkt = records.find(|vlr| vlr.user_id == "LASF_Projection" && vlr.record_id == WKT_RECORD);
-    let text = wkt.map(|vlr| String::from_utf8_lossy(&vlr.data).into_owned());
+    let wkt = file.header().get_wkt_crs_bytes();
+    let text = wkt.map(|wkt| String::from_utf8_lossy(wkt).into_owned());
     let text = text.map(|text| text.trim_end_matches('\0').trim().to_owned());
     Ok(text.filter(|text| !text.is_empty()))
 }

@@ -137,7 +137,8 @@ fn leak(writer: las::Writer<BufWriter<File>>) {
     std::mem::forget(writer);
 }
 
-fn problem(path: &Path, error: las::Error) -> Error {
+/// What a writer says of an error of its encoder.
+pub(super) fn problem(path: &Path, error: las::Error) -> Error {
     match error {
         las::Error::Io(source) => Error::io(path, source),
         las::Error::LasZipError(laz::LasZipError::IoError(source)) => Error::io(path, source),

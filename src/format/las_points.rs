@@ -33,13 +33,23 @@ pub fn las_count(path: &Path) -> Result<u64> {
 /// As [`las_count`]; errors of `each`.
 pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> {
     let count = las_count(path)?;
+    if !LasFile::open(path)?.can_seek() {
+        return stream_in_order(path, count, each);
+    }
     let parts = count.div_ceil(PART);
     let at_once = rayon::current_num_threads() as u64;
     for first in (0..parts).step_by(at_once as usize) {
         let some = first..parts.min(first + at_once);
-        let pieces = read_parts(path, some, count, Vec::with_capacity, |points, point| {
-            points.push(point.position);
-        })?;
+        let pieces = read_parts(
+            path,
+            some,
+            PART,
+            count,
+            Vec::with_capacity,
+            |points, point| {
+                points.push(point.position);
+            },
+        )?;
         pieces.iter().try_for_each(|piece| each(piece))?;
     }
     Ok(())
@@ -48,6 +58,10 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
 pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     let count = las_count(path)?;
+    let length = match LasFile::open(path)?.can_seek() {
+        true => PART,
+        false => count,
+    };
     let empty = |most| PointCloud {
         points: Vec::with_capacity(most),
         time_s: Vec::new(),
@@ -55,7 +69,8 @@ pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     };
     let parts = read_parts(
         path,
-        0..count.div_ceil(PART),
+        0..count.div_ceil(length),
+        length,
         count,
         empty,
         |cloud, point| {
@@ -76,17 +91,50 @@ pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// Decodes several parts of a file of `count` points in parallel: each begins with `empty`, given
-/// the number of its points, and `take`s the points in order.
+/// As [`stream_las`], on one thread.
+fn stream_in_order(
+    path: &Path,
+    count: u64,
+    each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
+) -> Result<()> {
+    let mut file = LasFile::open(path)?;
+    let mut points = Vec::new();
+    while file.taken() < count {
+        points.clear();
+        let left = (count - file.taken()) as usize;
+        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+            points.push(point.position);
+            Ok(())
+        })?;
+        if read == 0 {
+            return Err(cut_off(path, file.taken(), count));
+        }
+        each(&points)?;
+    }
+    Ok(())
+}
+
+fn cut_off(path: &Path, found: u64, count: u64) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        format!("{found} points"),
+        format!("the {count} points of its header"),
+    )
+}
+
+/// Decodes several parts of a file of `count` points in parallel, each of `length` points: it
+/// begins with `empty`, given the number of its points, and `take`s the points in order.
 fn read_parts<T: Send>(
     path: &Path,
     parts: Range<u64>,
+    length: u64,
     count: u64,
     empty: impl Fn(usize) -> T + Sync,
     take: impl Fn(&mut T, LasPoint<'_>) + Sync,
 ) -> Result<Vec<T>> {
     let read_part = |part| {
-        let (start, end) = (part * PART, count.min((part + 1) * PART));
+        let (start, end) = (part * length, count.min((part + 1) * length));
         let mut file = LasFile::open(path)?;
         if start > 0 {
             file.seek(start)?;
@@ -99,12 +147,7 @@ fn read_parts<T: Send>(
                 Ok(())
             })?;
             if read == 0 {
-                return Err(Error::format(
-                    path,
-                    Location::Whole,
-                    format!("{} points", file.taken()),
-                    format!("the {count} points of its header"),
-                ));
+                return Err(cut_off(path, file.taken(), count));
             }
         }
         Ok(found)

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
@@ -15,6 +15,9 @@ const ROOT: &str = "SystemCalibration";
 
 pub(crate) const MOUNTING: Kind = Kind {
     signature: Some(|start| start.contains(b"<SystemCalibration")),
+    frame: Frame::Fixed(
+        "metres, and degrees in the convention `bonn` (the format); scanner in the body frame",
+    ),
     ..Kind::new("bonn-mounting", "mounting (Bonn XML)")
 };
 

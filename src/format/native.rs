@@ -5,7 +5,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -31,11 +31,13 @@ pub(crate) const HEADING: Columns = Columns {
 pub(crate) const IMU_TABLE: Kind = Kind {
     columns: Some(IMU),
     imu: Some(read_imu),
+    frame: Frame::Fixed("units named in the header; body axes: those of frame.body in the project"),
     ..Kind::new("imu-csv", "IMU log (table)")
 };
 pub(crate) const HEADING_TABLE: Kind = Kind {
     columns: Some(HEADING),
     heading: Some(read_heading),
+    frame: Frame::Fixed("units named in the header; headings clockwise from north"),
     ..Kind::new("heading-csv", "heading log (table)")
 };
 

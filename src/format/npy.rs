@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Number};
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -12,6 +12,9 @@ pub(crate) const NPY: Kind = Kind {
     signature: Some(|start| start.bytes.starts_with(b"\x93NUMPY")),
     extensions: &["npy"],
     cloud: Some(read),
+    frame: Frame::Fixed(
+        "metres (assumed: NumPy has no unit); axes of the file, taken for the world",
+    ),
     ..Kind::new("npy", "cloud (NumPy)")
 };
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Fields, Number};
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 
@@ -16,6 +16,9 @@ pub(crate) const PCD: Kind = Kind {
     signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
     extensions: &["pcd"],
     cloud: Some(read),
+    frame: Frame::Fixed(
+        "metres (assumed: PCD has no unit); axes of the file, taken for the world: VIEWPOINT is not applied",
+    ),
     ..Kind::new("pcd", "cloud (PCD)")
 };
 

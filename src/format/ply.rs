@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::binary::{Bytes, Fields, Number};
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 
@@ -13,6 +13,7 @@ pub(crate) const PLY: Kind = Kind {
     }),
     extensions: &["ply"],
     cloud: Some(read),
+    frame: Frame::Fixed("metres (assumed: PLY has no unit); axes of the file, taken for the world"),
     ..Kind::new("ply", "cloud (PLY)")
 };
 

@@ -1,13 +1,15 @@
 //! Trajectories as text: the native table, and TUM.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use super::native::{read_rows, write_rows};
 use super::table::{Columns, Table};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
 
@@ -37,6 +39,9 @@ pub(crate) const TRAJECTORY: Columns = Columns {
 pub(crate) const POSE_TABLE: Kind = Kind {
     columns: Some(TRAJECTORY),
     poses: Some(read_native),
+    frame: Frame::Fixed(
+        "metres, seconds (named in the header); world: east, north, up (named in the header)",
+    ),
     ..Kind::new("trajectory-csv", "trajectory (table)")
 };
 
@@ -44,8 +49,14 @@ pub(crate) const TUM: Kind = Kind {
     numbers: Some(|line| line.len() == 8),
     extensions: &["tum"],
     poses: Some(read_tum),
+    frame: Frame::Fixed(
+        "metres, seconds (the format); axes of the file, taken for the world; body as in the file",
+    ),
     ..Kind::new("tum", "trajectory (TUM)")
 };
+
+/// The names of its columns in a comment, as its writers give them.
+pub(crate) const TUM_COLUMNS: [&str; 8] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 /// Tolerance of the length of a quaternion: four decimals stay within it.
 const QUATERNION_SLACK: f64 = 1e-3;
@@ -163,4 +174,63 @@ pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
         }
         row
     })
+}
+
+/// Writes `timestamp tx ty tz qx qy qz qw` below a comment that names these columns, read back bit
+/// by bit by [`read_trajectory`](super::read_trajectory). What else the poses hold is not written.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_tum(path: &Path, poses: &[PoseRecord]) -> Result<()> {
+    let file = File::create(path).map_err(|e| Error::io(path, e))?;
+    let mut out = BufWriter::with_capacity(1 << 18, file);
+    let mut write = || {
+        writeln!(out, "# {}", TUM_COLUMNS.join(" "))?;
+        for pose in poses {
+            let (t, q) = (
+                &pose.world_from_body.translation_m,
+                &pose.world_from_body.rotation,
+            );
+            // The shortest form that reads back as the same number.
+            writeln!(
+                out,
+                "{} {} {} {} {} {} {} {}",
+                pose.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w
+            )?;
+        }
+        out.flush()
+    };
+    write().map_err(|e| Error::io(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::{detect, read_trajectory};
+
+    #[test]
+    fn tum_is_read_back_bit_by_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("poses.txt");
+        let pose = |i: u32| {
+            let s = f64::from(i);
+            let rotation = Rotation::from_euler_angles(0.1 * s, -0.01 * s, 2.0 - 0.3 * s);
+            let position = Vec3::new(364_000.0 + s / 3.0, 5_621_000.0 - s.sqrt(), -1e-9 * s);
+            let time_s = 1_700_000_000.0 + 0.005 * s;
+            PoseRecord::new(time_s, WorldFromBody::new(rotation, position))
+        };
+        let mut poses: Vec<_> = (0..500).map(pose).collect();
+        write_tum(&path, &poses).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("# timestamp tx ty tz qx qy qz qw\n1700000000 364000 "));
+        assert_eq!(detect(&path).unwrap().id(), "tum");
+        let found = read_trajectory(&path).unwrap();
+        assert_eq!(found, poses);
+        let bits = |pose: &PoseRecord| pose.world_from_body.translation_m.map(f64::to_bits);
+        assert!(found.iter().map(bits).eq(poses.iter().map(bits)));
+        // What TUM has no columns for is left out.
+        poses[0].velocity_m_s = Some(Vec3::x());
+        write_tum(&path, &poses).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+    }
 }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::header_names;
 use super::native::{TableWriter, sigma};
 use super::table::{Columns, Table};
@@ -64,6 +64,9 @@ pub(crate) const POSITION_TABLE: Kind = Kind {
     columns: Some(POSITIONS),
     positions: Some(read_positions),
     cloud: Some(super::cloud_table::read_table),
+    frame: Frame::Fixed(
+        "metres (named in the header); world: east, north, up (named in the header)",
+    ),
     ..Kind::new("prism-csv", "position log (table)")
 };
 
@@ -71,6 +74,9 @@ pub(crate) const POLAR_TABLE: Kind = Kind {
     columns: Some(POLAR),
     positions: Some(read_positions),
     note: "polar observations: the project must give station_m and station_orientation_deg",
+    frame: Frame::Fixed(
+        "metres and degrees or gon (named in the header); polar about the instrument, clockwise from its zero",
+    ),
     ..Kind::new("polar-csv", "total station log (table, polar)")
 };
 
@@ -79,6 +85,7 @@ pub(crate) const TPS_TABLE: Kind = Kind {
     positions: Some(read_positions),
     note: "coordinates and polar observations: choose in the project with observations = \"cartesian\" or \
            \"polar\"; vertical angles count from the horizon (vertical_angle = \"elevation\")",
+    frame: Frame::Fixed("metres and degrees (named in the header); axes of the instrument"),
     ..Kind::new(
         "tps-csv",
         "total station log (Leica, coordinates and polar)",

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::{CHUNK_POINTS, nothing_in};
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::native::TableWriter;
 use super::profile_reader::ProfileReader;
 use super::table::{Columns, Table};
@@ -19,6 +19,7 @@ pub(crate) const PROFILES: Columns = Columns {
 pub(crate) const PROFILE_TABLE: Kind = Kind {
     columns: Some(PROFILES),
     profiles: Some(open_table),
+    frame: Frame::Fixed("metres, seconds (named in the header); scanner frame"),
     ..Kind::new("profile-csv", "profiles (table)")
 };
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -11,12 +11,16 @@ use crate::geometry::{Vec3, is_finite};
 pub(crate) const PTS: Kind = Kind {
     extensions: &["pts"],
     cloud: Some(read_pts),
+    frame: Frame::Fixed("metres (assumed: PTS has no unit); axes of the file, taken for the world"),
     ..Kind::new("pts", "cloud (PTS)")
 };
 
 pub(crate) const PTX: Kind = Kind {
     extensions: &["ptx"],
     cloud: Some(read_ptx),
+    frame: Frame::Fixed(
+        "metres (assumed: PTX has no unit); axes of the transforms in the file, which are applied, taken for the world",
+    ),
     ..Kind::new("ptx", "cloud (PTX)")
 };
 

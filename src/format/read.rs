@@ -4,13 +4,14 @@ use std::path::Path;
 
 use super::detect::detect;
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Format, Kind};
 use super::kinds::KINDS;
 use super::profile_reader::ProfileReader;
-use super::{cloud_table, native, pose_table, positions, profile};
+use super::{cloud_table, native, pose_table, positions, profile, sbet};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::sensor::{HeadingFix, ImuSample, Observations, PoseRecord, Positions};
+use crate::geometry::{BodyAxes, Projection};
+use crate::sensor::{HeadingFix, ImuSample, Observations, PoseRecord, Positions, project_fixes};
 
 /// The reader of what a file holds. A text table that has other columns, or is of no known format, is given
 /// to the native `table`'s reader, which names the column that is missing.
@@ -84,6 +85,67 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
     )?(path)
 }
 
+/// As [`read_positions`]; geographic positions are projected.
+///
+/// # Errors
+/// As there; geographic positions where no projected system is named, or outside of it.
+pub fn read_projected_positions(
+    path: &Path,
+    observations: &Observations,
+    crs: Option<&Projection>,
+) -> Result<Positions> {
+    let geographic = match detect(path) {
+        Ok(Format(kind)) if kind.positions.is_none() => kind.geographic,
+        _ => None,
+    };
+    let Some(reader) = geographic else {
+        return read_positions(path, observations);
+    };
+    let crs = crs.ok_or_else(|| unprojected(path))?;
+    let fixes = project_fixes(&reader(path)?, crs).map_err(|error| match error {
+        Error::Data {
+            problem, remedy, ..
+        } => Error::data(format!("{}: {problem}", path.display()), remedy),
+        other => other,
+    })?;
+    Ok(Positions {
+        fixes,
+        rejected: Vec::new(),
+    })
+}
+
+/// As [`read_trajectory`], for a body with these axes; geographic poses, which are those of a body with x
+/// forward, y left, z up, are projected and turned to them.
+///
+/// # Errors
+/// As there; geographic poses where no projected system is named, or outside of it.
+pub fn read_projected_trajectory(
+    path: &Path,
+    axes: BodyAxes,
+    crs: Option<&Projection>,
+) -> Result<Vec<PoseRecord>> {
+    if !detect(path).is_ok_and(|format| format.id() == sbet::SBET.id) {
+        return read_trajectory(path);
+    }
+    let crs = crs.ok_or_else(|| unprojected(path))?;
+    let flu_from_body =
+        BodyAxes::Flu.level_world_from_body(0.0).inverse() * axes.level_world_from_body(0.0);
+    let mut poses = sbet::read_sbet(path, crs)?;
+    for pose in &mut poses {
+        pose.world_from_body.rotation *= flu_from_body;
+    }
+    Ok(poses)
+}
+
+fn unprojected(path: &Path) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        "latitudes and longitudes",
+        "the projected system of the world, such as crs = \"EPSG:25832\", in [frame] of the project",
+    )
+}
+
 /// Reads a cloud. Points marked as not measured are left out; times and intensities are kept if every point
 /// has them.
 ///
@@ -132,4 +194,38 @@ pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
         |kind| kind.profiles,
         &profile::PROFILE_TABLE,
     )?(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::write_sbet;
+    use crate::geometry::{Rotation, Vec3, WorldFromBody};
+
+    #[test]
+    fn geographic_poses_take_the_axes_of_the_body() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.sbet");
+        let crs = Projection::new("EPSG:25832").unwrap();
+        let pose = |i: u32| {
+            let turned = Rotation::from_euler_angles(0.1, -0.05, 0.3 + 0.01 * f64::from(i));
+            let at = Vec3::new(364_000.0 + f64::from(i), 5_621_000.0, 100.0);
+            PoseRecord::new(f64::from(i), WorldFromBody::new(turned, at))
+        };
+        let poses: Vec<PoseRecord> = (0..5).map(pose).collect();
+        write_sbet(&path, &poses, &crs).unwrap();
+        let read = |axes| read_projected_trajectory(&path, axes, Some(&crs)).unwrap();
+        let (flu, frd) = (read(BodyAxes::Flu), read(BodyAxes::Frd));
+        for ((pose, flu), frd) in poses.iter().zip(&flu).zip(&frd) {
+            let of = |record: &PoseRecord, axis| record.world_from_body.rotation * axis;
+            assert!((of(pose, Vec3::y()) - of(flu, Vec3::y())).norm() < 1e-9);
+            assert!((of(pose, Vec3::x()) - of(frd, Vec3::x())).norm() < 1e-9);
+            assert!((of(pose, Vec3::z()) + of(frd, Vec3::z())).norm() < 1e-9);
+            let apart = pose.world_from_body.translation_m - frd.world_from_body.translation_m;
+            assert!(apart.norm() < 1e-6);
+        }
+        let error = read_projected_trajectory(&path, BodyAxes::Frd, None).unwrap_err();
+        let error = error.to_string();
+        assert!(error.contains("a.sbet") && error.contains("crs"), "{error}");
+    }
 }

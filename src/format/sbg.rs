@@ -34,6 +34,9 @@ pub(crate) const LOG: kind::Kind = kind::Kind {
     heading: Some(read_heading),
     geographic: Some(read_positions),
     contents: Some(|path| Ok(summary(path)?.describe())),
+    frame: kind::Frame::Fixed(
+        "radians or degrees, and m/s² (the format); axes of the device, x forward, y right, z down unless set otherwise; latitude, longitude, height; heading clockwise from north",
+    ),
     ..kind::Kind::new("sbg", "log of IMU and GNSS (SBG sbgECom)")
 };
 

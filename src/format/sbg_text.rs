@@ -15,7 +15,7 @@
 
 use std::path::Path;
 
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::{Lines, Separator};
 use super::sbg::clock::{DeviceClock, seconds, unix_ns};
 use crate::error::{Error, Location, Result};
@@ -45,6 +45,9 @@ pub(crate) const EXPORT: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
     imu: Some(read_imu),
     heading: Some(read_heading),
+    frame: Frame::Fixed(
+        "degrees and m/s² (named in the file); axes of the device, x forward, y right, z down unless set otherwise; headings clockwise from north",
+    ),
     ..Kind::new("sbg-text", "log of IMU or GNSS (SBG text export)")
 };
 

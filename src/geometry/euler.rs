@@ -1,5 +1,6 @@
 //! Euler angles of a mounting in the two supported conventions.
 
+use super::attitude::roll_pitch_yaw;
 use super::{Rotation, Vec3};
 
 /// How three angles (α, β, γ) form R_bs.
@@ -29,8 +30,7 @@ pub fn euler_deg_from_rotation(convention: EulerConvention, rotation: &Rotation)
         EulerConvention::Zyx => *rotation,
         EulerConvention::Bonn => rotation.inverse(),
     };
-    let (alpha, beta, gamma) = zyx.euler_angles();
-    [alpha, beta, gamma].map(f64::to_degrees)
+    roll_pitch_yaw(&zyx).map(f64::to_degrees)
 }
 
 /// d(α, β, γ)/dφ where R ← R Exp(φ): row i is the gradient of angle i (radians per radian).
@@ -65,6 +65,16 @@ mod tests {
             for i in 0..3 {
                 assert!((angles[i] - back[i]).abs() < 1e-9, "{back:?}");
             }
+        }
+    }
+
+    #[test]
+    fn angles_reproduce_a_scanner_that_looks_straight_ahead() {
+        for beta in [90.0, -90.0] {
+            let rotation = rotation_from_euler_deg(EulerConvention::Zyx, [20.0, beta, 50.0]);
+            let angles = euler_deg_from_rotation(EulerConvention::Zyx, &rotation);
+            let back = rotation_from_euler_deg(EulerConvention::Zyx, angles);
+            assert!(back.angle_to(&rotation) < 1e-7, "{angles:?}");
         }
     }
 

@@ -1,17 +1,21 @@
-//! Rotations, rigid transforms, Euler conventions, headings.
+//! Rotations, rigid transforms, Euler conventions, headings, projections of the ellipsoid.
 //!
 //! A transform is named after what it maps: `world_from_body * body_from_scanner` is
 //! `world_from_scanner`; adjacent frames cancel. [`Transform`] defines how it is perturbed.
 
+pub mod attitude;
 mod bending;
 pub mod euler;
 pub mod heading;
+mod projection;
 pub mod so3;
 mod transform;
 
 pub use bending::{Bending, bent};
 pub use euler::EulerConvention;
 pub use heading::BodyAxes;
+pub(crate) use projection::Misfit;
+pub use projection::{GridPoint, Projection};
 pub use transform::{
     Body, BodyFromScanner, Scanner, Transform, World, WorldFromBody, WorldFromScanner,
 };

@@ -47,7 +47,7 @@ impl DriveLogs {
             let Positions {
                 mut fixes,
                 rejected: rows,
-            } = format::read_positions(path, observations)?;
+            } = format::read_projected_positions(path, observations, project.crs.as_ref())?;
             for fix in &mut fixes {
                 fix.time_s += time_offset_s;
                 fix.position_m -= project.origin_m;

@@ -68,7 +68,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
     match &project.motion {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
         Motion::Poses(file) => {
-            let nodes = read_poses(file, &project.origin_m)?;
+            let nodes = read_poses(project, file)?;
             if nodes.iter().all(|node| node.sigma.is_none()) {
                 progress.warn(POSES_WITHOUT_SIGMA);
             }
@@ -204,17 +204,18 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     }
 }
 
-fn read_poses(file: &PosesFile, origin_m: &Vec3) -> Result<Vec<PoseRecord>> {
-    let mut nodes = format::read_trajectory(&file.path)?;
-    for other in &file.others {
-        nodes.extend(format::read_trajectory(other)?);
+fn read_poses(project: &Project, file: &PosesFile) -> Result<Vec<PoseRecord>> {
+    let mut nodes = Vec::new();
+    for path in file.paths() {
+        let crs = project.crs.as_ref();
+        nodes.extend(format::read_projected_trajectory(path, project.axes, crs)?);
     }
     // Stable: of poses at one time, the one of the first file is kept.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     nodes.dedup_by(|later, kept| later.time_s == kept.time_s);
     for node in &mut nodes {
         node.time_s += file.time_offset_s;
-        node.world_from_body.translation_m -= origin_m;
+        node.world_from_body.translation_m -= project.origin_m;
         if node.sigma.is_none()
             && let (Some(position), Some(rotation)) =
                 (file.sigma_position_m, file.sigma_rotation_rad)

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
-use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3};
+use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Projection, Vec3};
 use crate::joint::{Compliance, JointSettings};
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
@@ -19,6 +19,8 @@ pub struct Project {
     pub axes: BodyAxes,
     /// Subtracted from world coordinates on reading and added on writing, metres.
     pub origin_m: Vec3,
+    /// The projected coordinate reference system of the world, if files have latitudes and longitudes.
+    pub crs: Option<Projection>,
     /// The source of the poses.
     pub motion: Motion,
     /// Limits on the uncertainty of poses with which points are georeferenced.

@@ -40,6 +40,7 @@ fn written(project: &Project) -> Written {
         frame: written::Frame {
             body: Some(project.axes),
             origin_m: Some(project.origin_m.into()),
+            crs: project.crs.as_ref().map(|crs| crs.name().to_owned()),
             ..Default::default()
         },
         scanner: project.scanners.iter().map(scanner).collect(),

@@ -77,6 +77,9 @@ pub struct Frame {
     pub body: Option<BodyAxes>,
     /// Default 0, 0, 0.
     pub origin_m: Option<[f64; 3]>,
+    /// The projected coordinate reference system of the world, in which latitudes and longitudes are
+    /// projected: `EPSG:25832`, or `+proj=…`.
+    pub crs: Option<String>,
     /// Default 0.
     pub grid_convergence_deg: Option<f64>,
     /// Default 9.81.

@@ -1,6 +1,7 @@
 //! The measurements of each sensor as plain records, and checks of their streams.
 
 mod frame_log;
+mod projected;
 mod total_station;
 
 pub mod allan;
@@ -8,6 +9,7 @@ pub mod allan;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
+pub use projected::project_fixes;
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
 /// Standard gravity, the g of datasheets, m/s².

@@ -41,12 +41,18 @@ pub enum Kind {
 pub(crate) const IMU_LOG: kind::Kind = kind::Kind {
     signature: Some(|start| kind_of(start) == Some(Kind::Imu)),
     imu: Some(read_imu),
+    frame: kind::Frame::Fixed(
+        "rad/s and m/s² (named in the header); axes of the sensor S of the data set",
+    ),
     ..kind::Kind::new("euroc-imu", "IMU log (EuRoC)")
 };
 
 pub(crate) const POSES: kind::Kind = kind::Kind {
     signature: Some(|start| matches!(kind_of(start), Some(Kind::State | Kind::Pose))),
     poses: Some(read_poses),
+    frame: kind::Frame::Fixed(
+        "metres (named in the header); world: reference frame R, z up; body: the sensor S of the data set",
+    ),
     ..kind::Kind::new("euroc-poses", "trajectory (EuRoC)")
 };
 
@@ -56,6 +62,7 @@ pub(crate) const POSITIONS: kind::Kind = kind::Kind {
         let (fixes, rejected) = (read_positions(path)?, Vec::new());
         Ok(Positions { fixes, rejected })
     }),
+    frame: kind::Frame::Fixed("metres (named in the header); world: reference frame R, z up"),
     ..kind::Kind::new("euroc-positions", "position log (EuRoC)")
 };
 

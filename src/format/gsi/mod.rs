@@ -29,7 +29,7 @@ use std::path::Path;
 
 use super::civil::{DAY_S, days_since_1970, second_of_day};
 use super::file::nothing_in;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::lines::Lines;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
@@ -38,6 +38,9 @@ use crate::sensor::{Observations, PolarObservation, PositionFix, Positions};
 pub(crate) const MEASUREMENTS: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
     positions: Some(read_positions),
+    frame: Frame::Fixed(
+        "units named in each word, read as metres and radians; east, north, up of the instrument, or polar about it",
+    ),
     ..Kind::new("gsi", "total station log (Leica GSI)")
 };
 

@@ -33,6 +33,8 @@ pub struct Inspection {
     pub path: PathBuf,
     /// Its format.
     pub format: Format,
+    /// Units and frame of the content, and whether they are found in the file, given by its format, or assumed.
+    pub frame: String,
     /// Its size.
     pub bytes: u64,
     /// Rows, samples, poses or points.
@@ -62,6 +64,7 @@ impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.path.display())?;
         writeln!(f, "  format   {}", self.format)?;
+        writeln!(f, "  frame    {}", self.frame)?;
         writeln!(f, "  size     {} bytes", self.bytes)?;
         writeln!(f, "  rows     {}", self.count)?;
         if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {

@@ -7,7 +7,7 @@ mod picture;
 use std::path::Path;
 
 use super::detect::detect;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::las::{LasFile, PoseColumns, extra_names};
 use super::mounting::read_mounting;
 use super::native::IMU;
@@ -34,6 +34,7 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
     let mut report = Inspection {
         path: path.to_owned(),
         format,
+        frame: String::new(),
         bytes,
         count: 0,
         epochs: None,
@@ -67,6 +68,10 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
         _ if kind.cloud.is_some() => inspect_cloud(path, &mut report)?,
         _ => inspect_log(path, kind, &mut report)?,
     }
+    report.frame = match kind.frame {
+        Frame::Fixed(text) => text.to_owned(),
+        Frame::OfFile(tell) => tell(path)?,
+    };
     Ok(report)
 }
 

@@ -41,7 +41,7 @@ pub struct ExtraDimension {
 
 impl ExtraKind {
     /// Bytes of a value.
-    pub(super) fn size(self) -> usize {
+    pub(in crate::format) fn size(self) -> usize {
         match self {
             Self::F32 | Self::U32 => 4,
             Self::F64 => 8,

@@ -24,7 +24,7 @@ use std::path::Path;
 pub use self::sentence::NmeaSkipped;
 use self::sentence::{Heading, Sentence, Useless, for_each_piece, parse, pieces};
 use super::civil::DAY_S;
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use crate::error::{Error, Location, Result};
 use crate::sensor::{GeographicFix, HeadingFix};
 
@@ -34,6 +34,9 @@ pub(crate) const LOG: Kind = Kind {
     geographic: Some(read_positions),
     note: "a heading without a time of its own is given that of the sentence before it: if the receiver \
            sends headings first, they are one epoch early (time_offset_s)",
+    frame: Frame::Fixed(
+        "degrees and metres (the format); latitude, longitude, height in the datum of the receiver; headings clockwise from true north",
+    ),
     ..Kind::new("nmea", "log of headings and positions (NMEA 0183)")
 };
 

@@ -62,11 +62,11 @@ impl<'a> Wire<'a> for Cdr<'a> {
         Ok(text.strip_suffix(&[0]).unwrap_or(text))
     }
 
-    fn header_stamp_s(&mut self) -> Decoded<f64> {
+    fn header(&mut self) -> Decoded<(f64, &'a [u8])> {
         let seconds = i32::from_le_bytes(self.word()?);
         let nanoseconds = self.u32()?;
-        self.text()?;
-        stamp_s(f64::from(seconds), nanoseconds)
+        let frame = self.text()?;
+        Ok((stamp_s(f64::from(seconds), nanoseconds)?, frame))
     }
 }
 

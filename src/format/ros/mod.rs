@@ -8,6 +8,7 @@ mod cdr;
 mod chunk;
 mod cloud;
 mod compression;
+mod frames;
 mod mcap;
 mod messages;
 mod points;
@@ -25,7 +26,7 @@ mod tests;
 use std::path::Path;
 
 use super::file::{Part, nothing_in};
-use super::kind::Kind;
+use super::kind::{Frame, Kind};
 use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
 use crate::sensor::{GeographicFix, ImuSample, PoseRecord};
@@ -44,6 +45,7 @@ pub(crate) const BAG: Kind = Kind {
     profiles: Some(|path| of_part(path, open_points)),
     contents: Some(|path| Ok(format!("topics: {}", list(&topics(&Part::of(path).file)?)))),
     note: "one topic of several is named behind the file: `drive.mcap#/topic`",
+    frame: Frame::OfFile(frames::describe),
     ..Kind::new("ros-bag", "recording (ROS bag or MCAP)")
 };
 

@@ -32,11 +32,11 @@ impl<'a> Wire<'a> for Ros1<'a> {
         self.bytes()
     }
 
-    fn header_stamp_s(&mut self) -> Decoded<f64> {
+    fn header(&mut self) -> Decoded<(f64, &'a [u8])> {
         let _sequence = self.u32()?;
         let (seconds, nanoseconds) = (self.u32()?, self.u32()?);
-        self.text()?;
-        stamp_s(f64::from(seconds), nanoseconds)
+        let frame = self.text()?;
+        Ok((stamp_s(f64::from(seconds), nanoseconds)?, frame))
     }
 }
 

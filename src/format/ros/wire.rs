@@ -82,8 +82,13 @@ pub(super) trait Wire<'a> {
     /// The bytes of a string.
     fn text(&mut self) -> Decoded<&'a [u8]>;
 
+    /// The time stamp (seconds) and the frame of a `std_msgs/Header`.
+    fn header(&mut self) -> Decoded<(f64, &'a [u8])>;
+
     /// The time stamp of a `std_msgs/Header`, seconds; the rest of the header is skipped.
-    fn header_stamp_s(&mut self) -> Decoded<f64>;
+    fn header_stamp_s(&mut self) -> Decoded<f64> {
+        Ok(self.header()?.0)
+    }
 
     /// An unsigned byte, or a truth value.
     fn u8(&mut self) -> Decoded<u8> {

@@ -16,7 +16,8 @@ use std::path::Path;
 use super::checked::{Project, Reference};
 use super::source::Source;
 use super::written::Written;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::geometry::Projection;
 use table::Table;
 
 /// Reads a project file, checks it and converts it to SI units.
@@ -30,6 +31,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         path: source.path.clone(),
         axes: written.frame.body.unwrap_or_default(),
         origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
+        crs: crs(&frame, written.frame.crs.as_deref())?,
         motion: motion::motion(source, written)?,
         limits: motion::limits(source, written)?,
         scanners: scanners(source, &written.scanner)?,
@@ -46,4 +48,17 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         drives,
         evaluations,
     })
+}
+
+/// The projected system of the world.
+fn crs(frame: &Table<'_>, name: Option<&str>) -> Result<Option<Projection>> {
+    let system = name.map(|name| {
+        Projection::new(name).map_err(|error| match error {
+            Error::Data {
+                problem, remedy, ..
+            } => frame.error("crs", problem, &remedy),
+            other => other,
+        })
+    });
+    system.transpose()
 }

@@ -61,7 +61,7 @@ project = "../drive-2/project.toml"
 
 /// All keys that the example leaves out.
 const UNUSUAL: &str = r#"
-frame = { body = "FLU", origin_m = [363000.0, 5.6e6, 60.0], grid_convergence_deg = -1.237 }
+frame = { body = "FLU", origin_m = [363000.0, 5.6e6, 60.0], crs = "EPSG:25832", grid_convergence_deg = -1.237 }
 
 [imu]
 file = "/logs/imu.csv"

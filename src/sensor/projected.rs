@@ -1,0 +1,75 @@
+//! Geographic positions in a projected coordinate reference system.
+
+use super::{GeographicFix, PositionFix};
+use crate::error::{Error, Result};
+use crate::geometry::{Mat3, Projection, Vec3};
+
+/// The positions in east, north and up of `system`, without a datum shift; up is the ellipsoidal
+/// height. Standard deviations along true east and north become covariances along those of the
+/// grid.
+///
+/// # Errors
+/// A position outside the system, named with its time.
+pub fn project_fixes(fixes: &[GeographicFix], system: &Projection) -> Result<Vec<PositionFix>> {
+    let project = |fix: &GeographicFix| {
+        let point = system
+            .try_project(fix.latitude_rad, fix.longitude_rad)
+            .map_err(|misfit| {
+                Error::data(
+                    format!("position at {} s: {}", fix.time_s, misfit.found),
+                    format!("use {}", misfit.expected),
+                )
+            })?;
+        let covariance_m2 = fix.sigma_m.map(|sigma| {
+            let turn = point.grid_from_true().to_rotation_matrix();
+            let along_true = Mat3::from_diagonal(&sigma.component_mul(&sigma));
+            turn.matrix() * along_true * turn.matrix().transpose()
+        });
+        Ok(PositionFix {
+            time_s: fix.time_s,
+            position_m: Vec3::new(point.east_m, point.north_m, fix.height_m),
+            covariance_m2,
+        })
+    };
+    fixes.iter().map(project).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_are_projected_and_their_covariances_turned() {
+        let system = Projection::new("EPSG:25832").unwrap();
+        let fix = GeographicFix {
+            time_s: 3.5,
+            latitude_rad: 50.7f64.to_radians(),
+            longitude_rad: 6.2f64.to_radians(),
+            height_m: 123.25,
+            sigma_m: Some(Vec3::new(0.01, 0.03, 0.05)),
+        };
+        let found = project_fixes(&[fix], &system).unwrap()[0];
+        // pyproj 3.7.2, Proj("EPSG:25832")(6.2, 50.7).
+        let expected = Vec3::new(302_276.343_692_3, 5_620_204.618_403_7, 123.25);
+        assert!((found.position_m - expected).norm() < 1e-6, "{found:?}");
+        assert_eq!(found.time_s, 3.5);
+        let covariance = found.covariance_m2.unwrap();
+        let point = system.project(fix.latitude_rad, fix.longitude_rad).unwrap();
+        // The larger deviation is along true north, which lies east of grid north here.
+        let north = point.grid_from_true() * Vec3::y();
+        assert!(north.x > 0.03);
+        assert!(((covariance * north) - north * 9e-4).norm() < 1e-15);
+        assert!((covariance[(2, 2)] - 25e-4).abs() < 1e-15);
+        let nowhere = GeographicFix {
+            latitude_rad: 2.0,
+            ..fix
+        };
+        let error = project_fixes(&[fix, nowhere], &system).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("position at 3.5 s: latitude 114.59"),
+            "{error}"
+        );
+    }
+}
