@@ -15,6 +15,8 @@ pub enum Location {
     Line(u64),
     /// Byte of a binary file, counted from 0.
     Byte(u64),
+    /// Row of a binary table, counted from 1.
+    Row(u64),
 }
 
 impl fmt::Display for Location {
@@ -23,6 +25,7 @@ impl fmt::Display for Location {
             Self::Whole => Ok(()),
             Self::Line(line) => write!(f, ", line {line}"),
             Self::Byte(byte) => write!(f, ", byte {byte}"),
+            Self::Row(row) => write!(f, ", row {row}"),
         }
     }
 }
@@ -117,6 +120,29 @@ impl Error {
             at,
             found: shortened(found.into()),
             expected: shortened(expected.into()),
+        }
+    }
+
+    /// The same, and where it names none of the files that were read, in the first of them.
+    pub fn within(self, inputs: &[PathBuf]) -> Self {
+        let is_named = |problem: &str| {
+            let names = inputs.iter().filter_map(|path| path.file_name()?.to_str());
+            names.into_iter().any(|name| problem.contains(name))
+        };
+        match (self, inputs.first()) {
+            (
+                Self::Data {
+                    kind,
+                    problem,
+                    remedy,
+                },
+                Some(first),
+            ) if !is_named(&problem) => Self::Data {
+                kind,
+                problem: format!("{}: {problem}", first.display()),
+                remedy,
+            },
+            (other, _) => other,
         }
     }
 

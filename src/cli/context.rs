@@ -61,7 +61,7 @@ impl Context {
         work: impl FnOnce(&Options) -> Result<Outcome>,
     ) -> Result<Outcome> {
         protect_inputs(out, inputs, &[LOG])?;
-        let outcome = work(&self.options(out));
+        let outcome = work(&self.options(out)).map_err(|error| error.within(inputs));
         if let Err(error) = &outcome {
             self.terminal.note(&format!("error: {error}"));
         }

@@ -4,6 +4,7 @@
 mod allan;
 mod compare;
 mod context;
+mod convert;
 mod demo;
 mod describe;
 mod features;
@@ -77,6 +78,7 @@ enum Command {
     Calibrate(ProjectArguments),
     Georeference(georeference::Georeference),
     Compare(compare::Compare),
+    Convert(convert::Convert),
     Features(features::Features),
     Thin(thin::Thin),
     /// Run all stages on a project: trajectory, calibration, clouds, comparison, report
@@ -155,6 +157,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Calibrate(on) => context.with_project(&on, pipeline::calibrate),
             Command::Georeference(command) => command.execute(&context),
             Command::Compare(command) => command.execute(&context),
+            Command::Convert(command) => command.execute(&context),
             Command::Features(command) => command.execute(&context),
             Command::Thin(command) => command.execute(&context),
             Command::Run(on) => context.with_project(&on, pipeline::run),

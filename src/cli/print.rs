@@ -71,6 +71,7 @@ fn error_json(error: &Error) -> Value {
                 Location::Whole => {}
                 Location::Line(line) => details["line"] = json!(line),
                 Location::Byte(byte) => details["byte"] = json!(byte),
+                Location::Row(row) => details["row"] = json!(row),
             }
             details
         }

@@ -123,7 +123,7 @@ pub fn read_polar(path: &Path) -> Result<RtsObservations> {
             }
             found.rejected.push(RejectedRow {
                 source: path.display().to_string(),
-                line: table.lines().number(),
+                line: table.number(),
                 time_s: ref_time_s,
                 reason,
             });

@@ -3,11 +3,11 @@
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
-use super::file::{extension, first_bytes, nothing_in, open};
+use super::file::{extension, first_bytes, is_parquet, nothing_in, open};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::lines::{Lines, Separator, numbers};
-use super::{cloud_table, pose_table, positions, pts};
+use super::{cloud_table, parquet, pose_table, positions, pts};
 use crate::error::{Error, Location, Result};
 
 /// Detects the format of a file.
@@ -26,6 +26,9 @@ pub fn detect(path: &Path) -> Result<Format> {
     let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|is_one| is_one(&start));
     if let Some(kind) = KINDS.iter().find(is_signed) {
         return Ok(Format(kind));
+    }
+    if is_parquet(path) {
+        return by_parquet(path).map(Format);
     }
     // The content is ambiguous: the name decides if it can, and its reader reports what is wrong.
     let extension = extension(path);
@@ -146,8 +149,22 @@ const KNOWN: &str = "the columns of an IMU, prism or heading log, of profiles, a
                      of the binary formats";
 
 fn unknown(lines: &Lines, names: &[String]) -> Error {
+    lines.error(listed(names), KNOWN)
+}
+
+fn listed(names: &[String]) -> String {
     let found: String = names.join(", ").chars().take(200).collect();
-    lines.error(format!("`{found}`"), KNOWN)
+    format!("`{found}`")
+}
+
+/// The table in a Parquet file.
+fn by_parquet(path: &Path) -> Result<&'static Kind> {
+    let header = parquet::header(path)?;
+    if header.is_foreign_cloud {
+        return Ok(&cloud_table::CLOUD_TABLE);
+    }
+    let unknown = || Error::format(path, Location::Whole, listed(&header.names), KNOWN);
+    by_columns(&header.names).ok_or_else(unknown)
 }
 
 /// The table with these columns. A prism log and a cloud with times can have the same columns, but

@@ -69,6 +69,17 @@ pub(crate) fn first_bytes(path: &Path, file: &mut File) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// The first bytes of a Parquet file, which are also its last.
+const PARQUET: &[u8] = b"PAR1";
+
+/// Whether a file is Parquet; false for one that cannot be read.
+pub fn is_parquet(path: &Path) -> bool {
+    open(path).is_ok_and(|(mut file, _)| {
+        let mut start = [0; PARQUET.len()];
+        file.read_exact(&mut start).is_ok() && start == PARQUET
+    })
+}
+
 /// The error of a file with the right format but no content.
 pub(crate) fn nothing_in(path: &Path, what: &str) -> Error {
     Error::format(
@@ -93,7 +104,7 @@ static GUARDED: AtomicUsize = AtomicUsize::new(0);
 /// Those of this program are printed as ever.
 fn silence_decoders() {
     static ONCE: Once = Once::new();
-    const DECODERS: [&str; 3] = ["/las-", "/laz-", "/e57-"];
+    const DECODERS: [&str; 5] = ["/las-", "/laz-", "/e57-", "/parquet-", "/bytes-"];
     ONCE.call_once(|| {
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::crs::{ANGLES, describe as describe_wkt, describe_unit};
 use super::file::guarded;
-use super::las::{LasFile, PoseColumns};
+use super::las::LasFile;
+use super::las_columns::PoseColumns;
 use crate::error::Result;
 use las::crs::{GeoTiffCrs, GeoTiffData};
 

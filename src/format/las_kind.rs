@@ -1,7 +1,8 @@
 //! LAS and LAZ among the formats.
 
 use super::kind::{Frame, Kind, Start};
-use super::las::{LasFile, PoseColumns};
+use super::las::LasFile;
+use super::las_columns::PoseColumns;
 use super::las_frame;
 use super::las_points::read_las;
 use super::las_scan::{LasScan, PosedScan, read_poses};

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use super::file::{CHUNK_POINTS, nothing_in};
-use super::las::{LasFile, PoseColumns, point_error};
+use super::las::{LasFile, point_error};
+use super::las_columns::PoseColumns;
 use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use super::file;
+use super::parquet;
 use crate::error::{Error, Location, Result};
 
 /// Longer lines are not of a table; the limit keeps binary files from filling the memory.
@@ -64,6 +65,16 @@ impl Lines {
         };
         // Checked when it was read.
         std::str::from_utf8(bytes).unwrap_or_default().trim_ascii()
+    }
+
+    /// Reads the next line that is neither empty nor a comment; false at the end.
+    pub(crate) fn next_content(&mut self) -> Result<bool> {
+        while self.advance()? {
+            if !(self.text().is_empty() || self.text().starts_with('#')) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Reads the next line that is neither empty nor a comment, which must hold finite numbers, as
@@ -175,8 +186,11 @@ pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
 }
 
 /// The names in the header of a table: the first line that is neither empty nor a comment, or the
-/// last comment before numbers.
+/// last comment before numbers. Those of the columns of a Parquet file.
 pub(crate) fn header_names(path: &Path) -> Result<Vec<String>> {
+    if file::is_parquet(path) {
+        return Ok(parquet::header(path)?.names);
+    }
     let mut lines = Lines::open(path)?;
     let mut comment = Vec::new();
     while lines.advance()? {

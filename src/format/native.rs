@@ -2,10 +2,11 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::file::nothing_in;
+use super::file::{extension, nothing_in};
 use super::kind::{Frame, Kind};
+use super::parquet::ParquetTable;
 use super::table::{Columns, Table};
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
@@ -113,16 +114,16 @@ pub(crate) fn sigma(value: f64, name: &str, table: &Table) -> Result<Option<f64>
 }
 
 /// A table being written row by row.
-pub(crate) struct TableWriter<'a> {
-    path: &'a Path,
+pub(crate) struct TableWriter {
+    path: PathBuf,
     out: BufWriter<File>,
 }
 
-impl<'a> TableWriter<'a> {
-    pub(crate) fn create(path: &'a Path, header: &[&str]) -> Result<Self> {
+impl TableWriter {
+    pub(crate) fn create(path: &Path, header: &[&str]) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
         let mut sheet = Self {
-            path,
+            path: path.to_owned(),
             out: BufWriter::with_capacity(1 << 18, file),
         };
         let header = header.join(",");
@@ -134,7 +135,7 @@ impl<'a> TableWriter<'a> {
         &mut self,
         write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
     ) -> Result<()> {
-        write(&mut self.out).map_err(|e| Error::io(self.path, e))
+        write(&mut self.out).map_err(|e| Error::io(&self.path, e))
     }
 
     /// Writes a row of numbers in the shortest form that reads back as the same number; NaN becomes
@@ -159,7 +160,7 @@ impl<'a> TableWriter<'a> {
 }
 
 /// Writes records as a table of the needed columns and those others that any record has a value
-/// for; `row` gives all values of a record, NaN where it has none.
+/// for, as Parquet where the name ends so; `row` gives all values of a record, NaN where it has none.
 pub(crate) fn write_rows<const N: usize, T>(
     path: &Path,
     columns: &Columns,
@@ -177,10 +178,20 @@ pub(crate) fn write_rows<const N: usize, T>(
     let header: Vec<&str> = names
         .filter_map(|(name, used)| used.then_some(*name))
         .collect();
-    let mut sheet = TableWriter::create(path, &header)?;
-    for record in records {
+    let rows = records.iter().map(|record| {
         let cells = row(record).into_iter().zip(used);
-        sheet.row(cells.filter_map(|(cell, used)| used.then_some(cell)))?;
+        cells.filter_map(|(cell, used)| used.then_some(cell))
+    });
+    if extension(path) == "parquet" {
+        let mut sheet = ParquetTable::create(path, &header)?;
+        for cells in rows {
+            sheet.row(cells)?;
+        }
+        return sheet.finish();
+    }
+    let mut sheet = TableWriter::create(path, &header)?;
+    for cells in rows {
+        sheet.row(cells)?;
     }
     sheet.finish()
 }

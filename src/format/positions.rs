@@ -201,7 +201,7 @@ fn read<const N: usize>(
             Ok(fix) => found.fixes.push(fix),
             Err(reason) => found.rejected.push(RejectedRow {
                 source: path.display().to_string(),
-                line: table.lines().number(),
+                line: table.number(),
                 time_s: row[0],
                 reason,
             }),

@@ -66,11 +66,11 @@ impl ProfileReader for TableProfiles {
     }
 
     fn bytes_read(&self) -> u64 {
-        self.table.lines().bytes_read()
+        self.table.bytes_read()
     }
 
     fn bytes_total(&self) -> u64 {
-        self.table.lines().bytes_total()
+        self.table.bytes_total()
     }
 }
 

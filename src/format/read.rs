@@ -128,11 +128,9 @@ pub fn read_projected_trajectory(
         return read_trajectory(path);
     }
     let crs = crs.ok_or_else(|| unprojected(path))?;
-    let flu_from_body =
-        BodyAxes::Flu.level_world_from_body(0.0).inverse() * axes.level_world_from_body(0.0);
     let mut poses = sbet::read_sbet(path, crs)?;
     for pose in &mut poses {
-        pose.world_from_body.rotation *= flu_from_body;
+        pose.world_from_body.rotation *= axes.body_from_flu();
     }
     Ok(poses)
 }

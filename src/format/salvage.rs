@@ -49,13 +49,21 @@ const LONGEST_PAUSE_S: f64 = 3600.0;
 /// Files that cannot be read or written, that are of another format, or in which nothing is whole.
 pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
     let known = detect(path).ok().map(|format| format.0);
+    let is_parquet = file::is_parquet(path);
     let found = match known.and_then(|kind| kind.record) {
         Some(record) => records(path, to, record),
-        None if known.is_none_or(is_text) => rows(path, to),
+        None if known.is_none_or(is_text) && !is_parquet => rows(path, to),
         None => {
             let kinds = KINDS.iter().filter(|kind| kind.record.is_some());
             let names: Vec<&str> = kinds.map(|kind| kind.name).collect();
-            let found = known.map_or("another format", |kind| kind.name);
+            let other = if is_parquet {
+                "Parquet"
+            } else {
+                "another format"
+            };
+            let found = known
+                .filter(|_| !is_parquet)
+                .map_or(other, |kind| kind.name);
             let expected = format!("a text table, or {}", names.join(", "));
             return Err(Error::format(path, Location::Whole, found, expected));
         }

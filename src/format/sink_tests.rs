@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::binary::{Bytes, Number};
 use super::cloud_sink::{CloudPoint, CloudShape, CloudSink};
-use super::las::{LasFile, extra_columns};
+use super::las::LasFile;
+use super::las_columns::extra_columns;
 use super::{ExtraDimension, ExtraKind, copc_sink, e57_sink, ply, ply_sink, read_cloud};
 use crate::error::Result;
 use crate::geometry::Vec3;

@@ -1,9 +1,11 @@
-//! Text tables: a header with column names and units, `#` comments, and numbers separated by
-//! commas, semicolons or white space, in any column order.
+//! Tables with columns in any order, told by names with units. As text: a header, `#` comments, and
+//! numbers separated by commas, semicolons or white space. The same as Parquet.
 
 use std::path::Path;
 
+use super::file::is_parquet;
 use super::lines::{Lines, Separator, numbers};
+use super::parquet::Rows;
 use super::unit::factor;
 use crate::error::{Error, Location, Result};
 
@@ -44,23 +46,35 @@ struct Slot {
     factor: f64,
 }
 
+/// Where the rows come from.
+#[derive(Debug)]
+enum Source {
+    Text {
+        lines: Lines,
+        separator: Separator,
+        /// The last line read is a row that has not been returned yet.
+        pending: bool,
+    },
+    Parquet(Box<Rows>),
+}
+
 /// A table, read row by row.
 #[derive(Debug)]
 pub(crate) struct Table {
-    lines: Lines,
-    separator: Separator,
+    source: Source,
     names: Vec<String>,
     /// Of each column of the file.
     slots: Vec<Option<Slot>>,
     width: usize,
-    /// The last line read is a row that has not been returned yet.
-    pending: bool,
 }
 
 impl Table {
     /// Opens a table and looks up the wanted columns in its header. A comment counts as the header
     /// if it names the required columns and numbers follow.
     pub(crate) fn open(path: &Path, columns: &Columns<'_>) -> Result<Self> {
+        if is_parquet(path) {
+            return Self::open_parquet(path, columns);
+        }
         let mut lines = Lines::open(path)?;
         let mut comment: Option<Vec<String>> = None;
         let mut cells = Vec::new();
@@ -93,72 +107,70 @@ impl Table {
                     format!("a header with the {}", columns.describe()),
                 ));
             }
-            let slots = match_columns(&lines, &names, columns)?;
+            let slots = match_columns(&names, columns, |found, wanted| lines.error(found, wanted))?;
             return Ok(Self {
-                lines,
-                separator,
+                source: Source::Text {
+                    lines,
+                    separator,
+                    pending: is_numeric,
+                },
                 names,
                 slots,
                 width: columns.wanted().count(),
-                pending: is_numeric,
             });
         }
+    }
+
+    fn open_parquet(path: &Path, columns: &Columns<'_>) -> Result<Self> {
+        let mut rows = Rows::open(path)?;
+        let names = rows.names().to_vec();
+        let slots = match_columns(&names, columns, |found, wanted| rows.error(found, wanted))?;
+        rows.select((0..slots.len()).filter(|i| slots[*i].is_some()).collect())?;
+        Ok(Self {
+            source: Source::Parquet(Box::new(rows)),
+            names,
+            slots,
+            width: columns.wanted().count(),
+        })
     }
 
     /// Reads the next row into `row`: required columns first, then optional ones, NaN if the file
     /// has no such column or the cell is empty. False at the end.
     pub(crate) fn next_row(&mut self, row: &mut [f64]) -> Result<bool> {
         debug_assert_eq!(row.len(), self.width);
-        loop {
-            if self.pending {
-                self.pending = false;
-            } else if !self.lines.advance()? {
-                return Ok(false);
+        let (names, slots) = (&self.names, &self.slots);
+        match &mut self.source {
+            Source::Text {
+                lines,
+                separator,
+                pending,
+            } => {
+                if !std::mem::take(pending) && !lines.next_content()? {
+                    return Ok(false);
+                }
+                row.fill(f64::NAN);
+                text_row(lines, *separator, names, slots, row)?;
             }
-            let text = self.lines.text();
-            if text.is_empty() || text.starts_with('#') {
-                continue;
-            }
-            row.fill(f64::NAN);
-            let slots = &self.slots;
-            let outcome = self.separator.split(text, |i, cell| match slots.get(i) {
-                None | Some(None) => Ok(()),
-                Some(Some(slot)) => match cell.parse::<f64>() {
-                    Ok(value) if value.is_finite() => {
-                        row[slot.index] = value * slot.factor;
-                        Ok(())
+            Source::Parquet(rows) => {
+                if !rows.advance()? {
+                    return Ok(false);
+                }
+                row.fill(f64::NAN);
+                let used = slots.iter().zip(names);
+                let used = used.filter_map(|(slot, name)| Some(((*slot)?, name)));
+                for (i, (slot, name)) in used.enumerate() {
+                    match rows.cell(i) {
+                        Some(value) if value.is_finite() => row[slot.index] = value * slot.factor,
+                        None if slot.may_be_empty => {}
+                        cell => {
+                            let found = cell.map_or("null".to_owned(), |value| value.to_string());
+                            return Err(bad_cell(&found, name, |f, e| rows.error(f, e)));
+                        }
                     }
-                    _ if cell.is_empty() && slot.may_be_empty => Ok(()),
-                    _ => Err(i),
-                },
-            });
-            return match outcome {
-                Ok(count) if count == slots.len() => Ok(true),
-                Ok(count) => Err(self.lines.error(
-                    format!("{count} values"),
-                    format!(
-                        "{} as in the header ({})",
-                        slots.len(),
-                        self.names.join(", ")
-                    ),
-                )),
-                Err(i) => Err(self.bad_cell(i)),
-            };
-        }
-    }
-
-    fn bad_cell(&self, column: usize) -> Error {
-        let mut found = String::new();
-        let _ = self.separator.split::<()>(self.lines.text(), |i, cell| {
-            if i == column {
-                found = cell.chars().take(40).collect();
+                }
             }
-            Ok(())
-        });
-        self.lines.error(
-            format!("`{found}` in column {}", self.names[column]),
-            "a finite number",
-        )
+        }
+        Ok(true)
     }
 
     /// The names in the header, in the order of the file.
@@ -166,21 +178,76 @@ impl Table {
         &self.names
     }
 
-    pub(crate) fn lines(&self) -> &Lines {
-        &self.lines
+    /// The line or the row last read, counted from 1.
+    pub(crate) fn number(&self) -> u64 {
+        match &self.source {
+            Source::Text { lines, .. } => lines.number(),
+            Source::Parquet(rows) => rows.number(),
+        }
+    }
+
+    pub(crate) fn bytes_read(&self) -> u64 {
+        match &self.source {
+            Source::Text { lines, .. } => lines.bytes_read(),
+            Source::Parquet(rows) => rows.bytes_read(),
+        }
+    }
+
+    pub(crate) fn bytes_total(&self) -> u64 {
+        match &self.source {
+            Source::Text { lines, .. } => lines.bytes_total(),
+            Source::Parquet(rows) => rows.bytes_total(),
+        }
     }
 
     /// A format error at the last row read.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
-        self.lines.error(found, expected)
+        match &self.source {
+            Source::Text { lines, .. } => lines.error(found, expected),
+            Source::Parquet(rows) => rows.error(found, expected),
+        }
     }
+}
+
+/// Reads the line last read into `row`.
+fn text_row(
+    lines: &Lines,
+    separator: Separator,
+    names: &[String],
+    slots: &[Option<Slot>],
+    row: &mut [f64],
+) -> Result<()> {
+    let outcome = separator.split(lines.text(), |i, cell| match slots.get(i) {
+        None | Some(None) => Ok(()),
+        Some(Some(slot)) => match cell.parse::<f64>() {
+            Ok(value) if value.is_finite() => {
+                row[slot.index] = value * slot.factor;
+                Ok(())
+            }
+            _ if cell.is_empty() && slot.may_be_empty => Ok(()),
+            _ => {
+                let found: String = cell.chars().take(40).collect();
+                Err(bad_cell(&found, &names[i], |f, e| lines.error(f, e)))
+            }
+        },
+    });
+    let count = outcome?;
+    if count == slots.len() {
+        return Ok(());
+    }
+    let expected = format!("{} as in the header ({})", slots.len(), names.join(", "));
+    Err(lines.error(format!("{count} values"), expected))
+}
+
+fn bad_cell(found: &str, name: &str, error: impl FnOnce(String, &str) -> Error) -> Error {
+    error(format!("`{found}` in column {name}"), "a finite number")
 }
 
 /// Looks up the wanted columns among `names`.
 fn match_columns(
-    lines: &Lines,
     names: &[String],
     columns: &Columns<'_>,
+    error: impl Fn(String, String) -> Error,
 ) -> Result<Vec<Option<Slot>>> {
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
@@ -191,7 +258,8 @@ fn match_columns(
             .filter_map(|(place, name)| Some((place, factor(name, wanted)?)));
         match (places.next(), places.next()) {
             (Some(_), Some(_)) => {
-                return Err(lines.error(format!("column {wanted} twice"), "each column once"));
+                let found = format!("column {wanted} twice");
+                return Err(error(found, "each column once".to_owned()));
             }
             (Some((place, factor)), None) => {
                 slots[place] = Some(Slot {
@@ -209,7 +277,7 @@ fn match_columns(
                     let hint = near.map_or_else(String::new, |near| {
                         format!(" (`{near}` looks like `{wanted}`)")
                     });
-                    return Err(lines.error(
+                    return Err(error(
                         format!("columns {}, without {wanted}{hint}", abbreviated(names)),
                         columns.describe(),
                     ));

@@ -23,15 +23,20 @@ impl BodyAxes {
         }
     }
 
+    /// The rotation from x forward, y left, z up to these axes; its own inverse.
+    pub fn body_from_flu(self) -> Rotation {
+        match self {
+            Self::Flu => Rotation::identity(),
+            Self::Frd => Rotation::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI),
+        }
+    }
+
     /// The rotation world_from_body of a level body with this heading (radians, clockwise from
     /// north).
     pub fn level_world_from_body(self, heading_rad: f64) -> Rotation {
         let yaw = std::f64::consts::FRAC_PI_2 - heading_rad;
         let flu = Rotation::from_axis_angle(&Vec3::z_axis(), yaw);
-        match self {
-            Self::Flu => flu,
-            Self::Frd => flu * Rotation::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI),
-        }
+        flu * self.body_from_flu()
     }
 }
 

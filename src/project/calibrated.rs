@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use super::checked::{Motion, PosesFile, Project};
+use super::checked::{Motion, PosesFile, Project, Scanner};
 use super::resolve;
 use super::source::Source;
 use super::written::Mountings;
 use crate::error::{Error, Location, Result};
+use crate::geometry::BodyFromScanner;
 
 /// See [`Project::with_calibration`].
 pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project> {
@@ -40,6 +41,21 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
         scanner.compliance = same.compliance;
     }
     Ok(project)
+}
+
+/// See [`super::mountings`].
+pub(super) fn mountings(path: &Path) -> Result<Vec<(String, BodyFromScanner)>> {
+    let source = &Source::read(path)?;
+    let tables: toml::Table = source.parsed()?;
+    let scanners = match tables.keys().all(|key| key == "scanner") {
+        true => resolve::scanners(source, &source.parsed::<Mountings>()?.scanner)?,
+        false => Project::read(path)?.scanners,
+    };
+    if scanners.is_empty() {
+        return Err(source.error(&[], "no scanner", "[[scanner]] tables"));
+    }
+    let mounting = |scanner: Scanner| (scanner.name, scanner.body_from_scanner);
+    Ok(scanners.into_iter().map(mounting).collect())
 }
 
 /// See [`Project::with_trajectory`].

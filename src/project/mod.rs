@@ -20,6 +20,15 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
+use crate::geometry::BodyFromScanner;
+
+/// The names and mountings of the scanners of a project, or of a `calibration.toml`.
+///
+/// # Errors
+/// A file that cannot be read, a mistake in it, no scanner.
+pub fn mountings(path: &Path) -> Result<Vec<(String, BodyFromScanner)>> {
+    calibrated::mountings(path)
+}
 
 impl Project {
     /// Reads and checks a project file. Referenced files are not opened; [`Project::check_files`]

@@ -8,7 +8,8 @@ use std::path::Path;
 
 use super::detect::detect;
 use super::kind::{Frame, Kind};
-use super::las::{LasFile, PoseColumns, extra_names};
+use super::las::LasFile;
+use super::las_columns::{PoseColumns, extra_names};
 use super::mounting::read_mounting;
 use super::native::IMU;
 use super::read::{open_profiles, read_cloud, read_trajectory};

@@ -4,7 +4,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Error, Location, Result};
-use crate::format::las::{LasFile, extra_columns};
+use crate::format::las::LasFile;
+use crate::format::las_columns::extra_columns;
 
 /// Called once for every point of the input, in order, with the index of the point: fills one value
 /// for each dimension and returns whether to write the point. Values that it does not fill are NaN.

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::*;
 use crate::cloud::PointCloud;
-use crate::format::las::{LasFile, extra_names};
+use crate::format::las::LasFile;
+use crate::format::las_columns::extra_names;
 use crate::format::read_cloud;
 use crate::geometry::Vec3;
 use crate::progress::Silent;

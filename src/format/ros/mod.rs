@@ -7,7 +7,7 @@ mod bag;
 mod cdr;
 mod chunk;
 mod cloud;
-mod compression;
+pub(super) mod compression;
 mod frames;
 mod mcap;
 mod messages;

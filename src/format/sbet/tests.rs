@@ -277,7 +277,7 @@ fn errors_name_the_byte() {
     // Without a system, it is no trajectory.
     write(&path, &REAL);
     let error = read_trajectory(&path).unwrap_err().to_string();
-    assert!(error.contains("coordinate reference system"), "{error}");
+    assert!(error.contains("`crs` in [frame]"), "{error}");
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(super) fn follow(
         .chain(logs.heading.as_ref().map(|log| &log.path));
     for path in all {
         if let Ok(format) = format::detect(path)
-            && !format.is_table()
+            && (!format.is_table() || format::is_parquet(path))
         {
             let expected = "a text table: other logs cannot be followed while they grow";
             return Err(Error::format(

@@ -1,0 +1,54 @@
+//! `boresight convert`
+
+use std::path::PathBuf;
+
+use super::context::Context;
+use crate::error::Result;
+use crate::geometry::{BodyAxes, Projection};
+use crate::pipeline::{self, Conversion, Outcome};
+
+/// Write a cloud, poses or mountings in the format of another program, which the end of OUTPUT names
+///
+/// Clouds: .las, .laz, .copc.laz, .e57, .ply, .parquet, .csv. Poses: .tum, .sbet, .parquet, .csv. Mountings of a
+/// project or of calibration.toml: .urdf, .launch.py and .yaml (ROS 2), .json (PDAL).
+#[derive(Debug, clap::Args)]
+pub(super) struct Convert {
+    /// A cloud, a trajectory, a project or a calibration
+    input: PathBuf,
+    /// The file to write
+    output: PathBuf,
+    /// Projected system of the poses, for SBET: EPSG:25832 or +proj=…
+    #[arg(long, value_name = "SYSTEM")]
+    crs: Option<String>,
+    /// Axes of the body of poses: FRD or FLU
+    #[arg(long, value_name = "AXES", value_parser = axes, default_value = "FRD")]
+    axes: BodyAxes,
+    /// Name of the body's frame in URDF and ROS; its axes are those of the project
+    #[arg(long, value_name = "NAME", default_value = "body")]
+    body: String,
+    /// The scanner whose mounting goes into a pipeline of PDAL
+    #[arg(long, value_name = "NAME")]
+    scanner: Option<String>,
+}
+
+fn axes(text: &str) -> std::result::Result<BodyAxes, String> {
+    match text {
+        "FRD" => Ok(BodyAxes::Frd),
+        "FLU" => Ok(BodyAxes::Flu),
+        other => Err(format!("`{other}` is neither FRD nor FLU")),
+    }
+}
+
+impl Convert {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let crs = self.crs.as_deref().map(Projection::new).transpose()?;
+        let with = Conversion {
+            crs,
+            axes: self.axes,
+            body: self.body.clone(),
+            scanner: self.scanner.clone(),
+        };
+        pipeline::convert(&self.input, &self.output, &with, &context.terminal)
+            .map_err(|error| error.within(std::slice::from_ref(&self.input)))
+    }
+}

@@ -1,0 +1,51 @@
+//! Tables and clouds as Apache Parquet, read and written.
+//!
+//! A file is read as the text table with the same columns: names, units in names and order are as
+//! there. A null is an empty cell. Floating-point numbers of 32 and 64 bits and all integers are
+//! read; timestamps become seconds since 1970-01-01. Pages are unpacked here and not by the library,
+//! because it allocates what a page claims: a damaged or hostile file must not take more memory than
+//! four times its size and 64 MiB.
+
+mod columns;
+mod footer;
+mod pages;
+mod rows;
+#[cfg(test)]
+mod tests;
+mod unpack;
+mod write;
+
+use std::path::Path;
+
+use ::parquet::errors::ParquetError;
+
+use crate::error::{Error, Location, Result};
+pub(crate) use columns::Header;
+pub(crate) use rows::Rows;
+pub use write::{ParquetTable, parquet_sink};
+
+/// Reads the names of the columns.
+///
+/// # Errors
+/// A file that is no Parquet, is damaged or encrypted.
+pub(crate) fn header(path: &Path) -> Result<Header> {
+    Ok(Rows::open(path)?.into_header())
+}
+
+/// What the library says of a file that is being read.
+fn damaged(path: &Path, at: Location, error: ParquetError) -> Error {
+    match error {
+        ParquetError::External(source) => match source.downcast::<std::io::Error>() {
+            Ok(source) if source.raw_os_error().is_some() => Error::io(path, *source),
+            Ok(source) => Error::format(path, at, source.to_string(), WHOLE),
+            Err(source) => Error::format(path, at, source.to_string(), WHOLE),
+        },
+        ParquetError::General(text) | ParquetError::EOF(text) | ParquetError::NYI(text) => {
+            Error::format(path, at, text, WHOLE)
+        }
+        other => Error::format(path, at, other.to_string(), WHOLE),
+    }
+}
+
+/// What a reader expects of a file that it cannot decode.
+const WHOLE: &str = "an undamaged Parquet file";
