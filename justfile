@@ -62,6 +62,15 @@ bench-kernels *ARGS:
 bench-moving *ARGS:
     python3 benches/moving/run.py {{ARGS}}
 
+# Fuzzes every reader for SECONDS each and counts the executions (needs cargo-fuzz, g++ and Python)
+fuzz SECONDS="60" *TARGETS:
+    python3 tools/fuzz.py {{SECONDS}} {{TARGETS}}
+
+# 3,000 mutants of a project through the binary, and 100 runs that are killed
+mutants:
+    cargo test --release --test mutants -- --ignored --nocapture
+    cargo test --release --test run -- --ignored --nocapture
+
 # All messages that users can see, for proofreading (needs Python)
 messages *FILES:
     python3 tools/messages.py {{FILES}}

@@ -104,7 +104,16 @@ static GUARDED: AtomicUsize = AtomicUsize::new(0);
 /// Those of this program are printed as ever.
 fn silence_decoders() {
     static ONCE: Once = Once::new();
-    const DECODERS: [&str; 5] = ["/las-", "/laz-", "/e57-", "/parquet-", "/bytes-"];
+    const DECODERS: [&str; 8] = [
+        "/las-",
+        "/laz-",
+        "/e57-",
+        "/bzip2-rs-",
+        "/lz4_flex-",
+        "/ruzstd-",
+        "/parquet-",
+        "/bytes-",
+    ];
     ONCE.call_once(|| {
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {

@@ -6,11 +6,18 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::file::{self, guarded};
+use super::laz_chunks;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
 /// More points than any chunk of a compressed file contains; real files have 50,000.
 const LARGEST_CHUNK: u64 = 100_000_000;
+/// Points of a compressed file take at most this many times its size and so many bytes more: what takes more
+/// was made to keep the reader busy.
+const MOST_EXPANDED: u64 = 250;
+const ALWAYS_BYTES: u64 = 8 << 20;
+/// Bytes of points decoded at a time; a record may have 65,535 bytes.
+const LARGEST_PIECE: usize = 8 << 20;
 
 /// A decoded point with its optional values.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +51,13 @@ fn problem(path: &Path, error: las::Error) -> Error {
 
 impl LasFile {
     pub(crate) fn open(path: &Path) -> Result<Self> {
+        let file = Self::reopen(path)?;
+        laz_chunks::check(path, file.header(), file.bytes)?;
+        Ok(file)
+    }
+
+    /// As [`open`](Self::open) for a file whose chunks were checked.
+    pub(crate) fn reopen(path: &Path) -> Result<Self> {
         let (mut file, bytes) = file::open(path)?;
         check_header(path, &mut file, bytes)?;
         guarded(path, "LAS or LAZ", || {
@@ -117,6 +131,7 @@ impl LasFile {
         } = self;
         let format = *reader.header().point_format();
         let first = *taken;
+        let n = n.min(LARGEST_PIECE / points.record_len().max(1));
         let count = guarded(path, "LAS or LAZ", || {
             reader
                 .fill_points(n as u64, points)
@@ -210,6 +225,17 @@ fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
     };
     if !compressed && points.saturating_mul(length) > size - data {
         return Err(short(107, &format!("its {points} points do")));
+    }
+    let most = size
+        .saturating_mul(MOST_EXPANDED)
+        .saturating_add(ALWAYS_BYTES);
+    if compressed && points.saturating_mul(length) > most {
+        return Err(Error::format(
+            path,
+            Location::Byte(107),
+            format!("{points} points of {length} bytes in a file of {size} bytes"),
+            format!("{most} bytes of points at most in a file of this size"),
+        ));
     }
     if compressed {
         check_chunks(path, file, data, size, points)?;

@@ -135,7 +135,7 @@ fn read_parts<T: Send>(
 ) -> Result<Vec<T>> {
     let read_part = |part| {
         let (start, end) = (part * length, count.min((part + 1) * length));
-        let mut file = LasFile::open(path)?;
+        let mut file = LasFile::reopen(path)?;
         if start > 0 {
             file.seek(start)?;
         }

@@ -9,7 +9,7 @@ use super::las::{LasFile, point_error};
 use super::las_columns::PoseColumns;
 use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
-use crate::geometry::{Rotation, Vec3, WorldFromBody};
+use crate::geometry::{Rotation, Vec3, WorldFromBody, is_finite};
 use crate::sensor::{PoseRecord, ScanPoint};
 
 /// Points in the scanner frame, in the order of the file; decoded on a separate thread, one chunk
@@ -68,7 +68,7 @@ fn decode(path: &Path, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
         })?;
         Ok(chunk)
     };
-    let mut file = match LasFile::open(path) {
+    let mut file = match LasFile::reopen(path) {
         Ok(file) => file,
         Err(e) => {
             let _ = sender.send(Err(e));
@@ -235,14 +235,27 @@ pub(crate) struct PosedScan {
 
 impl PosedScan {
     pub(crate) fn read(mut file: LasFile) -> Result<Self> {
-        let points = read_posed(&mut file)?
-            .iter()
-            .map(|point| ScanPoint {
+        let posed = read_posed(&mut file)?;
+        let to_scanner = |point: &PosedPoint| {
+            let position_m = point.world_from_body().map_back(&point.world);
+            if !is_finite(&position_m) {
+                return Err(Error::format(
+                    file.path(),
+                    Location::Whole,
+                    format!(
+                        "a point that its pose takes out of all bounds, at {} s",
+                        point.time_s
+                    ),
+                    "finite coordinates",
+                ));
+            }
+            Ok(ScanPoint {
                 time_s: point.time_s,
-                position_m: point.world_from_body().map_back(&point.world),
+                position_m,
                 intensity: point.intensity,
             })
-            .collect();
+        };
+        let points = posed.iter().map(to_scanner).collect::<Result<_>>()?;
         Ok(Self {
             points,
             given: 0,

@@ -10,6 +10,8 @@ use crate::error::{Error, Location, Result};
 
 /// Longer lines are not of a table; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 20;
+/// More columns are not of a table; each name is compared with all that are known.
+pub(crate) const MOST_COLUMNS: usize = 1024;
 
 /// The lines of a text file, one at a time, without their ends.
 #[derive(Debug)]
@@ -163,12 +165,15 @@ impl Separator {
         Ok(count)
     }
 
-    /// The cells of a header: names without quotes.
+    /// The cells of a header: names without quotes, one more than [`MOST_COLUMNS`] at most.
     pub(crate) fn names(self, line: &str) -> Vec<String> {
         let mut names = Vec::new();
-        let _ = self.split::<()>(line, |_, cell| {
+        let _ = self.split(line, |_, cell| {
             names.push(cell.trim_matches('"').trim_ascii().to_owned());
-            Ok(())
+            match names.len() > MOST_COLUMNS {
+                true => Err(()),
+                false => Ok(()),
+            }
         });
         names
     }

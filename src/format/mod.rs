@@ -39,6 +39,7 @@ mod las_out;
 mod las_points;
 mod las_record;
 mod las_scan;
+mod laz_chunks;
 mod lines;
 mod mounting;
 mod mounting_out;

@@ -6,11 +6,12 @@ use super::binary::{Bytes, Fields, Number};
 use super::kind::{Frame, Kind};
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::geometry::Vec3;
 
 /// Compressed points may not unpack to more than so many times their size and so many bytes: scans do so to two to
 /// ten times.
 const MOST_EXPANDED: u64 = 32;
-const ALWAYS_BYTES: u64 = 64_000_000;
+const ALWAYS_BYTES: u64 = 16_000_000;
 
 pub(crate) const PCD: Kind = Kind {
     signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
@@ -195,21 +196,24 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
                 ));
             }
             bytes.check(packed, "compressed points")?;
-            if unpacked
+            let in_memory = header.count.saturating_mul(size_of::<Vec3>() as u64);
+            if unpacked.max(in_memory)
                 > MOST_EXPANDED
                     .saturating_mul(packed)
                     .saturating_add(ALWAYS_BYTES)
             {
                 return Err(bytes.error(
                     format!("{packed} bytes that unpack to {unpacked}"),
-                    "at most 32 times as many and 64 MB: save the cloud as binary, not \
-                     binary_compressed",
+                    "at most 32 times as many and 16 MB, also as points: save the cloud as binary, \
+                     not binary_compressed",
                 ));
             }
             let mut input = vec![0; packed as usize];
             bytes.take(&mut input, "compressed points")?;
             let columns = unpack(&input, unpacked as usize)
                 .ok_or_else(|| bytes.error("damaged compression", "LZF"))?;
+            // As many as were unpacked.
+            cloud.points.reserve_exact(header.count as usize);
             // All values of a field are stored together.
             for i in 0..header.count as usize {
                 let mut start = 0;

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::file::is_parquet;
-use super::lines::{Lines, Separator, numbers};
+use super::lines::{Lines, MOST_COLUMNS, Separator, numbers};
 use super::parquet::Rows;
 use super::unit::factor;
 use crate::error::{Error, Location, Result};
@@ -107,6 +107,10 @@ impl Table {
                     format!("a header with the {}", columns.describe()),
                 ));
             }
+            if names.len() > MOST_COLUMNS {
+                let found = format!("more than {MOST_COLUMNS} columns");
+                return Err(lines.error(found, format!("a table with {}", columns.describe())));
+            }
             let slots = match_columns(&names, columns, |found, wanted| lines.error(found, wanted))?;
             return Ok(Self {
                 source: Source::Text {
@@ -160,7 +164,10 @@ impl Table {
                 let used = used.filter_map(|(slot, name)| Some(((*slot)?, name)));
                 for (i, (slot, name)) in used.enumerate() {
                     match rows.cell(i) {
-                        Some(value) if value.is_finite() => row[slot.index] = value * slot.factor,
+                        // In the wanted unit, too.
+                        Some(value) if (value * slot.factor).is_finite() => {
+                            row[slot.index] = value * slot.factor;
+                        }
                         None if slot.may_be_empty => {}
                         cell => {
                             let found = cell.map_or("null".to_owned(), |value| value.to_string());
@@ -220,7 +227,8 @@ fn text_row(
     let outcome = separator.split(lines.text(), |i, cell| match slots.get(i) {
         None | Some(None) => Ok(()),
         Some(Some(slot)) => match cell.parse::<f64>() {
-            Ok(value) if value.is_finite() => {
+            // In the wanted unit, too.
+            Ok(value) if (value * slot.factor).is_finite() => {
                 row[slot.index] = value * slot.factor;
                 Ok(())
             }
@@ -388,6 +396,13 @@ mod tests {
         assert!(text.contains("column x_m twice"), "{text}");
         let text = message("time_s,x_m,x_mm\n1,2,2\n");
         assert!(text.contains("column x_m twice"), "{text}");
+        let text = message("time_s,x_km\n1,1e307\n");
+        assert!(text.contains("`1e307` in column x_km"), "{text}");
+        let text = message(&format!("time_s,x_m{}\n", ",a".repeat(MOST_COLUMNS)));
+        assert!(
+            text.contains("line 1: found more than 1024 columns"),
+            "{text}"
+        );
         assert!(message("# nothing\n").contains("no header"));
         assert!(message("time_s\0,x_m\n").contains("zero bytes"));
     }

@@ -34,9 +34,19 @@ impl Walk {
         if size > limit && !self.is_cut {
             return Err(self.too_large(size));
         }
-        let most = usize::try_from(size.min(limit)).unwrap_or(usize::MAX);
         // A chunk that was not completed does not tell its size.
-        let most = if self.is_cut { limit as usize } else { most };
+        let most = if self.is_cut { limit } else { size };
+        let left = self.most_unpacked() - self.unpacked;
+        if !self.is_cut && size > left {
+            return Err(self.error(
+                format!(
+                    "chunks that unpack to {} bytes",
+                    self.unpacked.saturating_add(size)
+                ),
+                format!("at most {} in a file of this size", self.most_unpacked()),
+            ));
+        }
+        let most = usize::try_from(most.min(left)).unwrap_or(usize::MAX);
         let packed = self.data.get(start..).unwrap_or_default();
         let unpacked = file::guarded(self.path(), "bag", || {
             Ok(unpack(head.compression, packed, most, limit))
@@ -52,13 +62,8 @@ impl Walk {
             ));
         };
         *into = unpacked.bytes;
-        self.unpacked = self.unpacked.saturating_add(into.len() as u64);
-        if self.unpacked > self.most_unpacked() {
-            return Err(self.error(
-                format!("chunks that unpack to {} bytes", self.unpacked),
-                format!("at most {} in a file of this size", self.most_unpacked()),
-            ));
-        }
+        // Not more than what was left.
+        self.unpacked += into.len() as u64;
         self.check(size, into.len() as u64, crc, into, unpacked.fault)?;
         Ok(0)
     }

@@ -206,7 +206,7 @@ fn small_chunks_that_unpack_to_many_bytes_are_refused() {
     let path = dir.path().join("a.mcap");
     std::fs::write(&path, file(40, 2)).unwrap();
     assert!(topics(&path).unwrap().is_empty());
-    std::fs::write(&path, file(400, 20)).unwrap();
+    std::fs::write(&path, file(120, 20)).unwrap();
     let text = topics(&path).unwrap_err().to_string();
     assert!(text.contains("chunks that unpack to"), "{text}");
     std::fs::write(&path, file(800, 1)).unwrap();

@@ -10,11 +10,12 @@ use crate::error::{Error, Location, Result};
 use crate::format::file;
 
 /// Allocations never exceed four times the file and this, bytes.
-const SPARE_BYTES: u64 = 64 << 20;
+const SPARE_BYTES: u64 = 16 << 20;
 
-/// All chunks together never unpack to more than this many times the file and [`SPARE_BYTES`]: what
-/// does was made to keep the reader busy.
-const MOST_UNPACKED: u64 = 1000;
+/// All chunks together never unpack to more than this many times the file and so many bytes: what does was
+/// made to keep the reader busy.
+const MOST_UNPACKED: u64 = 250;
+const ALWAYS_UNPACKED: u64 = 12 << 20;
 
 /// The two kinds of bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -302,7 +303,7 @@ impl Walk {
     /// More bytes are not unpacked from all chunks together.
     pub(super) fn most_unpacked(&self) -> u64 {
         let most = self.total.saturating_mul(MOST_UNPACKED);
-        most.saturating_add(SPARE_BYTES)
+        most.saturating_add(ALWAYS_UNPACKED)
     }
 
     /// More bytes are not allocated at once.
