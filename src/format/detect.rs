@@ -6,9 +6,12 @@ use std::path::Path;
 use super::file::{extension, first_bytes, is_parquet, nothing_in, open};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
-use super::lines::{Lines, Separator, numbers};
-use super::{cloud_table, parquet, pose_table, positions, pts};
+use super::parquet;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::{pts, table as cloud_table};
+use crate::format::log::positions;
+use crate::format::poses::table as pose_table;
+use crate::format::text::lines::{Lines, Separator, numbers};
 
 /// Detects the format of a file.
 ///

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::path::Path;
 
-use super::profile_reader::ProfileReader;
-use super::table::Columns;
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::format::profiles::reader::ProfileReader;
+use crate::format::text::table::Columns;
 use crate::sensor::{GeographicFix, HeadingFix, ImuSample, Observations, PoseRecord, Positions};
 
 /// The beginning of a file.

@@ -3,8 +3,8 @@
 use std::convert::Infallible;
 use std::path::Path;
 
-use super::cloud_sink::{CloudShape, CloudSink};
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::sink::{CloudShape, CloudSink};
 
 fn absent(path: &Path) -> Error {
     Error::format(

@@ -6,10 +6,13 @@ use super::detect::detect;
 use super::file::nothing_in;
 use super::kind::{Format, Kind};
 use super::kinds::KINDS;
-use super::profile_reader::ProfileReader;
-use super::{cloud_table, native, pose_table, positions, profile, sbet};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::table as cloud_table;
+use crate::format::log::{positions, tables as native};
+use crate::format::poses::{sbet, table as pose_table};
+use crate::format::profiles::reader::ProfileReader;
+use crate::format::profiles::table as profile;
 use crate::geometry::{BodyAxes, Projection};
 use crate::sensor::{HeadingFix, ImuSample, Observations, PoseRecord, Positions, project_fixes};
 

@@ -8,8 +8,8 @@ use super::detect::detect;
 use super::file;
 use super::kind::{Kind, RecordAt, WholeRecord};
 use super::kinds::KINDS;
-use super::lines::Separator;
 use crate::error::{Error, Location, Result};
+use crate::format::text::lines::Separator;
 
 /// What was kept of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]

@@ -3,8 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::format::civil::{DAY_S, civil_date};
 use crate::format::kind::Format;
+use crate::format::text::civil::{DAY_S, civil_date};
 
 /// An interval of time that is much longer than the others.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::format::cloud_sink::{CloudPoint, CloudShape};
+use crate::format::cloud::sink::{CloudPoint, CloudShape};
 use crate::format::mutation::for_each_damaged;
 use crate::format::{
     ExtraDimension, ExtraKind, detect, inspect, open_profiles, read_cloud, read_trajectory, salvage,

@@ -14,8 +14,8 @@ use ::parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use ::parquet::schema::types::Type;
 
 use crate::error::{Error, Result};
-use crate::format::cloud_sink::{CloudPoint, CloudShape, CloudSink};
-use crate::format::las_extra::ExtraKind;
+use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
+use crate::format::las::extra::ExtraKind;
 
 /// Rows of a row group.
 const GROUP: usize = 100_000;

@@ -8,16 +8,16 @@ const PIECE: usize = 1 << 16;
 const USUAL_RATIO: usize = 8;
 
 /// What was unpacked.
-pub(in crate::format) struct Unpacked {
+pub(crate) struct Unpacked {
     /// The bytes, at most as many as allowed.
-    pub(in crate::format) bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
     /// Why it ended before the end of the packed data, if it did.
-    pub(in crate::format) fault: Option<String>,
+    pub(crate) fault: Option<String>,
 }
 
 /// Unpacks `packed` to at most `most` bytes, with allocations of at most `limit` bytes; `None` if the
 /// name of the compression is unknown.
-pub(in crate::format) fn unpack(
+pub(crate) fn unpack(
     compression: &[u8],
     packed: &[u8],
     most: usize,
@@ -49,7 +49,7 @@ pub(in crate::format) fn unpack(
 
 /// Reads until the end, a fault or `most` bytes. Memory grows with what is there, not with what the
 /// file claims.
-pub(in crate::format) fn read(mut source: impl Read, packed: usize, most: usize) -> Unpacked {
+pub(crate) fn read(mut source: impl Read, packed: usize, most: usize) -> Unpacked {
     let mut bytes = Vec::with_capacity(most.min(packed.saturating_mul(USUAL_RATIO)));
     let mut piece = vec![0; PIECE];
     let fault = loop {

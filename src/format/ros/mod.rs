@@ -7,7 +7,7 @@ mod bag;
 mod cdr;
 mod chunk;
 mod cloud;
-pub(super) mod compression;
+pub(crate) mod compression;
 mod frames;
 mod mcap;
 mod messages;
@@ -27,8 +27,8 @@ use std::path::Path;
 
 use super::file::{Part, nothing_in};
 use super::kind::{Frame, Kind};
-use super::profile_reader::ProfileReader;
 use crate::error::{Error, Location, Result};
+use crate::format::profiles::reader::ProfileReader;
 use crate::sensor::{GeographicFix, ImuSample, PoseRecord};
 use bag::Messages;
 pub(crate) use bag::Topic;

@@ -7,7 +7,7 @@ use super::messages::{LaserScan, PointCloud2};
 use super::wire::Fault;
 use crate::error::Result;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
-use crate::format::profile_reader::ProfileReader;
+use crate::format::profiles::reader::ProfileReader;
 use crate::sensor::ScanPoint;
 
 /// The types with points.

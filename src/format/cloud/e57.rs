@@ -1,0 +1,200 @@
+//! E57: all scans of a file, Cartesian or spherical, each transformed by its pose.
+
+use std::io::BufReader;
+use std::path::Path;
+
+use crate::cloud::PointCloud;
+use crate::error::{Error, Location, Result};
+use crate::format::binary::Number;
+use crate::format::cloud::crs;
+use crate::format::file::{first_bytes, guarded, open};
+use crate::format::kind::{Frame, Kind};
+use crate::geometry::{Rotation, Vec3, WorldFromScanner};
+
+pub(crate) const E57: Kind = Kind {
+    signature: Some(|start| start.bytes.starts_with(b"ASTM-E57")),
+    extensions: &["e57"],
+    cloud: Some(read),
+    wkt: Some(wkt),
+    frame: Frame::OfFile(describe_frame),
+    ..Kind::new("e57", "cloud (E57)")
+};
+
+fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        error.to_string(),
+        "an undamaged E57 file",
+    )
+}
+
+/// The file's `coordinateMetadata`, which holds WKT.
+fn wkt(path: &Path) -> Result<Option<String>> {
+    let (mut file, size) = open(path)?;
+    let head = first_bytes(path, &mut file)?;
+    check_header(path, &head, size)?;
+    guarded(path, "E57", || {
+        let reader =
+            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+        let text = reader
+            .coordinate_metadata()
+            .map(|text| text.trim().to_owned());
+        Ok(text.filter(|text| !text.is_empty()))
+    })
+}
+
+/// E57 is in metres; the coordinate reference system is that of the file, if it names one.
+fn describe_frame(path: &Path) -> Result<String> {
+    let (mut file, size) = open(path)?;
+    let head = first_bytes(path, &mut file)?;
+    check_header(path, &head, size)?;
+    let system = guarded(path, "E57", || {
+        let reader =
+            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+        Ok(reader.coordinate_metadata().and_then(crs::describe))
+    })?;
+    let system = system.map_or_else(
+        || "axes of the file, taken for the world".to_owned(),
+        |system| format!("{system} (coordinateMetadata of the file)"),
+    );
+    Ok(format!(
+        "metres (the format); poses of the scans applied; {system}"
+    ))
+}
+
+/// Calls `take` with every measured point and its intensity (0 if a scan has none).
+pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
+    let (mut file, size) = open(path)?;
+    let head = first_bytes(path, &mut file)?;
+    check_header(path, &head, size)?;
+    guarded(path, "E57", || {
+        let mut reader =
+            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+        for scan in reader.pointclouds() {
+            // A point takes at least one bit, unless all points are the same.
+            if scan.records > size.saturating_mul(8) {
+                return Err(problem(
+                    path,
+                    format!("{} points in a file of {size} bytes", scan.records),
+                ));
+            }
+            let world_from_scanner = scan_pose(path, &scan)?;
+            let mut points = reader
+                .pointcloud_simple(&scan)
+                .map_err(|e| problem(path, chain(&e)))?;
+            points.apply_pose(false);
+            points.normalize_intensity(false);
+            points.normalize_color(false);
+            points.intensity_to_color(false);
+            for point in points {
+                let point = point.map_err(|e| problem(path, chain(&e)))?;
+                if let e57::CartesianCoordinate::Valid { x, y, z } = point.cartesian {
+                    let p = world_from_scanner.map(&Vec3::new(x, y, z));
+                    if p.iter().all(|v| v.is_finite()) {
+                        take(p, point.intensity.unwrap_or(0.0));
+                    }
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+pub(crate) fn read(path: &Path) -> Result<PointCloud> {
+    let mut cloud = PointCloud::default();
+    for_each(path, |p, intensity| {
+        cloud.points.push(p);
+        cloud.intensity.push(intensity);
+    })?;
+    if cloud.intensity.iter().all(|v| *v == 0.0) {
+        cloud.intensity.clear();
+    }
+    Ok(cloud)
+}
+
+fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
+    let Some(t) = &scan.transform else {
+        return Ok(WorldFromScanner::identity());
+    };
+    let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
+    if q.norm().is_nan() || (q.norm() - 1.0).abs() > 1e-3 {
+        return Err(problem(
+            path,
+            format!("a pose with a quaternion of length {}", q.norm()),
+        ));
+    }
+    let t = Vec3::new(t.translation.x, t.translation.y, t.translation.z);
+    Ok(WorldFromScanner::new(Rotation::new_normalize(q), t))
+}
+
+/// An error with its causes.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        let cause_text = cause.to_string();
+        // Some errors of the decoder already include their causes.
+        if !text.contains(&cause_text) {
+            text += &format!(": {cause_text}");
+        }
+        source = cause.source();
+    }
+    text
+}
+
+/// Checks the header against the size of the file before a decoder relies on it.
+fn check_header(path: &Path, head: &[u8], size: u64) -> Result<()> {
+    if head.len() < 48 || !head.starts_with(b"ASTM-E57") {
+        return Err(problem(path, "no E57 signature"));
+    }
+    let u64_at = |at: usize| {
+        let low = Number::U32.read(&head[at..], false) as u64;
+        let high = Number::U32.read(&head[at + 4..], false) as u64;
+        low | high << 32
+    };
+    let (length, at, xml, page) = (u64_at(16), u64_at(24), u64_at(32), u64_at(40));
+    if length > size || at.saturating_add(xml) > size || !(8..=1 << 20).contains(&page) {
+        return Err(problem(
+            path,
+            format!(
+                "a header that gives {length} bytes, {xml} bytes of XML at byte {at} and pages of \
+                 {page} bytes, in a file of {size} bytes"
+            ),
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_coordinate_system_is_that_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for (metadata, expected) in [
+            (
+                Some(r#"PROJCS["UTM 32N",UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#),
+                "EPSG:25832, UTM 32N; metres",
+            ),
+            (None, "axes of the file, taken for the world"),
+        ] {
+            let path = folder.path().join("a.e57");
+            let mut writer = e57::E57Writer::from_file(&path, "file").unwrap();
+            writer.set_coordinate_metadata(metadata.map(str::to_owned));
+            let prototype = vec![
+                e57::Record::CARTESIAN_X_F64,
+                e57::Record::CARTESIAN_Y_F64,
+                e57::Record::CARTESIAN_Z_F64,
+            ];
+            let mut points = writer.add_pointcloud("scan", prototype).unwrap();
+            points
+                .add_point([1.0, 2.0, 3.0].map(e57::RecordValue::Double).to_vec())
+                .unwrap();
+            points.finalize().unwrap();
+            writer.finalize().unwrap();
+            let report = crate::format::inspect(&path).unwrap();
+            assert_eq!(report.count, 1);
+            assert!(report.frame.contains(expected), "{}", report.frame);
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! PCD of the Point Cloud Library: text, binary, and binary compressed with LZF.
+
+use std::path::Path;
+
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::format::binary::{Bytes, Fields, Number};
+use crate::format::kind::{Frame, Kind};
+use crate::geometry::Vec3;
+
+/// Compressed points may not unpack to more than so many times their size and so many bytes: scans do so to two to
+/// ten times.
+const MOST_EXPANDED: u64 = 32;
+const ALWAYS_BYTES: u64 = 16_000_000;
+
+pub(crate) const PCD: Kind = Kind {
+    signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
+    extensions: &["pcd"],
+    cloud: Some(read),
+    frame: Frame::Fixed(
+        "metres (assumed: PCD has no unit); axes of the file, taken for the world: VIEWPOINT is not applied",
+    ),
+    ..Kind::new("pcd", "cloud (PCD)")
+};
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Encoding {
+    Text,
+    Binary,
+    Compressed,
+}
+
+/// The content of the header.
+pub(crate) struct Header {
+    encoding: Encoding,
+    pub(crate) count: u64,
+    pub(crate) names: Vec<String>,
+    types: Vec<Number>,
+    repeats: Vec<usize>,
+}
+
+/// Above the repetition count of any descriptor field.
+const MOST_REPEATS: usize = 4096;
+
+pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
+    let (mut names, mut sizes, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
+    let mut repeats: Vec<usize> = Vec::new();
+    let (mut area, mut points) = ([None::<u64>; 2], None::<u64>);
+    let encoding = loop {
+        let line = bytes.line()?;
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let mut words = line.split_ascii_whitespace();
+        let key = words.next().unwrap_or_default();
+        let rest: Vec<&str> = words.collect();
+        let whole = |text: Option<&&str>| text.and_then(|text| text.parse::<u64>().ok());
+        match key {
+            "VERSION" | "VIEWPOINT" => {}
+            "FIELDS" => names = rest.iter().map(|s| (*s).to_owned()).collect(),
+            "SIZE" => sizes = rest.iter().map(|s| (*s).to_owned()).collect(),
+            "TYPE" => kinds = rest.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>(),
+            "COUNT" => repeats = rest.iter().map(|s| s.parse().unwrap_or(0)).collect(),
+            "WIDTH" => area[0] = whole(rest.first()),
+            "HEIGHT" => area[1] = whole(rest.first()),
+            "POINTS" => points = whole(rest.first()),
+            "DATA" => {
+                break match rest.as_slice() {
+                    ["ascii"] => Encoding::Text,
+                    ["binary"] => Encoding::Binary,
+                    ["binary_compressed"] => Encoding::Compressed,
+                    _ => {
+                        return Err(bytes.error(
+                            format!("`{line}`"),
+                            "DATA ascii, binary or binary_compressed",
+                        ));
+                    }
+                };
+            }
+            _ => return Err(bytes.error(format!("`{line}`"), "a line of a PCD header")),
+        }
+    };
+    if repeats.is_empty() {
+        repeats = vec![1; names.len()];
+    }
+    let types: Option<Vec<Number>> = sizes
+        .iter()
+        .zip(&kinds)
+        .map(|(size, kind): (&String, &String)| number(kind, size))
+        .collect();
+    let count = points.or_else(|| area[0]?.checked_mul(area[1]?));
+    match (types, count) {
+        (Some(types), Some(count))
+            if types.len() == names.len()
+                && sizes.len() == kinds.len()
+                && repeats.len() == names.len()
+                && repeats.iter().all(|n| (1..=MOST_REPEATS).contains(n)) =>
+        {
+            for axis in ["x", "y", "z"] {
+                if !names
+                    .iter()
+                    .any(|name: &String| name.eq_ignore_ascii_case(axis))
+                {
+                    let found = format!("the fields {}", names.join(" "));
+                    return Err(bytes.error(found, "x, y and z"));
+                }
+            }
+            Ok(Header {
+                encoding,
+                count,
+                names,
+                types,
+                repeats,
+            })
+        }
+        _ => Err(bytes.error(
+            "a header whose FIELDS, SIZE, TYPE, COUNT and POINTS are inconsistent",
+            "a consistent PCD header",
+        )),
+    }
+}
+
+fn number(kind: &str, size: &str) -> Option<Number> {
+    Some(match (kind, size) {
+        ("I", "1") => Number::I8,
+        ("I", "2") => Number::I16,
+        ("I", "4") => Number::I32,
+        ("I", "8") => Number::I64,
+        ("U", "1") => Number::U8,
+        ("U", "2") => Number::U16,
+        ("U", "4") => Number::U32,
+        ("U", "8") => Number::U64,
+        ("F", "4") => Number::F32,
+        ("F", "8") => Number::F64,
+        _ => return None,
+    })
+}
+
+pub(crate) fn read(path: &Path) -> Result<PointCloud> {
+    let mut bytes = Bytes::open(path)?;
+    let header = read_header(&mut bytes)?;
+    let mut fields = Fields::default();
+    for (i, name) in header.names.iter().enumerate() {
+        fields.note(name, i);
+    }
+    let mut cloud = PointCloud::default();
+    let mut values = vec![0.0; header.names.len()];
+    let sizes: Vec<usize> = header
+        .types
+        .iter()
+        .zip(&header.repeats)
+        .map(|(kind, n)| kind.size() * n)
+        .collect();
+    let length: usize = sizes.iter().sum();
+    let whole = header.count.saturating_mul(length as u64);
+    match header.encoding {
+        Encoding::Text => {
+            for _ in 0..header.count {
+                let line = bytes.line()?;
+                let mut cells = line.split_ascii_whitespace();
+                for (value, n) in values.iter_mut().zip(&header.repeats) {
+                    *value = cells
+                        .next()
+                        .and_then(|cell| cell.parse().ok())
+                        .ok_or_else(|| bytes.error(format!("`{line}`"), "the fields of a point"))?;
+                    for _ in 1..*n {
+                        cells.next();
+                    }
+                }
+                fields.push(&values, &mut cloud);
+            }
+        }
+        Encoding::Binary => {
+            bytes.check(whole, "points")?;
+            let mut record = vec![0; length];
+            for _ in 0..header.count {
+                bytes.take(&mut record, "a point")?;
+                let mut at = 0;
+                for ((value, kind), size) in values.iter_mut().zip(&header.types).zip(&sizes) {
+                    *value = kind.read(&record[at..], false);
+                    at += size;
+                }
+                fields.push(&values, &mut cloud);
+            }
+        }
+        Encoding::Compressed => {
+            let mut head = [0; 8];
+            bytes.take(&mut head, "the sizes of the compressed points")?;
+            let size = |at: usize| u64::from(Number::U32.read(&head[at..], false) as u32);
+            let (packed, unpacked) = (size(0), size(4));
+            // Three bytes of LZF unpack to at most 264.
+            if unpacked != whole || unpacked > packed.saturating_mul(264) {
+                return Err(bytes.error(
+                    format!("{packed} bytes that unpack to {unpacked}"),
+                    format!("{} points of {length} bytes", header.count),
+                ));
+            }
+            bytes.check(packed, "compressed points")?;
+            let in_memory = header.count.saturating_mul(size_of::<Vec3>() as u64);
+            if unpacked.max(in_memory)
+                > MOST_EXPANDED
+                    .saturating_mul(packed)
+                    .saturating_add(ALWAYS_BYTES)
+            {
+                return Err(bytes.error(
+                    format!("{packed} bytes that unpack to {unpacked}"),
+                    "at most 32 times as many and 16 MB, also as points: save the cloud as binary, \
+                     not binary_compressed",
+                ));
+            }
+            let mut input = vec![0; packed as usize];
+            bytes.take(&mut input, "compressed points")?;
+            let columns = unpack(&input, unpacked as usize)
+                .ok_or_else(|| bytes.error("damaged compression", "LZF"))?;
+            // As many as were unpacked.
+            cloud.points.reserve_exact(header.count as usize);
+            // All values of a field are stored together.
+            for i in 0..header.count as usize {
+                let mut start = 0;
+                for ((value, kind), size) in values.iter_mut().zip(&header.types).zip(&sizes) {
+                    *value = kind.read(&columns[start + i * size..], false);
+                    start += size * header.count as usize;
+                }
+                fields.push(&values, &mut cloud);
+            }
+        }
+    }
+    Ok(cloud)
+}
+
+/// Unpacks LZF. A control byte c below 32 is followed by c + 1 literals. Otherwise its upper three
+/// bits are the length − 2 of a copy (if 7, the next byte is added), and its lower five bits and
+/// the next byte are the distance − 1.
+fn unpack(input: &[u8], length: usize) -> Option<Vec<u8>> {
+    // What a damaged header claims is not taken before it is there.
+    let mut out = Vec::with_capacity(length.min(8 * input.len()));
+    let mut input = input.iter().copied();
+    while let Some(control) = input.next() {
+        if control < 32 {
+            for _ in 0..=control {
+                out.push(input.next()?);
+            }
+        } else {
+            let mut count = usize::from(control >> 5);
+            if count == 7 {
+                count += usize::from(input.next()?);
+            }
+            let distance = (usize::from(control & 31) << 8) + usize::from(input.next()?) + 1;
+            let start = out.len().checked_sub(distance)?;
+            for i in start..start + count + 2 {
+                out.push(out[i]);
+            }
+        }
+        if out.len() > length {
+            return None;
+        }
+    }
+    (out.len() == length).then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lzf_unpacks_literals_copies_and_runs() {
+        // "abc", then 3 from distance 3, then 3 + 7 of the last byte.
+        let packed = [2, b'a', b'b', b'c', 1 << 5, 2, 7 << 5, 1, 0];
+        assert_eq!(unpack(&packed, 16).unwrap(), b"abcabccccccccccc");
+        assert!(unpack(&packed, 15).is_none() && unpack(&packed, 17).is_none());
+        assert!(unpack(&[1 << 5, 9], 3).is_none());
+    }
+}

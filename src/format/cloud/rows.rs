@@ -1,0 +1,180 @@
+//! Clouds read with every value that a cloud file can be given.
+
+use std::path::Path;
+
+use crate::cloud::PointCloud;
+use crate::error::{Error, Location, Result};
+use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
+use crate::format::detect::detect;
+use crate::format::file::CHUNK_POINTS;
+use crate::format::las::columns::{ExtraColumn, extra_columns};
+use crate::format::las::file::LasFile;
+use crate::format::read::{crs_wkt, read_cloud};
+use crate::format::{ExtraDimension, ExtraKind};
+use crate::geometry::Vec3;
+use crate::progress::Progress;
+
+/// A cloud with its times, intensities and, from LAS and LAZ, extra dimensions.
+pub struct CloudRows {
+    shape: CloudShape,
+    points: Points,
+}
+
+enum Points {
+    /// Read point by point.
+    Las(LasFile, Vec<ExtraColumn>),
+    Memory(PointCloud),
+}
+
+impl CloudRows {
+    /// Opens LAS and LAZ, and reads other files whole.
+    ///
+    /// # Errors
+    /// As [`read_cloud`].
+    pub fn open(path: &Path) -> Result<Self> {
+        let wkt = crs_wkt(path)?;
+        if detect(path)?.is_las() {
+            return Self::of_las(path, wkt);
+        }
+        let cloud = read_cloud(path)?;
+        let first = cloud.points.first().copied().unwrap_or_default();
+        let times = cloud.time_s.iter().copied();
+        let shape = CloudShape {
+            low: cloud.points.iter().fold(first, |low, p| low.inf(p)),
+            high: cloud.points.iter().fold(first, |high, p| high.sup(p)),
+            has_time: !cloud.time_s.is_empty(),
+            clock: CloudClock::of_span(
+                times.clone().fold(f64::INFINITY, f64::min),
+                times.fold(f64::NEG_INFINITY, f64::max),
+            ),
+            has_intensity: !cloud.intensity.is_empty(),
+            dimensions: Vec::new(),
+            wkt,
+        };
+        Ok(Self {
+            shape,
+            points: Points::Memory(cloud),
+        })
+    }
+
+    fn of_las(path: &Path, wkt: Option<String>) -> Result<Self> {
+        let file = LasFile::open(path)?;
+        let header = file.header();
+        let bounds = header.bounds();
+        let length = usize::from(header.point_format().extra_bytes);
+        let (mut dimensions, mut columns) = (Vec::new(), Vec::new());
+        for (name, column) in extra_columns(&file) {
+            // A name can be longer than what its writers allow; a dimension without a type has no values.
+            if column.fits(length) && !name.is_empty() {
+                dimensions.push(ExtraDimension::new(&name, column.kind(), ""));
+                columns.push(column);
+            }
+        }
+        let shape = CloudShape {
+            low: Vec3::new(bounds.min.x, bounds.min.y, bounds.min.z),
+            high: Vec3::new(bounds.max.x, bounds.max.y, bounds.max.z),
+            has_time: file.has_time(),
+            clock: match header.gps_time_type() {
+                las::GpsTimeType::Standard => CloudClock::AdjustedGps,
+                las::GpsTimeType::Week => CloudClock::GpsWeek,
+            },
+            has_intensity: true,
+            dimensions,
+            wkt,
+        };
+        Ok(Self {
+            shape,
+            points: Points::Las(file, columns),
+        })
+    }
+
+    /// What all points have.
+    pub fn shape(&self) -> &CloudShape {
+        &self.shape
+    }
+
+    /// Number of points.
+    #[expect(clippy::len_without_is_empty, reason = "no cloud is empty")]
+    pub fn len(&self) -> u64 {
+        match &self.points {
+            Points::Las(file, _) => file.header().number_of_points(),
+            Points::Memory(cloud) => cloud.points.len() as u64,
+        }
+    }
+
+    /// Calls `each` with every point in order. `progress` advances by one for each; the caller begins and
+    /// ends the stage.
+    ///
+    /// # Errors
+    /// A file that is damaged or ends early; errors of `each`.
+    pub fn for_each(
+        self,
+        progress: &dyn Progress,
+        each: &mut dyn FnMut(&CloudPoint<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let expected = self.len();
+        let (mut file, columns) = match self.points {
+            Points::Las(file, columns) => (file, columns),
+            Points::Memory(cloud) => return of_memory(&cloud, progress, each),
+        };
+        let mut values = vec![0.0; columns.len()];
+        loop {
+            let count = file.read(CHUNK_POINTS, |_, point| {
+                for (value, column) in values.iter_mut().zip(&columns) {
+                    *value = column.value(point.extra);
+                }
+                each(&CloudPoint {
+                    position: point.position,
+                    time_s: point.time_s,
+                    intensity: point.intensity,
+                    values: &values,
+                })
+            })?;
+            if count == 0 {
+                break;
+            }
+            progress.advance(count);
+            progress.check()?;
+        }
+        if file.taken() == expected {
+            return Ok(());
+        }
+        Err(Error::format(
+            file.path(),
+            Location::Whole,
+            format!("{} points", file.taken()),
+            format!("the {expected} points of its header"),
+        ))
+    }
+}
+
+fn of_memory(
+    cloud: &PointCloud,
+    progress: &dyn Progress,
+    each: &mut dyn FnMut(&CloudPoint<'_>) -> Result<()>,
+) -> Result<()> {
+    for (at, position) in cloud.points.iter().enumerate() {
+        each(&CloudPoint {
+            position: *position,
+            time_s: cloud.time_s.get(at).copied().unwrap_or(f64::NAN),
+            intensity: cloud.intensity.get(at).copied().unwrap_or(0.0),
+            values: &[],
+        })?;
+        if at % 65_536 == 65_535 {
+            progress.advance(65_536);
+            progress.check()?;
+        }
+    }
+    progress.advance(cloud.points.len() as u64 % 65_536);
+    Ok(())
+}
+
+impl ExtraColumn {
+    /// The type in which its values are written.
+    fn kind(&self) -> ExtraKind {
+        match self.is_small_count() {
+            true => ExtraKind::U32,
+            false => ExtraKind::F64,
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Clouds as text: the native table, and plain lines of x y z.
+
+use std::path::Path;
+
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::format::kind::{Frame, Kind};
+use crate::format::log::tables::TableWriter;
+use crate::format::text::lines::Lines;
+use crate::format::text::table::{Columns, Table};
+use crate::geometry::Vec3;
+
+pub(crate) const CLOUD: Columns = Columns {
+    needed: &["east_m", "north_m", "up_m"],
+    optional: &["time_s", "intensity", "scanner"],
+};
+
+pub(crate) const CLOUD_TABLE: Kind = Kind {
+    columns: Some(CLOUD),
+    cloud: Some(read_table),
+    frame: Frame::Fixed(
+        "metres (named in the header); world: east, north, up (named in the header)",
+    ),
+    ..Kind::new("cloud-csv", "cloud (table)")
+};
+
+pub(crate) const XYZ: Kind = Kind {
+    cloud: Some(read_xyz),
+    frame: Frame::Fixed(
+        "metres (assumed: there is no header); axes of the file, taken for the world",
+    ),
+    ..Kind::new("xyz-text", "cloud (lines of x y z)")
+};
+
+/// Reads a native table.
+pub(crate) fn read_table(path: &Path) -> Result<PointCloud> {
+    let mut table = Table::open(path, &CLOUD)?;
+    let mut cloud = PointCloud::default();
+    let mut row = [0.0; 6];
+    let has = |name: &str, table: &Table| table.names().iter().any(|other| other == name);
+    let (has_time, has_intensity) = (has("time_s", &table), has("intensity", &table));
+    while table.next_row(&mut row)? {
+        cloud.points.push(Vec3::new(row[0], row[1], row[2]));
+        if has_time {
+            cloud.time_s.push(row[3]);
+        }
+        if has_intensity {
+            cloud.intensity.push(row[4] as f32);
+        }
+    }
+    Ok(cloud)
+}
+
+/// Reads lines that begin with x y z and have as many numbers as the first line.
+pub(crate) fn read_xyz(path: &Path) -> Result<PointCloud> {
+    let mut lines = Lines::open(path)?;
+    let mut cloud = PointCloud::default();
+    let mut cells = Vec::new();
+    let mut width = 0;
+    let fits = |n, width| n >= 3 && (width == 0 || n == width);
+    let expected = |width: usize| {
+        let count = width.max(3);
+        format!("{count} finite numbers, the first of them x y z")
+    };
+    while lines.next_numbers(&mut cells, |n| fits(n, width), || expected(width))? {
+        width = cells.len();
+        cloud.points.push(Vec3::new(cells[0], cells[1], cells[2]));
+    }
+    Ok(cloud)
+}
+
+/// Writes a cloud as a native table that [`read_cloud`](super::read_cloud) reads back bit by bit.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_cloud_table(path: &Path, cloud: &PointCloud) -> Result<()> {
+    let with = [!cloud.time_s.is_empty(), !cloud.intensity.is_empty()];
+    let mut header = CLOUD.needed.to_vec();
+    header.extend(with[0].then_some("time_s"));
+    header.extend(with[1].then_some("intensity"));
+    let mut sheet = TableWriter::create(path, &header)?;
+    for (i, p) in cloud.points.iter().enumerate() {
+        let time = cloud.time_s.get(i).copied();
+        let intensity = cloud.intensity.get(i).map(|v| f64::from(*v));
+        sheet.row([p.x, p.y, p.z].into_iter().chain(time).chain(intensity))?;
+    }
+    sheet.finish()
+}

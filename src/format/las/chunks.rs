@@ -1,0 +1,206 @@
+//! The layers of compressed chunks (point formats 6 to 10), whose sizes a decoder takes as memory before it reads
+//! them.
+//!
+//! A chunk is its first point as it is, the number of its points (u32), the size of each layer (u32), and the
+//! layers. A file may end with a table of the sizes of its chunks.
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use laz::LazItemType;
+use laz::laszip::ChunkTable;
+
+use crate::error::{Error, Location, Result};
+use crate::format::file::{self, guarded};
+
+/// Checks that the layers of every chunk end where the chunk does, within a file of `size` bytes, and that the
+/// chunks hold as many points as the header claims.
+///
+/// # Errors
+/// The byte of the chunk that does not.
+pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> {
+    let Ok(vlr) = header.laz_vlr() else {
+        return Ok(());
+    };
+    let layers: Option<usize> = vlr
+        .items()
+        .iter()
+        .map(|item| layers(item.item_type()))
+        .sum();
+    let Some(layers) = layers.filter(|layers| *layers > 0) else {
+        return Ok(());
+    };
+    let (mut file, _) = file::open(path)?;
+    let data = data_start(path, &mut file)?;
+    let table = guarded(path, "LAZ", || {
+        let mut from = BufReader::new(&file);
+        from.seek(SeekFrom::Start(data))
+            .map_err(|e| Error::io(path, e))?;
+        Ok(ChunkTable::read_from(from, &vlr).ok())
+    })?;
+    let points = header.number_of_points();
+    let mut chunks = Chunks {
+        path,
+        file,
+        // Behind the position of the table.
+        at: data + ChunkTable::OFFSET_SIZE as u64,
+        size,
+        head: vec![0; 4 * layers],
+        before_layers: vlr.items_size() + 4,
+    };
+    let Some(table) = table else {
+        // Without a table the chunks are read one after the other; those of variable size cannot be.
+        let of_chunk = match vlr.uses_variable_size_chunks() {
+            true => points,
+            false => vlr.chunk_size().into(),
+        };
+        for _ in 0..points.div_ceil(of_chunk.max(1)) {
+            chunks.next(None)?;
+        }
+        return Ok(());
+    };
+    let table = table.as_ref();
+    let held = table
+        .iter()
+        .fold(0u64, |sum, chunk| sum.saturating_add(chunk.point_count));
+    if held < points {
+        return Err(Error::format(
+            path,
+            Location::Byte(data),
+            format!("{points} points in {} chunks of {held} points", table.len()),
+            "as many points as the chunks hold",
+        ));
+    }
+    table
+        .iter()
+        .try_for_each(|chunk| chunks.next(Some(chunk.byte_count)))
+}
+
+/// The layers of an item of a point; `None` if it has none because its points are compressed one by one.
+fn layers(item: LazItemType) -> Option<usize> {
+    Some(match item {
+        LazItemType::Point14 => 9,
+        LazItemType::RGB14 | LazItemType::WavePacket14 => 1,
+        LazItemType::RGBNIR14 => 2,
+        LazItemType::Byte14(count) => count.into(),
+        _ => return None,
+    })
+}
+
+/// Where the points begin, which the header says at byte 96.
+fn data_start(path: &Path, file: &mut File) -> Result<u64> {
+    let mut bytes = [0; 4];
+    file.seek(SeekFrom::Start(96))
+        .and_then(|_| file.read_exact(&mut bytes))
+        .map_err(|e| Error::io(path, e))?;
+    Ok(u32::from_le_bytes(bytes).into())
+}
+
+/// The chunks of a file, one after the other.
+struct Chunks<'a> {
+    path: &'a Path,
+    file: File,
+    at: u64,
+    size: u64,
+    /// The sizes of the layers.
+    head: Vec<u8>,
+    /// Bytes of a chunk before them.
+    before_layers: u64,
+}
+
+impl Chunks<'_> {
+    /// Checks the next chunk, which has so many bytes if they are known.
+    fn next(&mut self, bytes: Option<u64>) -> Result<()> {
+        let layers = self.at.saturating_add(self.before_layers);
+        let first = layers.saturating_add(self.head.len() as u64);
+        let error = |at: u64, found: String, expected: String| {
+            Err(Error::format(
+                self.path,
+                Location::Byte(at),
+                found,
+                expected,
+            ))
+        };
+        if first > self.size {
+            let found = format!("a file of {} bytes", self.size);
+            return error(self.at, found, "another compressed chunk".to_owned());
+        }
+        self.file
+            .seek(SeekFrom::Start(layers))
+            .and_then(|_| self.file.read_exact(&mut self.head))
+            .map_err(|e| Error::io(self.path, e))?;
+        let sizes = self.head.as_chunks::<4>().0.iter();
+        let sum: u64 = sizes.map(|size| u64::from(u32::from_le_bytes(*size))).sum();
+        let end = first.saturating_add(sum);
+        let most = bytes.map_or(self.size, |bytes| self.at.saturating_add(bytes));
+        if end > self.size || bytes.is_some() && end != most {
+            let found = format!("layers of {sum} bytes from byte {first}");
+            return error(layers, found, format!("layers that end at byte {most}"));
+        }
+        self.at = end;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::format::las::file::LasFile;
+
+    /// Ten points of format 6, as the file's bytes, and where its points begin.
+    fn written(path: &std::path::Path) -> (Vec<u8>, usize) {
+        let mut builder = las::Builder::from((1, 4));
+        builder.point_format = las::point::Format::new(6).unwrap();
+        builder.point_format.is_compressed = true;
+        let mut writer = las::Writer::from_path(path, builder.into_header().unwrap()).unwrap();
+        for i in 0..10 {
+            let point = las::Point {
+                x: f64::from(i * i % 7),
+                gps_time: Some(f64::from(i)),
+                ..Default::default()
+            };
+            writer.write_point(point).unwrap();
+        }
+        writer.close().unwrap();
+        let bytes = std::fs::read(path).unwrap();
+        let data = u32::from_le_bytes(bytes[96..100].try_into().unwrap());
+        (bytes, data as usize)
+    }
+
+    #[test]
+    fn sizes_that_the_chunk_contradicts_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.laz");
+        let (whole, data) = written(&path);
+        assert_eq!(
+            LasFile::open(&path)
+                .unwrap()
+                .read(99, |_, _| Ok(()))
+                .unwrap(),
+            10
+        );
+        let message = |at: usize, value: u32| {
+            let mut bytes = whole.clone();
+            bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+            std::fs::write(&path, bytes).unwrap();
+            let error = LasFile::open(&path).err().expect("an error");
+            error.to_string()
+        };
+        // Behind the position of the table, the first point and the number of points.
+        let sizes = data + 8 + 30 + 4;
+        for size in [u32::MAX, 1 << 20, 0] {
+            let found = message(sizes, size);
+            let expected = format!("byte {sizes}: found layers of");
+            assert!(found.contains(&expected), "{found}");
+        }
+        // Ten million points in a chunk of ten.
+        let found = message(107, 10_000_000);
+        assert!(found.contains("10000000 points of 30 bytes"), "{found}");
+        // More than the chunk of 50,000 holds.
+        let found = message(107, 60_000);
+        assert!(
+            found.contains("60000 points in 1 chunks of 50000"),
+            "{found}"
+        );
+    }
+}

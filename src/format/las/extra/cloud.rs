@@ -1,0 +1,68 @@
+//! A cloud in memory, written with extra dimensions.
+
+use std::path::Path;
+
+use super::dimension::{ExtraDimension, Row};
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::format::cloud::sink::{CloudClock, CloudShape};
+use crate::format::las::writer::CloudWriter;
+use crate::geometry::Vec3;
+use crate::progress::Progress;
+
+/// Writes the points of `cloud` that `row` accepts as LAS or LAZ, in their order, with time and
+/// intensity if the cloud has them and the values of the dimensions, in this coordinate reference
+/// system (WKT); returns their number.
+/// Coordinates are rounded to [`CLOUD_STEP_M`](crate::format::CLOUD_STEP_M), or to the smallest
+/// power of ten for which 32 bits span the cloud. `progress` advances by one for each point; the
+/// caller begins and ends the stage.
+///
+/// # Errors
+/// Names that LAS does not allow, an output that cannot be written, errors of `row`.
+pub fn cloud_to_las(
+    cloud: &PointCloud,
+    output: &Path,
+    (dimensions, wkt): (&[ExtraDimension], Option<String>),
+    row: &mut Row<'_>,
+    progress: &dyn Progress,
+) -> Result<u64> {
+    let first = cloud.points.first().copied().unwrap_or_default();
+    let (low, high) = cloud
+        .points
+        .iter()
+        .fold((first, first), |(low, high): (Vec3, Vec3), point| {
+            (low.inf(point), high.sup(point))
+        });
+    let times = cloud.time_s.iter().copied();
+    let shape = CloudShape {
+        low,
+        high,
+        has_time: !cloud.time_s.is_empty(),
+        clock: CloudClock::of_span(
+            times.clone().fold(f64::INFINITY, f64::min),
+            times.fold(f64::NEG_INFINITY, f64::max),
+        ),
+        has_intensity: !cloud.intensity.is_empty(),
+        dimensions: dimensions.to_vec(),
+        wkt,
+    };
+    let mut writer = CloudWriter::spanning(output, &shape)?;
+    let mut values = vec![f64::NAN; dimensions.len()];
+    let mut written = 0;
+    for (at, point) in cloud.points.iter().enumerate() {
+        values.fill(f64::NAN);
+        if row(at as u64, &mut values)? {
+            let time_s = cloud.time_s.get(at).copied().unwrap_or(0.0);
+            let intensity = cloud.intensity.get(at).copied().unwrap_or(0.0);
+            writer.write_with(point, time_s, intensity, 0, &values)?;
+            written += 1;
+        }
+        if at % 65_536 == 65_535 {
+            progress.advance(65_536);
+            progress.check()?;
+        }
+    }
+    progress.advance(cloud.points.len() as u64 % 65_536);
+    writer.finish()?;
+    Ok(written)
+}

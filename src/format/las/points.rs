@@ -1,0 +1,156 @@
+//! The points of a LAS or LAZ file, decoded on all threads.
+
+use std::ops::Range;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::cloud::PointCloud;
+use crate::error::{Error, Location, Result};
+use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::las::file::{LasFile, LasPoint};
+use crate::geometry::Vec3;
+
+/// Points decoded by one thread at a time: several of the format's chunks of 50,000, so that little
+/// is skipped before the first of them.
+const PART: u64 = 500_000;
+
+/// Number of points according to the header of a LAS or LAZ file.
+///
+/// # Errors
+/// A file that is missing, damaged, of another format, or without points.
+pub fn las_count(path: &Path) -> Result<u64> {
+    match LasFile::open(path)?.header().number_of_points() {
+        0 => Err(nothing_in(path, "point")),
+        count => Ok(count),
+    }
+}
+
+/// Calls `each` with the points of a LAS or LAZ file (metres), in order, in pieces of at most
+/// 500,000. Memory holds one piece per thread.
+///
+/// # Errors
+/// As [`las_count`]; errors of `each`.
+pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> {
+    let count = las_count(path)?;
+    if !LasFile::open(path)?.can_seek() {
+        return stream_in_order(path, count, each);
+    }
+    let parts = count.div_ceil(PART);
+    let at_once = rayon::current_num_threads() as u64;
+    for first in (0..parts).step_by(at_once as usize) {
+        let some = first..parts.min(first + at_once);
+        let pieces = read_parts(
+            path,
+            some,
+            PART,
+            count,
+            Vec::with_capacity,
+            |points, point| {
+                points.push(point.position);
+            },
+        )?;
+        pieces.iter().try_for_each(|piece| each(piece))?;
+    }
+    Ok(())
+}
+
+/// The points of a LAS or LAZ file with intensity, and with time if the file has it.
+pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
+    let count = las_count(path)?;
+    let length = match LasFile::open(path)?.can_seek() {
+        true => PART,
+        false => count,
+    };
+    let empty = |most| PointCloud {
+        points: Vec::with_capacity(most),
+        time_s: Vec::new(),
+        intensity: Vec::with_capacity(most),
+    };
+    let parts = read_parts(
+        path,
+        0..count.div_ceil(length),
+        length,
+        count,
+        empty,
+        |cloud, point| {
+            cloud.points.push(point.position);
+            cloud.intensity.push(point.intensity);
+            // Times are finite if there are any.
+            if !point.time_s.is_nan() {
+                cloud.time_s.push(point.time_s);
+            }
+        },
+    )?;
+    let mut cloud = empty(count as usize);
+    for part in parts {
+        cloud.points.extend(part.points);
+        cloud.time_s.extend(part.time_s);
+        cloud.intensity.extend(part.intensity);
+    }
+    Ok(cloud)
+}
+
+/// As [`stream_las`], on one thread.
+fn stream_in_order(
+    path: &Path,
+    count: u64,
+    each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
+) -> Result<()> {
+    let mut file = LasFile::open(path)?;
+    let mut points = Vec::new();
+    while file.taken() < count {
+        points.clear();
+        let left = (count - file.taken()) as usize;
+        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+            points.push(point.position);
+            Ok(())
+        })?;
+        if read == 0 {
+            return Err(cut_off(path, file.taken(), count));
+        }
+        each(&points)?;
+    }
+    Ok(())
+}
+
+fn cut_off(path: &Path, found: u64, count: u64) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        format!("{found} points"),
+        format!("the {count} points of its header"),
+    )
+}
+
+/// Decodes several parts of a file of `count` points in parallel, each of `length` points: it
+/// begins with `empty`, given the number of its points, and `take`s the points in order.
+fn read_parts<T: Send>(
+    path: &Path,
+    parts: Range<u64>,
+    length: u64,
+    count: u64,
+    empty: impl Fn(usize) -> T + Sync,
+    take: impl Fn(&mut T, LasPoint<'_>) + Sync,
+) -> Result<Vec<T>> {
+    let read_part = |part| {
+        let (start, end) = (part * length, count.min((part + 1) * length));
+        let mut file = LasFile::reopen(path)?;
+        if start > 0 {
+            file.seek(start)?;
+        }
+        let mut found = empty((end - start) as usize);
+        while file.taken() < end {
+            let left = (end - file.taken()) as usize;
+            let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+                take(&mut found, point);
+                Ok(())
+            })?;
+            if read == 0 {
+                return Err(cut_off(path, file.taken(), count));
+            }
+        }
+        Ok(found)
+    };
+    parts.into_par_iter().map(read_part).collect()
+}

@@ -1,0 +1,4 @@
+//! Mountings of scanners, read, and written for other programs.
+
+pub(super) mod bonn_xml;
+pub(super) mod others;

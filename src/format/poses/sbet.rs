@@ -1,0 +1,164 @@
+//! SBET (smoothed best estimate of trajectory) of Applanix: 17 little-endian f64 per record.
+//!
+//! Positions are latitude and longitude (rad) and ellipsoidal height, so a trajectory needs a
+//! [`Projection`]. Roll, pitch and platform heading rotate the body (x forward, y right, z down)
+//! against a level frame that wanders, whose x axis has the azimuth −`wander_angle`: true heading =
+//! platform heading − wander angle. Velocities are along the axes of that frame with y to the left
+//! of x and z up: v_north = v_x cos α − v_y sin α, v_east = −v_x sin α − v_y cos α.
+
+use std::path::Path;
+
+use crate::error::{Error, Location, Result};
+use crate::format::binary::{Bytes, Number};
+use crate::format::file::nothing_in;
+use crate::format::kind::{Frame, Kind};
+use crate::geometry::attitude::from_roll_pitch_heading;
+use crate::geometry::{Misfit, Projection, Vec3, WorldFromBody};
+use crate::sensor::PoseRecord;
+
+/// Bytes of a record.
+pub(crate) const RECORD: usize = 136;
+
+/// The columns of a record.
+pub(crate) const COLUMNS: [&str; 17] = [
+    "time_s",
+    "latitude_rad",
+    "longitude_rad",
+    "altitude_m",
+    "velocity_x_m_s",
+    "velocity_y_m_s",
+    "velocity_z_m_s",
+    "roll_rad",
+    "pitch_rad",
+    "platform_heading_rad",
+    "wander_angle_rad",
+    "accel_x_m_s2",
+    "accel_y_m_s2",
+    "accel_z_m_s2",
+    "gyro_x_rad_s",
+    "gyro_y_rad_s",
+    "gyro_z_rad_s",
+];
+
+pub(crate) const SBET: Kind = Kind {
+    signature: Some(|start| looks_like(start.bytes, start.size)),
+    extensions: &["sbet"],
+    poses: Some(refuse),
+    note: "geographic positions and a wander azimuth: used with `crs` in [frame] of a project",
+    frame: Frame::Fixed(
+        "radians and metres (the format); latitude, longitude, height; wander azimuth",
+    ),
+    ..Kind::new("sbet", "trajectory (SBET, geographic)")
+};
+
+/// Says what to do instead; damage is reported first.
+fn refuse(path: &Path) -> Result<Vec<PoseRecord>> {
+    for_each(path, |_| ())?;
+    Err(Error::data(
+        format!(
+            "{}: SBET contains latitude, longitude and a wander azimuth, not a local frame",
+            path.display()
+        ),
+        "name the projected system as `crs` in [frame] of the project",
+    ))
+}
+
+fn record(bytes: &[u8]) -> [f64; 17] {
+    std::array::from_fn(|i| Number::F64.read(&bytes[8 * i..], false))
+}
+
+/// Whether these could be the first bytes of a file of `size` bytes in this format.
+pub(crate) fn looks_like(start: &[u8], size: u64) -> bool {
+    use std::f64::consts::{FRAC_PI_2, TAU};
+    start.len() >= RECORD && size.is_multiple_of(RECORD as u64) && {
+        let r = record(start);
+        let normal = |v: f64| v == 0.0 || (1e-12..1e10).contains(&v.abs());
+        r.iter().all(|v| normal(*v))
+            && r[0] >= 0.0
+            && r[1].abs() <= FRAC_PI_2
+            && r[2].abs() <= TAU
+            && r[7].abs() <= TAU
+            && r[8].abs() <= TAU
+    }
+}
+
+/// Calls `take` with every record.
+pub(crate) fn for_each(path: &Path, mut take: impl FnMut(&[f64; 17])) -> Result<()> {
+    try_for_each(path, |_, values| {
+        take(values);
+        Ok(())
+    })
+}
+
+/// Calls `take` with every record and the byte at which it begins, until it fails.
+fn try_for_each(path: &Path, mut take: impl FnMut(u64, &[f64; 17]) -> Result<()>) -> Result<()> {
+    let mut bytes = Bytes::open(path)?;
+    let mut buffer = [0; RECORD];
+    while bytes.at < bytes.total {
+        let at = bytes.at;
+        bytes.take(&mut buffer, "an SBET record")?;
+        let values = record(&buffer);
+        if let Some(i) = values.iter().position(|v| !v.is_finite()) {
+            bytes.at = at + 8 * i as u64;
+            return Err(bytes.error(format!("{} = {}", COLUMNS[i], values[i]), "a finite number"));
+        }
+        take(at, &values)?;
+    }
+    Ok(())
+}
+
+/// Reads poses in the projected coordinates of `system`: east, north and ellipsoidal height, and
+/// the attitude of a **body with x forward, y left, z up** against grid north. Velocities are the
+/// derivatives of these positions, so they have the scale of the projection. Times are as in the
+/// file, most often seconds of the GPS week; no datum shift is applied.
+///
+/// # Errors
+/// A file that is cut off or has numbers that are not finite, times that do not increase, positions
+/// outside `system`, no records; each with its byte.
+pub fn read_sbet(path: &Path, system: &Projection) -> Result<Vec<PoseRecord>> {
+    let mut records: Vec<PoseRecord> = Vec::new();
+    try_for_each(path, |at, values| {
+        let error = |found: String, expected: String| {
+            Err(Error::format(path, Location::Byte(at), found, expected))
+        };
+        let time_s = values[0];
+        if let Some(last) = records.last().filter(|last| time_s <= last.time_s) {
+            let found = format!("time {time_s} s after {} s", last.time_s);
+            return error(found, "times that increase".to_owned());
+        }
+        match pose(values, system) {
+            Ok(pose) => records.push(pose),
+            Err(misfit) => return error(misfit.found, misfit.expected),
+        }
+        Ok(())
+    })?;
+    match records.is_empty() {
+        true => Err(nothing_in(path, "pose")),
+        false => Ok(records),
+    }
+}
+
+fn pose(values: &[f64; 17], system: &Projection) -> std::result::Result<PoseRecord, Misfit> {
+    let [time_s, latitude, longitude, height_m, ..] = *values;
+    let [roll, pitch, platform_heading, wander] = [values[7], values[8], values[9], values[10]];
+    let point = system.try_project(latitude, longitude)?;
+    let grid_from_true = point.grid_from_true();
+    let attitude = from_roll_pitch_heading(roll, pitch, platform_heading - wander);
+    let (sin, cos) = wander.sin_cos();
+    let (along, left, up) = (values[4], values[5], values[6]);
+    let velocity_m_s = Vec3::new(-along * sin - left * cos, along * cos - left * sin, up);
+    let stretch = Vec3::new(point.scale, point.scale, 1.0);
+    Ok(PoseRecord {
+        velocity_m_s: Some((grid_from_true * velocity_m_s).component_mul(&stretch)),
+        ..PoseRecord::new(
+            time_s,
+            WorldFromBody::new(
+                grid_from_true * attitude,
+                Vec3::new(point.east_m, point.north_m, height_m),
+            ),
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests;

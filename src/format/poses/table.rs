@@ -1,0 +1,236 @@
+//! Trajectories as text: the native table, and TUM.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::format::file::nothing_in;
+use crate::format::kind::{Frame, Kind};
+use crate::format::log::tables::{read_rows, write_rows};
+use crate::format::text::lines::Lines;
+use crate::format::text::table::{Columns, Table};
+use crate::geometry::{Rotation, Vec3, WorldFromBody};
+use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
+
+pub(crate) const TRAJECTORY: Columns = Columns {
+    needed: &[
+        "time_s", "east_m", "north_m", "up_m", "qx", "qy", "qz", "qw",
+    ],
+    optional: &[
+        "velocity_east_m_s",
+        "velocity_north_m_s",
+        "velocity_up_m_s",
+        "gyro_bias_x_rad_s",
+        "gyro_bias_y_rad_s",
+        "gyro_bias_z_rad_s",
+        "accel_bias_x_m_s2",
+        "accel_bias_y_m_s2",
+        "accel_bias_z_m_s2",
+        "sigma_east_m",
+        "sigma_north_m",
+        "sigma_up_m",
+        "sigma_rotation_east_rad",
+        "sigma_rotation_north_rad",
+        "sigma_rotation_up_rad",
+    ],
+};
+
+pub(crate) const POSE_TABLE: Kind = Kind {
+    columns: Some(TRAJECTORY),
+    poses: Some(read_native),
+    frame: Frame::Fixed(
+        "metres, seconds (named in the header); world: east, north, up (named in the header)",
+    ),
+    ..Kind::new("trajectory-csv", "trajectory (table)")
+};
+
+pub(crate) const TUM: Kind = Kind {
+    numbers: Some(|line| line.len() == 8),
+    extensions: &["tum"],
+    poses: Some(read_tum),
+    frame: Frame::Fixed(
+        "metres, seconds (the format); axes of the file, taken for the world; body as in the file",
+    ),
+    ..Kind::new("tum", "trajectory (TUM)")
+};
+
+/// The names of its columns in a comment, as its writers give them.
+pub(crate) const TUM_COLUMNS: [&str; 8] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
+
+/// Tolerance of the length of a quaternion: four decimals stay within it.
+const QUATERNION_SLACK: f64 = 1e-3;
+
+/// The rotation of a quaternion; its bits are kept if its length is 1.
+fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
+    let q = nalgebra::Quaternion::new(w, x, y, z);
+    let length = q.norm();
+    if (length - 1.0).abs() < 1e-14 {
+        Ok(Rotation::new_unchecked(q))
+    } else if (length - 1.0).abs() <= QUATERNION_SLACK {
+        Ok(Rotation::new_normalize(q))
+    } else {
+        Err(length)
+    }
+}
+
+const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
+
+/// Reads a native table.
+pub(crate) fn read_native(path: &Path) -> Result<Vec<PoseRecord>> {
+    let mut last = f64::NEG_INFINITY;
+    read_rows::<23, _>(path, &TRAJECTORY, "pose", |row, table: &Table| {
+        if row[0] <= last {
+            return Err(table.error(
+                format!("time {} s after {last} s", row[0]),
+                "times that increase",
+            ));
+        }
+        last = row[0];
+        let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
+        let present = |i: usize, n: usize| row[i..i + n].iter().all(|v| !v.is_nan());
+        let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
+            table.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
+        })?;
+        Ok(PoseRecord {
+            time_s: row[0],
+            world_from_body: WorldFromBody::new(r, vector(1)),
+            velocity_m_s: present(8, 3).then(|| vector(8)),
+            bias: present(11, 6).then(|| ImuBias {
+                gyro_rad_s: vector(11),
+                accel_m_s2: vector(14),
+            }),
+            sigma: present(17, 6).then(|| PoseSigma {
+                position_m: vector(17),
+                rotation_rad: vector(20),
+            }),
+        })
+    })
+}
+
+/// Reads `time x y z qx qy qz qw`.
+pub(crate) fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
+    read_lines::<8>(path, |row, lines| {
+        let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
+            lines.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
+        })?;
+        Ok(PoseRecord {
+            time_s: row[0],
+            world_from_body: WorldFromBody::new(r, Vec3::new(row[1], row[2], row[3])),
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        })
+    })
+}
+
+/// Reads lines of `N` numbers with `#` comments; the first number is the time.
+pub(crate) fn read_lines<const N: usize>(
+    path: &Path,
+    mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,
+) -> Result<Vec<PoseRecord>> {
+    let mut lines = Lines::open(path)?;
+    let (mut cells, mut row) = (Vec::with_capacity(N), [0.0; N]);
+    let mut records: Vec<PoseRecord> = Vec::new();
+    let expected = || format!("{N} finite numbers");
+    while lines.next_numbers(&mut cells, |n| n == N, expected)? {
+        row.copy_from_slice(&cells);
+        if let Some(last) = records.last().filter(|last| row[0] <= last.time_s) {
+            return Err(lines.error(
+                format!("time {} s after {} s", row[0], last.time_s),
+                "times that increase",
+            ));
+        }
+        records.push(record(&row, &lines)?);
+    }
+    if records.is_empty() {
+        return Err(nothing_in(path, "pose"));
+    }
+    Ok(records)
+}
+
+/// Writes the native table, read back bit by bit by [`read_trajectory`](super::read_trajectory);
+/// velocities, biases and standard deviations as columns where any pose has them.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
+    let absent = Vec3::repeat(f64::NAN);
+    write_rows(path, &TRAJECTORY, poses, |pose| {
+        let world_from_body = &pose.world_from_body;
+        let (t, q) = (&world_from_body.translation_m, &world_from_body.rotation);
+        let bias = pose
+            .bias
+            .map_or([absent; 2], |b| [b.gyro_rad_s, b.accel_m_s2]);
+        let sigma = pose
+            .sigma
+            .map_or([absent; 2], |s| [s.position_m, s.rotation_rad]);
+        let velocity = pose.velocity_m_s.unwrap_or(absent);
+        let optional = [velocity, bias[0], bias[1], sigma[0], sigma[1]];
+        let mut row = [0.0; 23];
+        row[..8].copy_from_slice(&[pose.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w]);
+        for (cells, vector) in row[8..].chunks_exact_mut(3).zip(&optional) {
+            cells.copy_from_slice(vector.as_slice());
+        }
+        row
+    })
+}
+
+/// Writes `timestamp tx ty tz qx qy qz qw` below a comment that names these columns, read back bit
+/// by bit by [`read_trajectory`](super::read_trajectory). What else the poses hold is not written.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_tum(path: &Path, poses: &[PoseRecord]) -> Result<()> {
+    let file = File::create(path).map_err(|e| Error::io(path, e))?;
+    let mut out = BufWriter::with_capacity(1 << 18, file);
+    let mut write = || {
+        writeln!(out, "# {}", TUM_COLUMNS.join(" "))?;
+        for pose in poses {
+            let (t, q) = (
+                &pose.world_from_body.translation_m,
+                &pose.world_from_body.rotation,
+            );
+            // The shortest form that reads back as the same number.
+            writeln!(
+                out,
+                "{} {} {} {} {} {} {} {}",
+                pose.time_s, t.x, t.y, t.z, q.i, q.j, q.k, q.w
+            )?;
+        }
+        out.flush()
+    };
+    write().map_err(|e| Error::io(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::{detect, read_trajectory};
+
+    #[test]
+    fn tum_is_read_back_bit_by_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("poses.txt");
+        let pose = |i: u32| {
+            let s = f64::from(i);
+            let rotation = Rotation::from_euler_angles(0.1 * s, -0.01 * s, 2.0 - 0.3 * s);
+            let position = Vec3::new(364_000.0 + s / 3.0, 5_621_000.0 - s.sqrt(), -1e-9 * s);
+            let time_s = 1_700_000_000.0 + 0.005 * s;
+            PoseRecord::new(time_s, WorldFromBody::new(rotation, position))
+        };
+        let mut poses: Vec<_> = (0..500).map(pose).collect();
+        write_tum(&path, &poses).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("# timestamp tx ty tz qx qy qz qw\n1700000000 364000 "));
+        assert_eq!(detect(&path).unwrap().id(), "tum");
+        let found = read_trajectory(&path).unwrap();
+        assert_eq!(found, poses);
+        let bits = |pose: &PoseRecord| pose.world_from_body.translation_m.map(f64::to_bits);
+        assert!(found.iter().map(bits).eq(poses.iter().map(bits)));
+        // What TUM has no columns for is left out.
+        poses[0].velocity_m_s = Some(Vec3::x());
+        write_tum(&path, &poses).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+    }
+}

@@ -1,0 +1,7 @@
+//! Recordings of profile scanners.
+
+pub(super) mod bonn;
+pub(super) mod bonn_processed;
+pub(super) mod gocator_csv;
+pub(super) mod reader;
+pub(super) mod table;
