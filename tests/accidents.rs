@@ -51,7 +51,7 @@ fn compressed_points_that_are_not_there_are_not_decoded() {
     fs::write(&path, bytes).unwrap();
     is_refused_briefly(
         &["inspect", path.to_str().unwrap()],
-        &["100000000 points in 1 chunks of"],
+        &["100000000 points of 34 bytes in a file of 2490 bytes"],
     );
 }
 

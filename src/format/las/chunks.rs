@@ -1,5 +1,5 @@
-//! The layers of compressed chunks (point formats 6 to 10), whose sizes a decoder takes as memory before it reads
-//! them.
+//! The chunks of compressed files: a decoder makes up points that they do not hold, and takes the sizes of their
+//! layers (point formats 6 to 10) as memory before it reads them.
 //!
 //! A chunk is its first point as it is, the number of its points (u32), the size of each layer (u32), and the
 //! layers. A file may end with a table of the sizes of its chunks.
@@ -23,14 +23,6 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> 
     let Ok(vlr) = header.laz_vlr() else {
         return Ok(());
     };
-    let layers: Option<usize> = vlr
-        .items()
-        .iter()
-        .map(|item| layers(item.item_type()))
-        .sum();
-    let Some(layers) = layers.filter(|layers| *layers > 0) else {
-        return Ok(());
-    };
     let (mut file, _) = file::open(path)?;
     let data = data_start(path, &mut file)?;
     let table = guarded(path, "LAZ", || {
@@ -40,6 +32,32 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> 
         Ok(ChunkTable::read_from(from, &vlr).ok())
     })?;
     let points = header.number_of_points();
+    let held = |table: &ChunkTable| {
+        let chunks = table.as_ref().iter();
+        chunks.fold(0u64, |sum, chunk| sum.saturating_add(chunk.point_count))
+    };
+    if let Some(table) = &table
+        && held(table) < points
+    {
+        let chunks = table.as_ref().len();
+        return Err(Error::format(
+            path,
+            Location::Byte(107),
+            format!(
+                "{points} points in {chunks} chunks of {} points",
+                held(table)
+            ),
+            "as many points as the chunks hold",
+        ));
+    }
+    let layers: Option<usize> = vlr
+        .items()
+        .iter()
+        .map(|item| layers(item.item_type()))
+        .sum();
+    let Some(layers) = layers.filter(|layers| *layers > 0) else {
+        return Ok(());
+    };
     let mut chunks = Chunks {
         path,
         file,
@@ -60,19 +78,8 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> 
         }
         return Ok(());
     };
-    let table = table.as_ref();
-    let held = table
-        .iter()
-        .fold(0u64, |sum, chunk| sum.saturating_add(chunk.point_count));
-    if held < points {
-        return Err(Error::format(
-            path,
-            Location::Byte(data),
-            format!("{points} points in {} chunks of {held} points", table.len()),
-            "as many points as the chunks hold",
-        ));
-    }
     table
+        .as_ref()
         .iter()
         .try_for_each(|chunk| chunks.next(Some(chunk.byte_count)))
 }

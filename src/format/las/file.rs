@@ -238,13 +238,7 @@ fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
         ));
     }
     if compressed {
-        check_chunks(path, file, data, size, points)?;
-        check_chunk_size(
-            path,
-            file,
-            (u32_at(94) & 0xffff, u32_at(100)),
-            (data, size, points),
-        )?;
+        check_chunk_table(path, file, data, size, points)?;
     }
     if minor >= 4 {
         check_extended_records(path, file, (u64_at(235), u32_at(243)), size)?;
@@ -255,7 +249,13 @@ fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
 }
 
 /// Checks the position and length of the table of compressed chunks.
-fn check_chunks(path: &Path, file: &mut File, data: u64, size: u64, points: u64) -> Result<()> {
+fn check_chunk_table(
+    path: &Path,
+    file: &mut File,
+    data: u64,
+    size: u64,
+    points: u64,
+) -> Result<()> {
     let mut read_at = |at: u64| -> Result<[u8; 8]> {
         let mut bytes = [0; 8];
         file.seek(SeekFrom::Start(at))
@@ -321,58 +321,6 @@ fn check_extended_records(
             return Err(error(format!("an extended record of {length} bytes")));
         }
         at = end;
-    }
-    Ok(())
-}
-
-/// Checks that the chunks, whose size a record of the header gives, hold as many points as the header claims:
-/// a decoder makes up those that are not there.
-fn check_chunk_size(
-    path: &Path,
-    file: &mut File,
-    (header_size, records): (u64, u64),
-    (data, size, points): (u64, u64, u64),
-) -> Result<()> {
-    const HEAD: usize = 54;
-    const LASZIP: u16 = 22204;
-    const VARIABLE: u64 = u32::MAX as u64;
-    let mut read_at = |at: u64, bytes: &mut [u8]| -> Option<()> {
-        file.seek(SeekFrom::Start(at)).ok()?;
-        file.read_exact(bytes).ok()
-    };
-    let mut at = header_size;
-    for _ in 0..records {
-        let (mut head, mut chunk, mut table) = ([0; HEAD], [0; 4], [0; 8]);
-        // What cannot be read is the decoder's to refuse.
-        if at >= data || read_at(at, &mut head).is_none() {
-            return Ok(());
-        }
-        let body = at + HEAD as u64;
-        at = body + u64::from(u16::from_le_bytes(bytes_at(&head, 20)));
-        if u16::from_le_bytes(bytes_at(&head, 18)) != LASZIP {
-            continue;
-        }
-        if read_at(body + 12, &mut chunk).is_none() || read_at(data, &mut table).is_none() {
-            return Ok(());
-        }
-        let chunk_size = u64::from(u32::from_le_bytes(chunk));
-        let table_at = u64::from_le_bytes(table);
-        if chunk_size == 0 || chunk_size == VARIABLE || table_at <= data || table_at >= size {
-            return Ok(());
-        }
-        if read_at(table_at, &mut table).is_none() {
-            return Ok(());
-        }
-        let chunks = u64::from(u32::from_le_bytes(bytes_at(&table, 4)));
-        if points > chunks.saturating_mul(chunk_size) {
-            return Err(Error::format(
-                path,
-                Location::Byte(107),
-                format!("{points} points in {chunks} chunks of {chunk_size}"),
-                "as many points as the chunks hold",
-            ));
-        }
-        return Ok(());
     }
     Ok(())
 }
