@@ -88,7 +88,8 @@ pub fn convert(
         let mountings = project::mountings(input)?;
         let text = print(&mountings, with)?;
         std::fs::write(&staged, text).map_err(|error| Error::io(&staged, error))?;
-        format!("{} scanners", mountings.len())
+        let count = mountings.len();
+        format!("{count} scanners, in the axes of the project's body: z down unless it says FLU")
     } else {
         let expected = "a cloud as .las, .laz, .copc.laz, .e57, .ply, .parquet or .csv; poses as .tum, \
                         .sbet, .parquet or .csv; mountings as .urdf, .launch.py, .yaml or .json";
@@ -96,7 +97,7 @@ pub fn convert(
             output,
             Location::Whole,
             format!(
-                "a name for what {} ({found}) does not hold",
+                "an end in which {} ({found}) cannot be written",
                 input.display()
             ),
             expected,

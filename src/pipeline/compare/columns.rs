@@ -36,9 +36,6 @@ pub(super) const COLUMNS: [Column; 11] = {
         column("level_of_detection_m", "at 95 %", F64, |c| {
             c.level_of_detection_m
         }),
-        column("significant", "1: beyond level of detection", U32, |c| {
-            f64::from(u8::from(c.significant() == Some(true)))
-        }),
         column("normal_x", "east", F64, |c| c.normal.x),
         column("normal_y", "north", F64, |c| c.normal.y),
         column("normal_z", "up", F64, |c| c.normal.z),
@@ -56,6 +53,9 @@ pub(super) const COLUMNS: [Column; 11] = {
         }),
         column("compared_count", "points in the cylinder", U32, |c| {
             f64::from(c.compared_count)
+        }),
+        column("significant", "1: beyond level of detection", U32, |c| {
+            f64::from(u8::from(c.significant() == Some(true)))
         }),
     ]
 };
