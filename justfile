@@ -22,7 +22,7 @@ lint:
     cargo clippy --all-targets -- -D warnings
     RUSTDOCFLAGS=-Dwarnings cargo doc --no-deps
 
-# Licences, advisories and sources of the dependencies (needs cargo-deny)
+# Licences, advisories and sources of the dependencies (needs cargo-deny and the network; `.ci/run` does without)
 deny:
     cargo deny check
 
