@@ -1,6 +1,6 @@
 //! File formats, one per file, reading and writing; format detection.
 //!
-//! What is read from which format stands in [`kinds`], one line each. The readers are sorted by what they give:
+//! What is read from which format stands in `kinds.rs`, one line each. The readers are sorted by what they give:
 //! clouds, logs, poses, profiles, mountings; LAS, ROS and Parquet give several of these.
 //!
 //! Angles in files are in degrees if the column name says so; records use radians. Every reader

@@ -69,7 +69,7 @@ pub(crate) fn read_xyz(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// Writes a cloud as a native table that [`read_cloud`](super::read_cloud) reads back bit by bit.
+/// Writes a cloud as a native table that [`read_cloud`](crate::format::read_cloud) reads back bit by bit.
 ///
 /// # Errors
 /// The file cannot be written.

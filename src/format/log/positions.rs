@@ -311,7 +311,7 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     })
 }
 
-/// Writes a log of coordinates that [`read_positions`](super::read_positions) reads back exactly: with `sigma_m` if that
+/// Writes a log of coordinates that [`read_positions`](crate::format::read_positions) reads back exactly: with `sigma_m` if that
 /// describes all covariances, else with three standard deviations or six covariances.
 ///
 /// # Errors

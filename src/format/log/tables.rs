@@ -196,7 +196,7 @@ pub(crate) fn write_rows<const N: usize, T>(
     sheet.finish()
 }
 
-/// Writes an IMU log that [`read_imu`](super::read_imu) reads back bit by bit.
+/// Writes an IMU log that [`read_imu`](crate::format::read_imu) reads back bit by bit.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -207,7 +207,7 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
     })
 }
 
-/// Writes a heading log in degrees, which [`read_heading`](super::read_heading) reads back to a relative 1e-15; with
+/// Writes a heading log in degrees, which [`read_heading`](crate::format::read_heading) reads back to a relative 1e-15; with
 /// columns for standard deviations and pitch if any fix has them.
 ///
 /// # Errors

@@ -149,7 +149,7 @@ pub(crate) fn read_lines<const N: usize>(
     Ok(records)
 }
 
-/// Writes the native table, read back bit by bit by [`read_trajectory`](super::read_trajectory);
+/// Writes the native table, read back bit by bit by [`read_trajectory`](crate::format::read_trajectory);
 /// velocities, biases and standard deviations as columns where any pose has them.
 ///
 /// # Errors
@@ -177,7 +177,7 @@ pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
 }
 
 /// Writes `timestamp tx ty tz qx qy qz qw` below a comment that names these columns, read back bit
-/// by bit by [`read_trajectory`](super::read_trajectory). What else the poses hold is not written.
+/// by bit by [`read_trajectory`](crate::format::read_trajectory). What else the poses hold is not written.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -74,7 +74,7 @@ impl ProfileReader for TableProfiles {
     }
 }
 
-/// Writes profiles as a native table that [`open_profiles`](super::open_profiles) reads back exactly, with `y_m` if any
+/// Writes profiles as a native table that [`open_profiles`](crate::format::open_profiles) reads back exactly, with `y_m` if any
 /// point is outside the profile plane.
 ///
 /// # Errors
