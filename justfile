@@ -62,6 +62,10 @@ bench-kernels *ARGS:
 bench-moving *ARGS:
     python3 benches/moving/run.py {{ARGS}}
 
+# Speed of reading a recording on one core, beside that of its bytes
+read-speed *FILE:
+    cargo run --release --example read_speed -- {{FILE}}
+
 # Fuzzes every reader for SECONDS each and counts the executions (needs cargo-fuzz, g++ and Python)
 fuzz SECONDS="60" *TARGETS:
     python3 tools/fuzz.py {{SECONDS}} {{TARGETS}}
