@@ -29,8 +29,9 @@ pub(crate) struct WholeRecord {
     pub(crate) time_s: f64,
 }
 
-/// Tells the record at the beginning of some bytes, if all of it is there.
-pub(crate) type RecordAt = fn(&[u8]) -> Option<WholeRecord>;
+/// Tells the record at the beginning of some bytes, if all of it is there and its time is one of those asked for;
+/// the time is looked at first, as this is asked at every byte.
+pub(crate) type RecordAt = fn(&[u8], &dyn Fn(f64) -> bool) -> Option<WholeRecord>;
 
 /// A reader of a file.
 pub(crate) type Reader<T> = fn(&Path) -> Result<T>;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::detect::detect;
 use super::file;
-use super::kind::{Kind, RecordAt, WholeRecord};
+use super::kind::{Kind, RecordAt};
 use super::kinds::KINDS;
 use crate::error::{Error, Location, Result};
 use crate::format::text::lines::Separator;
@@ -103,18 +103,19 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
                 .read_to_end(&mut window)
                 .map_err(|e| Error::io(path, e))?;
         }
-        let fits = |whole: &WholeRecord| {
+        let fits = |time_s: f64| {
             last_s.is_none_or(|last_s| {
-                let pause_s = whole.time_s - last_s;
+                let pause_s = time_s - last_s;
                 pause_s >= 0.0 && (!is_damaged || pause_s < LONGEST_PAUSE_S)
             })
         };
-        match record(&window[at..]).filter(fits) {
+        match record(&window[at..], &fits) {
             // The one behind it is whole and earlier: the time of this one is wrong.
             Some(whole)
-                if record(&window[at + whole.length..])
-                    .filter(fits)
-                    .is_some_and(|next| next.time_s < whole.time_s) =>
+                if record(&window[at + whole.length..], &|time_s| {
+                    fits(time_s) && time_s < whole.time_s
+                })
+                .is_some() =>
             {
                 found.drop(start + at as u64, whole.length as u64, is_damaged);
                 is_damaged = true;

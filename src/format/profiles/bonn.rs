@@ -72,9 +72,12 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
         && u32_at(start, HEAD) == u32_at(start, 52)
 }
 
-/// The record at the beginning of these bytes, if all of it is there.
-fn whole_record(bytes: &[u8]) -> Option<WholeRecord> {
+/// The record at the beginning of these bytes, if its time fits and all of it is there.
+fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord> {
     let head = bytes.get(..HEAD).and_then(|head| Head::parse(head).ok())?;
+    if !fits(head.time_s) {
+        return None;
+    }
     let width = head.width as usize;
     let xs = HEAD + 4 + 2 * width;
     let zs = xs + 4 + 2 * width;

@@ -73,9 +73,9 @@ fn looks_like(start: &Start<'_>) -> bool {
     are_near && follows && (count > 0 || first_s > 0.0)
 }
 
-/// The record at the beginning of these bytes, if all of it is there and its coordinates can be.
-fn whole_record(bytes: &[u8]) -> Option<WholeRecord> {
-    let (time_s, count) = head(bytes)?;
+/// The record at the beginning of these bytes, if its time fits, all of it is there, and its coordinates can be.
+fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord> {
+    let (time_s, count) = head(bytes).filter(|(time_s, _)| fits(*time_s))?;
     let n = count as usize;
     let length = HEAD + POINT * n;
     let coordinates = bytes.get(HEAD..length)?.chunks_exact(4).take(3 * n);
