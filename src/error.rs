@@ -123,6 +123,38 @@ impl Error {
         }
     }
 
+    /// The same of the file `to` in place of `from`.
+    pub fn renamed(self, from: &Path, to: &Path) -> Self {
+        let new = |path: PathBuf| if path == from { to.to_owned() } else { path };
+        match self {
+            Self::Io { path, source } => Self::Io {
+                path: new(path),
+                source,
+            },
+            Self::Format {
+                path,
+                at,
+                found,
+                expected,
+            } => Self::Format {
+                path: new(path),
+                at,
+                found,
+                expected,
+            },
+            Self::Data {
+                kind,
+                problem,
+                remedy,
+            } => Self::Data {
+                kind,
+                problem: problem.replace(&*from.to_string_lossy(), &to.to_string_lossy()),
+                remedy,
+            },
+            Self::Cancelled => Self::Cancelled,
+        }
+    }
+
     /// The same, and where it names none of the files that were read, in the first of them.
     pub fn within(self, inputs: &[PathBuf]) -> Self {
         let is_named = |problem: &str| {

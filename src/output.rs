@@ -158,7 +158,7 @@ pub fn protect_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]
                     input.display(),
                     target.display()
                 ),
-                "choose another folder for the results (--out)",
+                "choose another name or another folder for the results",
             ));
         }
     }

@@ -40,6 +40,10 @@ fn what_a_run_writes_is_read_back_from_every_format() {
         converted(&out, "cloud-left.laz", name, &[]);
         let found = read_cloud(&out.join(name)).unwrap();
         assert_eq!(sorted(&found.points), sorted(&cloud.points), "{name}");
+        let mut times = found.time_s;
+        times.sort_by(f64::total_cmp);
+        // The reader of E57 gives none.
+        assert!(name == "a.e57" || times == cloud.time_s, "{name}");
     }
     if cfg!(feature = "parquet") {
         converted(&out, "cloud-left.laz", "a.parquet", &[]);
@@ -87,7 +91,7 @@ fn what_a_run_writes_is_read_back_from_every_format() {
         assert_eq!(run.code, 0, "{}", run.err);
         for target in ["m.urdf", "m.launch.py", "m.yaml"] {
             let said = converted(&out, name, target, &["--body", "base"]);
-            assert!(said.contains("2 scanners"), "{said}");
+            assert!(said.contains("2 scanners on a body with"), "{said}");
             let text = fs::read_to_string(out.join(target)).unwrap();
             assert!(
                 ["base", "left", "right"]
@@ -101,6 +105,63 @@ fn what_a_run_writes_is_read_back_from_every_format() {
                 .unwrap()
                 .contains("filters.transformation")
         );
+    }
+}
+
+/// Unix times are those of the logs again behind LAZ, which has GPS time; mountings turn with the body.
+#[test]
+fn times_and_axes_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let rows = ["1,2,3,1763900000.25", "1.5,2,3,1763900000.5"];
+    let text = format!("east_m,north_m,up_m,time_s\n{}\n", rows.join("\n"));
+    fs::write(at("a.csv"), &text).unwrap();
+    for between in ["b.laz", "b.copc.laz", "b.las"] {
+        converted(folder.path(), "a.csv", between, &[]);
+        converted(folder.path(), between, "c.csv", &[]);
+        let back = fs::read_to_string(at("c.csv")).unwrap();
+        for (line, row) in back.lines().skip(1).zip(rows) {
+            let (cells, expected) = (line.split(','), row.split(','));
+            let number = |cell: &str| cell.parse::<f64>().unwrap();
+            let coordinates = cells.clone().zip(expected.clone()).take(4);
+            assert!(
+                coordinates
+                    .clone()
+                    .all(|(a, b)| (number(a) - number(b)).abs() < 1e-9),
+                "{line}"
+            );
+        }
+    }
+
+    let (_kept, drive) = simulated();
+    let matrix = |more: &[&str]| {
+        converted(
+            &drive,
+            "project.toml",
+            "m.json",
+            &[&["--scanner", "left"], more].concat(),
+        );
+        let text = fs::read_to_string(drive.join("m.json")).unwrap();
+        let text = text
+            .split("\"matrix\": \"")
+            .nth(1)
+            .unwrap()
+            .split('"')
+            .next()
+            .unwrap()
+            .to_owned();
+        text.split(' ')
+            .map(|cell| cell.parse::<f64>().unwrap())
+            .collect::<Vec<_>>()
+    };
+    let (frd, flu) = (matrix(&[]), matrix(&["--axes", "FLU"]));
+    for (at, (a, b)) in frd.iter().zip(&flu).enumerate() {
+        let sign = if [1, 2].contains(&(at / 4)) {
+            -1.0
+        } else {
+            1.0
+        };
+        assert!((a - sign * b).abs() < 1e-12, "{at}: {a} {b}");
     }
 }
 
@@ -137,8 +198,30 @@ fn what_cannot_be_written_is_said() {
         &["EPSG:4326"],
     );
     says(
-        &["convert", "./imu.csv", "./imu.csv"],
-        &["imu.csv is an input"],
+        &[
+            "convert",
+            "./truth/trajectory.csv",
+            "./truth/trajectory.csv",
+        ],
+        &["is an input"],
+    );
+    says(
+        &["convert", "./imu.csv", "./imu.urdf"],
+        &["imu.csv: ", "cannot be written as"],
+    );
+    says(
+        &["convert", "./project.toml", "./a.json", "--scanner", "top"],
+        &["no scanner `top`, only left, right"],
+    );
+    says(
+        &[
+            "convert",
+            "./truth/trajectory.csv",
+            "./a.tum",
+            "--crs",
+            "EPSG:25832",
+        ],
+        &["--crs does not apply"],
     );
     assert!(!drive.join("a.sbet").exists() && !drive.join("a.json").exists());
 }

@@ -20,12 +20,13 @@ pub(super) struct Convert {
     /// Projected system of the poses, for SBET: EPSG:25832 or +proj=…
     #[arg(long, value_name = "SYSTEM")]
     crs: Option<String>,
-    /// Axes of the body of poses: FRD or FLU
-    #[arg(long, value_name = "AXES", value_parser = axes, default_value = "FRD")]
-    axes: BodyAxes,
-    /// Name of the body's frame in URDF and ROS; its axes are those of the project
-    #[arg(long, value_name = "NAME", default_value = "body")]
-    body: String,
+    /// Axes of the body, FRD or FLU: of poses beside SBET [default: FRD], or of the mountings that are written
+    /// [default: the project's]
+    #[arg(long, value_name = "AXES", value_parser = axes)]
+    axes: Option<BodyAxes>,
+    /// Name of the body's frame in URDF and ROS [default: body]
+    #[arg(long, value_name = "NAME")]
+    body: Option<String>,
     /// The scanner whose mounting goes into a pipeline of PDAL
     #[arg(long, value_name = "NAME")]
     scanner: Option<String>,

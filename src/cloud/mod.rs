@@ -29,3 +29,15 @@ pub struct PointCloud {
     /// As recorded.
     pub intensity: Vec<f32>,
 }
+
+impl PointCloud {
+    /// Forgets times and intensities that some points do not have.
+    pub fn forget_incomplete(&mut self) {
+        if !self.time_s.iter().all(|time_s| time_s.is_finite()) {
+            self.time_s.clear();
+        }
+        if !self.intensity.iter().all(|value| value.is_finite()) {
+            self.intensity.clear();
+        }
+    }
+}

@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// Each is tried in this order: those with signatures that others do not have first, and tables with more
 /// columns before those with fewer.
-pub(crate) const KINDS: [&Kind; 37] = [
+pub(crate) const KINDS: [&Kind; 38] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -32,6 +32,7 @@ pub(crate) const KINDS: [&Kind; 37] = [
     &log::kitti::POSES,
     &poses::table::TUM,
     &project_file::PROJECT,
+    &mountings::table::MOUNTING_TABLE,
     &poses::table::POSE_TABLE,
     &log::tables::IMU_TABLE,
     &log::positions::TPS_TABLE,

@@ -58,7 +58,7 @@ pub use profiles::bonn::BonnWriter;
 pub use profiles::reader::ProfileReader;
 pub use profiles::table::write_profiles;
 pub use read::{
-    crs_wkt, open_profiles, read_cloud, read_heading, read_imu, read_positions,
+    crs_wkt, describe_frame, open_profiles, read_cloud, read_heading, read_imu, read_positions,
     read_projected_positions, read_projected_trajectory, read_trajectory,
 };
 pub use salvage::{Salvaged, salvage};

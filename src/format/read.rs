@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::detect::detect;
 use super::file::nothing_in;
-use super::kind::{Format, Kind};
+use super::kind::{Format, Frame, Kind};
 use super::kinds::KINDS;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
@@ -143,7 +143,7 @@ fn unprojected(path: &Path) -> Error {
         path,
         Location::Whole,
         "latitudes and longitudes",
-        "the projected system of the world, such as crs = \"EPSG:25832\", in [frame] of the project",
+        "the projected system of the world, such as EPSG:25832: `crs` in [frame] of a project, `--crs` of convert",
     )
 }
 
@@ -153,7 +153,7 @@ fn unprojected(path: &Path) -> Error {
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points.
 pub fn read_cloud(path: &Path) -> Result<PointCloud> {
-    let cloud = reader(
+    let mut cloud = reader(
         path,
         "a cloud",
         |kind| kind.cloud,
@@ -162,6 +162,7 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     if cloud.points.is_empty() {
         return Err(nothing_in(path, "point"));
     }
+    cloud.forget_incomplete();
     if u32::try_from(cloud.points.len()).is_err() {
         return Err(Error::format(
             path,
@@ -181,6 +182,17 @@ pub fn crs_wkt(path: &Path) -> Result<Option<String>> {
     match detect(path)?.0.wkt {
         Some(reader) => reader(path),
         None => Ok(None),
+    }
+}
+
+/// Units and frame of what a file holds, and whether they are found in it or assumed, in a line.
+///
+/// # Errors
+/// A file that is missing, damaged or of an unknown format.
+pub fn describe_frame(path: &Path) -> Result<String> {
+    match detect(path)?.0.frame {
+        Frame::Fixed(text) => Ok(text.to_owned()),
+        Frame::OfFile(reader) => reader(path),
     }
 }
 

@@ -63,7 +63,7 @@ pub type KeptPoints = Vec<Vec<ScanPoint>>;
 /// The values of a georeferenced point beside its position, time and intensity.
 struct Values {
     scanner: u16,
-    /// Number of the profile in the recordings of the scanner, from 0.
+    /// Number of the profile among those with points in the recordings of the scanner, from 0.
     profile: u32,
     time_s: f64,
     /// Standard deviation of the body's position at that time, √(σ_e² + σ_n² + σ_u²), metres.
@@ -84,7 +84,7 @@ impl Values {
         use ExtraKind::{F32, U32};
         vec![
             ExtraDimension::new("scanner", U32, "in the order of the project"),
-            ExtraDimension::new("profile", U32, "number in the recording"),
+            ExtraDimension::new("profile", U32, "number, of those with points"),
             ExtraDimension::new("pose_sigma_m", F32, "of the body's position"),
         ]
     }
@@ -173,7 +173,9 @@ pub fn stream(
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
                     let time_s = point.time_s + scanner.time_offset_s;
-                    values.next(time_s, trajectory);
+                    if writer.is_some() {
+                        values.next(time_s, trajectory);
+                    }
                     let Some(world) = place.place(point) else {
                         continue;
                     };

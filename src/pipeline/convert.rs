@@ -5,25 +5,52 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::Outcome;
-use crate::error::{Error, Location, Result};
-use crate::format::{self, CloudRows};
+use crate::error::{Error, Result};
+use crate::format::{self, CloudRows, Format};
 use crate::geometry::{BodyAxes, BodyFromScanner, Projection};
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::project;
+use crate::project::{self, Mountings};
 use crate::sensor::PoseRecord;
 
-/// What a conversion needs beside its files.
+/// What a conversion can be told beside its files. What does not apply to it is refused.
 #[derive(Debug, Clone, Default)]
 pub struct Conversion {
     /// The projected coordinate reference system of poses, where one side has latitudes and longitudes.
     pub crs: Option<Projection>,
-    /// Axes of the body of poses and mountings.
-    pub axes: BodyAxes,
-    /// What the frame of the body is called in URDF and ROS.
-    pub body: String,
+    /// Axes of the body: of the poses beside SBET, FRD by default; of mountings that are written, by default those
+    /// of the project.
+    pub axes: Option<BodyAxes>,
+    /// What the frame of the body is called in URDF and ROS; by default `body`.
+    pub body: Option<String>,
     /// The one scanner to write, where the format holds one.
     pub scanner: Option<String>,
+}
+
+impl Conversion {
+    /// Refuses what does not apply; `uses` are the options that do.
+    fn check(&self, uses: &[&str]) -> Result<()> {
+        let given = [
+            ("--crs", self.crs.is_some()),
+            ("--axes", self.axes.is_some()),
+            ("--body", self.body.is_some()),
+            ("--scanner", self.scanner.is_some()),
+        ];
+        match given
+            .iter()
+            .find(|(name, given)| *given && !uses.contains(name))
+        {
+            Some((name, _)) => Err(Error::data(
+                format!("{name} does not apply to this conversion"),
+                "--crs is for SBET, --axes for SBET and mountings, --body for URDF and ROS, --scanner for PDAL",
+            )),
+            None => Ok(()),
+        }
+    }
+
+    fn body(&self) -> &str {
+        self.body.as_deref().unwrap_or("body")
+    }
 }
 
 type WritePoses = fn(&Path, &[PoseRecord], &Conversion) -> Result<()>;
@@ -38,17 +65,34 @@ const POSES: [(&str, WritePoses); 4] = [
         format::write_trajectory(path, poses)
     }),
     (".tum", |path, poses, _| format::write_tum(path, poses)),
-    (".sbet", write_sbet),
+    (SBET, write_sbet),
 ];
+const SBET: &str = ".sbet";
 
-/// Ends of names for mountings.
-const MOUNTINGS: [(&str, Print); 4] = [
-    (".urdf", |all, with| format::urdf(&with.body, all)),
-    (".launch.py", |all, with| {
-        format::ros_launch(&with.body, all)
-    }),
-    (".yaml", |all, with| format::ros_transforms(&with.body, all)),
-    (".json", pdal),
+/// Ends of names for mountings, and their options.
+const MOUNTINGS: [(&str, (Print, &[&str])); 4] = [
+    (
+        ".urdf",
+        (
+            |all, with| format::urdf(with.body(), all),
+            &["--axes", "--body"],
+        ),
+    ),
+    (
+        ".launch.py",
+        (
+            |all, with| format::ros_launch(with.body(), all),
+            &["--axes", "--body"],
+        ),
+    ),
+    (
+        ".yaml",
+        (
+            |all, with| format::ros_transforms(with.body(), all),
+            &["--axes", "--body"],
+        ),
+    ),
+    (".json", (pdal, &["--axes", "--scanner"])),
 ];
 
 fn of_end<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
@@ -77,32 +121,10 @@ pub fn convert(
     let name = output.file_name().unwrap_or_default().to_string_lossy();
     let staging = Staging::new(folder, &[input.to_owned()], &[&*name])?;
     let staged = staging.path(&name);
-    let poses = of_end(output, &POSES).filter(|_| found.has_poses());
-    let summary = if found.has_cloud() && format::is_cloud_name(output) {
-        cloud(input, &staged, progress)?
-    } else if let Some(write) = poses {
-        let poses = format::read_projected_trajectory(input, with.axes, with.crs.as_ref())?;
-        write(&staged, &poses, with)?;
-        format!("{} poses", poses.len())
-    } else if let Some(print) = of_end(output, &MOUNTINGS) {
-        let mountings = project::mountings(input)?;
-        let text = print(&mountings, with)?;
-        std::fs::write(&staged, text).map_err(|error| Error::io(&staged, error))?;
-        let count = mountings.len();
-        format!("{count} scanners, in the axes of the project's body: z down unless it says FLU")
-    } else {
-        let expected = "a cloud as .las, .laz, .copc.laz, .e57, .ply, .parquet or .csv; poses as .tum, \
-                        .sbet, .parquet or .csv; mountings as .urdf, .launch.py, .yaml or .json";
-        return Err(Error::format(
-            output,
-            Location::Whole,
-            format!(
-                "an end in which {} ({found}) cannot be written",
-                input.display()
-            ),
-            expected,
-        ));
-    };
+    // What goes wrong with the file in the staging folder is said of the one that was asked for.
+    let summary = written(input, output, &staged, (found, with), progress)
+        .map_err(|error| error.renamed(&staged, output))?;
+    progress.check()?;
     staging.commit()?;
     let output: PathBuf = output.to_owned();
     Ok(Outcome {
@@ -113,22 +135,136 @@ pub fn convert(
     })
 }
 
-/// LAS and LAZ are copied with all fields, everything else with times, intensities and extra dimensions.
-fn cloud(input: &Path, output: &Path, progress: &dyn Progress) -> Result<String> {
+/// Writes `staged`, which becomes `output`; returns what was written, in words.
+fn written(
+    input: &Path,
+    output: &Path,
+    staged: &Path,
+    (found, with): (Format, &Conversion),
+    progress: &dyn Progress,
+) -> Result<String> {
+    let poses = of_end(output, &POSES).filter(|_| found.has_poses());
+    if found.has_cloud() && format::is_cloud_name(output) {
+        with.check(&[])?;
+        return cloud(input, staged, found, progress);
+    }
+    if let Some(write) = poses {
+        let is_geographic = found.id() == "sbet" || of_end(output, &[(SBET, ())]).is_some();
+        with.check(if is_geographic {
+            &["--crs", "--axes"]
+        } else {
+            &[]
+        })?;
+        let axes = with.axes.unwrap_or_default();
+        let poses = format::read_projected_trajectory(input, axes, with.crs.as_ref())?;
+        warn_of_local(&poses, with, progress);
+        write(staged, &poses, with)?;
+        return Ok(format!("{} poses", poses.len()));
+    }
+    if let Some((print, options)) = of_end(output, &MOUNTINGS).filter(|_| found.id() == "project") {
+        with.check(options)?;
+        let Mountings {
+            mut scanners,
+            axes,
+            is_unusable,
+        } = project::mountings(input)?;
+        if is_unusable {
+            progress.warn("this calibration is marked as not usable");
+        }
+        let axes = turned(&mut scanners, axes, with)?;
+        let text = print(&scanners, with)?;
+        std::fs::write(staged, text).map_err(|error| Error::io(staged, error))?;
+        return Ok(format!("{} scanners on a body with {axes}", scanners.len()));
+    }
+    Err(Error::data(
+        format!(
+            "{}: {found} cannot be written as {}",
+            input.display(),
+            output.display()
+        ),
+        "write a cloud as .las, .laz, .copc.laz, .e57, .ply, .parquet or .csv; poses as .tum, .sbet, .parquet or \
+         .csv; the mountings of a project or a calibration as .urdf, .launch.py, .yaml or .json",
+    ))
+}
+
+/// Turns mountings to the axes that are asked for, and says which they are.
+fn turned(
+    scanners: &mut [(String, BodyFromScanner)],
+    axes: Option<BodyAxes>,
+    with: &Conversion,
+) -> Result<&'static str> {
+    let written = match (axes, with.axes) {
+        (None, Some(_)) => {
+            return Err(Error::data(
+                "a calibration alone does not say the axes of its body",
+                "convert the project with its mountings, or leave out --axes",
+            ));
+        }
+        (Some(own), Some(wanted)) if own != wanted => {
+            for (_, mounting) in scanners {
+                // Both are turned by half a turn about x, which is its own inverse.
+                let turn = BodyAxes::Frd.body_from_flu();
+                mounting.rotation = turn * mounting.rotation;
+                mounting.translation_m = turn * mounting.translation_m;
+            }
+            Some(wanted)
+        }
+        (own, _) => own,
+    };
+    Ok(match written {
+        Some(BodyAxes::Frd) => "x forward, y right, z down (ROS has z up: --axes FLU)",
+        Some(BodyAxes::Flu) => "x forward, y left, z up",
+        None => "the axes of its project, which a calibration alone does not say",
+    })
+}
+
+/// Coordinates near the zero of an official system are local ones.
+fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progress) {
+    const NEAR_M: f64 = 10_000.0;
+    let is_official = |crs: &Projection| crs.name().to_uppercase().starts_with("EPSG");
+    let Some(first) = poses.first() else {
+        return;
+    };
+    let at = first.world_from_body.translation_m;
+    if with.crs.as_ref().is_some_and(is_official) && at.x.abs().max(at.y.abs()) < NEAR_M {
+        progress.warn(&format!(
+            "east {:.1} m, north {:.1} m lie near the zero of the projected system: are these local coordinates?",
+            at.x, at.y
+        ));
+    }
+}
+
+/// LAS and LAZ are copied with all fields as such; else clouds have positions, times, intensities and, where they come
+/// from LAS or LAZ, extra dimensions.
+fn cloud(input: &Path, output: &Path, found: Format, progress: &dyn Progress) -> Result<String> {
     let rows = CloudRows::open(input)?;
     let points = rows.len();
-    let stage = progress.stage("converting the cloud", points);
     let end = output.to_string_lossy().to_lowercase();
-    let is_plain_las =
-        end.ends_with(".las") || end.ends_with(".laz") && !end.ends_with(".copc.laz");
-    if format::detect(input)?.is_las() && is_plain_las {
+    let is_las = end.ends_with(".las") || end.ends_with(".laz");
+    let is_copy = found.is_las() && is_las && !end.ends_with(".copc.laz");
+    let frame = format::describe_frame(input)?;
+    if !is_copy && frame.contains("read as metres") {
+        progress.warn(&format!("{}: {frame}", input.display()));
+    }
+    if !is_copy && frame.contains("GeoTIFF keys") {
+        progress
+            .warn("the coordinate system is not written: it is given by GeoTIFF keys, not as WKT");
+    }
+    if !is_copy && !rows.left_out().is_empty() {
+        progress.say(&format!("left out, if there are any: {}", rows.left_out()));
+    }
+    if is_las && !rows.has_whole_intensities() {
+        progress
+            .warn("intensities are rounded to whole numbers from 0 to 65535, as LAS holds them");
+    }
+    let _stage = progress.stage("converting the cloud", points);
+    if is_copy {
         format::copy_las(input, output, &[], &mut |_, _| Ok(true), progress)?;
     } else {
         let mut sink = format::create_cloud(output, rows.shape())?;
         rows.for_each(progress, &mut |point| sink.push(point))?;
         sink.finish()?;
     }
-    drop(stage);
     Ok(format!("{points} points"))
 }
 
@@ -141,7 +277,7 @@ fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()
     })?;
     let mut poses = poses.to_vec();
     for pose in &mut poses {
-        pose.world_from_body.rotation *= with.axes.body_from_flu();
+        pose.world_from_body.rotation *= with.axes.unwrap_or_default().body_from_flu();
     }
     format::write_sbet(path, &poses, crs)
 }
@@ -153,12 +289,15 @@ fn pdal(all: &[(String, BodyFromScanner)], with: &Conversion) -> Result<String> 
         None => all.first().filter(|_| all.len() == 1),
     };
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
+    let names = names.join(", ");
     let (_, mounting) = found.ok_or_else(|| {
         Error::data(
-            format!(
-                "a pipeline of PDAL has the mounting of one scanner, not of {}",
-                names.join(", ")
-            ),
+            match &with.scanner {
+                Some(name) => format!("there is no scanner `{name}`, only {names}"),
+                None => {
+                    format!("a pipeline of PDAL has the mounting of one scanner, not of {names}")
+                }
+            },
             "name one of them with --scanner",
         )
     })?;

@@ -7,7 +7,6 @@ use super::resolve;
 use super::source::Source;
 use super::written::Mountings;
 use crate::error::{Error, Location, Result};
-use crate::geometry::BodyFromScanner;
 
 /// See [`Project::with_calibration`].
 pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project> {
@@ -44,18 +43,25 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
 }
 
 /// See [`super::mountings`].
-pub(super) fn mountings(path: &Path) -> Result<Vec<(String, BodyFromScanner)>> {
+pub(super) fn mountings(path: &Path) -> Result<super::Mountings> {
     let source = &Source::read(path)?;
     let tables: toml::Table = source.parsed()?;
-    let scanners = match tables.keys().all(|key| key == "scanner") {
-        true => resolve::scanners(source, &source.parsed::<Mountings>()?.scanner)?,
-        false => Project::read(path)?.scanners,
+    let (scanners, axes) = if tables.keys().all(|key| key == "scanner") {
+        let written: Mountings = source.parsed()?;
+        (resolve::scanners(source, &written.scanner)?, None)
+    } else {
+        let project = Project::read(path)?;
+        (project.scanners, Some(project.axes))
     };
     if scanners.is_empty() {
         return Err(source.error(&[], "no scanner", "[[scanner]] tables"));
     }
     let mounting = |scanner: Scanner| (scanner.name, scanner.body_from_scanner);
-    Ok(scanners.into_iter().map(mounting).collect())
+    Ok(super::Mountings {
+        scanners: scanners.into_iter().map(mounting).collect(),
+        axes,
+        is_unusable: source.begins_with("# not usable"),
+    })
 }
 
 /// See [`Project::with_trajectory`].

@@ -20,13 +20,24 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
-use crate::geometry::BodyFromScanner;
+use crate::geometry::{BodyAxes, BodyFromScanner};
 
-/// The names and mountings of the scanners of a project, or of a `calibration.toml`.
+/// The mountings of a project, or of a `calibration.toml`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mountings {
+    /// Name and mounting of each scanner.
+    pub scanners: Vec<(String, BodyFromScanner)>,
+    /// Axes of the body; `None` for a calibration, which does not say them.
+    pub axes: Option<BodyAxes>,
+    /// Whether the calibration is marked as not usable.
+    pub is_unusable: bool,
+}
+
+/// Reads the mountings of a project, or of a `calibration.toml`.
 ///
 /// # Errors
 /// A file that cannot be read, a mistake in it, no scanner.
-pub fn mountings(path: &Path) -> Result<Vec<(String, BodyFromScanner)>> {
+pub fn mountings(path: &Path) -> Result<Mountings> {
     calibrated::mountings(path)
 }
 

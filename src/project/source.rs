@@ -57,6 +57,11 @@ impl Source {
         toml::from_str(&self.text).map_err(|error| self.explain(&error))
     }
 
+    /// Whether the text begins so.
+    pub fn begins_with(&self, text: &str) -> bool {
+        self.text.starts_with(text)
+    }
+
     /// Makes `file`, relative to the folder of the project file, absolute.
     pub fn absolute(&self, file: &Path) -> PathBuf {
         match self.path.parent() {

@@ -1,9 +1,10 @@
 //! Clouds written in the format that the end of their name asks for.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
+use crate::format::cloud::sink_checks::{check_position, plain_names};
 use crate::format::las::writer::CloudWriter;
 use crate::format::log::tables::TableWriter;
 use crate::format::{copc_sink, e57_sink, parquet_sink, ply_sink};
@@ -58,6 +59,7 @@ fn las_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
 
 /// Text with one column for each value.
 struct TableSink {
+    path: PathBuf,
     sheet: TableWriter,
     has_time: bool,
     has_intensity: bool,
@@ -68,8 +70,14 @@ fn table_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
     let mut header = vec!["east_m", "north_m", "up_m"];
     header.extend(shape.has_time.then_some("time_s"));
     header.extend(shape.has_intensity.then_some("intensity"));
-    header.extend(shape.dimensions.iter().map(|d| d.name.as_str()));
+    let names = plain_names(
+        path,
+        shape,
+        &["east_m", "north_m", "up_m", "time_s", "intensity"],
+    )?;
+    header.extend(names.iter().map(String::as_str));
     Ok(Box::new(TableSink {
+        path: path.to_owned(),
         sheet: TableWriter::create(path, &header)?,
         has_time: shape.has_time,
         has_intensity: shape.has_intensity,
@@ -79,6 +87,7 @@ fn table_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
 
 impl CloudSink for TableSink {
     fn push(&mut self, point: &CloudPoint<'_>) -> Result<()> {
+        check_position(&self.path, point)?;
         let p = point.position;
         let time_s = self.has_time.then_some(point.time_s);
         let intensity = self.has_intensity.then(|| f64::from(point.intensity));

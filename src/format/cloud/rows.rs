@@ -4,17 +4,20 @@ use std::path::Path;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::sink::CloudGrid;
 use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
 use crate::format::detect::detect;
 use crate::format::file::CHUNK_POINTS;
+use crate::format::file::nothing_in;
 use crate::format::las::columns::{ExtraColumn, extra_columns};
 use crate::format::las::file::LasFile;
+use crate::format::las::record::unix_from_adjusted_gps_s;
 use crate::format::read::{crs_wkt, read_cloud};
 use crate::format::{ExtraDimension, ExtraKind};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// A cloud with its times, intensities and, from LAS and LAZ, extra dimensions.
+/// A cloud with its times, intensities and, from LAS and LAZ, extra dimensions; other fields of these are left out.
 pub struct CloudRows {
     shape: CloudShape,
     points: Points,
@@ -37,20 +40,7 @@ impl CloudRows {
             return Self::of_las(path, wkt);
         }
         let cloud = read_cloud(path)?;
-        let first = cloud.points.first().copied().unwrap_or_default();
-        let times = cloud.time_s.iter().copied();
-        let shape = CloudShape {
-            low: cloud.points.iter().fold(first, |low, p| low.inf(p)),
-            high: cloud.points.iter().fold(first, |high, p| high.sup(p)),
-            has_time: !cloud.time_s.is_empty(),
-            clock: CloudClock::of_span(
-                times.clone().fold(f64::INFINITY, f64::min),
-                times.fold(f64::NEG_INFINITY, f64::max),
-            ),
-            has_intensity: !cloud.intensity.is_empty(),
-            dimensions: Vec::new(),
-            wkt,
-        };
+        let shape = CloudShape::of(&cloud, wkt);
         Ok(Self {
             shape,
             points: Points::Memory(cloud),
@@ -70,12 +60,28 @@ impl CloudRows {
                 columns.push(column);
             }
         }
+        if header.number_of_points() == 0 {
+            return Err(nothing_in(path, "point"));
+        }
+        let transforms = header.transforms();
+        let steps = [&transforms.x, &transforms.y, &transforms.z].map(|axis| axis.scale);
+        let offset_m = Vec3::new(
+            transforms.x.offset,
+            transforms.y.offset,
+            transforms.z.offset,
+        );
+        let is_even = steps.iter().all(|step| *step == steps[0]);
         let shape = CloudShape {
+            grid: is_even.then_some(CloudGrid {
+                offset_m,
+                step_m: steps[0],
+            }),
             low: Vec3::new(bounds.min.x, bounds.min.y, bounds.min.z),
             high: Vec3::new(bounds.max.x, bounds.max.y, bounds.max.z),
             has_time: file.has_time(),
+            // Adjusted standard GPS time is given as Unix time, as everything else that is absolute.
             clock: match header.gps_time_type() {
-                las::GpsTimeType::Standard => CloudClock::AdjustedGps,
+                las::GpsTimeType::Standard => CloudClock::Unix,
                 las::GpsTimeType::Week => CloudClock::GpsWeek,
             },
             has_intensity: true,
@@ -102,6 +108,28 @@ impl CloudRows {
         }
     }
 
+    /// What is left out: fields of LAS that points can have and this does not give, in words.
+    pub fn left_out(&self) -> &'static str {
+        match &self.points {
+            Points::Memory(_) => "",
+            Points::Las(file, _) if file.header().point_format().has_color => {
+                "classes, returns, scan angles, flags and colours"
+            }
+            Points::Las(..) => "classes, returns, scan angles and flags",
+        }
+    }
+
+    /// Whether intensities are whole numbers from 0 to 65535, as LAS holds them.
+    pub fn has_whole_intensities(&self) -> bool {
+        match &self.points {
+            Points::Memory(cloud) => {
+                let is_whole = |v: &f32| v.fract() == 0.0 && (0.0..=65535.0).contains(v);
+                cloud.intensity.iter().all(is_whole)
+            }
+            Points::Las(..) => true,
+        }
+    }
+
     /// Calls `each` with every point in order. `progress` advances by one for each; the caller begins and
     /// ends the stage.
     ///
@@ -118,6 +146,7 @@ impl CloudRows {
             Points::Memory(cloud) => return of_memory(&cloud, progress, each),
         };
         let mut values = vec![0.0; columns.len()];
+        let is_unix = self.shape.clock == CloudClock::Unix;
         loop {
             let count = file.read(CHUNK_POINTS, |_, point| {
                 for (value, column) in values.iter_mut().zip(&columns) {
@@ -125,7 +154,10 @@ impl CloudRows {
                 }
                 each(&CloudPoint {
                     position: point.position,
-                    time_s: point.time_s,
+                    time_s: match is_unix {
+                        true => unix_from_adjusted_gps_s(point.time_s),
+                        false => point.time_s,
+                    },
                     intensity: point.intensity,
                     values: &values,
                 })

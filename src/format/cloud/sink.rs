@@ -1,5 +1,6 @@
 //! What a cloud file takes, in any format that is written.
 
+use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::las::extra::ExtraDimension;
 use crate::geometry::Vec3;
@@ -19,11 +20,12 @@ pub enum CloudClock {
 }
 
 impl CloudClock {
-    /// What times between `first_s` and `last_s` can be: Unix time after 2001, seconds of a week, or unknown.
-    /// A clock that starts with the sensor cannot be told from that of a week.
+    /// What times between `first_s` and `last_s` can be: Unix time after July 2017, seconds of a week, or unknown.
+    /// A clock that starts with the sensor cannot be told from that of a week, and from July 2027 on seconds since
+    /// 1980 not from those since 1970.
     pub fn of_span(first_s: f64, last_s: f64) -> Self {
         const WEEK_S: f64 = 604_800.0;
-        const UNIX_S: [f64; 2] = [1e9, 4.1e9];
+        const UNIX_S: [f64; 2] = [1.5e9, 4.1e9];
         if first_s >= 0.0 && last_s <= WEEK_S {
             Self::GpsWeek
         } else if first_s >= UNIX_S[0] && last_s <= UNIX_S[1] {
@@ -34,6 +36,15 @@ impl CloudClock {
     }
 }
 
+/// The grid of whole steps on which the coordinates of a LAS file lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CloudGrid {
+    /// Metres.
+    pub offset_m: Vec3,
+    /// Metres, the same for all axes.
+    pub step_m: f64,
+}
+
 /// What is known of a cloud before its first point is written.
 #[derive(Debug, Clone, Default)]
 pub struct CloudShape {
@@ -41,6 +52,8 @@ pub struct CloudShape {
     pub low: Vec3,
     /// Highest coordinates, metres.
     pub high: Vec3,
+    /// The grid of the coordinates, where they come from LAS; its formats keep it.
+    pub grid: Option<CloudGrid>,
     /// Whether points have times.
     pub has_time: bool,
     /// What their times count.
@@ -51,6 +64,27 @@ pub struct CloudShape {
     pub dimensions: Vec<ExtraDimension>,
     /// The coordinate reference system as WKT, if it is known.
     pub wkt: Option<String>,
+}
+
+impl CloudShape {
+    /// Of a cloud in memory, without dimensions.
+    pub fn of(cloud: &PointCloud, wkt: Option<String>) -> Self {
+        let first = cloud.points.first().copied().unwrap_or_default();
+        let times = cloud.time_s.iter().copied();
+        Self {
+            low: cloud.points.iter().fold(first, |low, p| low.inf(p)),
+            high: cloud.points.iter().fold(first, |high, p| high.sup(p)),
+            grid: None,
+            has_time: !cloud.time_s.is_empty(),
+            clock: CloudClock::of_span(
+                times.clone().fold(f64::INFINITY, f64::min),
+                times.fold(f64::NEG_INFINITY, f64::max),
+            ),
+            has_intensity: !cloud.intensity.is_empty(),
+            dimensions: Vec::new(),
+            wkt,
+        }
+    }
 }
 
 /// A point with its values.
@@ -93,6 +127,7 @@ mod tests {
             ((1.7e9, 1.7e9 + 300.0), CloudClock::Unix),
             ((-5.0, 10.0), CloudClock::Unknown),
             ((3.2e8, 3.3e8), CloudClock::Unknown),
+            ((1.4e9, 1.4e9 + 300.0), CloudClock::Unknown),
         ];
         for ((first, last), clock) in cases {
             assert_eq!(CloudClock::of_span(first, last), clock, "{first}");

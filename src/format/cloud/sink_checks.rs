@@ -23,7 +23,7 @@ pub(crate) fn check_position(path: &Path, point: &CloudPoint<'_>) -> Result<()> 
             p.z,
             point.time_s
         ),
-        "check the trajectory and the mounting",
+        "leave out points without a position",
     ))
 }
 

@@ -37,17 +37,13 @@ pub(crate) fn read_table(path: &Path) -> Result<PointCloud> {
     let mut table = Table::open(path, &CLOUD)?;
     let mut cloud = PointCloud::default();
     let mut row = [0.0; 6];
-    let has = |name: &str, table: &Table| table.names().iter().any(|other| other == name);
-    let (has_time, has_intensity) = (has("time_s", &table), has("intensity", &table));
     while table.next_row(&mut row)? {
         cloud.points.push(Vec3::new(row[0], row[1], row[2]));
-        if has_time {
-            cloud.time_s.push(row[3]);
-        }
-        if has_intensity {
-            cloud.intensity.push(row[4] as f32);
-        }
+        cloud.time_s.push(row[3]);
+        cloud.intensity.push(row[4] as f32);
     }
+    // A column that is not there is empty in every row.
+    cloud.forget_incomplete();
     Ok(cloud)
 }
 

@@ -1,7 +1,8 @@
 //! Point records written in batches as LAS or LAZ.
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
@@ -11,6 +12,9 @@ use crate::format::file::guarded;
 /// Points compressed at a time: several of the format's chunks of 50,000, so that all threads are
 /// busy.
 const BATCH: usize = 200_000;
+
+/// Bytes of the header with numbers of points that older versions have.
+const LEGACY_COUNTS: Range<u64> = 107..131;
 
 /// An open LAS or LAZ file that takes complete point records. The same records give the same bytes
 /// for any number of threads.
@@ -108,10 +112,20 @@ impl LasOut {
             leak(writer);
             return Err(error);
         }
+        let is_extended = writer.header().point_format().is_extended;
         let out = writer.into_inner().map_err(|e| problem(&self.path, e))?;
-        out.into_inner()
-            .map(drop)
-            .map_err(|e| Error::io(&self.path, e.into_error()))
+        let mut out = out
+            .into_inner()
+            .map_err(|e| Error::io(&self.path, e.into_error()))?;
+        if is_extended {
+            // Point formats from 6 on have no legacy counts (LAS 1.4, table 3).
+            out.seek(SeekFrom::Start(LEGACY_COUNTS.start))
+                .and_then(|_| {
+                    out.write_all(&[0; (LEGACY_COUNTS.end - LEGACY_COUNTS.start) as usize])
+                })
+                .map_err(|e| Error::io(&self.path, e))?;
+        }
+        Ok(())
     }
 }
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::format::cloud::sink::CloudClock;
-use crate::format::text::civil::gps_from_unix_s;
+use crate::format::cloud::sink::{CloudClock, CloudGrid, CloudShape};
+use crate::format::text::civil::{gps_from_unix_s, unix_from_gps_s};
 use crate::geometry::Vec3;
 
 /// Bytes of a point of format 6 without extra bytes, and of format 0, which has no time.
@@ -22,6 +22,25 @@ pub(crate) fn gps_time_s(clock: CloudClock, time_s: f64) -> f64 {
     match clock {
         CloudClock::Unix => gps_from_unix_s(time_s) - GPS_ADJUSTMENT_S,
         _ => time_s,
+    }
+}
+
+/// The Unix time of a point with adjusted standard GPS time.
+pub(crate) fn unix_from_adjusted_gps_s(time_s: f64) -> f64 {
+    unix_from_gps_s(time_s + GPS_ADJUSTMENT_S)
+}
+
+/// Refuses a time that readers would refuse.
+///
+/// # Errors
+/// A time that is not finite.
+pub(crate) fn check_time(path: &Path, time_s: f64) -> Result<()> {
+    match time_s.is_finite() {
+        true => Ok(()),
+        false => Err(Error::data(
+            format!("{}: a point at {time_s} s", path.display()),
+            "give every point a finite time",
+        )),
     }
 }
 
@@ -83,6 +102,17 @@ impl Placement {
         Self::at(path, &(low + (high - low) / 2.0), step_m)
     }
 
+    /// Of a shape: the grid of its coordinates, or one that spans them.
+    ///
+    /// # Errors
+    /// Bounds that are not finite.
+    pub(crate) fn of(path: &Path, shape: &CloudShape, finest_m: f64) -> Result<Self> {
+        match shape.grid {
+            Some(CloudGrid { offset_m, step_m }) => Ok(Self { offset_m, step_m }),
+            None => Self::spanning(path, &shape.low, &shape.high, finest_m),
+        }
+    }
+
     /// The steps of a point in the world frame (m) from the offset.
     ///
     /// # Errors
@@ -110,7 +140,7 @@ impl Placement {
                 self.offset_m.y,
                 self.offset_m.z,
             ),
-            "check the trajectory and the mounting; a cloud file spans 42 km at most",
+            "check the coordinates: a LAS file spans 2³² of its steps at most",
         )
     }
 

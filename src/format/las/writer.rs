@@ -7,7 +7,7 @@ use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
 use crate::format::las::batches::{LasOut, is_compressed};
 use crate::format::las::extra::dimension::{self, ExtraDimension};
 use crate::format::las::record::{
-    Placement, SCANNER, append_record, gps_time_s, is_adjusted_gps, wkt_record,
+    Placement, SCANNER, append_record, check_time, gps_time_s, is_adjusted_gps, wkt_record,
 };
 use crate::geometry::Vec3;
 
@@ -63,7 +63,7 @@ impl CloudWriter {
     /// # Errors
     /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
     pub fn spanning(path: &Path, shape: &CloudShape) -> Result<Self> {
-        let placement = Placement::spanning(path, &shape.low, &shape.high, CLOUD_STEP_M)?;
+        let placement = Placement::of(path, shape, CLOUD_STEP_M)?;
         Self::open(path, placement, shape)
     }
 
@@ -129,6 +129,9 @@ impl CloudWriter {
         values: &[f64],
     ) -> Result<()> {
         let steps = self.placement.steps(&self.path, point, time_s)?;
+        if self.has_time {
+            check_time(&self.path, time_s)?;
+        }
         let time_s = self.has_time.then(|| gps_time_s(self.clock, time_s));
         self.record.clear();
         append_record(steps, time_s, intensity, scanner, &mut self.record);

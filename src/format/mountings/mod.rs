@@ -2,3 +2,4 @@
 
 pub(super) mod bonn_xml;
 pub(super) mod others;
+pub(super) mod table;

@@ -4,6 +4,8 @@ use ::parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use ::parquet::file::metadata::ParquetMetaData;
 use ::parquet::schema::types::ColumnDescriptor;
 
+use crate::format::text::unit::factor;
+
 /// The names of the columns, as a table's reader looks for them.
 #[derive(Debug)]
 pub(crate) struct Header {
@@ -138,7 +140,8 @@ pub(super) fn header_of(content: &ParquetMetaData) -> Header {
         matches!(Value::of(column), Some(Value::Time { .. })) && STAMPS.contains(&name.as_str())
     });
     if let Some(stamp) = stamp
-        && !(names.iter().enumerate()).any(|(i, name)| i != stamp && name.starts_with("time_"))
+        && !(names.iter().enumerate())
+            .any(|(i, name)| i != stamp && factor(name, "time_s").is_some())
     {
         names[stamp] = "time_s".to_owned();
     }

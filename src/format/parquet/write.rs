@@ -15,6 +15,7 @@ use ::parquet::schema::types::Type;
 
 use crate::error::{Error, Result};
 use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
+use crate::format::cloud::sink_checks::check_position;
 use crate::format::las::extra::ExtraKind;
 
 /// Rows of a row group.
@@ -233,19 +234,7 @@ pub fn parquet_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink
 impl CloudSink for ParquetCloud {
     fn push(&mut self, point: &CloudPoint<'_>) -> Result<()> {
         let p = &point.position;
-        if !p.iter().all(|v| v.is_finite()) {
-            return Err(Error::data(
-                format!(
-                    "{}: the point ({}, {}, {}) m at {} s is not finite",
-                    self.sheet.path.display(),
-                    p.x,
-                    p.y,
-                    p.z,
-                    point.time_s
-                ),
-                "check the trajectory and the mounting",
-            ));
-        }
+        check_position(&self.sheet.path, point)?;
         let time = self.has_time.then_some(point.time_s);
         let intensity = self.has_intensity.then_some(f64::from(point.intensity));
         let values = point.values.iter().copied().take(self.dimensions);

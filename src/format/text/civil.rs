@@ -76,6 +76,13 @@ pub(crate) fn gps_from_unix_s(unix_s: f64) -> f64 {
     unix_s - LEAP_SECONDS[0].0 + ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
 }
 
+/// The Unix time at a GPS time, seconds since 1980-01-06: of the two at a leap second, the later one.
+pub(crate) fn unix_from_gps_s(gps_s: f64) -> f64 {
+    let begun = |(from_s, ahead_s): &&(f64, f64)| from_s - LEAP_SECONDS[0].0 + ahead_s <= gps_s;
+    let ahead_s = LEAP_SECONDS.iter().rfind(begun);
+    gps_s + LEAP_SECONDS[0].0 - ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,5 +144,8 @@ mod tests {
         // GPS week 2238 began on 2022-11-27 at 18 s before midnight UTC.
         let unix_s = days_since_1970(2022, 11, 27).unwrap() as f64 * DAY_S - 18.0;
         assert_eq!(gps_from_unix_s(unix_s), 2238.0 * 7.0 * DAY_S);
+        for unix_s in [unix_s, 1_483_228_799.25, 1_483_228_800.0, 4e8] {
+            assert_eq!(unix_from_gps_s(gps_from_unix_s(unix_s)), unix_s);
+        }
     }
 }

@@ -30,11 +30,11 @@ pub fn compare(
     let settings = &comparison.settings;
     let names = ["m3c2.laz", "m3c2.csv"];
     let staging = Staging::new(&options.out, &comparison.inputs(), &names)?;
+    let wkt = format::crs_wkt(&comparison.reference)?;
     let work = tiles::compare(comparison, &staging, progress)?;
     let statistics = Statistics::of(&work.found)?;
     let start = Instant::now();
     table::write(&staging.path("m3c2.csv"), &work.found)?;
-    let wkt = format::crs_wkt(&comparison.reference)?;
     cloud::write(&staging.path("m3c2.laz"), &work.found, wkt, progress)?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });

@@ -18,7 +18,9 @@ use crate::error::{Error, Location, Problem, Result};
 use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
 use crate::format::las::extra::ExtraDimension;
 use crate::format::las::extra::dimension;
-use crate::format::las::record::{Placement, RECORD, SCANNER, append_record, gps_time_s};
+use crate::format::las::record::{
+    Placement, RECORD, SCANNER, append_record, check_time, gps_time_s,
+};
 use crate::format::las::writer::CLOUD_STEP_M;
 
 /// Points of which memory is taken at a time.
@@ -94,7 +96,7 @@ struct CopcSink {
 /// more than 2³² − 1 points, a file that cannot be written.
 pub fn copc_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
     dimension::check(path, &shape.dimensions)?;
-    let placement = Placement::spanning(path, &shape.low, &shape.high, CLOUD_STEP_M)?;
+    let placement = Placement::of(path, shape, CLOUD_STEP_M)?;
     let wkt_length = shape.wkt.as_ref().map_or(0, String::len);
     if wkt_length > MOST_WKT {
         return Err(Error::format(
@@ -139,6 +141,9 @@ impl CloudSink for CopcSink {
         let steps = self
             .placement
             .steps(&self.path, &point.position, point.time_s)?;
+        if self.has_time {
+            check_time(&self.path, point.time_s)?;
+        }
         let time_s = match self.has_time {
             true => gps_time_s(self.clock, point.time_s),
             false => 0.0,

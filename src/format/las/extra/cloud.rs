@@ -5,9 +5,8 @@ use std::path::Path;
 use super::dimension::{ExtraDimension, Row};
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::format::cloud::sink::{CloudClock, CloudShape};
+use crate::format::cloud::sink::CloudShape;
 use crate::format::las::writer::CloudWriter;
-use crate::geometry::Vec3;
 use crate::progress::Progress;
 
 /// Writes the points of `cloud` that `row` accepts as LAS or LAZ, in their order, with time and
@@ -26,25 +25,9 @@ pub fn cloud_to_las(
     row: &mut Row<'_>,
     progress: &dyn Progress,
 ) -> Result<u64> {
-    let first = cloud.points.first().copied().unwrap_or_default();
-    let (low, high) = cloud
-        .points
-        .iter()
-        .fold((first, first), |(low, high): (Vec3, Vec3), point| {
-            (low.inf(point), high.sup(point))
-        });
-    let times = cloud.time_s.iter().copied();
     let shape = CloudShape {
-        low,
-        high,
-        has_time: !cloud.time_s.is_empty(),
-        clock: CloudClock::of_span(
-            times.clone().fold(f64::INFINITY, f64::min),
-            times.fold(f64::NEG_INFINITY, f64::max),
-        ),
-        has_intensity: !cloud.intensity.is_empty(),
         dimensions: dimensions.to_vec(),
-        wkt,
+        ..CloudShape::of(cloud, wkt)
     };
     let mut writer = CloudWriter::spanning(output, &shape)?;
     let mut values = vec![f64::NAN; dimensions.len()];
