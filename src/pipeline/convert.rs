@@ -250,13 +250,16 @@ fn cloud(input: &Path, output: &Path, found: Format, progress: &dyn Progress) ->
         progress
             .warn("the coordinate system is not written: it is given by GeoTIFF keys, not as WKT");
     }
-    if !is_copy && !rows.left_out().is_empty() {
-        progress.say(&format!("left out, if there are any: {}", rows.left_out()));
-    }
     if is_las && !rows.has_whole_intensities() {
         progress
             .warn("intensities are rounded to whole numbers from 0 to 65535, as LAS holds them");
     }
+    let left_out = match rows.left_out() {
+        fields if !is_copy && !fields.is_empty() => {
+            format!("; {fields} are left out, if there are any")
+        }
+        _ => String::new(),
+    };
     let _stage = progress.stage("converting the cloud", points);
     if is_copy {
         format::copy_las(input, output, &[], &mut |_, _| Ok(true), progress)?;
@@ -265,7 +268,7 @@ fn cloud(input: &Path, output: &Path, found: Format, progress: &dyn Progress) ->
         rows.for_each(progress, &mut |point| sink.push(point))?;
         sink.finish()?;
     }
-    Ok(format!("{points} points"))
+    Ok(format!("{points} points{left_out}"))
 }
 
 fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()> {
