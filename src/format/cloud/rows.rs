@@ -4,11 +4,9 @@ use std::path::Path;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::sink::CloudGrid;
-use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
+use crate::format::cloud::sink::{CloudClock, CloudGrid, CloudPoint, CloudShape};
 use crate::format::detect::detect;
-use crate::format::file::CHUNK_POINTS;
-use crate::format::file::nothing_in;
+use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::las::columns::{ExtraColumn, extra_columns};
 use crate::format::las::file::LasFile;
 use crate::format::las::record::unix_from_adjusted_gps_s;

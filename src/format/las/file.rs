@@ -56,7 +56,7 @@ impl LasFile {
         Ok(file)
     }
 
-    /// As [`open`](Self::open) for a file whose chunks were checked.
+    /// As [`open`](Self::open) where the chunks were checked, or only the header is read.
     pub(crate) fn reopen(path: &Path) -> Result<Self> {
         let (mut file, bytes) = file::open(path)?;
         check_header(path, &mut file, bytes)?;

@@ -28,7 +28,7 @@ const CODES: std::ops::Range<u16> = 1024..32767;
 /// # Errors
 /// Those of opening the file.
 pub(crate) fn describe(path: &Path) -> Result<String> {
-    let file = LasFile::open(path)?;
+    let file = LasFile::reopen(path)?;
     let header = file.header();
     let keys = guarded(path, "LAS or LAZ", || Ok(header.get_geotiff_crs()))?;
     let wkt = header.get_wkt_crs_bytes().map(String::from_utf8_lossy);

@@ -48,7 +48,7 @@ fn is_compressed(start: &Start<'_>) -> bool {
 }
 
 fn wkt(path: &Path) -> Result<Option<String>> {
-    let file = LasFile::open(path)?;
+    let file = LasFile::reopen(path)?;
     let wkt = file.header().get_wkt_crs_bytes();
     let text = wkt.map(|wkt| String::from_utf8_lossy(wkt).into_owned());
     let text = text.map(|text| text.trim_end_matches('\0').trim().to_owned());

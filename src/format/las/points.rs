@@ -33,7 +33,7 @@ pub fn las_count(path: &Path) -> Result<u64> {
 /// As [`las_count`]; errors of `each`.
 pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> {
     let count = las_count(path)?;
-    if !LasFile::open(path)?.can_seek() {
+    if !LasFile::reopen(path)?.can_seek() {
         return stream_in_order(path, count, each);
     }
     let parts = count.div_ceil(PART);
@@ -58,7 +58,7 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
 pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     let count = las_count(path)?;
-    let length = match LasFile::open(path)?.can_seek() {
+    let length = match LasFile::reopen(path)?.can_seek() {
         true => PART,
         false => count,
     };
@@ -97,7 +97,7 @@ fn stream_in_order(
     count: u64,
     each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
 ) -> Result<()> {
-    let mut file = LasFile::open(path)?;
+    let mut file = LasFile::reopen(path)?;
     let mut points = Vec::new();
     while file.taken() < count {
         points.clear();

@@ -56,9 +56,9 @@ impl CloudWriter {
         Self::open(path, Placement::at(path, &offset_m, CLOUD_STEP_M)?, &shape)
     }
 
-    /// Creates or replaces the file for a cloud of this shape. Coordinates are rounded to [`CLOUD_STEP_M`], or to the smallest
-    /// power of ten for which 32 bits span the points. Without times the point format is 0, which
-    /// has none.
+    /// Creates or replaces the file for a cloud of this shape. Coordinates are on its grid, or rounded to
+    /// [`CLOUD_STEP_M`] or the smallest power of ten for which 32 bits span the points. Without times the
+    /// point format is 0, which has none.
     ///
     /// # Errors
     /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
