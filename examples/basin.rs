@@ -11,7 +11,7 @@ use std::path::Path;
 use boresight::Result;
 use boresight::calibration::{Calibration, ScannerSample};
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
-use boresight::pipeline::stages::{self, Poses};
+use boresight::pipeline::stages::{self, EstimatedPoses};
 use boresight::pipeline::start;
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -34,7 +34,7 @@ const SAME: (f64, f64) = (0.005, 0.1);
 struct Drive {
     name: &'static str,
     project: Project,
-    poses: Poses,
+    poses: EstimatedPoses,
     samples: Vec<ScannerSample>,
     reference: Vec<Vec3>,
 }
@@ -44,7 +44,7 @@ impl Drive {
         let poses = stages::poses(&project, &Silent)?;
         Ok(Self {
             name,
-            samples: stages::samples(&project, &poses.trajectory, &Silent)?,
+            samples: stages::samples(&project, poses.trajectory(), &Silent)?,
             reference: stages::reference(&project, &Silent)?,
             poses,
             project,
@@ -54,11 +54,11 @@ impl Drive {
     /// The calibration from these mountings, and what needs care in what was said.
     fn from(&self, start: &[BodyFromScanner]) -> Result<(Calibration, Vec<String>)> {
         let project = stages::with_mountings(&self.project, start);
-        let (trajectory, samples) = (&self.poses.trajectory, self.samples.as_slice());
+        let (trajectory, samples) = (self.poses.trajectory(), self.samples.as_slice());
         let start = start::start(&project, trajectory, samples, &self.reference, &Silent);
         let found = stages::calibration(
-            &start.project,
-            &start.settings,
+            &start.project(&project),
+            &start.settings(&project),
             &self.poses,
             samples,
             &self.reference,

@@ -8,7 +8,7 @@ use std::path::Path;
 use boresight::Result;
 use boresight::calibration::Calibration;
 use boresight::geometry::{EulerConvention, Vec3};
-use boresight::pipeline::stages::Poses;
+use boresight::pipeline::stages::EstimatedPoses;
 use boresight::simulation::Scenario;
 
 #[path = "../tests/common/consistency.rs"]
@@ -59,10 +59,10 @@ fn run(seed: u64, folder: &Path) -> Result<[(usize, usize); 3]> {
 }
 
 /// Prints the root mean square errors of the poses, absolute and normalised.
-fn print_pose_errors(poses: &Poses, exact: &Poses) {
+fn print_pose_errors(poses: &EstimatedPoses, exact: &EstimatedPoses) {
     let mut errors = PoseErrors::default();
-    for node in poses.trajectory.poses() {
-        if let Some(truth) = exact.trajectory.pose_at(node.time_s) {
+    for node in poses.trajectory().poses() {
+        if let Some(truth) = exact.trajectory().pose_at(node.time_s) {
             errors.add(node, &(truth.translation_m, truth.rotation));
         }
     }

@@ -168,6 +168,7 @@
 //! | [`error`] | the error type, with file, line and remedy |
 //! | [`progress`] | progress of stages, cancellation |
 //! | [`output`] | result files, written completely or not at all |
+//! | [`stored`] | results as bytes, from which they come back exactly |
 //! | [`statistics`] | median, quantiles, χ², Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`verdict`] | statements about results, with severity and code |
@@ -209,6 +210,7 @@ pub mod report;
 pub mod sensor;
 pub mod simulation;
 pub mod statistics;
+pub mod stored;
 pub mod surface;
 pub mod tiles;
 pub mod trajectory;

@@ -1,5 +1,6 @@
 //! What the program says about its results: statements with a severity and a stable code.
 
+use crate::stored::stored;
 use serde::Serialize;
 
 /// Severity of a statement.
@@ -150,6 +151,16 @@ pub fn capitalised(text: &str) -> String {
     }
     text
 }
+
+stored!(struct Verdict { severity, code, text, value, sigma });
+stored!(
+    enum Severity {
+        Good,
+        Note,
+        Care,
+        Fault,
+    }
+);
 
 #[cfg(test)]
 mod tests {

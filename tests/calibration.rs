@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use boresight::calibration::{Calibration, CalibrationSettings, Method};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
-use boresight::pipeline::stages::Poses;
+use boresight::pipeline::stages::EstimatedPoses;
 use boresight::project::Project;
 use boresight::simulation::Scenario;
 use common::demo_drive::{DemoDrive, calibrate};
@@ -29,7 +29,7 @@ fn case() -> &'static DemoDrive {
 }
 
 /// On its own settings.
-fn calibrated(project: &Project, poses: &Poses, reference: &[Vec3]) -> Calibration {
+fn calibrated(project: &Project, poses: &EstimatedPoses, reference: &[Vec3]) -> Calibration {
     calibrate(project, &project.calibration, poses, reference).unwrap()
 }
 

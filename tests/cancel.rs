@@ -69,6 +69,7 @@ fn stops(what: &str, least: u64, work: impl Fn(&Options, &dyn Progress) -> Resul
     let options = |name: &str| Options {
         out: folder.path().join(name),
         seed: None,
+        fresh: true,
     };
     let alone = StopAt::new(u64::MAX);
     work(&options("whole"), &alone).unwrap();
@@ -104,6 +105,7 @@ fn drive() -> (tempfile::TempDir, Project) {
     let options = Options {
         out: kept.path().to_owned(),
         seed: None,
+        fresh: true,
     };
     pipeline::simulate(&scenario(kept.path()), &options, &Silent).unwrap();
     let mut project = Project::read(&kept.path().join("drive-1/project.toml")).unwrap();

@@ -6,8 +6,9 @@ mod common;
 
 use std::path::Path;
 
-use boresight::comparison::ComparisonSettings;
-use boresight::comparison::{CoreDistance, M3c2, Normals, Statistics, core_points, m3c2};
+use boresight::comparison::{
+    ComparisonSettings, CoreDistance, Histogram, M3c2, Normals, Statistics, core_points, m3c2,
+};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
 use common::kernels::read_las;
@@ -129,7 +130,7 @@ fn statistics_of_known_distances() {
     assert!((statistics.rmse_m - 1e-3 * (38.0f64 / 5.0).sqrt()).abs() < 1e-15);
     assert_eq!(statistics.median_m, 0.002);
     assert_eq!(statistics.significant_share, 3.0 / 4.0);
-    let histogram = statistics.histogram(0.0, 0.004, 4);
+    let histogram = Histogram::of(comparison.distances_m(), (0.0, 0.004), 4);
     assert_eq!(
         (histogram.below, &histogram.counts[..], histogram.above),
         (1, &[0, 1, 1, 0][..], 2)

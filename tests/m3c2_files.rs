@@ -45,6 +45,7 @@ fn run(comparison: &Comparison, out: &Path) -> (Value, String) {
     let options = Options {
         out: out.to_owned(),
         seed: None,
+        fresh: false,
     };
     let outcome = compare(comparison, &options, &Silent).unwrap();
     assert_eq!(outcome.files, [out.join("m3c2.laz"), out.join("m3c2.csv")]);

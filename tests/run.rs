@@ -3,58 +3,16 @@
 
 mod common;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use common::results::{EXACT, results, timeless};
 use common::{boresight, names, on_project, rewrite_project, simulated};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
-
-/// `document` without what differs from run to run: times and memory.
-fn timeless(mut document: Value) -> Value {
-    match &mut document {
-        Value::Object(entries) => {
-            entries.retain(|key, _| key != "seconds" && key != "peak_memory_bytes");
-            for value in entries.values_mut() {
-                *value = timeless(value.take());
-            }
-        }
-        Value::Array(values) => {
-            for value in values {
-                *value = timeless(value.take());
-            }
-        }
-        _ => {}
-    }
-    document
-}
-
-/// Results whose bytes depend on nothing but the input.
-const EXACT: [&str; 5] = [
-    "calibration.toml",
-    "trajectory.csv",
-    "cloud-left.laz",
-    "cloud-right.laz",
-    "project.toml",
-];
-
-/// The results in `out` by name, without times; panics where a file is missing or not whole.
-fn results(out: &Path) -> BTreeMap<&'static str, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for name in EXACT {
-        found.insert(name, fs::read(out.join(name)).unwrap());
-    }
-    let document: Value =
-        serde_json::from_slice(&fs::read(out.join("result.json")).unwrap()).unwrap();
-    found.insert("result.json", timeless(document).to_string().into_bytes());
-    let report = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(report.trim_end().ends_with("</html>"), "half a report");
-    found
-}
 
 #[test]
 fn the_same_bytes_on_one_and_on_two_threads() {
@@ -118,6 +76,7 @@ fn a_killed_run_leaves_old_or_new_files() {
                 "run",
                 drive.join("project.toml").to_str().unwrap(),
                 "--quiet",
+                "--fresh",
             ])
             .stdout(Stdio::null())
             .stderr(Stdio::null())
@@ -160,17 +119,22 @@ fn a_killed_run_leaves_old_or_new_files() {
     assert_eq!(hidden(&out), 0);
 }
 
-/// The next run after a kill gives what one that nobody disturbed gives.
+/// The next run after a kill goes on from there, and gives what one that nobody disturbed gives.
 #[cfg(unix)]
 #[test]
 #[ignore = "100 kills, each with a whole run behind it"]
 fn a_hundred_killed_runs_are_made_up_for() {
     let (_kept, drive) = simulated();
     let (whole, out) = (drive.join("whole"), drive.join("out"));
-    let begun = Instant::now();
-    let run = on_project(&drive, "run", &["--out", whole.to_str().unwrap()]);
-    let took = begun.elapsed();
-    assert_eq!(run.code, 0, "{}", run.err);
+    // The shortest of three, lest kills come when all is over.
+    let whole_run = |_| {
+        let begun = Instant::now();
+        let out = whole.to_str().unwrap();
+        let run = on_project(&drive, "run", &["--fresh", "--out", out]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        begun.elapsed()
+    };
+    let took = (0..3).map(whole_run).min().unwrap();
     let expected = results(&whole);
     let random = &mut ChaCha8Rng::seed_from_u64(1);
     let mut killed = 0;
@@ -189,6 +153,7 @@ fn a_hundred_killed_runs_are_made_up_for() {
         assert!(results(&out) == expected, "after kill {number}");
         assert_eq!(hidden(&out), 0);
         fs::remove_dir_all(&out).unwrap();
+        fs::remove_dir_all(drive.join("out.finished")).unwrap();
     }
     println!("{killed} of 100 were still at work");
     assert!(killed > 80);

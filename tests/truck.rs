@@ -11,7 +11,7 @@ use boresight::geometry::{BodyFromScanner, Vec3, so3};
 use boresight::joint::adjust;
 use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Scans};
 use boresight::pipeline::clouds::Mounted;
-use boresight::pipeline::start::{Start, start};
+use boresight::pipeline::start::start;
 use boresight::pipeline::{clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -41,7 +41,7 @@ fn off_deg(found: &BodyFromScanner) -> f64 {
 /// other way round the sparse pass's own spacing, 0.066 m, would be all that is seen.
 fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
     let poses = stages::poses(project, &Silent).unwrap();
-    gap_with_m(project, &poses.trajectory, mounting)
+    gap_with_m(project, poses.trajectory(), mounting)
 }
 
 /// The same with other poses than the file's.
@@ -94,7 +94,7 @@ fn poses_adjusted_along_bring_the_passes_no_farther_apart() {
     let project = project_with(prior, Vec3::zeros(), folder.path());
     let two_steps = calibrated(&project);
     let poses = stages::poses(&project, &Silent).unwrap();
-    let samples = stages::samples(&project, &poses.trajectory, &Silent).unwrap();
+    let samples = stages::samples(&project, poses.trajectory(), &Silent).unwrap();
     let settings = JointSettings::default();
     let input = JointInput {
         mountings: two_steps.mountings.clone(),
@@ -104,7 +104,7 @@ fn poses_adjusted_along_bring_the_passes_no_farther_apart() {
         drives: vec![JointDrive {
             name: "truck".into(),
             motion: Box::new(
-                CorrectedPoses::new(&poses.trajectory, settings.correlation_s).unwrap(),
+                CorrectedPoses::new(poses.trajectory(), settings.correlation_s).unwrap(),
             ),
             scans: Scans {
                 samples: samples.iter().collect(),
@@ -166,10 +166,10 @@ fn poses_beside_points_lead_back_to_the_points() {
     let project = project(Vec3::zeros(), folder.path());
     let poses = stages::poses(&project, &Silent).unwrap();
     let identity = BodyFromScanner::identity();
-    let kept = clouds::stream(&project, &poses.trajectory, None, &Silent).unwrap();
+    let kept = clouds::stream(&project, poses.trajectory(), None, &Silent).unwrap();
     let placed = clouds::place(
         &project,
-        &poses.trajectory,
+        poses.trajectory(),
         Mounted::rigid(&[identity]),
         &kept,
     );
@@ -194,8 +194,8 @@ fn millimetres(point: &Vec3) -> [i64; 3] {
 /// project's reach.
 fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let poses = stages::poses(project, &Silent).unwrap();
-    let samples = stages::samples(project, &poses.trajectory, &Silent).unwrap();
-    let start = start(project, &poses.trajectory, &samples, &[], &Silent);
+    let samples = stages::samples(project, poses.trajectory(), &Silent).unwrap();
+    let start = start(project, poses.trajectory(), &samples, &[], &Silent);
     let own = |code: &str| code == "mounting.start";
     let mut said = start.said.iter();
     assert!(
@@ -203,9 +203,8 @@ fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
         "{:?}",
         start.said
     );
-    let Start {
-        project, settings, ..
-    } = start;
+    let settings = start.settings(project);
+    let project = start.project(project);
     let found = stages::calibration(&project, &settings, &poses, &samples, &[], &Silent).unwrap();
     (found, settings.voxel_sizes_m)
 }

@@ -3,6 +3,7 @@
 use super::damping::{Damping, DampingRule, Verdict};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::stored::stored;
 use std::fmt;
 
 /// Converged where a step is shorter than this, in posterior standard deviations: it moves no
@@ -101,3 +102,11 @@ pub fn levenberg_marquardt<P: LeastSquares>(
         cost,
     })
 }
+
+stored!(
+    enum StopReason {
+        Converged,
+        IterationLimit,
+        NoBetterStep,
+    }
+);

@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 use crate::statistics::rms;
+use crate::stored::stored;
 use crate::surface::Surface;
 use crate::trajectory::Trajectory;
 
@@ -288,6 +289,10 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         0.0
     }
 }
+
+stored!(struct Constancy { blocks, ratio, rms_m, constant, strongest, jump });
+stored!(struct Block { time_s, mean_m, expected_sigma_m });
+stored!(struct Jump { scanner, time_s, step_m, correlation });
 
 #[cfg(test)]
 mod tests {

@@ -13,6 +13,7 @@ use super::constancy::upward_normal;
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 use crate::statistics::{median, rms};
+use crate::stored::stored;
 use crate::surface::Surface;
 
 /// Length of a block, seconds.
@@ -152,3 +153,5 @@ fn distances(surface: &Surface, index: usize) -> Vec<Distance> {
     };
     beside.into_iter().map(distance).collect()
 }
+
+stored!(struct Gap { scanners, rms_m, ratio, constant });

@@ -15,6 +15,7 @@ use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::statistics::{drawn_sign, median};
+use crate::stored::stored;
 
 /// Most neighbourhoods: where minima lie, few tell.
 const MAX_CENTRES: usize = 20_000;
@@ -124,3 +125,5 @@ fn fits_as_well(state: &State, other: &State, voxel_m: f64) -> bool {
     };
     state.cost < other.cost + AS_LOW * planes && space(state) < AS_SMALL * space(other)
 }
+
+stored!(struct Minimum { shift_m, turn_rad, starts, back, other });

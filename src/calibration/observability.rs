@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use super::cost::NormalEquations;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
 use crate::geometry::EulerConvention;
+use crate::stored::stored;
 
 /// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
 /// close-range scanner.
@@ -281,6 +282,9 @@ fn describe(
         several => format!("a combination of {}", several.join(", ")),
     }
 }
+
+stored!(struct Observability { shares, unobservable });
+stored!(struct UnobservableDirection { direction, share, description, parameters });
 
 #[cfg(test)]
 mod tests {

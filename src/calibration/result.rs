@@ -10,6 +10,7 @@ use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, poses};
 use super::scale::Ending;
 use super::settings::Method;
 use crate::geometry::{BodyFromScanner, EulerConvention};
+use crate::stored::stored;
 
 /// The calibrated mountings and their quality.
 #[derive(Debug, Clone)]
@@ -155,3 +156,12 @@ impl Calibration {
         poses(&self.mountings)
     }
 }
+
+stored!(struct Calibration {
+    method, mountings, converged, scales, covariance, origin_sigma_m, observability, minimum, constancy,
+    gap,
+});
+stored!(struct Scale {
+    voxel_m, iterations, points, reference_points, neighbourhoods, costs, cost, ending, seconds,
+    mountings,
+});

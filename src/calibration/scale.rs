@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::cost::{NormalEquations, cost, normal_equations};
 use super::observability::Observability;
 use super::parameters::{Mounting, poses};
+use crate::stored::stored;
 use crate::surface::{Surface, SurfaceCloud};
 
 /// The adjustment problem of one scale.
@@ -121,3 +122,13 @@ impl serde::Serialize for Ending {
         serializer.collect_str(self)
     }
 }
+
+stored!(
+    enum Ending {
+        Converged,
+        CostFloor,
+        Alternating,
+        NotDetermined,
+        IterationsExhausted,
+    }
+);

@@ -1,6 +1,7 @@
 //! Settings of the calibration.
 
 use crate::error::{Error, Result};
+use crate::stored::stored;
 
 /// Estimation method for mountings on a given trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -74,3 +75,11 @@ impl CalibrationSettings {
         Ok((coarser, finest))
     }
 }
+
+stored!(
+    enum Method {
+        TwoStep,
+        Joint,
+        Paper,
+    }
+);

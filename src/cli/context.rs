@@ -35,6 +35,7 @@ impl Context {
         Options {
             out: out.to_owned(),
             seed: self.seed,
+            fresh: false,
         }
     }
 
@@ -42,7 +43,7 @@ impl Context {
     pub(super) fn with_project(
         &self,
         on: &ProjectArguments,
-        stage: fn(&Project, &Options, &dyn Progress) -> Result<Outcome>,
+        stage: impl Fn(&Project, &Options, &dyn Progress) -> Result<Outcome>,
     ) -> Result<Outcome> {
         let project = Project::read(&on.project)?;
         project.check_files()?;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::context::Context;
+use super::run::Repeat;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -12,12 +13,14 @@ pub(super) struct Demo {
     /// Folder for the drives and the results
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    #[command(flatten)]
+    repeat: Repeat,
 }
 
 impl Demo {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         context.logged(&self.out, &[], |options| {
-            pipeline::demo(options, &context.terminal)
+            pipeline::demo(&self.repeat.of(options), &context.terminal)
         })
     }
 }

@@ -13,6 +13,7 @@ mod init;
 mod inspect;
 mod interrupt;
 mod print;
+mod run;
 mod salvage;
 mod simulate;
 mod terminal;
@@ -81,8 +82,7 @@ enum Command {
     Convert(convert::Convert),
     Features(features::Features),
     Thin(thin::Thin),
-    /// Run all stages on a project: trajectory, calibration, clouds, comparison, report
-    Run(ProjectArguments),
+    Run(run::Run),
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -160,7 +160,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Convert(command) => command.execute(&context),
             Command::Features(command) => command.execute(&context),
             Command::Thin(command) => command.execute(&context),
-            Command::Run(on) => context.with_project(&on, pipeline::run),
+            Command::Run(command) => command.execute(&context),
         };
         outcome.map(|outcome| (outcome, true))
     })

@@ -2,6 +2,7 @@
 
 use super::checks::Normals;
 use super::m3c2::{core_points, m3c2};
+use super::map::DistanceMap;
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::statistics::Statistics;
@@ -9,6 +10,7 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
+use crate::stored::stored;
 
 /// The mounting with which the clouds of a comparison were georeferenced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -58,8 +60,8 @@ pub struct Agreement {
     /// Share of the core points with a distance among those that lie in the footprint of the cloud
     /// compared, seen from above and half a metre about its heights; NaN if none does.
     pub coverage: f64,
-    /// The distance at each core point.
-    pub distances: M3c2,
+    /// The distances by place.
+    pub distances: DistanceMap,
 }
 
 impl Agreement {
@@ -225,7 +227,7 @@ impl Comparisons<'_> {
                     against,
                     mounting,
                     statistics,
-                    distances,
+                    distances: DistanceMap::of(&distances),
                 };
                 self.found.push((sides, found));
             }
@@ -237,3 +239,20 @@ impl Comparisons<'_> {
         Ok(())
     }
 }
+
+stored!(struct Agreements { found, missing });
+stored!(struct Agreement { scanner, against, mounting, statistics, coverage, distances });
+stored!(
+    enum Against {
+        Reference,
+        Scanner(name),
+    }
+);
+stored!(
+    enum MountingKind {
+        Initial,
+        TwoStep,
+        Final,
+        Truth,
+    }
+);

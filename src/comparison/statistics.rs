@@ -3,6 +3,7 @@
 use super::result::M3c2;
 use crate::error::{Error, Problem, Result};
 use crate::statistics::{SIGMAS_PER_MAD, mean, quantile, rms};
+use crate::stored::stored;
 
 /// Statistics of the finite distances of a comparison, metres.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -26,9 +27,6 @@ pub struct Statistics {
     /// Share of distances beyond their level of detection, among those that have one; NaN if none
     /// has.
     pub significant_share: f64,
-    /// The distances, ascending.
-    #[serde(skip)]
-    sorted_m: Vec<f64>,
 }
 
 impl Statistics {
@@ -65,48 +63,8 @@ impl Statistics {
             median_m,
             nmad_m: SIGMAS_PER_MAD * quantile(&off_m, 0.5),
             significant_share: significant as f64 / judged.len() as f64,
-            sorted_m,
         })
     }
-
-    /// Counts of the distances in `bins` (at least one) equal intervals from `low_m` to `high_m`.
-    pub fn histogram(&self, low_m: f64, high_m: f64, bins: usize) -> Histogram {
-        let bins = bins.max(1);
-        let width_m = (high_m - low_m) / bins as f64;
-        let mut histogram = Histogram {
-            low_m,
-            width_m,
-            counts: vec![0; bins],
-            below: 0,
-            above: 0,
-        };
-        for &distance in &self.sorted_m {
-            if distance < low_m {
-                histogram.below += 1;
-            } else if distance < high_m {
-                let bin = ((distance - low_m) / width_m) as usize;
-                histogram.counts[bin.min(bins - 1)] += 1;
-            } else {
-                histogram.above += 1;
-            }
-        }
-        histogram
-    }
-}
-
-/// Counts in equal intervals, each closed below and open above.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Histogram {
-    /// Lower end of the first interval, metres.
-    pub low_m: f64,
-    /// Width of an interval, metres.
-    pub width_m: f64,
-    /// Distances in each interval.
-    pub counts: Vec<u64>,
-    /// Distances below the first interval.
-    pub below: u64,
-    /// Distances at or above the end of the last.
-    pub above: u64,
 }
 
 fn no_overlap(comparison: &M3c2) -> Error {
@@ -126,3 +84,7 @@ fn no_overlap(comparison: &M3c2) -> Error {
          cylinder_radius_m or normal_radii_m",
     )
 }
+
+stored!(struct Statistics {
+    n, core_points, mean_m, std_m, rmse_m, median_m, nmad_m, significant_share,
+});

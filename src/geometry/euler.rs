@@ -2,6 +2,7 @@
 
 use super::attitude::roll_pitch_yaw;
 use super::{Rotation, Vec3};
+use crate::stored::stored;
 
 /// How three angles (α, β, γ) form R_bs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -51,6 +52,13 @@ pub fn euler_jacobian(convention: EulerConvention, rotation: &Rotation) -> super
     }
     jacobian
 }
+
+stored!(
+    enum EulerConvention {
+        Zyx,
+        Bonn,
+    }
+);
 
 #[cfg(test)]
 mod tests {

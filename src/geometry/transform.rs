@@ -6,6 +6,7 @@ use std::ops::Mul;
 
 use super::so3::{exp, log};
 use super::{Rotation, Vec3};
+use crate::stored::Stored;
 
 /// The world frame: right-handed, z up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -170,6 +171,17 @@ impl<To, From> fmt::Debug for Transform<To, From> {
             .field("rotation", &self.rotation)
             .field("translation_m", &self.translation_m)
             .finish()
+    }
+}
+
+impl<To, From> Stored for Transform<To, From> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.rotation.store(bytes);
+        self.translation_m.store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        Some(Self::new(Stored::restore(bytes)?, Stored::restore(bytes)?))
     }
 }
 

@@ -21,6 +21,7 @@ use crate::calibration::Mounting;
 use crate::geometry::Vec3;
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, PoseRecord, STANDARD_GRAVITY_M_S2};
 use crate::statistics::{self, Series};
+use crate::stored::stored;
 use crate::trajectory::Trajectory;
 
 /// Components of a load, in units of gravity: the direction up along the body's x and y axes, and its
@@ -366,3 +367,13 @@ fn under(compliance: &[f64], causes: &[f64]) -> [f64; 6] {
     let by_each = || compliance.chunks_exact(6).zip(causes);
     std::array::from_fn(|i| by_each().map(|(by, cause)| by[i] * cause).sum())
 }
+
+stored!(
+    enum Rung {
+        Rigid,
+        Compliance,
+        SlowKnots,
+        DenseKnots,
+    }
+);
+stored!(struct Compliance { by_load, sigma, mean_load });

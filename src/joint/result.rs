@@ -12,6 +12,7 @@ use crate::adjustment::StopReason;
 use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::stored::stored;
 use crate::trajectory::{EstimatedConstant, Trajectory};
 use crate::verdict::Verdict;
 
@@ -323,3 +324,21 @@ impl Joint {
         self.groups.iter().find(|group| group.name == name)
     }
 }
+
+stored!(struct JointReport { found, refused, others, late, seconds });
+stored!(struct Joint {
+    mountings, covariance, late_s, late_scores, height_score, rung, ladder, prior_shares, compliance,
+    drives, constants, reference, surface_m, regions, held, groups, stop, iterations, rows, surfels,
+    unknowns,
+});
+stored!(struct LateScanner { name, late, time_offset_s });
+stored!(struct Climb { rung, reasons });
+stored!(struct AdjustedDrive {
+    name, trajectory, bending, motion_left, jumps, points, imu, positions, residuals, moved,
+});
+stored!(struct ReferenceError { prior, shift_m, shift_sigma_m, turn_rad, turn_sigma_rad });
+stored!(struct GroupTest { name, rows, chi_square, redundancy, ratio });
+stored!(struct MovedMounting { offsets, sigmas });
+stored!(struct KnownPoint { time_s, in_scanner_m, sigma_m });
+stored!(struct Jump { scanner, between_s, step, sigma });
+stored!(struct PoseMove { time_s, shift_m, turn_rad });

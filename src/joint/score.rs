@@ -4,6 +4,7 @@ use super::layout::UP;
 use super::problem::JointProblem;
 use super::row::{Row, RowBatch};
 use super::state::State;
+use crate::stored::stored;
 
 /// The value that would fit best, and its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -92,3 +93,5 @@ fn derivative(row: &Row<'_>, places: &[usize], held: usize) -> f64 {
         _ => 0.0,
     }
 }
+
+stored!(struct Score { value, sigma });

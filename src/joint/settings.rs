@@ -2,6 +2,7 @@
 
 use super::bend::Rung;
 use crate::calibration::POSE_CORRELATION_S;
+use crate::stored::stored;
 
 /// Size of a surfel in finest voxels of the calibration that precedes the adjustment.
 const SURFEL_VOXELS: f64 = 10.0;
@@ -85,3 +86,5 @@ impl Default for ReferenceSigma {
         }
     }
 }
+
+stored!(struct ReferenceSigma { shift_m, tilt_rad, assumed, surface_m });

@@ -1,16 +1,19 @@
 //! A whole run: all stages in order.
 
-use std::path::Path;
+use std::cell::OnceCell;
+use std::path::PathBuf;
 
 use super::clouds::Mounted;
-use super::findings::{Extras, Findings};
+use super::findings::{Extras, Findings, KeptStages};
+use super::finished::{Finished, Key};
 use super::job::Job;
-use super::stages::Poses;
+use super::keys::Keys;
+use super::outcome::Options;
+use super::own::Own;
+use super::stages::EstimatedPoses;
 use super::start::{self, Start};
 use super::{clouds, drives, joint, mounting, page, result, stages};
-use crate::calibration::{
-    Calibration, CalibrationSettings, Method, Minimum, ScannerSample, Variant,
-};
+use crate::calibration::{Calibration, CalibrationSettings, Method, Minimum, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
 use crate::error::Result;
@@ -20,6 +23,7 @@ use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::content::Drive;
 use crate::report::{self, verdicts};
+use crate::stored::stored;
 use crate::verdict::Severity;
 
 /// Results other than the clouds.
@@ -35,41 +39,58 @@ const RESULTS: [&str; 6] = [
 /// The paper reports 50 to 450 iterations per scale.
 const PAPER_ITERATIONS: usize = 450;
 
-/// Runs all stages on the project and writes every result into `out`, whole or not at all.
+/// Runs all stages on the project and writes every result into the folder `out` of the options, whole or not at
+/// all. Stages that an earlier run with this folder finished from the same inputs are not run again, unless the
+/// options say so.
 ///
 /// # Errors
-/// The first error of any stage; `out` then keeps its previous content.
+/// The first error of any stage; the folder then keeps its previous content.
 pub fn analyse(
     project: &Project,
-    out: &Path,
+    options: &Options,
     extras: &Extras,
     progress: &dyn Progress,
 ) -> Result<Findings> {
     project.check_files()?;
     let names: Vec<String> = RESULTS.map(str::to_owned).into();
-    let names = [names, clouds::names(project)].concat();
-    let mut job = Job::new(out, &project.inputs(), &names, progress)?;
+    let cloud_names = clouds::names(project);
+    let names = [names.as_slice(), &cloud_names].concat();
+    let finished = Finished::beside(&options.out, options.fresh)?;
+    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    job = job.with_finished(finished);
+    let keys = Keys::new(project, progress)?;
+    let mut own = Own::new(project);
 
-    let reference = job.timed("reference", |progress| stages::reference(project, progress))?;
-    let poses = job.timed("trajectory", |progress| stages::poses(project, progress))?;
-    let (project, samples) = job.timed("sample", |progress| {
-        let project = start::with_scales(project, &poses.trajectory, progress)?;
-        let samples = stages::samples(&project, &poses.trajectory, progress)?;
-        Ok((project, samples))
+    let calibration_key = &keys.calibration;
+    let background_m = job.once(("reference", &[]), calibration_key, |progress| {
+        Ok(thinned_for_drawing(own.reference(progress)?))
     })?;
-    let project = &project;
-    stages::check_reference(project, &samples, &reference)?;
-    let start = job.timed("check placement", |progress| {
+    let poses = job.once(("trajectory", &[]), &keys.poses, |progress| {
+        Ok(own.poses(progress)?.poses.clone())
+    })?;
+    let sampled = job.once(("sample", &[]), calibration_key, |progress| {
+        let scaled = start::with_scales(project, &poses.trajectory, progress)?;
+        let samples = own.samples(&scaled, progress)?;
+        stages::check_reference(&scaled, samples, own.reference(progress)?)?;
+        Ok(Sampled {
+            voxel_sizes_m: scaled.calibration.voxel_sizes_m.clone(),
+            left_out: stages::left_out(&scaled, samples),
+        })
+    })?;
+    let project = &sampled.project(project);
+    let start = job.once(("check placement", &[]), calibration_key, |progress| {
+        let samples = own.samples(project, progress)?;
+        let reference = own.reference(progress)?;
         let trajectory = &poses.trajectory;
         Ok(start::start(
-            project, trajectory, &samples, &reference, progress,
+            project, trajectory, samples, reference, progress,
         ))
     })?;
-    let two_steps = job.timed("calibrate", |progress| {
-        let Start {
-            project, settings, ..
-        } = &start;
-        stages::calibration(project, settings, &poses, &samples, &reference, progress)
+    let two_steps = job.once(("calibrate", &[]), calibration_key, |progress| {
+        let (begin, settings) = (start.project(project), start.settings(project));
+        let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
+        let reference = own.reference(progress)?;
+        stages::calibration(&begin, &settings, poses, samples, reference, progress)
     })?;
     // Scans that are not where they belong would take minutes to be refused.
     let mut said = poses.preflight.iter().chain(&start.said);
@@ -82,19 +103,23 @@ pub fn analyse(
         None
     };
     let joint = match (project.is_joint, hindrance) {
-        (true, None) => Some(adjust_jointly(
-            project, &poses, &samples, &two_steps, &reference, &mut job,
-        )?),
+        (true, None) => Some(job.once(("adjust jointly", &[]), &keys.joint, |progress| {
+            let drive = joint::Drive {
+                name: &drives::name_of(project),
+                project,
+                poses: own.poses(progress)?,
+                samples: own.samples(project, progress)?,
+            };
+            joint::report(&drive, &two_steps, own.reference(progress)?, progress)
+        })?),
         (true, Some(reason)) => Some(JointReport {
             refused: vec![reason.into()],
             ..JointReport::default()
         }),
         (false, _) => None,
     };
-    let own = (&poses, samples.as_slice());
-    let mut variants = calibrate_variants(&start, extras, own, &reference, &mut job)?;
-    let left_out = stages::left_out(project, &samples);
-    drop(samples);
+    let mut variants = calibrate_variants((project, &start), extras, &own, &keys, &mut job)?;
+    own.forget_poses_and_samples();
     let accepted = joint.as_ref().and_then(JointReport::accepted);
     let calibration = match accepted {
         Some(joint) => {
@@ -106,26 +131,28 @@ pub fn analyse(
     };
     let placed = stages::with_latencies(project, accepted);
     let adjusted = drives::Adjusted::new(&placed, &poses, accepted)?;
-    let kept = clouds::write(
-        &placed,
-        &adjusted.trajectory,
-        Mounted {
-            mountings: &calibration.poses(),
-            bending: &adjusted.bending,
-        },
-        &mut job,
-    )?;
+    let found = calibration.poses();
+    let mounted = Mounted {
+        mountings: &found,
+        bending: &adjusted.bending,
+    };
+    let kept = OnceCell::new();
+    let cloud_paths: Vec<PathBuf> = cloud_names.iter().map(|name| job.path(name)).collect();
+    job.once(("georeference", &cloud_names), &keys.joint, |progress| {
+        let files = Some((mounted, cloud_paths.as_slice()));
+        let points = clouds::stream(&placed, &adjusted.trajectory, files, progress)?;
+        kept.get_or_init(|| points);
+        Ok(())
+    })?;
     let mountings = mountings(project, &calibration, &variants, extras);
     let origin_sigma_m = stages::origin_sigma_m(project, poses.solution.as_ref());
-    let own = (poses, adjusted);
-    let drives = drives::compare(
-        &placed,
-        own,
-        &reference,
-        (&mountings, &calibration),
-        kept,
-        &mut job,
-    )?;
+    let compared = drives::Compared {
+        project: &placed,
+        mountings: &mountings,
+        calibration: &calibration,
+        keys: &keys,
+    };
+    let drives = compared.all((poses, adjusted, kept), &own, &mut job)?;
     // An error of the origin moves no point of a drive, and is left out until here.
     let calibration = calibration.with_origin_sigma(origin_sigma_m);
     let variants = variants.into_iter().map(|(variant, found)| match variant {
@@ -139,7 +166,7 @@ pub fn analyse(
         &calibration,
         joint.as_ref(),
         &drives,
-        left_out,
+        sampled.left_out,
     ) {
         job.warn(warning);
     }
@@ -150,62 +177,75 @@ pub fn analyse(
         mountings,
         drives,
         origin_m: project.origin_m,
-        background_m: thinned_for_drawing(&reference),
+        background_m,
         stages: job.stages().to_vec(),
         placement: start.said,
         warnings: job.warnings().to_vec(),
         verdicts: Vec::new(),
+        kept: None,
     };
     let content = page::content(project, &findings, extras);
     findings.verdicts = verdicts(&content, &project.acceptance);
     write(project, &findings, extras, &job)?;
-    job.commit()?;
+    findings.kept = job.commit()?.map(|finished| KeptStages {
+        folder: finished.folder().to_owned(),
+        bytes: finished.bytes(),
+        found: finished.found().to_vec(),
+    });
     Ok(findings)
 }
 
-/// Adjusts mountings and trajectories together.
-fn adjust_jointly(
-    project: &Project,
-    poses: &Poses,
-    samples: &[ScannerSample],
-    two_steps: &Calibration,
-    reference: &[Vec3],
-    job: &mut Job<'_>,
-) -> Result<JointReport> {
-    let name = drives::name_of(project);
-    let own = joint::Drive {
-        name: &name,
-        project,
-        poses,
-        samples,
-    };
-    job.timed("adjust jointly", |progress| {
-        joint::report(&own, two_steps, reference, progress)
-    })
+/// What samples tell of a project.
+struct Sampled {
+    voxel_sizes_m: Vec<f64>,
+    /// Warnings about points that were left out.
+    left_out: Vec<String>,
+}
+stored!(struct Sampled { voxel_sizes_m, left_out });
+
+impl Sampled {
+    /// The project with the scales that follow from its points.
+    fn project(&self, project: &Project) -> Project {
+        let mut project = project.clone();
+        project.has_auto_scales = false;
+        project.calibration.voxel_sizes_m = self.voxel_sizes_m.clone();
+        project
+    }
 }
 
 /// Calibrates the same drive under every other condition that `extras` and the reference allow.
 fn calibrate_variants(
-    Start {
-        project, settings, ..
-    }: &Start,
+    (project, start): (&Project, &Start),
     extras: &Extras,
-    (poses, samples): (&Poses, &[ScannerSample]),
-    reference: &[Vec3],
+    own: &Own<'_>,
+    keys: &Keys,
     job: &mut Job<'_>,
 ) -> Result<Vec<(Variant, Calibration)>> {
+    let begin = start.project(project);
+    let settings = start.settings(project);
+    let mut calibrate =
+        |name: &str, key: &Key, work: &dyn Fn(&dyn Progress) -> Result<Calibration>| {
+            job.once((name, &[]), key, |progress| {
+                let _stage = progress.stage(name, 0);
+                work(progress)
+            })
+        };
+    let key = &keys.calibration;
     let mut variants = Vec::new();
-    if !reference.is_empty() {
-        let found = job.shown("calibrate without reference", |progress| {
-            stages::calibration(project, settings, poses, samples, &[], progress)
+    if project.reference.is_some() {
+        let found = calibrate("calibrate without reference", key, &|progress| {
+            let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
+            stages::calibration(&begin, &settings, poses, samples, &[], progress)
         });
         variants.push((Variant::WithoutReference, found?));
     }
     if let Some(truth) = &extras.truth {
-        let found = job.shown("calibrate with exact poses", |progress| {
-            let exact = Poses::from_file(truth.trajectory.clone());
-            let samples = stages::samples(project, &exact.trajectory, progress)?;
-            stages::calibration(project, settings, &exact, &samples, reference, progress)
+        let key = key.clone().with(&truth.trajectory);
+        let found = calibrate("calibrate with exact poses", &key, &|progress| {
+            let exact = EstimatedPoses::from_file(truth.trajectory.clone());
+            let samples = stages::samples(&begin, exact.trajectory(), progress)?;
+            let reference = own.reference(progress)?;
+            stages::calibration(&begin, &settings, &exact, &samples, reference, progress)
         });
         variants.push((Variant::ExactPoses, found?));
     }
@@ -216,8 +256,11 @@ fn calibrate_variants(
             max_iterations: PAPER_ITERATIONS,
             ..settings.clone()
         };
-        let found = job.shown("calibrate as the paper", |progress| {
-            stages::calibration(project, &paper, poses, samples, reference, progress)
+        let key = key.clone().with(&paper);
+        let found = calibrate("calibrate as the paper", &key, &|progress| {
+            let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
+            let reference = own.reference(progress)?;
+            stages::calibration(&begin, &paper, poses, samples, reference, progress)
         });
         variants.push((Variant::Paper, found?));
     }

@@ -43,7 +43,7 @@ pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
         )?),
         paper_voxels_m: DEMO_PAPER_VOXELS_M.to_vec(),
     };
-    let findings = analyse(&project, &options.out, &extras, progress)?;
+    let findings = analyse(&project, options, &extras, progress)?;
     Ok(outcome(&findings, &options.out))
 }
 
@@ -120,7 +120,7 @@ pub fn trajectory(
 ) -> Result<Outcome> {
     let names = ["trajectory.csv", "trajectory.html"];
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    let poses = stages::poses(project, progress)?;
+    let poses = stages::poses(project, progress)?.poses;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let path = job.path("trajectory.csv");
@@ -161,21 +161,21 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let names = ["calibration.toml"];
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let reference = stages::reference(project, progress)?;
-    let poses = stages::poses(project, progress)?;
-    let project = &start::with_scales(project, &poses.trajectory, progress)?;
-    let samples = stages::samples(project, &poses.trajectory, progress)?;
+    let estimated = stages::poses(project, progress)?;
+    let trajectory = estimated.trajectory();
+    let project = &start::with_scales(project, trajectory, progress)?;
+    let samples = stages::samples(project, trajectory, progress)?;
     stages::check_reference(project, &samples, &reference)?;
-    let trajectory = &poses.trajectory;
     let start = start::start(project, trajectory, &samples, &reference, progress);
-    let settings = &start.settings;
     let found = stages::calibration(
-        &start.project,
-        settings,
-        &poses,
+        &start.project(project),
+        &start.settings(project),
+        &estimated,
         &samples,
         &reference,
         progress,
     )?;
+    let poses = estimated.poses;
     let found = found.with_origin_sigma(stages::origin_sigma_m(project, poses.solution.as_ref()));
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let content = Content {
@@ -210,7 +210,7 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
         command,
         ..Extras::default()
     };
-    let findings = analyse(project, &options.out, &extras, progress)?;
+    let findings = analyse(project, options, &extras, progress)?;
     Ok(outcome(&findings, &options.out))
 }
 

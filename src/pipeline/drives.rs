@@ -1,15 +1,19 @@
 //! Agreement of the clouds of the calibration drive and of the evaluation drives.
 
+use std::cell::OnceCell;
 use std::path::Path;
 
 use super::clouds::{self, KeptPoints, Mounted};
+use super::finished::Key;
 use super::job::Job;
 use super::joint;
-use super::stages::{self, Poses};
+use super::keys::Keys;
+use super::own::Own;
+use super::stages::{self, EstimatedPoses, Poses};
 use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::Result;
-use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::geometry::{Bending, BodyFromScanner};
 use crate::joint::{Joint, contradictions};
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
@@ -55,49 +59,113 @@ impl Adjusted {
     }
 }
 
-/// Compares the kept points of the project's own drive, placed with each of the mountings, and then
-/// those of its evaluation drives.
-///
-/// # Errors
-/// Invalid settings of the comparison; errors of the stages on an evaluation drive.
-pub fn compare(
-    project: &Project,
-    (poses, adjusted): (Poses, Adjusted),
-    reference: &[Vec3],
-    (mountings, calibration): (&Mountings, &Calibration),
-    kept: KeptPoints,
-    job: &mut Job<'_>,
-) -> Result<Vec<Drive>> {
-    let own = job.timed("compare", |progress| {
-        let name = name_of(project);
-        let poses = (poses, &adjusted.trajectory, adjusted.bending.as_slice());
-        compared(&name, project, poses, reference, mountings, &kept, progress)
-    })?;
-    drop(kept);
-    let mut drives = vec![own];
-    for OtherDrive {
-        name,
-        project: path,
-    } in &project.evaluations
-    {
-        let mut other = stages::aligned(project, Project::read(path)?)?;
-        for (scanner, own) in other.scanners.iter_mut().zip(&project.scanners) {
+/// What the drives of a project are compared with.
+pub struct Compared<'a> {
+    /// The project.
+    pub project: &'a Project,
+    /// The mountings with which points are placed.
+    pub mountings: &'a Mountings,
+    /// The calibration.
+    pub calibration: &'a Calibration,
+    /// What results follow from.
+    pub keys: &'a Keys,
+}
+
+impl Compared<'_> {
+    /// Compares the kept points of the project's own drive, placed with each of the mountings, and then
+    /// those of its evaluation drives. Points that were not kept yet are read.
+    ///
+    /// # Errors
+    /// Invalid settings of the comparison; errors of the readers and of the stages on an evaluation drive.
+    pub fn all(
+        &self,
+        (poses, adjusted, mut kept): (Poses, Adjusted, OnceCell<KeptPoints>),
+        own: &Own<'_>,
+        job: &mut Job<'_>,
+    ) -> Result<Vec<Drive>> {
+        let project = self.project;
+        let key = self.keyed(self.keys.joint.clone());
+        let first = job.once(("compare", &[]), &key, |progress| {
+            let kept = match kept.take() {
+                Some(kept) => kept,
+                None => clouds::stream(project, &adjusted.trajectory, None, progress)?,
+            };
+            let placed = (poses, &adjusted.trajectory, adjusted.bending.as_slice());
+            self.drive((&name_of(project), project), placed, (own, &kept), progress)
+        })?;
+        drop(kept);
+        let mut drives = vec![first];
+        for other in &project.evaluations {
+            let key = self.keyed(self.keys.with_drive(other)?);
+            let stage = format!("evaluate {}", other.name);
+            drives.push(job.once((&stage, &[]), &key, |progress| {
+                let _stage = progress.stage(&stage, 0);
+                self.evaluated(other, own, progress)
+            })?);
+        }
+        Ok(drives)
+    }
+
+    fn keyed(&self, key: Key) -> Key {
+        key.with(&(self.mountings, &self.project.comparison))
+    }
+
+    fn evaluated(
+        &self,
+        OtherDrive { name, project }: &OtherDrive,
+        own: &Own<'_>,
+        progress: &dyn Progress,
+    ) -> Result<Drive> {
+        let mut other = stages::aligned(self.project, Project::read(project)?)?;
+        for (scanner, own) in other.scanners.iter_mut().zip(&self.project.scanners) {
             scanner.compliance = own.compliance;
         }
-        let drive = job.shown(&format!("evaluate {name}"), |progress| {
-            let poses = stages::poses(&other, progress)?;
-            let kept = clouds::stream(&other, &poses.trajectory, None, progress)?;
-            let adjusted = adjusted_alone((name, &other), &poses, calibration, progress)?;
-            let (trajectory, bending) = adjusted.unwrap_or_else(|| {
-                let bending = clouds::bending(&other, &poses.trajectory);
-                (poses.trajectory.clone(), bending)
-            });
-            let poses = (poses, &trajectory, bending.as_slice());
-            compared(name, &other, poses, reference, mountings, &kept, progress)
+        let estimated = stages::poses(&other, progress)?;
+        let kept = clouds::stream(&other, estimated.trajectory(), None, progress)?;
+        let adjusted = adjusted_alone((name, &other), &estimated, self.calibration, progress)?;
+        let poses = estimated.poses;
+        let (trajectory, bending) = adjusted.unwrap_or_else(|| {
+            let bending = clouds::bending(&other, &poses.trajectory);
+            (poses.trajectory.clone(), bending)
         });
-        drives.push(drive?);
+        let placed = (poses, &trajectory, bending.as_slice());
+        self.drive((name, &other), placed, (own, &kept), progress)
     }
-    Ok(drives)
+
+    fn drive(
+        &self,
+        (name, project): (&str, &Project),
+        (poses, trajectory, bending): (Poses, &Trajectory, &[Bending]),
+        (own, kept): (&Own<'_>, &KeptPoints),
+        progress: &dyn Progress,
+    ) -> Result<Drive> {
+        let place = |(kind, mountings): &(MountingKind, Vec<BodyFromScanner>)| {
+            let is_own = [MountingKind::Initial, MountingKind::TwoStep].contains(kind);
+            let trajectory = if is_own {
+                &poses.trajectory
+            } else {
+                trajectory
+            };
+            let mounted = Mounted {
+                mountings,
+                bending: if *kind == MountingKind::Final {
+                    bending
+                } else {
+                    &[]
+                },
+            };
+            (*kind, clouds::place(project, trajectory, mounted, kept))
+        };
+        let placed: Vec<_> = self.mountings.iter().map(place).collect();
+        let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
+        let (reference, settings) = (own.reference(progress)?, &project.comparison);
+        let agreements = agreements(name, &scanners, reference, &placed, settings, progress)?;
+        let placed = Poses {
+            trajectory: trajectory.clone(),
+            ..poses
+        };
+        Ok(drive(name, placed, agreements))
+    }
 }
 
 /// The poses of an evaluation drive, and how its mountings move, adjusted with its own scans and without the
@@ -105,7 +173,7 @@ pub fn compare(
 /// or is contradicted.
 fn adjusted_alone(
     (name, project): (&str, &Project),
-    poses: &Poses,
+    poses: &EstimatedPoses,
     calibration: &Calibration,
     progress: &dyn Progress,
 ) -> Result<Option<(Trajectory, Vec<Bending>)>> {
@@ -113,7 +181,7 @@ fn adjusted_alone(
         return Ok(None);
     };
     let calibrated = stages::with_mountings(project, &calibration.poses());
-    let samples = stages::samples(&calibrated, &poses.trajectory, progress)?;
+    let samples = stages::samples(&calibrated, poses.trajectory(), progress)?;
     let drive = joint::Drive {
         name,
         project: &calibrated,
@@ -146,39 +214,6 @@ fn adjusted_alone(
             Ok(None)
         }
     }
-}
-
-fn compared(
-    name: &str,
-    project: &Project,
-    (poses, trajectory, bending): (Poses, &Trajectory, &[Bending]),
-    reference: &[Vec3],
-    mountings: &Mountings,
-    kept: &KeptPoints,
-    progress: &dyn Progress,
-) -> Result<Drive> {
-    let place = |(kind, mountings): &(MountingKind, Vec<BodyFromScanner>)| {
-        let own = [MountingKind::Initial, MountingKind::TwoStep].contains(kind);
-        let trajectory = if own { &poses.trajectory } else { trajectory };
-        let mounted = Mounted {
-            mountings,
-            bending: if *kind == MountingKind::Final {
-                bending
-            } else {
-                &[]
-            },
-        };
-        (*kind, clouds::place(project, trajectory, mounted, kept))
-    };
-    let placed: Vec<_> = mountings.iter().map(place).collect();
-    let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
-    let settings = &project.comparison;
-    let agreements = agreements(name, &scanners, reference, &placed, settings, progress)?;
-    let placed = Poses {
-        trajectory: trajectory.clone(),
-        ..poses
-    };
-    Ok(drive(name, placed, agreements))
 }
 
 /// The results of a drive.

@@ -1,5 +1,7 @@
 //! Options and results of a whole run.
 
+use std::path::PathBuf;
+
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -56,4 +58,17 @@ pub struct Findings {
     pub warnings: Vec<String>,
     /// What is said about the results, the gravest first.
     pub verdicts: Vec<Verdict>,
+    /// The stages kept for other runs; `None` where they cannot be.
+    pub kept: Option<KeptStages>,
+}
+
+/// Stages kept for other runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeptStages {
+    /// Their folder, which may be removed.
+    pub folder: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// The stages that an earlier run had finished.
+    pub found: Vec<String>,
 }

@@ -4,14 +4,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
+use super::finished::{Finished, Key, Stage};
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::{Progress, StageSeconds};
+use crate::stored::Stored;
 
 /// A running command. Its results appear with [`Job::commit`], all or none.
 pub struct Job<'a> {
     staging: Staging,
     progress: &'a dyn Progress,
+    finished: Option<Finished>,
     stages: Vec<StageSeconds>,
     warnings: Vec<String>,
 }
@@ -31,9 +34,16 @@ impl<'a> Job<'a> {
         Ok(Self {
             staging: Staging::new(out, inputs, names)?,
             progress,
+            finished: None,
             stages: Vec::new(),
             warnings: Vec::new(),
         })
+    }
+
+    /// The same with finished stages kept.
+    pub fn with_finished(mut self, finished: Finished) -> Self {
+        self.finished = Some(finished);
+        self
     }
 
     /// Runs `work` and records its run time under `name`, and its warnings.
@@ -45,36 +55,56 @@ impl<'a> Job<'a> {
         name: &str,
         work: impl FnOnce(&dyn Progress) -> Result<T>,
     ) -> Result<T> {
-        self.progress.check()?;
-        let started = Instant::now();
-        let listener = Listener {
-            progress: self.progress,
-            heard: Mutex::default(),
-        };
-        let done = work(&listener)?;
-        for warning in listener.heard.into_inner().unwrap_or_default() {
+        let stage = run(self.progress, work)?;
+        Ok(self.conclude(name, stage))
+    }
+
+    /// As [`Self::timed`], unless an earlier run finished this stage from the same inputs: then its result, its
+    /// warnings and the results `files` that it wrote are those found then.
+    ///
+    /// # Errors
+    /// As for [`Self::timed`].
+    pub fn once<T: Stored>(
+        &mut self,
+        (name, files): (&str, &[String]),
+        key: &Key,
+        work: impl FnOnce(&dyn Progress) -> Result<T>,
+    ) -> Result<T> {
+        let paths: Vec<PathBuf> = files.iter().map(|file| self.path(file)).collect();
+        let finished = self.finished.as_mut();
+        if let Some(stage) = finished.and_then(|all| all.find(name, key, &paths)) {
+            self.progress
+                .say(&format!("{name}: finished in an earlier run"));
+            stage
+                .warnings
+                .iter()
+                .for_each(|text| self.progress.warn(text));
+            return Ok(self.conclude(name, stage));
+        }
+        let stage = run(self.progress, work)?;
+        if let Some(finished) = &mut self.finished
+            && let Err(error) = finished.keep(name, key, &stage, &paths)
+        {
+            // The results do not need it.
+            let warning = format!("finished stages are no longer kept: {error}");
+            self.progress.warn(&warning);
+            self.finished = None;
+        }
+        Ok(self.conclude(name, stage))
+    }
+
+    /// Takes a stage's time and warnings.
+    fn conclude<T>(&mut self, name: &str, stage: Stage<T>) -> T {
+        for warning in stage.warnings {
             if !self.warnings.contains(&warning) {
                 self.warnings.push(warning);
             }
         }
         self.stages.push(StageSeconds {
             name: name.into(),
-            seconds: started.elapsed().as_secs_f64(),
+            seconds: stage.seconds,
         });
-        Ok(done)
-    }
-
-    /// As [`Self::timed`], and shown as a stage around those of `work`, for work that runs again.
-    ///
-    /// # Errors
-    /// As for [`Self::timed`].
-    pub fn shown<T>(
-        &mut self,
-        name: &str,
-        work: impl FnOnce(&dyn Progress) -> Result<T>,
-    ) -> Result<T> {
-        let _stage = self.progress.stage(name, 0);
-        self.timed(name, work)
+        stage.value
     }
 
     /// Shows a warning and keeps it.
@@ -107,14 +137,37 @@ impl<'a> Job<'a> {
         std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
     }
 
-    /// Moves all results to their folder.
+    /// Moves all results to their folder, and returns the stages that are kept, of which others are removed.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; a file cannot be flushed or renamed.
-    pub fn commit(self) -> Result<()> {
+    /// [`Error::Cancelled`]; a file cannot be flushed, renamed or removed.
+    pub fn commit(self) -> Result<Option<Finished>> {
         self.progress.check()?;
-        self.staging.commit()
+        self.staging.commit()?;
+        if let Some(finished) = &self.finished {
+            finished.remove_unused()?;
+        }
+        Ok(self.finished)
     }
+}
+
+/// Runs the work of a stage.
+fn run<T>(
+    progress: &dyn Progress,
+    work: impl FnOnce(&dyn Progress) -> Result<T>,
+) -> Result<Stage<T>> {
+    progress.check()?;
+    let started = Instant::now();
+    let listener = Listener {
+        progress,
+        heard: Mutex::default(),
+    };
+    let value = work(&listener)?;
+    Ok(Stage {
+        value,
+        warnings: listener.heard.into_inner().unwrap_or_default(),
+        seconds: started.elapsed().as_secs_f64(),
+    })
 }
 
 /// Passes everything on and keeps the warnings.

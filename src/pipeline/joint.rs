@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use nalgebra::DMatrix;
 
-use super::stages::{self, Poses};
+use super::stages::{self, EstimatedPoses};
 use crate::calibration::{Calibration, Mounting, ScannerSample};
 use crate::error::{Error, Problem, Result};
 use crate::format;
@@ -32,7 +32,7 @@ pub struct Drive<'a> {
     /// Its project.
     pub project: &'a Project,
     /// Its poses, from logs or a file.
-    pub poses: &'a Poses,
+    pub poses: &'a EstimatedPoses,
     /// A sample of each scanner.
     pub samples: &'a [ScannerSample],
 }
@@ -68,12 +68,13 @@ pub fn report(
                 "name the same columns in the same order in all drives: mountings follow them alike",
             ));
         }
-        let poses = stages::poses(&aligned, progress)?;
+        let estimated = stages::poses(&aligned, progress)?;
+        let poses = &estimated.poses;
         let doubts = poses.doubts.iter().map(report::doubt);
         let contradicted = poses.preflight.iter().cloned().chain(doubts);
         said.extend(contradicted.map(|verdict| verdict.on(&other.name)));
         let samples = stages::samples(&aligned, &poses.trajectory, progress)?;
-        others.push((other.name.as_str(), aligned, poses, samples));
+        others.push((other.name.as_str(), aligned, estimated, samples));
     }
     let mut drives = vec![input(own)];
     drives.extend(others.iter().map(|(name, project, poses, samples)| {
@@ -219,8 +220,8 @@ fn latencies(project: &Project) -> Vec<bool> {
 }
 
 fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
-    let poses = drive.poses;
-    let motion: Box<dyn JointMotion> = match (&poses.covariance, &drive.project.motion) {
+    let EstimatedPoses { poses, covariance } = drive.poses;
+    let motion: Box<dyn JointMotion> = match (covariance, &drive.project.motion) {
         (Some(covariance), Motion::Logs(logs)) => {
             let names = logs.settings.positions.iter().map(|p| p.name.clone());
             let chain = ChainMotion::new(covariance, names.collect(), &correlated(logs));
@@ -266,7 +267,7 @@ fn frame_log(drive: &Drive<'_>) -> Result<Option<FrameLog>> {
     if let Some(span_s) = span_s(&read.rows) {
         check_overlap(
             ("bending", span_s),
-            ("trajectory", drive.poses.trajectory.span_s()),
+            ("trajectory", drive.poses.trajectory().span_s()),
         )?;
     }
     Ok(Some(read))

@@ -13,6 +13,8 @@ pub struct Options {
     pub out: PathBuf,
     /// Seed of all random numbers; `None` for that of the scenario.
     pub seed: Option<u64>,
+    /// Whether stages that an earlier run finished are run again.
+    pub fresh: bool,
 }
 
 /// Outcome of a command.

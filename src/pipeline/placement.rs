@@ -147,7 +147,7 @@ pub fn georeference(
     for remark in &placement.remarks {
         progress.say(remark);
     }
-    let poses = stages::poses(project, progress)?;
+    let poses = stages::poses(project, progress)?.poses;
     let mountings = stages::initial_poses(project);
     let bending = clouds::bending(project, &poses.trajectory);
     let mounted = Mounted {

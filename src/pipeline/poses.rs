@@ -10,6 +10,7 @@ use crate::preflight::{HEADING_SIGN, Log, late_logs, logs as contradictions, pos
 use crate::progress::{Progress, Silent};
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
+use crate::stored::stored;
 use crate::trajectory::{
     Constant, Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
 };
@@ -26,15 +27,22 @@ const NOTABLE_NOISE: f64 = 1.2;
 const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
      assume exact poses and are too small";
 
-/// The trajectory of the body and its uncertainty.
+/// The trajectory of the body, as it is estimated or read.
 #[derive(Debug)]
+pub struct EstimatedPoses {
+    /// What later runs find again.
+    pub poses: Poses,
+    /// Joint covariance of the poses; `None` if they came from a file.
+    pub covariance: Option<PosteriorCovariance>,
+}
+
+/// The trajectory of the body and how it was found.
+#[derive(Debug, Clone)]
 pub struct Poses {
     /// The poses, the project's origin subtracted.
     pub trajectory: Trajectory,
     /// Result of the adjustment; `None` if the poses came from a file.
     pub solution: Option<Solution>,
-    /// Joint covariance of the poses; `None` if they came from a file.
-    pub covariance: Option<PosteriorCovariance>,
     /// Rows of the logs without a measurement.
     pub rejected_rows: Vec<RejectedRow>,
     /// Wall time of the estimation without reading; `None` if the poses came from a file.
@@ -45,18 +53,27 @@ pub struct Poses {
     pub preflight: Vec<Verdict>,
 }
 
-impl Poses {
+stored!(struct Poses { trajectory, solution, rejected_rows, seconds, doubts, preflight });
+
+impl EstimatedPoses {
     /// Poses without a joint covariance.
     pub fn from_file(trajectory: Trajectory) -> Self {
         Self {
-            trajectory,
-            solution: None,
+            poses: Poses {
+                trajectory,
+                solution: None,
+                rejected_rows: Vec::new(),
+                seconds: None,
+                doubts: Vec::new(),
+                preflight: Vec::new(),
+            },
             covariance: None,
-            rejected_rows: Vec::new(),
-            seconds: None,
-            doubts: Vec::new(),
-            preflight: Vec::new(),
         }
+    }
+
+    /// The poses.
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.poses.trajectory
     }
 }
 
@@ -64,7 +81,7 @@ impl Poses {
 ///
 /// # Errors
 /// Errors of the readers and the adjustment.
-pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
+pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPoses> {
     match &project.motion {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
         Motion::Poses(file) => {
@@ -73,7 +90,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
                 progress.warn(POSES_WITHOUT_SIGMA);
             }
             let trajectory = Trajectory::new(nodes)?.with_limits(project.limits)?;
-            Ok(Poses::from_file(trajectory))
+            Ok(EstimatedPoses::from_file(trajectory))
         }
     }
 }
@@ -127,7 +144,11 @@ fn with_freed(
     }
 }
 
-fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Poses> {
+fn poses_from_logs(
+    project: &Project,
+    logs: &Logs,
+    progress: &dyn Progress,
+) -> Result<EstimatedPoses> {
     let estimates_doubted = logs.estimates_doubted;
     let mut logs = DriveLogs::read(project, logs, progress)?;
     if project.is_joint && !project.scanners.is_empty() {
@@ -171,14 +192,17 @@ fn poses_from_logs(project: &Project, logs: &Logs, progress: &dyn Progress) -> R
         covariance,
         ..
     } = found;
-    Ok(Poses {
+    let poses = Poses {
         trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),
-        covariance: Some(covariance),
         rejected_rows: logs.rejected,
         seconds: Some(seconds),
         doubts,
         preflight: contradicted,
+    };
+    Ok(EstimatedPoses {
+        poses,
+        covariance: Some(covariance),
     })
 }
 

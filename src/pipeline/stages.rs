@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-pub use super::poses::{Poses, poses, preflight};
+pub use super::poses::{EstimatedPoses, Poses, poses, preflight};
 use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
@@ -240,7 +240,7 @@ pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
 pub fn calibration(
     project: &Project,
     settings: &CalibrationSettings,
-    poses: &Poses,
+    EstimatedPoses { poses, covariance }: &EstimatedPoses,
     samples: &[ScannerSample],
     reference: &[Vec3],
     progress: &dyn Progress,
@@ -261,7 +261,7 @@ pub fn calibration(
     let input = Input::new(mountings(project), samples, &poses.trajectory);
     let input = input.with_reference(reference);
     let input = input.with_pose_correlation(project.joint.correlation_s);
-    let input = match &poses.covariance {
+    let input = match covariance {
         Some(covariance) => input.with_pose_covariance(covariance),
         None => input,
     };

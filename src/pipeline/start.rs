@@ -4,12 +4,13 @@ use super::stages::{initial_poses, mountings, open_profiles, with_mountings};
 use crate::calibration::{CalibrationSettings, ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
-use crate::geometry::Vec3;
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::georeference::Georeferencer;
 use crate::preflight::{Placement, fans, scans};
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::statistics::median;
+use crate::stored::stored;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -91,13 +92,30 @@ fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64
 
 /// From where the calibration of a project begins.
 pub struct Start {
-    /// The project with the mountings from which it starts: its own, unless the clouds take up much less
-    /// space with others.
-    pub project: Project,
-    /// Its settings, with coarser scales before its own where the clouds lie farther apart than those reach.
-    pub settings: CalibrationSettings,
+    /// The mountings from which it starts: those of the project, unless the clouds take up much less space with
+    /// others.
+    pub mountings: Vec<BodyFromScanner>,
+    /// Its scales, with coarser ones before those of the project where the clouds lie farther apart than these
+    /// reach.
+    pub voxel_sizes_m: Vec<f64>,
     /// What the placement of the scans contradicts.
     pub said: Vec<Verdict>,
+}
+stored!(struct Start { mountings, voxel_sizes_m, said });
+
+impl Start {
+    /// The project with these mountings.
+    pub fn project(&self, project: &Project) -> Project {
+        with_mountings(project, &self.mountings)
+    }
+
+    /// The settings of the project with these scales.
+    pub fn settings(&self, project: &Project) -> CalibrationSettings {
+        CalibrationSettings {
+            voxel_sizes_m: self.voxel_sizes_m.clone(),
+            ..project.calibration.clone()
+        }
+    }
 }
 
 /// Looks how the scans lie with the mountings of the project, and finds from where to begin.
@@ -136,10 +154,9 @@ pub fn start(
     for verdict in &said {
         progress.warn(&verdict.text);
     }
-    let settings = scales_for(&project, samples, apart_m, progress);
     Start {
-        project,
-        settings,
+        mountings: initial_poses(&project),
+        voxel_sizes_m: scales_for(&project, samples, apart_m, progress),
         said,
     }
 }
@@ -165,15 +182,15 @@ fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
     said.collect()
 }
 
-/// The settings of the project with coarser scales before its own where the clouds lie farther apart than
-/// those reach, as far as they hold enough points.
+/// The scales of the project with coarser ones before where the clouds lie farther apart than those reach, as far
+/// as they hold enough points.
 fn scales_for(
     project: &Project,
     samples: &[ScannerSample],
     apart_m: Option<f64>,
     progress: &dyn Progress,
-) -> CalibrationSettings {
-    let mut settings = project.calibration.clone();
+) -> Vec<f64> {
+    let mut sizes = project.calibration.voxel_sizes_m.clone();
     let reach_m = apart_m.unwrap_or(0.0);
     let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
     let poses = initial_poses(project);
@@ -181,9 +198,8 @@ fn scales_for(
         let placed = samples.iter().zip(&poses);
         occupied(placed.flat_map(|(s, pose)| s.placed(pose)), voxel_m).len()
     };
-    let sizes = &mut settings.voxel_sizes_m;
     while let Some(coarser_m) = sizes.first().filter(|m| **m < least_m).map(|m| 2.0 * m) {
-        if voxels(coarser_m) < NEIGHBOURHOODS * settings.neighbours {
+        if voxels(coarser_m) < NEIGHBOURHOODS * project.calibration.neighbours {
             break;
         }
         progress.say(&format!(
@@ -191,5 +207,5 @@ fn scales_for(
         ));
         sizes.insert(0, coarser_m);
     }
-    settings
+    sizes
 }

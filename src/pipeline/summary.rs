@@ -21,10 +21,29 @@ pub fn run(findings: &Findings, report: &str) -> String {
     let methods: String = methods.map(|found| format!("{}\n\n", found.text)).collect();
     let reference = method::reference(&findings.calibration, findings.joint.as_ref());
     format!(
-        "report: {report}\n\n{methods}{}\n{}\n{}\n",
+        "report: {report}\n\n{methods}{}\n{}\n{}\n{}",
         mountings(&findings.calibration),
         reference.map_or(String::new(), |text| text + "\n"),
-        distances(&findings.drives)
+        distances(&findings.drives),
+        stages(findings)
+    )
+}
+
+/// Which stages were not run again, and where finished ones are kept.
+fn stages(findings: &Findings) -> String {
+    let Some(kept) = &findings.kept else {
+        return String::new();
+    };
+    let mut text = String::new();
+    if !kept.found.is_empty() {
+        let names = kept.found.join(", ");
+        text.push_str(&format!(
+            "\nFinished by an earlier run: {names} (--fresh runs them again).\n"
+        ));
+    }
+    let (folder, megabytes) = (kept.folder.display(), 1e-6 * kept.bytes as f64);
+    text + &format!(
+        "\nFinished stages are kept in {folder} ({megabytes:.1} MB), which may be removed.\n"
     )
 }
 

@@ -120,15 +120,21 @@ fn check_own_files(project: &Project) -> Result<()> {
         .try_for_each(|(steps, path)| check_exists(project, steps, path))
 }
 
+/// See [`Project::files`].
+pub(super) fn files(project: &Project) -> Vec<PathBuf> {
+    let named = named(project).into_iter();
+    named.map(|(_, path)| file_of(path)).collect()
+}
+
 /// See [`Project::inputs`].
 pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
     let mut inputs = vec![project.path.clone()];
-    inputs.extend(named(project).into_iter().map(|(_, path)| file_of(path)));
+    inputs.extend(files(project));
     for other in others(project) {
         inputs.push(other.drive.project.clone());
         // An unreadable file is reported when it is needed.
         if let Ok(drive) = resolve::read(&other.drive.project) {
-            inputs.extend(named(&drive).into_iter().map(|(_, path)| file_of(path)));
+            inputs.extend(files(&drive));
         }
     }
     inputs

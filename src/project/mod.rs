@@ -62,6 +62,11 @@ impl Project {
         files::check(self)
     }
 
+    /// Every file that the project itself names, but for those of other drives.
+    pub fn files(&self) -> Vec<PathBuf> {
+        files::files(self)
+    }
+
     /// Every file read for the project: its own, and those of its other drives.
     pub fn inputs(&self) -> Vec<PathBuf> {
         files::inputs(self)

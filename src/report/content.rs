@@ -9,6 +9,7 @@ use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::progress::StageSeconds;
 use crate::sensor::{PoseRecord, RejectedRow};
+use crate::stored::stored;
 use crate::trajectory::{Doubt, Solution};
 use crate::verdict::Verdict;
 
@@ -128,3 +129,5 @@ pub struct Fact {
     /// For example "imu.csv, 30,000 samples at 100 Hz, 300 s".
     pub value: String,
 }
+
+stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts });

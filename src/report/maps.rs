@@ -8,7 +8,7 @@ use super::html::{self, escape};
 use super::number;
 use super::raster::{self, Bounds};
 use super::tables::mounting_name;
-use crate::comparison::{Agreement, MountingKind, Statistics};
+use crate::comparison::{Agreement, Histogram, MountingKind};
 
 /// Maximum number of pixels of a map in either direction.
 const PIXELS: usize = 420;
@@ -73,9 +73,8 @@ fn map(drive: &str, found: &[Agreement]) -> String {
 
 /// East, north and distance of the core points with a distance, metres.
 fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
-    let all = found.distances.core.iter();
-    all.filter(|core| core.distance_m.is_finite())
-        .map(|core| ([core.point.x, core.point.y], core.distance_m))
+    let all = found.distances.points();
+    all.map(|(point, distance_m)| ([point.x, point.y], distance_m))
 }
 
 /// A map above its histogram, with the limit of its colours and whether that is a smaller one.
@@ -100,7 +99,7 @@ fn cell(
     format!(
         "<div><h4>{name} <small>{summary}<br/>{sign} ± {limit}</small></h4>\n{}{}</div>\n",
         top_view(name, found, bounds, limit_m),
-        histogram(statistics, limit_m)
+        histogram(found, limit_m)
     )
 }
 
@@ -132,11 +131,13 @@ fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f64) -> Stri
 
 /// Histogram of the distances within the colour scale, with bars in the colours of the map and the
 /// colour scale below the axis.
-fn histogram(statistics: &Statistics, limit_m: f64) -> String {
-    let bins = statistics.histogram(-limit_m, limit_m, BINS);
+fn histogram(found: &Agreement, limit_m: f64) -> String {
+    let distances_m = core(found).map(|(_, distance_m)| distance_m);
+    let bins = Histogram::of(distances_m, (-limit_m, limit_m), BINS);
+    let n = found.statistics.n;
     let x = Axis::over("distance (mm)", [-1e3 * limit_m, 1e3 * limit_m]);
     let width = (x.max - x.min) / BINS as f64;
-    let share = |count: u64| 100.0 * count as f64 / statistics.n as f64;
+    let share = |count: u64| 100.0 * count as f64 / n as f64;
     let most = bins.counts.iter().copied().max().unwrap_or(0);
     let y = Axis::rounded("share (%)", [0.0, share(most)]);
     let start = x.min;
@@ -151,7 +152,7 @@ fn histogram(statistics: &Statistics, limit_m: f64) -> String {
     let note = format!(
         "<p class=\"aside\">{} % of {} points beyond the scale</p>\n",
         number::fixed(share(bins.below + bins.above), 1),
-        number::count(statistics.n)
+        number::count(n)
     );
     plot.finish("Histogram of distances") + &note
 }
@@ -159,7 +160,7 @@ fn histogram(statistics: &Statistics, limit_m: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::{Against, CoreDistance, M3c2};
+    use crate::comparison::{Against, CoreDistance, DistanceMap, M3c2, Statistics};
     use crate::geometry::Vec3;
 
     fn agreement(distances_m: &[f64]) -> Agreement {
@@ -183,7 +184,7 @@ mod tests {
             against: Against::Reference,
             mounting: MountingKind::Final,
             statistics: Statistics::of(&distances).unwrap(),
-            distances,
+            distances: DistanceMap::of(&distances),
         }
     }
 
@@ -198,7 +199,7 @@ mod tests {
 
     #[test]
     fn equal_distances_still_make_a_bar() {
-        let svg = histogram(&agreement(&[0.001; 7]).statistics, 0.002);
+        let svg = histogram(&agreement(&[0.001; 7]), 0.002);
         assert!(svg.contains("<rect"), "{svg}");
         assert!(!svg.contains("NaN"));
     }

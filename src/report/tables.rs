@@ -236,6 +236,7 @@ pub fn resources(stages: &[StageSeconds], peak_memory_bytes: Option<u64>) -> Str
         ));
         let head = html::head(&["stage", "time", ""]);
         out.push_str(&html::table("numbers stages", &head, &body));
+        out.push_str("<p class=\"note\">Each in the run that finished it.</p>\n");
     }
     if let Some(bytes) = peak_memory_bytes {
         out.push_str(&format!("<p>Peak memory: {}.</p>\n", number::memory(bytes)));

@@ -8,6 +8,7 @@ pub mod allan;
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
+use crate::stored::stored;
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use projected::project_fixes;
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
@@ -285,6 +286,11 @@ fn clock_hint(gap_s: f64) -> &'static str {
         ""
     }
 }
+
+stored!(struct PoseRecord { time_s, world_from_body, velocity_m_s, bias, sigma });
+stored!(struct ImuBias { gyro_rad_s, accel_m_s2 });
+stored!(struct PoseSigma { position_m, rotation_rad });
+stored!(struct RejectedRow { source, line, time_s, reason });
 
 #[cfg(test)]
 mod tests {

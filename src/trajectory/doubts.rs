@@ -7,6 +7,7 @@ use super::streams::MotionLogs;
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
 use crate::progress::{Progress, Silent};
+use crate::stored::stored;
 
 /// A constant is doubted where the drive finds it off by more standard deviations than this.
 const MAX_SIGMAS: f64 = 5.0;
@@ -298,6 +299,8 @@ impl Doubt {
         exchanged.then(|| "x and y exchanged".into())
     }
 }
+
+stored!(struct Doubt { constant, name, values, sigmas, is_used });
 
 #[cfg(test)]
 mod tests {

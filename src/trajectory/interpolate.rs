@@ -4,6 +4,7 @@ use super::settings::PoseLimits;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{PoseRecord, PoseSigma};
+use crate::stored::stored;
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///
@@ -209,6 +210,8 @@ impl PoseCursor<'_> {
         self.trajectory.between(index, fraction)
     }
 }
+
+stored!(struct Trajectory { nodes, limits });
 
 #[cfg(test)]
 mod tests {

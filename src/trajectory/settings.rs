@@ -3,6 +3,7 @@
 pub use super::imu_noise::ImuNoise;
 pub use crate::adjustment::Loss;
 use crate::geometry::{BodyAxes, Vec3};
+use crate::stored::stored;
 
 /// Correlation time of the lasting part of the errors of positions and headings where none is
 /// given, seconds.
@@ -221,3 +222,16 @@ impl PoseLimits {
         }
     }
 }
+
+stored!(struct PoseLimits { position_m, rotation_rad });
+stored!(
+    enum Constant {
+        TimeOffset(stream),
+        LeverArm(sensor),
+        IncidenceBias(sensor),
+        HeadingOffset,
+        HeadingTimeOffset,
+        Gravity,
+        ImuNoiseScale,
+    }
+);

@@ -2,6 +2,7 @@
 
 pub use crate::adjustment::StopReason;
 use crate::statistics::chi_square_bounds_95;
+use crate::stored::stored;
 use std::fmt;
 
 /// Why a record is not used.
@@ -272,3 +273,24 @@ impl Solution {
         }
     }
 }
+
+stored!(struct Solution {
+    iterations, converged, stop, cost_initial, cost_final, nodes, sensors, constants, rejections,
+    clock_jumps, imu_gaps_s, rests_s, residuals,
+});
+stored!(struct SensorDiagnostics {
+    name, unit, count, rejected, ignored, rms_raw, rms_normalised, redundancy, chi_square,
+    chi_square_bounds_95, variance_component,
+});
+stored!(struct EstimatedConstant { name, unit, start, value, sigma });
+stored!(struct Rejection { sensor, record, time_s, reason, normalised });
+stored!(struct ClockJump { sensor, record, time_s, size_s });
+stored!(struct Residual { record, time_s, values, normalised, tests, weight });
+stored!(
+    enum RejectionReason {
+        TimeOrder,
+        OutsideImu,
+        Outlier,
+        Late,
+    }
+);

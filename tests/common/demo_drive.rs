@@ -6,7 +6,7 @@ use std::path::Path;
 use boresight::calibration::{Calibration, CalibrationSettings};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
-use boresight::pipeline::stages::{self, Poses};
+use boresight::pipeline::stages::{self, EstimatedPoses};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
@@ -17,8 +17,8 @@ pub struct DemoDrive {
     pub project: Project,
     pub reference: Vec<Vec3>,
     /// Poses from the drive's own logs.
-    pub own: Poses,
-    pub exact: Poses,
+    pub own: EstimatedPoses,
+    pub exact: EstimatedPoses,
     /// True mountings.
     pub truth: Vec<BodyFromScanner>,
 }
@@ -34,7 +34,7 @@ impl DemoDrive {
         Ok(Self {
             reference: stages::reference(&project, &Silent)?,
             own: stages::poses(&project, &Silent)?,
-            exact: Poses::from_file(exact),
+            exact: EstimatedPoses::from_file(exact),
             truth: scenario.true_mountings(),
             project,
         })
@@ -57,9 +57,9 @@ impl DemoDrive {
 pub fn calibrate(
     project: &Project,
     settings: &CalibrationSettings,
-    poses: &Poses,
+    poses: &EstimatedPoses,
     reference: &[Vec3],
 ) -> Result<Calibration> {
-    let samples = stages::samples(project, &poses.trajectory, &Silent)?;
+    let samples = stages::samples(project, poses.trajectory(), &Silent)?;
     stages::calibration(project, settings, poses, &samples, reference, &Silent)
 }

@@ -104,9 +104,9 @@ impl Run {
         };
         let begun = Instant::now();
         let poses = stages::poses(&project, &Silent)?;
-        let mut samples = stages::samples(&project, &poses.trajectory, &Silent)?;
+        let mut samples = stages::samples(&project, poses.trajectory(), &Silent)?;
         if let Some((span_s, even)) = setup.keep {
-            let start_s = poses.trajectory.span_s().0;
+            let start_s = poses.trajectory().span_s().0;
             for sample in &mut samples {
                 let profiles = &sample.profiles;
                 sample.points.retain(|point| {
@@ -141,7 +141,7 @@ impl Run {
         };
         let two_steps = check.found(
             start.clone(),
-            &poses.trajectory,
+            poses.trajectory(),
             (&[0.0; 2], &[]),
             two_seconds,
         );
@@ -162,7 +162,7 @@ impl Run {
                 scanner.compliance = Some(*compliance);
             }
             let poses = stages::poses(&own, &Silent)?;
-            let samples = stages::samples(&own, &poses.trajectory, &Silent)?;
+            let samples = stages::samples(&own, poses.trajectory(), &Silent)?;
             let drive = Drive {
                 name: "evaluation",
                 project: &own,
@@ -180,7 +180,7 @@ impl Run {
                 reference: &[],
             };
             let still = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
-            let by_load = clouds::bending(&own, &poses.trajectory).into_iter();
+            let by_load = clouds::bending(&own, poses.trajectory()).into_iter();
             let by_load = by_load.map(|offsets| MovedMounting {
                 sigmas: offsets.clone(),
                 offsets,
@@ -188,8 +188,8 @@ impl Run {
             let by_load: Vec<MovedMounting> = by_load.collect();
             let on_own_poses = (&[0.0; 2][..], &by_load[..]);
             Ok::<_, Error>([
-                check.found(start, &poses.trajectory, (&[0.0; 2], &[]), 0.0),
-                check.found(joint.poses(), &poses.trajectory, on_own_poses, 0.0),
+                check.found(start, poses.trajectory(), (&[0.0; 2], &[]), 0.0),
+                check.found(joint.poses(), poses.trajectory(), on_own_poses, 0.0),
                 check.found(adjusted.poses(), &adjusted.drives[0].trajectory, still, 0.0),
             ])
         });

@@ -3,6 +3,7 @@
 
 pub mod demo_drive;
 pub mod kernels;
+pub mod results;
 pub mod tables;
 pub mod truck;
 

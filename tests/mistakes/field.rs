@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use boresight::error::Result;
 use boresight::format;
 use boresight::geometry::{BodyFromScanner, Vec3};
-use boresight::pipeline::{Extras, Findings, analyse};
+use boresight::pipeline::{Extras, Findings, Options, analyse};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
@@ -85,12 +85,12 @@ impl Field {
     /// Runs the project as it is.
     pub fn run(&self) -> Result<Findings> {
         let project = Project::read(&self.folder.join("project.toml"))?;
-        analyse(
-            &project,
-            &self.folder.join("out"),
-            &Extras::default(),
-            &Silent,
-        )
+        let options = Options {
+            out: self.folder.join("out"),
+            seed: None,
+            fresh: false,
+        };
+        analyse(&project, &options, &Extras::default(), &Silent)
     }
 
     /// The largest error of a parameter in its standard deviations where it has one, and of position (metres)

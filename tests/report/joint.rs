@@ -346,6 +346,7 @@ fn document(full: Full) -> Value {
         placement: Vec::new(),
         warnings: full.warnings,
         verdicts: Vec::new(),
+        kept: None,
     })
 }
 

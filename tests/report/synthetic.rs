@@ -4,7 +4,7 @@ use boresight::calibration::Block;
 use boresight::calibration::{Calibration, Constancy, Ending, Method, Mounting, Scale, Variant};
 use boresight::calibration::{Observability, UnobservableDirection};
 use boresight::comparison::{
-    Against, Agreement, Agreements, CoreDistance, M3c2, MountingKind, Statistics,
+    Against, Agreement, Agreements, CoreDistance, DistanceMap, M3c2, MountingKind, Statistics,
 };
 use boresight::geometry::euler::rotation_from_euler_deg;
 use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3, WorldFromBody, so3};
@@ -264,7 +264,7 @@ fn agreements(n: usize) -> Agreements {
                 against: against.clone(),
                 mounting,
                 statistics: Statistics::of(&distances).expect("finite distances"),
-                distances,
+                distances: DistanceMap::of(&distances),
             }
         })
     });

@@ -14,6 +14,7 @@ pub use knots::{AT_BRIDGE, BRIDGE, Knot, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use crate::geometry::Vec3;
 use crate::sensor::PoseRecord;
+use crate::stored::stored;
 use nalgebra::DMatrix;
 
 /// Where a motion finds its unknowns among the blocks of the whole problem.
@@ -124,3 +125,6 @@ pub struct ConstantValue {
     /// Standard deviation of the prior about `base`.
     pub prior_sigma: f64,
 }
+
+stored!(struct PositionBlocks { sensor, block_s, blocks, rms });
+stored!(struct PositionResiduals { sensor, records });

@@ -9,6 +9,7 @@ pub use association::associate;
 pub use cells::{ReferenceCells, ReferencePlace};
 
 use crate::geometry::Vec3;
+use crate::stored::stored;
 
 /// Fewest points that a surfel is fitted to.
 const MIN_POINTS: f64 = 12.0;
@@ -203,3 +204,5 @@ pub struct Gates {
     /// Of so many steps in turn one has rows, for each scanner.
     pub keyframe_steps: Vec<usize>,
 }
+
+stored!(struct Region { centre_m, offset_m, surfels });

@@ -1,0 +1,40 @@
+//! `boresight run`
+
+use super::context::{Context, ProjectArguments};
+use crate::error::Result;
+use crate::pipeline::{self, Options, Outcome};
+
+/// Run all stages on a project: trajectory, calibration, clouds, comparison, report
+#[derive(Debug, clap::Args)]
+pub(super) struct Run {
+    #[command(flatten)]
+    on: ProjectArguments,
+    #[command(flatten)]
+    repeat: Repeat,
+}
+
+/// Whether stages are run again.
+#[derive(Debug, clap::Args)]
+pub(super) struct Repeat {
+    /// Run all stages again, also those that an earlier run with this folder finished from the same inputs
+    #[arg(long)]
+    fresh: bool,
+}
+
+impl Repeat {
+    /// The options with this.
+    pub fn of(&self, options: &Options) -> Options {
+        Options {
+            fresh: self.fresh,
+            ..options.clone()
+        }
+    }
+}
+
+impl Run {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        context.with_project(&self.on, |project, options, progress| {
+            pipeline::run(project, &self.repeat.of(options), progress)
+        })
+    }
+}

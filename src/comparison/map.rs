@@ -1,0 +1,126 @@
+//! Distances by place: what is drawn of a comparison.
+
+use super::result::M3c2;
+use crate::geometry::Vec3;
+use crate::stored::stored;
+
+/// The core points that have a distance. Both are rounded to single precision, places about the first point:
+/// better than a micrometre within ten metres, with a sixth of the memory of the comparison.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DistanceMap {
+    first_m: [f64; 3],
+    /// Places about the first, and distances, metres.
+    points: Vec<[f32; 4]>,
+}
+stored!(struct DistanceMap { first_m, points });
+
+impl DistanceMap {
+    /// Of a comparison, in the order of its core points.
+    pub fn of(comparison: &M3c2) -> Self {
+        let all = comparison
+            .core
+            .iter()
+            .map(|core| (core.point, core.distance_m));
+        let known =
+            all.filter(|(point, distance_m)| point.sum().is_finite() && distance_m.is_finite());
+        let mut known = known.peekable();
+        let first_m = known.peek().map_or(Vec3::zeros(), |(point, _)| *point);
+        let points = known.map(|(point, distance_m)| {
+            let [x, y, z] = (point - first_m).into();
+            [x, y, z, distance_m].map(|value| value as f32)
+        });
+        Self {
+            points: points.collect(),
+            first_m: first_m.into(),
+        }
+    }
+
+    /// Places and distances, metres.
+    pub fn points(&self) -> impl Iterator<Item = (Vec3, f64)> + Clone {
+        let first_m = Vec3::from(self.first_m);
+        self.points.iter().map(move |point| {
+            let [x, y, z, distance_m] = point.map(f64::from);
+            (first_m + Vec3::new(x, y, z), distance_m)
+        })
+    }
+}
+
+/// Counts in equal intervals, each closed below and open above.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Histogram {
+    /// Lower end of the first interval, metres.
+    pub low_m: f64,
+    /// Width of an interval, metres.
+    pub width_m: f64,
+    /// Distances in each interval.
+    pub counts: Vec<u64>,
+    /// Distances below the first interval.
+    pub below: u64,
+    /// Distances at or above the end of the last.
+    pub above: u64,
+}
+
+impl Histogram {
+    /// Counts of distances in `bins` (at least one) equal intervals from `low_m` to `high_m`.
+    pub fn of(
+        distances_m: impl Iterator<Item = f64>,
+        (low_m, high_m): (f64, f64),
+        bins: usize,
+    ) -> Self {
+        let bins = bins.max(1);
+        let width_m = (high_m - low_m) / bins as f64;
+        let mut histogram = Self {
+            low_m,
+            width_m,
+            counts: vec![0; bins],
+            below: 0,
+            above: 0,
+        };
+        for distance in distances_m {
+            if distance < low_m {
+                histogram.below += 1;
+            } else if distance < high_m {
+                let bin = ((distance - low_m) / width_m) as usize;
+                histogram.counts[bin.min(bins - 1)] += 1;
+            } else {
+                histogram.above += 1;
+            }
+        }
+        histogram
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::comparison::CoreDistance;
+
+    #[test]
+    fn places_and_distances_are_kept_where_there_are_any() {
+        let core = |point: Vec3, distance_m: f64| CoreDistance {
+            point,
+            distance_m,
+            ..CoreDistance::unknown()
+        };
+        // As far from the origin as a reference in UTM lies.
+        let first = Vec3::new(364_000.123_456, 5_620_000.654_321, 160.0);
+        let other = first + Vec3::new(9.876_543, -5.0, 0.25);
+        let comparison = M3c2 {
+            core: vec![
+                core(Vec3::repeat(f64::NAN), 0.001),
+                core(first, f64::NAN),
+                core(first, 0.001_234),
+                core(Vec3::new(0.0, f64::INFINITY, 0.0), 0.001),
+                core(other, -0.0005),
+            ],
+        };
+        let found: Vec<(Vec3, f64)> = DistanceMap::of(&comparison).points().collect();
+        let expected = [(first, 0.001_234), (other, -0.0005)];
+        assert_eq!(found.len(), expected.len());
+        for ((point, distance_m), (known, known_m)) in found.iter().zip(&expected) {
+            assert!((point - known).amax() < 1e-6, "{point} instead of {known}");
+            assert!((distance_m - known_m).abs() < 1e-9);
+        }
+        assert_eq!(DistanceMap::of(&M3c2::default()), DistanceMap::default());
+    }
+}

@@ -1,0 +1,74 @@
+//! The project's own drive: what stages need of it is made when the first one asks, as a stage that an earlier
+//! run finished asks for nothing.
+
+use std::cell::OnceCell;
+
+use super::stages::{self, EstimatedPoses};
+use crate::calibration::ScannerSample;
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::progress::Progress;
+use crate::project::Project;
+
+/// Reference, poses and samples of a drive.
+pub struct Own<'a> {
+    project: &'a Project,
+    reference: OnceCell<Vec<Vec3>>,
+    poses: OnceCell<EstimatedPoses>,
+    samples: OnceCell<Vec<ScannerSample>>,
+}
+
+impl<'a> Own<'a> {
+    /// Those of the project's own drive.
+    pub fn new(project: &'a Project) -> Self {
+        Self {
+            project,
+            reference: OnceCell::new(),
+            poses: OnceCell::new(),
+            samples: OnceCell::new(),
+        }
+    }
+
+    /// The points of the reference.
+    ///
+    /// # Errors
+    /// See [`stages::reference`].
+    pub fn reference(&self, progress: &dyn Progress) -> Result<&[Vec3]> {
+        made(&self.reference, || {
+            stages::reference(self.project, progress)
+        })
+        .map(Vec::as_slice)
+    }
+
+    /// The poses with their joint covariance.
+    ///
+    /// # Errors
+    /// See [`stages::poses`].
+    pub fn poses(&self, progress: &dyn Progress) -> Result<&EstimatedPoses> {
+        made(&self.poses, || stages::poses(self.project, progress))
+    }
+
+    /// A sample of each scanner, by the scales of `project`.
+    ///
+    /// # Errors
+    /// See [`stages::samples`].
+    pub fn samples(&self, project: &Project, progress: &dyn Progress) -> Result<&[ScannerSample]> {
+        let trajectory = self.poses(progress)?.trajectory();
+        let make = || stages::samples(project, trajectory, progress);
+        made(&self.samples, make).map(Vec::as_slice)
+    }
+
+    /// Frees the memory of poses and samples.
+    pub fn forget_poses_and_samples(&mut self) {
+        self.poses.take();
+        self.samples.take();
+    }
+}
+
+fn made<T>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if let Some(made) = cell.get() {
+        return Ok(made);
+    }
+    let value = make()?;
+    Ok(cell.get_or_init(|| value))
+}

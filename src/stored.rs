@@ -1,0 +1,243 @@
+//! Results as bytes, from which they come back exactly: for runs that go on where another was stopped.
+//!
+//! A struct is its fields in the order of its list, an enum the name of its variant and what that holds; what
+//! wrote the bytes is the same program that reads them, or they are not read.
+
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
+
+/// What can be written as bytes and comes back bit by bit.
+pub trait Stored: Sized {
+    /// Appends the value to `bytes`.
+    fn store(&self, bytes: &mut Vec<u8>);
+
+    /// Takes a value off the front of `bytes`; `None` where they are no such value.
+    fn restore(bytes: &mut &[u8]) -> Option<Self>;
+}
+
+/// Implements [`Stored`] for a struct by the list of its fields, or for an enum by that of its variants, each
+/// with at most one value: `stored!(struct Score { value, sigma })`,
+/// `stored!(enum Against { Reference, Scanner(name) })`.
+macro_rules! stored {
+    (struct $name:ident { $($field:ident),* $(,)? }) => {
+        impl crate::stored::Stored for $name {
+            fn store(&self, bytes: &mut Vec<u8>) {
+                $(crate::stored::Stored::store(&self.$field, bytes);)*
+            }
+
+            fn restore(bytes: &mut &[u8]) -> Option<Self> {
+                Some(Self { $($field: crate::stored::Stored::restore(bytes)?,)* })
+            }
+        }
+    };
+    (enum $name:ident { $($variant:ident $(($value:ident))?),* $(,)? }) => {
+        impl crate::stored::Stored for $name {
+            fn store(&self, bytes: &mut Vec<u8>) {
+                match self {
+                    $(Self::$variant $(($value))? => {
+                        crate::stored::Stored::store(&stringify!($variant).to_owned(), bytes);
+                        $(crate::stored::Stored::store($value, bytes);)?
+                    })*
+                }
+            }
+
+            fn restore(bytes: &mut &[u8]) -> Option<Self> {
+                let name: String = crate::stored::Stored::restore(bytes)?;
+                match name.as_str() {
+                    $(stringify!($variant) => Some(Self::$variant $(({
+                        let $value = crate::stored::Stored::restore(bytes)?;
+                        $value
+                    }))?),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+pub(crate) use stored;
+
+/// Numbers, as their bytes in little-endian order.
+macro_rules! stored_number {
+    ($($number:ty),*) => {$(
+        impl Stored for $number {
+            fn store(&self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+
+            fn restore(bytes: &mut &[u8]) -> Option<Self> {
+                let (own, rest) = bytes.split_first_chunk()?;
+                *bytes = rest;
+                Some(Self::from_le_bytes(*own))
+            }
+        }
+    )*};
+}
+stored_number!(u8, u32, u64, f32, f64);
+
+impl Stored for usize {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        (*self as u64).store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        Self::try_from(u64::restore(bytes)?).ok()
+    }
+}
+
+impl Stored for bool {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        u8::from(*self).store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        match u8::restore(bytes)? {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        }
+    }
+}
+
+impl Stored for String {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.len().store(bytes);
+        bytes.extend_from_slice(self.as_bytes());
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        let length = usize::restore(bytes)?;
+        let (own, rest) = bytes.split_at_checked(length)?;
+        *bytes = rest;
+        Self::from_utf8(own.to_vec()).ok()
+    }
+}
+
+/// The few names that the program itself holds, such as units; each is kept once, for as long as it runs.
+impl Stored for &'static str {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        (*self).to_owned().store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+        let name = String::restore(bytes)?;
+        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = names.get(name.as_str()).copied();
+        Some(known.unwrap_or_else(|| {
+            let kept: &'static str = name.leak();
+            names.insert(kept);
+            kept
+        }))
+    }
+}
+
+impl<T: Stored> Stored for Option<T> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.is_some().store(bytes);
+        if let Some(value) = self {
+            value.store(bytes);
+        }
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        match bool::restore(bytes)? {
+            true => Some(Some(T::restore(bytes)?)),
+            false => Some(None),
+        }
+    }
+}
+
+impl<T: Stored> Stored for Vec<T> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.len().store(bytes);
+        self.iter().for_each(|value| value.store(bytes));
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        let length = usize::restore(bytes)?;
+        // No more memory than the bytes themselves ask for, whatever length they claim.
+        let mut values = Self::with_capacity(length.min(bytes.len() / size_of::<T>().max(1)));
+        for _ in 0..length {
+            values.push(T::restore(bytes)?);
+        }
+        Some(values)
+    }
+}
+
+impl<T: Stored, const N: usize> Stored for [T; N] {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.iter().for_each(|value| value.store(bytes));
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        let values: Option<Vec<T>> = (0..N).map(|_| T::restore(bytes)).collect();
+        values?.try_into().ok()
+    }
+}
+
+impl Stored for () {
+    fn store(&self, _bytes: &mut Vec<u8>) {}
+
+    fn restore(_bytes: &mut &[u8]) -> Option<Self> {
+        Some(())
+    }
+}
+
+impl<A: Stored, B: Stored> Stored for (A, B) {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.0.store(bytes);
+        self.1.store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        Some((A::restore(bytes)?, B::restore(bytes)?))
+    }
+}
+
+impl Stored for Vector3<f64> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        <[f64; 3]>::from(*self).store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        Some(<[f64; 3]>::restore(bytes)?.into())
+    }
+}
+
+/// As it is: normalised again, it could come back another.
+impl Stored for UnitQuaternion<f64> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        <[f64; 4]>::from(self.coords).store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        let coordinates = <[f64; 4]>::restore(bytes)?;
+        Some(Self::new_unchecked(coordinates.into()))
+    }
+}
+
+impl Stored for DVector<f64> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.as_slice().to_vec().store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        Some(Self::from_vec(Vec::restore(bytes)?))
+    }
+}
+
+impl Stored for DMatrix<f64> {
+    fn store(&self, bytes: &mut Vec<u8>) {
+        self.nrows().store(bytes);
+        self.as_slice().to_vec().store(bytes);
+    }
+
+    fn restore(bytes: &mut &[u8]) -> Option<Self> {
+        let rows = usize::restore(bytes)?;
+        let values: Vec<f64> = Vec::restore(bytes)?;
+        let columns = values.len().checked_div(rows).unwrap_or(0);
+        (rows * columns == values.len()).then(|| Self::from_vec(rows, columns, values))
+    }
+}
