@@ -20,6 +20,7 @@ full:
 lint:
     cargo fmt --check
     cargo clippy --all-targets -- -D warnings
+    cargo clippy --no-default-features --features cli -- -D warnings
     RUSTDOCFLAGS=-Dwarnings cargo doc --no-deps
 
 # Licences, advisories and sources of the dependencies (needs cargo-deny and the network; `.ci/run` does without)

@@ -6,16 +6,19 @@
 pub mod attitude;
 mod bending;
 pub mod euler;
+mod grid;
 pub mod heading;
+#[cfg_attr(not(feature = "projections"), path = "projection_absent.rs")]
 mod projection;
 pub mod so3;
 mod transform;
 
 pub use bending::{Bending, bent};
 pub use euler::EulerConvention;
+pub use grid::GridPoint;
+pub(crate) use grid::Misfit;
 pub use heading::BodyAxes;
-pub(crate) use projection::Misfit;
-pub use projection::{GridPoint, Projection};
+pub use projection::Projection;
 pub use transform::{
     Body, BodyFromScanner, Scanner, Transform, World, WorldFromBody, WorldFromScanner,
 };

@@ -14,7 +14,7 @@ use std::fmt;
 use proj4rs::Proj;
 use proj4rs::adaptors::transform_xy;
 
-use super::{Rotation, Vec3};
+use super::grid::{GridPoint, Misfit};
 use crate::error::{Error, Result};
 
 /// Parameters that a `+proj` string may have.
@@ -52,39 +52,6 @@ pub struct Projection {
 impl PartialEq for Projection {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
-    }
-}
-
-/// A position in a projected system, and how the system lies there.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GridPoint {
-    /// Metres.
-    pub east_m: f64,
-    /// Metres.
-    pub north_m: f64,
-    /// Meridian convergence: grid azimuth = true azimuth − this, clockwise, radians.
-    pub convergence_rad: f64,
-    /// Distance between coordinates over true distance on the ellipsoid.
-    pub scale: f64,
-}
-
-impl GridPoint {
-    /// The rotation from true east, north, up to those of the grid.
-    pub fn grid_from_true(&self) -> Rotation {
-        Rotation::from_axis_angle(&Vec3::z_axis(), self.convergence_rad)
-    }
-}
-
-/// A position that a system cannot hold.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Misfit {
-    pub(crate) found: String,
-    pub(crate) expected: String,
-}
-
-impl From<Misfit> for Error {
-    fn from(misfit: Misfit) -> Self {
-        Self::data(misfit.found, format!("use {}", misfit.expected))
     }
 }
 

@@ -1,4 +1,5 @@
 use super::*;
+use crate::geometry::Vec3;
 
 fn utm(zone: u32) -> Projection {
     Projection::new(&format!("EPSG:{}", 32600 + zone)).unwrap()
