@@ -241,3 +241,96 @@ impl Stored for DMatrix<f64> {
         (rows * columns == values.len()).then(|| Self::from_vec(rows, columns, values))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[derive(Debug, PartialEq)]
+    enum Kind {
+        Plain,
+        Named(String),
+    }
+    stored!(
+        enum Kind {
+            Plain,
+            Named(name),
+        }
+    );
+
+    /// One of everything.
+    #[derive(Debug, PartialEq)]
+    struct Value {
+        kinds: Vec<Kind>,
+        unit: &'static str,
+        missing: Option<f64>,
+        pairs: Vec<(usize, [f32; 2])>,
+        place: Vector3<f64>,
+        turn: UnitQuaternion<f64>,
+        row: DVector<f64>,
+        table: DMatrix<f64>,
+        is_last: bool,
+    }
+    stored!(struct Value { kinds, unit, missing, pairs, place, turn, row, table, is_last });
+
+    fn value() -> Value {
+        Value {
+            kinds: vec![Kind::Named("left".into()), Kind::Plain],
+            unit: "mm",
+            missing: None,
+            pairs: vec![(7, [0.1, -0.0])],
+            place: Vector3::new(1e-300, f64::NEG_INFINITY, 0.1 + 0.2),
+            turn: UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
+            row: DVector::from_vec(vec![1.0, 2.0]),
+            table: DMatrix::from_fn(2, 3, |i, j| (i + 10 * j) as f64),
+            is_last: true,
+        }
+    }
+
+    fn bytes_of(value: &impl Stored) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        value.store(&mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn values_come_back_bit_by_bit() {
+        let bytes = bytes_of(&value());
+        let mut rest = bytes.as_slice();
+        let found = Value::restore(&mut rest).unwrap();
+        assert_eq!((&found, rest), (&value(), &[][..]));
+        assert_eq!(bytes_of(&found), bytes);
+        // Equality does not tell these.
+        for special in [-0.0, f64::from_bits(0x7ff8_0000_dead_beef)] {
+            let found = f64::restore(&mut bytes_of(&special).as_slice()).unwrap();
+            assert_eq!(found.to_bits(), special.to_bits());
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_no_value_are_none() {
+        let bytes = bytes_of(&value());
+        for length in 0..bytes.len() {
+            assert_eq!(
+                Value::restore(&mut &bytes[..length]),
+                None,
+                "{length} bytes"
+            );
+        }
+        // Whatever they claim, neither a panic nor a huge allocation.
+        let random = &mut ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..10_000 {
+            let mut bytes = bytes.clone();
+            for _ in 0..random.random_range(1..4) {
+                let place = random.random_range(0..bytes.len());
+                bytes[place] = random.random();
+            }
+            let _ = Value::restore(&mut bytes.as_slice());
+        }
+        let no_columns = bytes_of(&(3usize, vec![1.0; 4]));
+        assert_eq!(DMatrix::restore(&mut no_columns.as_slice()), None);
+    }
+}

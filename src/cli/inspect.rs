@@ -9,7 +9,7 @@ use super::print::unprintable;
 use crate::error::Result;
 use crate::format;
 use crate::pipeline::{self, Outcome};
-use crate::project::Project;
+use crate::project::{self, Mountings, Project};
 use crate::verdict::Verdict;
 
 /// Describe files: format, span, rate, gaps, units, counts; for a project, what a run will do
@@ -66,6 +66,14 @@ fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> 
         let found = format::inspect(file)?;
         let document = serde_json::to_value(&found).map_err(unprintable)?;
         return Ok((document, found.to_string().trim_end().to_owned()));
+    }
+    if let Ok(Mountings {
+        scanners,
+        axes: None,
+        ..
+    }) = project::mountings(file)
+    {
+        return Ok(describe::mountings(file, &scanners));
     }
     let project = Project::read(file)?;
     project.check_files()?;

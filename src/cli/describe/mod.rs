@@ -4,14 +4,53 @@ mod joint;
 mod lines;
 mod motion;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::calibration::{Method, PARAMETER_NAMES};
+use serde_json::{Map, Value, json};
+
+use crate::calibration::{Method, MountingForms, PARAMETER_NAMES};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{BodyAxes, EulerConvention};
+use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention};
 use crate::project::{Motion, Project, Scanner};
 use lines::{Lines, millimetres, short, vector};
+
+/// Describes a `calibration.toml`, as a document and as text.
+pub(super) fn mountings(path: &Path, scanners: &[(String, BodyFromScanner)]) -> (Value, String) {
+    let mut lines = Lines {
+        text: format!("calibration {}\n", path.display()),
+        folder: PathBuf::new(),
+    };
+    let mut forms = Map::new();
+    for (name, mounting) in scanners {
+        lines.section(&format!("scanner {name}"));
+        let translation_m = vector(&mounting.translation_m);
+        lines.value("translation", format!("{translation_m} m"));
+        for (name, angles_deg) in rotations(mounting) {
+            lines.value("rotation", format!("{angles_deg} ° ({name})"));
+        }
+        let form = json!({ "body_from_scanner": MountingForms::from(mounting) });
+        forms.insert(name.clone(), form);
+    }
+    let document = json!({
+        "path": path.display().to_string(),
+        "format": "calibration",
+        "scanners": forms,
+    });
+    (document, lines.text.trim_end().to_owned())
+}
+
+/// The angles of a mounting in each convention, as text.
+fn rotations(mounting: &BodyFromScanner) -> [(&'static str, String); 2] {
+    let all = [
+        ("zyx", EulerConvention::Zyx),
+        ("bonn", EulerConvention::Bonn),
+    ];
+    all.map(|(name, convention)| {
+        let angles_deg = euler_deg_from_rotation(convention, &mounting.rotation);
+        (name, angles_deg.map(short).join(", "))
+    })
+}
 
 /// Describes `project` as text.
 pub(super) fn project(project: &Project) -> String {
@@ -125,14 +164,12 @@ fn describe_scanner(lines: &mut Lines, scanner: &Scanner) {
         "initial translation",
         format!("{} m", vector(&mounting.translation_m)),
     );
-    for (name, convention) in [
-        ("zyx", EulerConvention::Zyx),
-        ("bonn", EulerConvention::Bonn),
-    ] {
-        let angles = euler_deg_from_rotation(convention, &mounting.rotation)
-            .map(short)
-            .join(", ");
-        let typed = if convention == scanner.convention {
+    let own = match scanner.convention {
+        EulerConvention::Zyx => "zyx",
+        EulerConvention::Bonn => "bonn",
+    };
+    for (name, angles) in rotations(mounting) {
+        let typed = if name == own {
             ", as in the project"
         } else {
             ""
