@@ -99,6 +99,12 @@ impl fmt::Display for Inspection {
         }
         for Bounds { column, min, max } in &self.bounds {
             let (name, unit) = split_unit(column);
+            // Angles are shown as people read them.
+            let (factor, unit) = match unit {
+                "rad" => (1f64.to_degrees(), "°"),
+                _ => (1.0, unit),
+            };
+            let (min, max) = (factor * min, factor * max);
             writeln!(f, "  {name:<22} {min:.6} to {max:.6} {unit}")?;
         }
         if !self.columns.is_empty() {
