@@ -129,15 +129,17 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
     let best = best.filter(|(left, ..)| explains(left));
     let explained = best.as_ref().map(|(left, ..)| *left);
     let among = || misfit(&own_clouds, &Columns::default()).filter(|left| explains(left));
-    let verdict = match best {
-        Some((left, code, text)) => {
+    let among = match (&best, reference.is_empty()) {
+        (None, false) => among(),
+        _ => None,
+    };
+    let verdict = match (best, among) {
+        (Some((left, code, text)), _) => {
             let left_m = left.apart_m;
             let text = format!("{apart}. Only {left_m:.2} m remain {text}");
             Verdict::fault(code, text).with_value(left_m, None)
         }
-        None if !reference.is_empty()
-            && let Some(among) = among() =>
-        {
+        (None, Some(among)) => {
             let among_m = among.apart_m;
             let text = format!(
                 "{apart} from the reference, and only {among_m:.2} m from each other: is the reference in the \
@@ -145,7 +147,7 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
             );
             Verdict::care("reference.placement", text).with_value(own_m, None)
         }
-        None => {
+        (None, None) => {
             let text = format!(
                 "{apart}: if the result is wrong, check translation, rotation and rotation_convention of the \
                  scanners, their files, their clocks, and where the reference lies."
