@@ -74,7 +74,7 @@ macro_rules! stored_number {
         }
     )*};
 }
-stored_number!(u8, u32, u64, f32, f64);
+stored_number!(u8, u32, u64, u128, f32, f64);
 
 impl Stored for usize {
     fn store(&self, bytes: &mut Vec<u8>) {
@@ -230,15 +230,15 @@ impl Stored for DVector<f64> {
 
 impl Stored for DMatrix<f64> {
     fn store(&self, bytes: &mut Vec<u8>) {
-        self.nrows().store(bytes);
+        self.shape().store(bytes);
         self.as_slice().to_vec().store(bytes);
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        let rows = usize::restore(bytes)?;
+        let (rows, columns) = <(usize, usize)>::restore(bytes)?;
         let values: Vec<f64> = Vec::restore(bytes)?;
-        let columns = values.len().checked_div(rows).unwrap_or(0);
-        (rows * columns == values.len()).then(|| Self::from_vec(rows, columns, values))
+        let is_whole = rows.checked_mul(columns) == Some(values.len());
+        is_whole.then(|| Self::from_vec(rows, columns, values))
     }
 }
 
@@ -330,7 +330,7 @@ mod tests {
             }
             let _ = Value::restore(&mut bytes.as_slice());
         }
-        let no_columns = bytes_of(&(3usize, vec![1.0; 4]));
-        assert_eq!(DMatrix::restore(&mut no_columns.as_slice()), None);
+        let too_few = bytes_of(&((3usize, 2usize), vec![1.0; 4]));
+        assert_eq!(DMatrix::restore(&mut too_few.as_slice()), None);
     }
 }

@@ -6,8 +6,12 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use boresight::pipeline::{self, Options};
+use boresight::progress::{Progress, Silent};
+use boresight::project::Project;
 use common::results::results;
 use common::{change_project, names, on_project, rewrite_project, simulated};
+use serde_json::Value;
 
 /// What a run says of the stages that it did not run.
 const EARLIER: &str = "Finished by an earlier run: ";
@@ -60,16 +64,33 @@ impl Case {
 
     /// The kept stage of this name.
     fn stage(&self, name: &str) -> PathBuf {
-        let is_it = |own: &String| {
-            let stem = own.split_once('.').map(|(stem, _)| stem);
-            stem.and_then(|stem| stem.rsplit_once('-'))
-                .is_some_and(|(own, _)| own == name)
-                && own.ends_with(".stage")
+        let is_it = |kept: &&String| {
+            let stem = kept.strip_suffix(".kept").unwrap_or_default();
+            stem.rsplit_once('-')
+                .is_some_and(|(stage, _)| stage == name)
         };
         let all = names(&self.finished());
-        self.finished()
-            .join(all.iter().find(|own| is_it(own)).unwrap())
+        self.finished().join(all.iter().find(is_it).unwrap())
     }
+
+    /// Another drive of the same kind, beside this one.
+    fn another(&self) -> PathBuf {
+        let other = self.drive.with_file_name("drive-2");
+        fs::create_dir(&other).unwrap();
+        for name in names(&self.drive) {
+            if self.drive.join(&name).is_file() {
+                fs::copy(self.drive.join(&name), other.join(&name)).unwrap();
+            }
+        }
+        other
+    }
+}
+
+/// Takes the last row off a table.
+fn shorten(table: &Path) {
+    let text = fs::read_to_string(table).unwrap();
+    let shorter = text.trim_end().rsplit_once('\n').unwrap().0;
+    fs::write(table, format!("{shorter}\n")).unwrap();
 }
 
 /// Results are whole files of their own, whatever becomes of what is kept.
@@ -167,22 +188,25 @@ fn stages_follow_their_inputs_and_settings() {
     });
     again(&ALL[..8]);
     change_project(&case.drive, "neighbours = 20", "neighbours = 21");
-    again(&["trajectory"]);
+    again(&["reference", "trajectory"]);
     // The content of a file counts, not its name or time.
     let log = case.drive.join("prism.csv");
     let text = fs::read_to_string(&log).unwrap();
     fs::write(&log, &text).unwrap();
     again(&ALL);
-    let shorter = text.trim_end().rsplit_once('\n').unwrap().0;
-    fs::write(&log, format!("{shorter}\n")).unwrap();
-    again(&[]);
+    shorten(&log);
+    again(&["reference"]);
 }
 
 #[test]
 fn nothing_but_stages_of_the_last_run_is_kept() {
     let case = Case::new();
     fs::create_dir(case.finished()).unwrap();
-    let foreign = ["notes.txt", "calibrate-0123.stage", "photo-2026.jpg"];
+    let foreign = [
+        "notes.txt",
+        "calibrate-0123.kept",
+        "scan-d41d8cd98f00b204e9800998ecf8427e.laz",
+    ];
     for name in foreign {
         fs::write(case.finished().join(name), "mine").unwrap();
     }
@@ -196,7 +220,7 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
     assert_eq!(second.len(), first.len());
     assert_eq!(
         second.iter().filter(|name| first.contains(name)).count(),
-        foreign.len() + 1
+        foreign.len() + 2
     );
     for name in foreign {
         assert_eq!(
@@ -236,5 +260,114 @@ fn a_run_does_without_what_it_cannot_keep() {
     assert_eq!(
         fs::read_to_string(case.finished()).unwrap(),
         "a file of the user"
+    );
+}
+
+#[test]
+fn other_drives_are_inputs_too() {
+    let case = Case::new();
+    let other = case.another();
+    rewrite_project(&case.drive, |text| {
+        format!("{text}\n[[evaluation]]\nname = \"again\"\nproject = \"../drive-2/project.toml\"\n")
+    });
+    case.run(&[]);
+    assert_eq!(case.run(&[]), [&ALL[..], &["evaluate again"]].concat());
+    shorten(&other.join("prism.csv"));
+    assert_eq!(case.run(&[]), ALL);
+    change_project(&other, "sigma_m = 0.005", "sigma_m = 0.006");
+    assert_eq!(case.run(&[]), ALL);
+    let whole = results(&case.out());
+    case.run(&["--fresh"]);
+    assert!(results(&case.out()) == whole);
+
+    change_project(&case.drive, "[[evaluation]]", "[[drive]]");
+    let before = [
+        "reference",
+        "trajectory",
+        "sample",
+        "check placement",
+        "calibrate",
+    ];
+    let two_steps = [&before[..], &["calibrate without reference"]].concat();
+    assert_eq!(case.run(&[]), two_steps);
+    shorten(&other.join("imu.csv"));
+    assert_eq!(case.run(&[]), two_steps);
+    let whole = results(&case.out());
+    case.run(&["--fresh"]);
+    assert!(results(&case.out()) == whole);
+}
+
+/// Appends to a file when a stage begins.
+struct Meddler {
+    stage: &'static str,
+    file: PathBuf,
+}
+
+impl Progress for Meddler {
+    fn begin(&self, stage: &str, _total: u64) {
+        if stage == self.stage {
+            let mut text = fs::read(&self.file).unwrap();
+            text.extend_from_slice(b"\n");
+            fs::write(&self.file, text).unwrap();
+        }
+    }
+    fn advance(&self, _units: u64) {}
+    fn end(&self) {}
+    fn say(&self, _message: &str) {}
+    fn warn(&self, _message: &str) {}
+}
+
+#[test]
+fn what_follows_from_files_that_change_is_said_and_not_kept() {
+    let case = Case::new();
+    let project = Project::read(&case.drive.join("project.toml")).unwrap();
+    let options = Options {
+        out: case.out(),
+        seed: None,
+        fresh: false,
+    };
+    let file = case.drive.join("prism.csv");
+    let before = fs::read(&file).unwrap();
+    let meddler = Meddler {
+        stage: "joint adjustment",
+        file: file.clone(),
+    };
+    let found = pipeline::run(&project, &options, &meddler).unwrap();
+    let warnings = found.result["warnings"].as_array().unwrap();
+    let changed = |warning: &&Value| {
+        let text = warning.as_str().unwrap();
+        text.contains("prism.csv changed during this run")
+    };
+    assert_eq!(warnings.iter().filter(changed).count(), 1, "{warnings:?}");
+    // What it was is there again: stages before the change hold.
+    fs::write(&file, before).unwrap();
+    let again = pipeline::run(&project, &options, &Silent).unwrap();
+    let begin =
+        "Finished by an earlier run: reference, trajectory, sample, check placement, calibrate (";
+    assert!(again.summary.contains(begin), "{}", again.summary);
+    assert!(
+        !again.result["warnings"]
+            .to_string()
+            .contains("changed during")
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn one_folder_has_one_set_of_stages_whatever_leads_to_it() {
+    let case = Case::new();
+    case.run(&[]);
+    let link = case.drive.join("link");
+    std::os::unix::fs::symlink(case.out(), &link).unwrap();
+    for out in [link, case.out().join("."), case.out().join("../out/")] {
+        assert_eq!(case.run(&["--out", out.to_str().unwrap()]), ALL);
+    }
+    let folders = names(&case.drive);
+    assert_eq!(
+        folders
+            .iter()
+            .filter(|name| name.ends_with(".finished"))
+            .count(),
+        1
     );
 }

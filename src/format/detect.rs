@@ -1,9 +1,9 @@
 //! Detection of file formats: by content, then by name.
 
 use std::io::{Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::file::{extension, first_bytes, is_parquet, nothing_in, open};
+use super::file::{extension, file_of, first_bytes, is_parquet, nothing_in, open};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::parquet;
@@ -40,6 +40,15 @@ pub fn detect(path: &Path) -> Result<Format> {
         Some(kind) => Ok(Format(kind)),
         None => by_text(path).map(Format),
     }
+}
+
+/// The files that are read where this path is named: the file of it, and those that belong to it, of which some may
+/// be missing.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let file = file_of(path);
+    let beside = detect(&file).ok().and_then(|format| format.0.beside);
+    let others = beside.map_or(Vec::new(), |of| of(&file));
+    std::iter::once(file).chain(others).collect()
 }
 
 /// The format of a table or of lines of numbers.

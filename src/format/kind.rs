@@ -1,7 +1,7 @@
 //! What a file format is: how a file of it is told, and what is read from it.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
@@ -73,6 +73,8 @@ pub(crate) struct Kind {
     pub(crate) record: Option<RecordAt>,
     /// The coordinate reference system that a file names, as WKT.
     pub(crate) wkt: Option<Reader<Option<String>>>,
+    /// Other files that are read with one, those that are missing too where they would be.
+    pub(crate) beside: Option<fn(&Path) -> Vec<PathBuf>>,
     /// What else a file holds, in a line.
     pub(crate) contents: Option<Reader<String>>,
     /// Units and frame.
@@ -101,6 +103,7 @@ impl Kind {
             profiles: None,
             record: None,
             wkt: None,
+            beside: None,
             contents: None,
             frame: Frame::Fixed(""),
             note: "",

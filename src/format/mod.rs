@@ -36,7 +36,7 @@ pub use cloud::ply_out::ply_sink;
 pub use cloud::rows::CloudRows;
 pub use cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
 pub use cloud::table::write_cloud_table;
-pub use detect::detect;
+pub use detect::{detect, files_of};
 pub use file::{file_of, is_parquet};
 pub use inspect::{Bounds, Gap, Inspection, inspect};
 pub use kind::Format;

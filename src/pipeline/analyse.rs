@@ -1,13 +1,13 @@
 //! A whole run: all stages in order.
 
-use std::cell::OnceCell;
 use std::path::PathBuf;
 
 use super::clouds::Mounted;
 use super::findings::{Extras, Findings, KeptStages};
-use super::finished::{Finished, Key};
+use super::finished::Finished;
+use super::inputs::Inputs;
 use super::job::Job;
-use super::keys::Keys;
+use super::keys::{Key, Keys};
 use super::outcome::Options;
 use super::own::Own;
 use super::stages::EstimatedPoses;
@@ -55,20 +55,21 @@ pub fn analyse(
     let names: Vec<String> = RESULTS.map(str::to_owned).into();
     let cloud_names = clouds::names(project);
     let names = [names.as_slice(), &cloud_names].concat();
-    let finished = Finished::beside(&options.out, options.fresh)?;
-    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    job = job.with_finished(finished);
-    let keys = Keys::new(project, progress)?;
+    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    let inputs = Inputs::read(project.inputs(), progress)?;
+    let keys = Keys::new(project, &inputs)?;
+    let finished = Finished::beside(&options.out, inputs, options.fresh);
+    let mut job = job.with_finished(finished);
     let mut own = Own::new(project);
 
     let calibration_key = &keys.calibration;
-    let background_m = job.once(("reference", &[]), calibration_key, |progress| {
+    let background_m = job.once("reference", &keys.reference, |progress| {
         Ok(thinned_for_drawing(own.reference(progress)?))
     })?;
-    let poses = job.once(("trajectory", &[]), &keys.poses, |progress| {
+    let poses = job.once("trajectory", &keys.poses, |progress| {
         Ok(own.poses(progress)?.poses.clone())
     })?;
-    let sampled = job.once(("sample", &[]), calibration_key, |progress| {
+    let sampled = job.once("sample", calibration_key, |progress| {
         let scaled = start::with_scales(project, &poses.trajectory, progress)?;
         let samples = own.samples(&scaled, progress)?;
         stages::check_reference(&scaled, samples, own.reference(progress)?)?;
@@ -78,7 +79,7 @@ pub fn analyse(
         })
     })?;
     let project = &sampled.project(project);
-    let start = job.once(("check placement", &[]), calibration_key, |progress| {
+    let start = job.once("check placement", calibration_key, |progress| {
         let samples = own.samples(project, progress)?;
         let reference = own.reference(progress)?;
         let trajectory = &poses.trajectory;
@@ -86,7 +87,7 @@ pub fn analyse(
             project, trajectory, samples, reference, progress,
         ))
     })?;
-    let two_steps = job.once(("calibrate", &[]), calibration_key, |progress| {
+    let two_steps = job.once("calibrate", calibration_key, |progress| {
         let (begin, settings) = (start.project(project), start.settings(project));
         let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
         let reference = own.reference(progress)?;
@@ -103,7 +104,7 @@ pub fn analyse(
         None
     };
     let joint = match (project.is_joint, hindrance) {
-        (true, None) => Some(job.once(("adjust jointly", &[]), &keys.joint, |progress| {
+        (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
             let drive = joint::Drive {
                 name: &drives::name_of(project),
                 project,
@@ -136,12 +137,12 @@ pub fn analyse(
         mountings: &found,
         bending: &adjusted.bending,
     };
-    let kept = OnceCell::new();
+    let mut kept = None;
     let cloud_paths: Vec<PathBuf> = cloud_names.iter().map(|name| job.path(name)).collect();
-    job.once(("georeference", &cloud_names), &keys.joint, |progress| {
+    job.once_writing("georeference", &cloud_names, &keys.joint, |progress| {
         let files = Some((mounted, cloud_paths.as_slice()));
         let points = clouds::stream(&placed, &adjusted.trajectory, files, progress)?;
-        kept.get_or_init(|| points);
+        kept = Some(points);
         Ok(())
     })?;
     let mountings = mountings(project, &calibration, &variants, extras);
@@ -170,6 +171,7 @@ pub fn analyse(
     ) {
         job.warn(warning);
     }
+    job.warn_of_changes();
     let mut findings = Findings {
         calibration,
         joint,
@@ -225,7 +227,7 @@ fn calibrate_variants(
     let settings = start.settings(project);
     let mut calibrate =
         |name: &str, key: &Key, work: &dyn Fn(&dyn Progress) -> Result<Calibration>| {
-            job.once((name, &[]), key, |progress| {
+            job.once(name, key, |progress| {
                 let _stage = progress.stage(name, 0);
                 work(progress)
             })

@@ -1,13 +1,11 @@
 //! Agreement of the clouds of the calibration drive and of the evaluation drives.
 
-use std::cell::OnceCell;
 use std::path::Path;
 
 use super::clouds::{self, KeptPoints, Mounted};
-use super::finished::Key;
 use super::job::Job;
 use super::joint;
-use super::keys::Keys;
+use super::keys::{Key, Keys};
 use super::own::Own;
 use super::stages::{self, EstimatedPoses, Poses};
 use crate::calibration::{Calibration, Method};
@@ -79,26 +77,25 @@ impl Compared<'_> {
     /// Invalid settings of the comparison; errors of the readers and of the stages on an evaluation drive.
     pub fn all(
         &self,
-        (poses, adjusted, mut kept): (Poses, Adjusted, OnceCell<KeptPoints>),
+        (poses, adjusted, kept): (Poses, Adjusted, Option<KeptPoints>),
         own: &Own<'_>,
         job: &mut Job<'_>,
     ) -> Result<Vec<Drive>> {
         let project = self.project;
         let key = self.keyed(self.keys.joint.clone());
-        let first = job.once(("compare", &[]), &key, |progress| {
-            let kept = match kept.take() {
+        let first = job.once("compare", &key, |progress| {
+            let kept = match kept {
                 Some(kept) => kept,
                 None => clouds::stream(project, &adjusted.trajectory, None, progress)?,
             };
             let placed = (poses, &adjusted.trajectory, adjusted.bending.as_slice());
             self.drive((&name_of(project), project), placed, (own, &kept), progress)
         })?;
-        drop(kept);
         let mut drives = vec![first];
-        for other in &project.evaluations {
-            let key = self.keyed(self.keys.with_drive(other)?);
+        for (other, key) in project.evaluations.iter().zip(&self.keys.evaluations) {
+            let key = self.keyed(key.clone());
             let stage = format!("evaluate {}", other.name);
-            drives.push(job.once((&stage, &[]), &key, |progress| {
+            drives.push(job.once(&stage, &key, |progress| {
                 let _stage = progress.stage(&stage, 0);
                 self.evaluated(other, own, progress)
             })?);

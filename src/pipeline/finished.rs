@@ -3,16 +3,16 @@
 //!
 //! A stage is found by its name and its [`Key`]: a hash of the program, of the content of the files and of the
 //! settings that its result follows from. What is kept appears whole and ends with a hash of itself; anything
-//! else is not read.
+//! else is not read. Files that a stage wrote are kept as further names of the same files.
 
-use std::fmt::{self, Debug, Write};
-use std::fs::{self, File};
-use std::io::Read;
+use std::ffi::OsStr;
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use twox_hash::xxhash3_128::Hasher;
 
+use super::inputs::{Inputs, hash_of, size};
+use super::keys::{DIGITS, Key};
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::Progress;
@@ -20,93 +20,8 @@ use crate::stored::Stored;
 
 /// What the folder of finished stages adds to the name of that of the results.
 const SUFFIX: &str = ".finished";
-/// End of the name of a stage's value; that of a file that it wrote ends in the name of the file.
-const VALUE: &str = "stage";
-/// Digits of a key.
-const DIGITS: usize = 32;
-
-/// What the result of a stage follows from.
-#[derive(Clone)]
-pub struct Key(Hasher);
-
-impl Key {
-    /// That of this very program.
-    pub fn of_program() -> Self {
-        let mut hasher = Hasher::new();
-        hasher.write(env!("BORESIGHT_SOURCES").as_bytes());
-        Self(hasher)
-    }
-
-    /// And of this value, of which every digit counts.
-    pub fn with(mut self, value: &impl Debug) -> Self {
-        // Writing to a hasher cannot fail.
-        let _ = writeln!(self, "{value:?}");
-        self
-    }
-}
-
-/// A key can be part of another.
-impl Debug for Key {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:0DIGITS$x}", self.0.finish_128())
-    }
-}
-
-impl Write for Key {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.0.write(text.as_bytes());
-        Ok(())
-    }
-}
-
-/// The content of files, as one hash each.
-pub struct Contents(Vec<(PathBuf, Option<u128>)>);
-
-impl Contents {
-    /// Reads the files once. One that cannot be read is that: the stage that needs it says so.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`].
-    pub fn read(mut files: Vec<PathBuf>, progress: &dyn Progress) -> Result<Self> {
-        files.sort();
-        files.dedup();
-        let sizes = files
-            .iter()
-            .map(|path| path.metadata().map_or(0, |m| m.len()));
-        let stage = progress.stage("comparing inputs with earlier runs", sizes.sum());
-        let read = files.into_par_iter().map(|path| {
-            let hash = match hash_of(&path, &|bytes| stage.advance(bytes)) {
-                Err(Error::Cancelled) => return Err(Error::Cancelled),
-                found => found.ok(),
-            };
-            Ok((path, hash))
-        });
-        Ok(Self(read.collect::<Result<_>>()?))
-    }
-
-    /// That of a file; `None` where it could not be read.
-    pub fn of(&self, path: &Path) -> Option<u128> {
-        let found = self.0.iter().find(|(own, _)| own == path);
-        found.and_then(|(_, hash)| *hash)
-    }
-}
-
-/// Hash of the content of a file.
-fn hash_of(path: &Path, advance: &dyn Fn(u64) -> Result<()>) -> Result<u128> {
-    const CHUNK: usize = 1 << 20;
-    let mut file = File::open(path).map_err(|error| Error::io(path, error))?;
-    let (mut hasher, mut chunk) = (Hasher::new(), vec![0; CHUNK]);
-    loop {
-        let count = file
-            .read(&mut chunk)
-            .map_err(|error| Error::io(path, error))?;
-        if count == 0 {
-            return Ok(hasher.finish_128());
-        }
-        hasher.write(&chunk[..count]);
-        advance(count as u64)?;
-    }
-}
+/// End of the names of what is kept.
+const END: &str = ".kept";
 
 /// A stage that was finished.
 pub struct Stage<T> {
@@ -137,6 +52,12 @@ impl<T: Stored> Stored for Stage<T> {
 /// The folder of finished stages.
 pub struct Finished {
     folder: PathBuf,
+    /// What its stages follow from.
+    inputs: Inputs,
+    /// Whether what earlier runs left is looked for.
+    finds: bool,
+    /// Whether stages are kept.
+    keeps: bool,
     /// What this run found or wrote there.
     used: Vec<PathBuf>,
     /// The stages that it found.
@@ -144,24 +65,22 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// That of the results in `out`. With `fresh`, what it holds is removed.
-    ///
-    /// # Errors
-    /// What it holds cannot be removed.
-    pub fn beside(out: &Path, fresh: bool) -> Result<Self> {
-        let mut folder = std::path::absolute(out).map_err(|error| Error::io(out, error))?;
-        let mut name = folder.file_name().unwrap_or_default().to_owned();
+    /// That of the results in `out`, a folder that exists; `None` where it has no name to add to. With `fresh`,
+    /// nothing is found.
+    pub fn beside(out: &Path, inputs: Inputs, fresh: bool) -> Option<Self> {
+        // One folder, whatever leads to it.
+        let mut folder = out.canonicalize().ok()?;
+        let mut name = folder.file_name()?.to_owned();
         name.push(SUFFIX);
         folder.set_file_name(name);
-        let own = Self {
+        Some(Self {
             folder,
+            inputs,
+            finds: !fresh,
+            keeps: true,
             used: Vec::new(),
             found: Vec::new(),
-        };
-        if fresh {
-            own.remove_unused()?;
-        }
-        Ok(own)
+        })
     }
 
     /// The folder.
@@ -174,137 +93,194 @@ impl Finished {
         &self.found
     }
 
-    fn name(stage: &str, key: &Key, end: &str) -> String {
-        let hash = key.clone().with(&stage).0.finish_128();
-        format!("{}-{hash:0DIGITS$x}.{end}", stage.replace(' ', "-"))
-    }
-
     /// The result of a stage, if it was finished and every bit of it is there. The files that it wrote then
     /// appear under `paths`.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
     pub fn find<T: Stored>(
         &mut self,
         stage: &str,
         key: &Key,
         paths: &[PathBuf],
-    ) -> Option<Stage<T>> {
-        let name = Self::name(stage, key, VALUE);
-        let bytes = fs::read(self.folder.join(&name)).ok()?;
-        let (mut content, hash) = bytes.split_last_chunk()?;
-        if Hasher::oneshot(content).to_le_bytes() != *hash {
-            return None;
+        progress: &dyn Progress,
+    ) -> Result<Option<Stage<T>>> {
+        let place = self.place(stage, key, "");
+        let Some((hashes, found)) = read_whole(&place).filter(|_| self.finds) else {
+            return Ok(None);
+        };
+        let kept = self.places(stage, key, paths);
+        if hashes.len() != kept.len() {
+            return Ok(None);
         }
-        let files: Vec<[u64; 2]> = Stored::restore(&mut content)?;
-        let found = Stored::restore(&mut content)?;
-        let kept = self.kept(stage, key, paths);
-        let is_whole = content.is_empty() && files.len() == kept.len();
-        let are = |(path, hash): (&PathBuf, &[u64; 2])| halves(path).is_ok_and(|own| own == *hash);
-        if !is_whole || !kept.iter().zip(&files).all(are) {
-            return None;
+        for (file, hash) in kept.iter().zip(&hashes) {
+            match hash_seen(file, progress) {
+                Ok(own) if own == *hash => {}
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                _ => return Ok(None),
+            }
         }
-        let linked = kept
-            .iter()
-            .zip(paths)
-            .try_for_each(|(from, to)| link(from, to));
-        if linked.is_err() {
-            // What was linked must not be written through.
+        let pairs = kept.iter().zip(paths);
+        if pairs
+            .map(|(from, to)| fs::hard_link(from, to))
+            .any(|linked| linked.is_err())
+        {
+            // The stage must not write through a link that was made.
             paths.iter().for_each(|path| drop(fs::remove_file(path)));
-            return None;
+            return Ok(None);
         }
         self.used.extend(kept);
-        self.used.push(self.folder.join(name));
+        self.used.push(place);
         self.found.push(stage.to_owned());
-        Some(found)
+        Ok(Some(found))
     }
 
-    /// Keeps the result of a stage and the files that it wrote.
+    /// Keeps the result of a stage and the files that it wrote. Where a file cannot have another name, nothing is
+    /// kept: a copy of clouds would be as large.
     ///
     /// # Errors
-    /// The folder cannot be written.
+    /// The folder cannot be written; [`Error::Cancelled`].
     pub fn keep<T: Stored>(
         &mut self,
         stage: &str,
         key: &Key,
         found: &Stage<T>,
         paths: &[PathBuf],
+        progress: &dyn Progress,
     ) -> Result<()> {
-        let staging = Staging::new(&self.folder, &[], &[] as &[&str])?;
-        let kept = self.kept(stage, key, paths);
-        let staged =
-            |name: &Path| staging.path(&name.file_name().unwrap_or_default().to_string_lossy());
-        for (path, kept) in paths.iter().zip(&kept) {
-            let target = staged(kept);
-            link(path, &target).map_err(|error| Error::io(&target, error))?;
+        // What follows from another content must not be found by that of then.
+        if !self.keeps || self.inputs.changed().is_some() {
+            return Ok(());
         }
+        let staging = Staging::new(&self.folder, &[], &[] as &[&str])?;
+        let staged = |place: &Path| {
+            let name = place.file_name().unwrap_or_default();
+            staging.path(&name.to_string_lossy())
+        };
+        let kept = self.places(stage, key, paths);
+        for (path, place) in paths.iter().zip(&kept) {
+            if fs::hard_link(path, staged(place)).is_err() {
+                return Ok(());
+            }
+        }
+        let hashes = paths.iter().map(|path| hash_seen(path, progress));
         let mut bytes = Vec::new();
-        let files = paths.iter().map(|path| halves(path));
-        files.collect::<Result<Vec<_>>>()?.store(&mut bytes);
+        hashes.collect::<Result<Vec<u128>>>()?.store(&mut bytes);
         found.store(&mut bytes);
-        bytes.extend_from_slice(&Hasher::oneshot(&bytes).to_le_bytes());
-        let own = self.folder.join(Self::name(stage, key, VALUE));
-        let path = staged(&own);
+        Hasher::oneshot(&bytes).store(&mut bytes);
+        let place = self.place(stage, key, "");
+        let path = staged(&place);
         fs::write(&path, &bytes).map_err(|error| Error::io(&path, error))?;
         staging.commit()?;
         self.used.extend(kept);
-        self.used.push(own);
+        self.used.push(place);
         Ok(())
     }
 
-    /// Where files of a stage are kept.
-    fn kept(&self, stage: &str, key: &Key, paths: &[PathBuf]) -> Vec<PathBuf> {
-        let ends = paths
-            .iter()
-            .map(|path| path.file_name().unwrap_or_default().to_string_lossy());
-        ends.map(|end| self.folder.join(Self::name(stage, key, &end)))
-            .collect()
+    /// Keeps no more stages.
+    pub fn stop_keeping(&mut self) {
+        self.keeps = false;
     }
 
-    /// Removes what this run neither found nor wrote, and nothing that is not of its kind.
-    ///
-    /// # Errors
-    /// A file cannot be removed.
-    pub fn remove_unused(&self) -> Result<()> {
-        for path in self.entries() {
-            if !self.used.contains(&path) {
-                fs::remove_file(&path).map_err(|error| Error::io(&path, error))?;
-            }
+    /// A file that changed since the run began, if there is one.
+    pub fn changed_input(&self) -> Option<&Path> {
+        self.inputs.changed()
+    }
+
+    /// Removes what this run neither found nor wrote, and nothing that is not of its kind; what cannot be removed
+    /// stays.
+    pub fn remove_unused(&self) {
+        let unused = self.entries().into_iter();
+        for path in unused.filter(|path| !self.used.contains(path)) {
+            drop(fs::remove_file(path));
         }
-        Ok(())
     }
 
     /// Size of what is kept.
     pub fn bytes(&self) -> u64 {
         let files = self.entries().into_iter();
-        files
-            .map(|path| path.metadata().map_or(0, |m| m.len()))
-            .sum()
+        files.map(|path| size(&path)).sum()
+    }
+
+    /// Where the result of a stage is kept, or a file of this name that it wrote.
+    fn place(&self, stage: &str, key: &Key, file: &str) -> PathBuf {
+        let stage = stage.replace(' ', "-");
+        let dot = if file.is_empty() { "" } else { "." };
+        self.folder.join(format!("{stage}-{key}{dot}{file}{END}"))
+    }
+
+    fn places(&self, stage: &str, key: &Key, paths: &[PathBuf]) -> Vec<PathBuf> {
+        let names = paths
+            .iter()
+            .map(|path| path.file_name().unwrap_or_default());
+        names
+            .map(|name| self.place(stage, key, &name.to_string_lossy()))
+            .collect()
     }
 
     /// What stages have left in the folder.
     fn entries(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
-        let own = entries.filter(|entry| is_own(&entry.file_name().to_string_lossy()));
+        let own = entries.filter(|entry| is_own(&entry.file_name()));
         own.map(|entry| entry.path()).collect()
     }
 }
 
-/// Whether a name is that of what a stage left: `stage-0123…cdef.end`.
-fn is_own(name: &str) -> bool {
-    let key = name
-        .split_once('.')
-        .and_then(|(stem, _)| stem.rsplit_once('-'));
-    key.is_some_and(|(_, key)| key.len() == DIGITS && key.bytes().all(|b| b.is_ascii_hexdigit()))
+/// Hash of the content of a file, with progress.
+fn hash_seen(path: &Path, progress: &dyn Progress) -> Result<u128> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let stage = progress.stage(&format!("checking {name}"), size(path));
+    hash_of(path, &|bytes| stage.advance(bytes))
 }
 
-/// Hash of the content of a file, in halves.
-fn halves(path: &Path) -> Result<[u64; 2]> {
-    let hash = hash_of(path, &|_| Ok(()))?;
-    Ok([(hash >> 64) as u64, hash as u64])
+/// Whether a name is that of what a stage left: `stage-0123…cdef.kept` or `stage-0123…cdef.cloud.laz.kept`.
+fn is_own(name: &OsStr) -> bool {
+    let name = name.to_string_lossy();
+    let Some(stem) = name
+        .strip_suffix(END)
+        .and_then(|name| name.split('.').next())
+    else {
+        return false;
+    };
+    let key = stem.rsplit_once('-').map_or("", |(_, key)| key);
+    let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
+    key.len() == DIGITS && key.bytes().all(is_digit)
 }
 
-/// The same file under another name; a copy where the file system has no such thing.
-fn link(from: &Path, to: &Path) -> std::io::Result<()> {
-    if fs::hard_link(from, to).is_ok() {
-        return Ok(());
+/// The hashes of the files of a stage, and what it found, if all bits of it are there.
+fn read_whole<T: Stored>(path: &Path) -> Option<(Vec<u128>, Stage<T>)> {
+    // Opening a pipe waits until somebody writes to it.
+    if !path.metadata().ok()?.is_file() {
+        return None;
     }
-    fs::copy(from, to).map(|_| ())
+    let bytes = fs::read(path).ok()?;
+    let (mut content, mut hash) = bytes.split_at_checked(bytes.len().checked_sub(16)?)?;
+    if u128::restore(&mut hash) != Some(Hasher::oneshot(content)) {
+        return None;
+    }
+    let found = Stored::restore(&mut content)?;
+    content.is_empty().then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_others_are_told() {
+        let key = "0123456789abcdef0123456789abcdef";
+        let is_own = |name: &str| is_own(OsStr::new(name));
+        assert!(is_own(&format!("calibrate-{key}.kept")));
+        assert!(is_own(&format!("georeference-{key}.cloud-a.laz.kept")));
+        for name in [
+            format!("scan-{key}.laz"),
+            format!("scan-{}.kept", key.to_uppercase()),
+            format!("scan-{}.kept", &key[1..]),
+            format!("{key}.kept"),
+            "notes.kept".to_owned(),
+            ".kept".to_owned(),
+        ] {
+            assert!(!is_own(&name), "{name}");
+        }
+    }
 }

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
-use super::finished::{Finished, Key, Stage};
+use super::finished::{Finished, Stage};
+use super::keys::Key;
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::{Progress, StageSeconds};
@@ -40,10 +41,21 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// The same with finished stages kept.
-    pub fn with_finished(mut self, finished: Finished) -> Self {
-        self.finished = Some(finished);
+    /// A job whose stages are kept for other runs, where they can be.
+    pub fn with_finished(mut self, finished: Option<Finished>) -> Self {
+        self.finished = finished;
         self
+    }
+
+    /// Warns of a file that changed since the job began: some stages may have read what it was, others what it is.
+    pub fn warn_of_changes(&mut self) {
+        let changed = self.finished.as_ref().and_then(Finished::changed_input);
+        if let Some(path) = changed {
+            let file = path.display();
+            self.warn(format!(
+                "{file} changed during this run: its results may mix what it was and what it is, run again"
+            ));
+        }
     }
 
     /// Runs `work` and records its run time under `name`, and its warnings.
@@ -59,36 +71,51 @@ impl<'a> Job<'a> {
         Ok(self.conclude(name, stage))
     }
 
-    /// As [`Self::timed`], unless an earlier run finished this stage from the same inputs: then its result, its
-    /// warnings and the results `files` that it wrote are those found then.
+    /// As [`Self::timed`], unless an earlier run finished this stage from the same inputs: then its result and its
+    /// warnings are those found then.
     ///
     /// # Errors
     /// As for [`Self::timed`].
     pub fn once<T: Stored>(
         &mut self,
-        (name, files): (&str, &[String]),
+        name: &str,
         key: &Key,
         work: impl FnOnce(&dyn Progress) -> Result<T>,
     ) -> Result<T> {
-        let paths: Vec<PathBuf> = files.iter().map(|file| self.path(file)).collect();
-        let finished = self.finished.as_mut();
-        if let Some(stage) = finished.and_then(|all| all.find(name, key, &paths)) {
-            self.progress
-                .say(&format!("{name}: finished in an earlier run"));
-            stage
-                .warnings
-                .iter()
-                .for_each(|text| self.progress.warn(text));
+        self.once_writing(name, &[], key, work)
+    }
+
+    /// The same of a stage that writes results of these names.
+    ///
+    /// # Errors
+    /// As for [`Self::timed`].
+    pub fn once_writing<T: Stored>(
+        &mut self,
+        name: &str,
+        results: &[String],
+        key: &Key,
+        work: impl FnOnce(&dyn Progress) -> Result<T>,
+    ) -> Result<T> {
+        let paths: Vec<PathBuf> = results.iter().map(|result| self.path(result)).collect();
+        let progress = self.progress;
+        if let Some(finished) = &mut self.finished
+            && let Some(stage) = finished.find(name, key, &paths, progress)?
+        {
+            progress.say(&format!("{name}: finished in an earlier run"));
+            stage.warnings.iter().for_each(|text| progress.warn(text));
             return Ok(self.conclude(name, stage));
         }
-        let stage = run(self.progress, work)?;
-        if let Some(finished) = &mut self.finished
-            && let Err(error) = finished.keep(name, key, &stage, &paths)
-        {
-            // The results do not need it.
-            let warning = format!("finished stages are no longer kept: {error}");
-            self.progress.warn(&warning);
-            self.finished = None;
+        let stage = run(progress, work)?;
+        if let Some(finished) = &mut self.finished {
+            match finished.keep(name, key, &stage, &paths, progress) {
+                Ok(()) => {}
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                // The results do not need it.
+                Err(error) => {
+                    progress.warn(&format!("finished stages are no longer kept: {error}"));
+                    finished.stop_keeping();
+                }
+            }
         }
         Ok(self.conclude(name, stage))
     }
@@ -140,12 +167,12 @@ impl<'a> Job<'a> {
     /// Moves all results to their folder, and returns the stages that are kept, of which others are removed.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; a file cannot be flushed, renamed or removed.
+    /// [`Error::Cancelled`]; a file cannot be flushed or renamed.
     pub fn commit(self) -> Result<Option<Finished>> {
         self.progress.check()?;
         self.staging.commit()?;
         if let Some(finished) = &self.finished {
-            finished.remove_unused()?;
+            finished.remove_unused();
         }
         Ok(self.finished)
     }

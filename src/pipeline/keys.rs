@@ -1,59 +1,114 @@
-//! What the stages of a run follow from.
+//! What the stages of a run follow from, as keys.
 
-use super::finished::{Contents, Key};
+use std::fmt::{self, Debug, Display, Write};
+use std::path::Path;
+
+use twox_hash::xxhash3_128::Hasher;
+
+use super::inputs::{Inputs, hash_of};
 use crate::comparison::ComparisonSettings;
-use crate::error::Result;
-use crate::progress::Progress;
+use crate::error::{Error, Result};
+use crate::format::file_of;
 use crate::project::{OtherDrive, Project};
 use crate::verdict::Acceptance;
 
+/// Digits of a key.
+pub const DIGITS: usize = 32;
+
+/// What the result of a stage follows from.
+#[derive(Clone)]
+pub struct Key(Hasher);
+
+impl Key {
+    /// The key with the digits of this value as `Debug` shows them, which drops none.
+    pub fn with(mut self, value: &impl Debug) -> Self {
+        // Writing to a hasher cannot fail.
+        let _ = writeln!(self, "{value:?}");
+        self
+    }
+}
+
+impl Write for Key {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.write(text.as_bytes());
+        Ok(())
+    }
+}
+
+impl Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:0DIGITS$x}", self.0.finish_128())
+    }
+}
+
+impl Debug for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Display::fmt(self, f)
+    }
+}
+
 /// The keys of a run.
 pub struct Keys {
-    contents: Contents,
+    /// Of the reference.
+    pub reference: Key,
     /// Of the poses of the project's own drive.
     pub poses: Key,
     /// Of its calibration in two steps.
     pub calibration: Key,
     /// Of its calibration together with other drives.
     pub joint: Key,
+    /// Of the same and each drive that is evaluated.
+    pub evaluations: Vec<Key>,
 }
 
 impl Keys {
-    /// Those of a project, all of whose files are read once.
+    /// Those of a project.
     ///
     /// # Errors
-    /// The project of another drive cannot be read; [`Error::Cancelled`](crate::Error::Cancelled).
-    pub fn new(project: &Project, progress: &dyn Progress) -> Result<Self> {
-        let contents = Contents::read(project.inputs(), progress)?;
-        let calibration = of(&before_comparison(project), &contents);
+    /// The running program or the project of another drive cannot be read.
+    pub fn new(project: &Project, inputs: &Inputs) -> Result<Self> {
+        let program = of_program()?;
+        let other = |drive: &OtherDrive| -> Result<Key> {
+            let project = Project::read(&drive.project)?;
+            let key = of(&before_comparison(&project), inputs, &program);
+            Ok(key.with(&drive.name))
+        };
+        let calibration = of(&before_comparison(project), inputs, &program);
         let mut joint = calibration.clone();
         for drive in &project.drives {
-            joint = joint.with(&of_other(drive, &contents)?);
+            joint = joint.with(&other(drive)?);
         }
+        let evaluations = project.evaluations.iter();
+        let evaluations =
+            evaluations.map(|drive| Ok::<_, Error>(joint.clone().with(&other(drive)?)));
+        let reference = project.reference.as_ref();
+        let reference = reference.map(|file| inputs.hash(&file_of(&file.path)));
         Ok(Self {
-            poses: of(&before_scans(project), &contents),
+            reference: program.clone().with(&(reference, project.origin_m)),
+            poses: of(&before_scans(project), inputs, &program),
             calibration,
+            evaluations: evaluations.collect::<Result<_>>()?,
             joint,
-            contents,
         })
-    }
-
-    /// That of what follows from another drive as well.
-    ///
-    /// # Errors
-    /// Its project cannot be read.
-    pub fn with_drive(&self, drive: &OtherDrive) -> Result<Key> {
-        Ok(self.joint.clone().with(&of_other(drive, &self.contents)?))
     }
 }
 
+/// The content of the running program: what another version finished, or one built otherwise, is not found.
+fn of_program() -> Result<Key> {
+    let unknown = |error| Error::io(Path::new("the running program"), error);
+    let path = std::env::current_exe().map_err(unknown)?;
+    let mut hasher = Hasher::new();
+    hasher.write(&hash_of(&path, &|_| Ok(()))?.to_le_bytes());
+    Ok(Key(hasher))
+}
+
 /// The key of what follows from everything that a project says and names.
-fn of(project: &Project, contents: &Contents) -> Key {
+fn of(project: &Project, inputs: &Inputs, program: &Key) -> Key {
     // A projection holds more than its name, which says it all.
     let crs = project.crs.as_ref().map(|crs| crs.name().to_owned());
-    let mut key = Key::of_program().with(&crs);
+    let mut key = program.clone().with(&crs);
     for path in project.files() {
-        key = key.with(&contents.of(&path));
+        key = key.with(&inputs.hash(&path));
     }
     key.with(&Project {
         crs: None,
@@ -61,16 +116,14 @@ fn of(project: &Project, contents: &Contents) -> Key {
     })
 }
 
-fn of_other(drive: &OtherDrive, contents: &Contents) -> Result<Key> {
-    let project = Project::read(&drive.project)?;
-    Ok(of(&before_comparison(&project), contents).with(&drive.name))
-}
-
-/// A project without what only stages after the calibration use, and without other drives.
+/// A project without what only later stages use; all else counts, also what is new in a project.
 fn before_comparison(project: &Project) -> Project {
     Project {
+        // Only clouds are compared.
         comparison: ComparisonSettings::default(),
+        // Only the verdicts at the end are held against it.
         acceptance: Acceptance::default(),
+        // These have keys of their own.
         drives: Vec::new(),
         evaluations: Vec::new(),
         ..project.clone()
@@ -81,14 +134,14 @@ fn before_comparison(project: &Project) -> Project {
 fn before_scans(project: &Project) -> Project {
     let mut project = Project {
         reference: None,
+        // Only mountings follow these columns.
         bending: None,
         calibration: Default::default(),
         joint: Default::default(),
         ..before_comparison(project)
     };
-    project
-        .scanners
-        .iter_mut()
-        .for_each(|scanner| scanner.profiles.clear());
+    for scanner in &mut project.scanners {
+        scanner.profiles.clear();
+    }
     project
 }

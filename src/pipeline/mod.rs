@@ -12,6 +12,7 @@ pub mod features;
 mod findings;
 mod finished;
 mod init;
+mod inputs;
 mod job;
 pub mod joint;
 mod keys;

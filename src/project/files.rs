@@ -6,7 +6,7 @@ use super::checked::{Motion, OtherDrive, Project};
 use super::resolve;
 use super::source::{Source, Step};
 use crate::error::{Error, Location, Result};
-use crate::format::file_of;
+use crate::format::{file_of, files_of};
 use crate::trajectory::PositionKind;
 
 /// See [`Project::check_files`].
@@ -123,7 +123,7 @@ fn check_own_files(project: &Project) -> Result<()> {
 /// See [`Project::files`].
 pub(super) fn files(project: &Project) -> Vec<PathBuf> {
     let named = named(project).into_iter();
-    named.map(|(_, path)| file_of(path)).collect()
+    named.flat_map(|(_, path)| files_of(path)).collect()
 }
 
 /// See [`Project::inputs`].

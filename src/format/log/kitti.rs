@@ -22,6 +22,7 @@ const GYRO: usize = 17;
 pub(crate) const POSES: Kind = Kind {
     numbers: Some(looks_like_poses),
     poses: Some(read_poses),
+    beside: Some(|path| places_of_times(path).into()),
     note: "poses of a camera: x of the body is to the right, y down, z ahead",
     frame: Frame::Fixed(
         "metres (the format); world: the first camera, turned to z up; body: the camera, x right, y down, z forward",
@@ -32,6 +33,7 @@ pub(crate) const POSES: Kind = Kind {
 pub(crate) const OXTS_TIMES: Kind = Kind {
     signature: Some(|start| is_time_stamp(start.bytes)),
     imu: Some(|path| read_imu(path.parent().unwrap_or(Path::new("")))),
+    beside: Some(records_of),
     frame: Frame::Fixed("rad/s and m/s² (the format); body frame x forward, y left, z up"),
     ..Kind::new(
         "kitti-oxts",
@@ -137,16 +139,30 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
     Ok(records)
 }
 
-/// The file of times that belongs to a pose file, and its times in seconds.
-fn times(poses: &Path) -> Result<(PathBuf, Vec<f64>)> {
+/// Where the times of a pose file may be, the first place first.
+fn places_of_times(poses: &Path) -> [PathBuf; 3] {
     let folder = poses.parent().unwrap_or(Path::new(""));
     let above = folder.join("..");
     let sequence = poses.file_stem().unwrap_or_default();
-    let places = [
+    [
         folder.join("times.txt"),
         above.join("times.txt"),
         above.join("sequences").join(sequence).join("times.txt"),
-    ];
+    ]
+}
+
+/// The files of records beside a `timestamps.txt`.
+fn records_of(times: &Path) -> Vec<PathBuf> {
+    let folder = times.parent().unwrap_or(Path::new("")).join("data");
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut records: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    records.sort();
+    records
+}
+
+/// The file of times that belongs to a pose file, and its times in seconds.
+fn times(poses: &Path) -> Result<(PathBuf, Vec<f64>)> {
+    let places = places_of_times(poses);
     let Some(path) = places.iter().find(|place| place.is_file()) else {
         let places = places.map(|place| place.display().to_string()).join(" or ");
         return Err(Error::format(
@@ -432,5 +448,33 @@ mod tests {
         for_each_damaged(&first, valid.as_bytes(), 2000, || {
             drop(read_imu(dir.path()))
         });
+    }
+
+    #[test]
+    fn files_that_are_read_along_are_known() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| {
+            let path = dir.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            path
+        };
+        fs::write(at("poses/07.txt"), POSES).unwrap();
+        let found = crate::format::files_of(&at("poses/07.txt"));
+        let places = [
+            "poses/07.txt",
+            "poses/times.txt",
+            "poses/../times.txt",
+            "poses/../sequences/07/times.txt",
+        ];
+        assert_eq!(found, places.map(|place| dir.path().join(place)));
+
+        fs::write(at("oxts/timestamps.txt"), STAMPS).unwrap();
+        let records = ["oxts/data/0000000000.txt", "oxts/data/0000000001.txt"];
+        for record in records.iter().rev() {
+            fs::write(at(record), "").unwrap();
+        }
+        let found = crate::format::files_of(&at("oxts/timestamps.txt"));
+        let expected = ["oxts/timestamps.txt", records[0], records[1]];
+        assert_eq!(found, expected.map(|place| dir.path().join(place)));
     }
 }

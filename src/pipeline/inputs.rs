@@ -1,0 +1,107 @@
+//! The content of the files that a run reads.
+
+use std::collections::BTreeMap;
+use std::fs::{File, Metadata};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use rayon::prelude::*;
+use twox_hash::xxhash3_128::Hasher;
+
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// Files, and what was in them when the run began.
+pub struct Inputs(BTreeMap<PathBuf, Option<Content>>);
+
+/// The content of a file, and by what is seen whether it changes.
+struct Content {
+    hash: u128,
+    look: Look,
+}
+
+/// Size, time of the content, and on Unix that of the file and which file it is.
+type Look = (u64, Option<SystemTime>, [i64; 3]);
+
+impl Inputs {
+    /// Reads the files once. One that cannot be read is that: the stage that needs it says so.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn read(files: Vec<PathBuf>, progress: &dyn Progress) -> Result<Self> {
+        let sizes = files.iter().map(|path| size(path));
+        let stage = progress.stage("comparing inputs with earlier runs", sizes.sum());
+        let read = files.into_par_iter().map(|path| {
+            // Before the content, which may change while it is read.
+            let look = path.metadata().ok().map(|metadata| look(&metadata));
+            let hash = hash_of(&path, &|bytes| stage.advance(bytes));
+            let content = match (look, hash) {
+                (_, Err(Error::Cancelled)) => return Err(Error::Cancelled),
+                (Some(look), Ok(hash)) => Some(Content { hash, look }),
+                _ => None,
+            };
+            Ok((path, content))
+        });
+        Ok(Self(read.collect::<Result<_>>()?))
+    }
+
+    /// The hash of the content of a file; `None` where it could not be read.
+    pub fn hash(&self, path: &Path) -> Option<u128> {
+        let content = self.0.get(path)?;
+        content.as_ref().map(|content| content.hash)
+    }
+
+    /// A file that is no longer what it was, if there is one.
+    pub fn changed(&self) -> Option<&Path> {
+        let changed = self.0.iter().find(|(path, content)| {
+            let now = path.metadata().ok().map(|metadata| look(&metadata));
+            let then = content.as_ref().map(|content| content.look);
+            then.is_some() && now != then
+        });
+        changed.map(|(path, _)| path.as_path())
+    }
+}
+
+fn look(metadata: &Metadata) -> Look {
+    #[cfg(unix)]
+    let more = {
+        use std::os::unix::fs::MetadataExt;
+        [
+            metadata.ctime(),
+            metadata.ctime_nsec(),
+            metadata.ino().cast_signed(),
+        ]
+    };
+    #[cfg(not(unix))]
+    let more = [0; 3];
+    (metadata.len(), metadata.modified().ok(), more)
+}
+
+/// Size of a file, 0 where it cannot be told.
+pub fn size(path: &Path) -> u64 {
+    path.metadata().map_or(0, |metadata| metadata.len())
+}
+
+/// Hash of the content of a file, which says how many bytes it went on by.
+///
+/// # Errors
+/// The file cannot be read; errors of `advance`.
+pub fn hash_of(path: &Path, advance: &dyn Fn(u64) -> Result<()>) -> Result<u128> {
+    const CHUNK: usize = 1 << 20;
+    let failed = |error| Error::io(path, error);
+    // Opening a pipe waits until somebody writes to it.
+    if !path.metadata().map_err(failed)?.is_file() {
+        return Err(failed(std::io::ErrorKind::InvalidInput.into()));
+    }
+    let mut file = File::open(path).map_err(failed)?;
+    let (mut hasher, mut chunk) = (Hasher::new(), vec![0; CHUNK]);
+    loop {
+        let count = file.read(&mut chunk).map_err(failed)?;
+        if count == 0 {
+            return Ok(hasher.finish_128());
+        }
+        hasher.write(&chunk[..count]);
+        advance(count as u64)?;
+    }
+}
