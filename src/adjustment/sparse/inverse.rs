@@ -2,9 +2,12 @@
 
 use super::structure::Structure;
 use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::{
-    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+use faer::linalg::matmul::triangular::{
+    self, BlockStructure::Rectangular, BlockStructure::TriangularLower,
+    BlockStructure::TriangularUpper,
 };
+use faer::linalg::triangular_inverse::invert_lower_triangular;
+use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::DMatrix;
@@ -138,14 +141,17 @@ fn invert_supernode(
     let (mut z_own, mut z_others) = z.split_at_row_mut(pivots);
     y.copy_from(l_others);
     solve_upper_triangular_in_place(l_own.transpose(), y.rb_mut().transpose_mut(), seq);
-    own.fill(0.0);
-    own.rb_mut().diagonal_mut().fill(1.0);
-    solve_lower_triangular_in_place(l_own, own.rb_mut(), seq);
+    invert_lower_triangular(own.rb_mut(), l_own, seq);
     let (own, y) = (own.rb(), y.rb());
     matmul(&mut z_others, Accum::Replace, separator, y, -1.0, seq);
-    matmul(&mut z_own, Accum::Replace, own.transpose(), own, 1.0, seq);
-    matmul(&mut z_own, Accum::Add, y.transpose(), &z_others, -1.0, seq);
-    // Rounding leaves the two triangles a little different.
+    let mut lower = |accum, (a, of_a), (b, of_b), factor| {
+        let whole = TriangularLower;
+        triangular::matmul(&mut z_own, whole, accum, a, of_a, b, of_b, factor, seq);
+    };
+    let inverse = (own.transpose(), TriangularUpper);
+    lower(Accum::Replace, inverse, (own, TriangularLower), 1.0);
+    let by_others = (y.transpose(), Rectangular);
+    lower(Accum::Add, by_others, (z_others.rb(), Rectangular), -1.0);
     for j in 0..pivots {
         for i in 0..j {
             z_own[(i, j)] = z_own[(j, i)];
