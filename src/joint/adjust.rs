@@ -117,12 +117,19 @@ pub fn at_rung(
             keyframe_steps = fewer.ok_or_else(|| too_large(&problem))?;
         };
         problem.judge_by(steps.shared.as_ref());
-        if again {
+        if round == Round::Fine {
+            // Residuals to surfels that are not where they are seen would pass for outliers in the first step.
             problem.fit_shapes(&mut state);
+        }
+        if again {
             problem.find_trust(&state);
         }
         let before = state.clone();
         let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
+        if round == Round::Coarse {
+            // The last step may have been long.
+            problem.forget_factor();
+        }
         if may_climb && !again {
             let found = components_at(&mut problem, &state)?;
             let reasons = evident(&problem, &state, &found, round == Round::Fine);
@@ -137,6 +144,9 @@ pub fn at_rung(
         let moved_m = problem.moved_m(&before, &state).max(reference_m.norm());
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
+            if stop != StopReason::Converged {
+                problem.forget_factor();
+            }
             let found = components_at(&mut problem, &state)?;
             let found = conclude(&problem, &state, &found, (stop, steps.iterations))?;
             return Ok(Outcome::Found(Box::new(found)));
@@ -258,9 +268,10 @@ impl Steps<'_> {
     }
 }
 
-/// What the residuals at a state say about the noise of each group; the problem then holds the factor.
+/// What the residuals at a state say about the noise of each group; the problem then holds the factor of this
+/// state or of the one before the last step.
 fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
-    problem.factorise(state).ok_or_else(not_determined)?;
+    problem.factorise_near(state).ok_or_else(not_determined)?;
     Ok(components(problem, state))
 }
 

@@ -75,16 +75,18 @@ fn each_row(
     });
 }
 
-/// The component of each group at a state whose factor the problem holds. The traces are found by
-/// probes: E zᵀ J H⁻¹ Jᵀ z over random signs z is the trace (Hutchinson 1990).
+/// The component of each group at a state, with the factor of this or of a state nearby that the problem holds.
+/// The traces are those at the factor's own state: derivatives at another one see what its own leave nearly free,
+/// as slopes across a narrow strip. They are found by probes: E zᵀ J H⁻¹ Jᵀ z over random signs z is the trace
+/// (Hutchinson 1990).
 pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
     let mut found = vec![Component::default(); problem.groups.names.len()];
-    let Some(factor) = problem.factor() else {
+    let (Some(factor), Some(factored)) = (problem.factor(), problem.factored()) else {
         return found;
     };
     let unknowns = problem.unknowns();
     let mut sides = vec![0.0; unknowns * PROBES];
-    each_row(problem, state, |number, row, places| {
+    each_row(problem, factored, |number, row, places| {
         let root = row.weight.sqrt();
         for (probe, side) in sides.chunks_exact_mut(unknowns).enumerate() {
             let z = sign(probe, number) * root;
@@ -94,7 +96,7 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
         }
     });
     factor.solve(&mut sides, PROBES);
-    each_row(problem, state, |number, row, places| {
+    each_row(problem, factored, |number, row, places| {
         let root = row.weight.sqrt();
         let mut trace = 0.0;
         for (probe, side) in sides.chunks_exact(unknowns).enumerate() {
@@ -107,8 +109,12 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
         let component = &mut found[row.group];
         if row.weight > 0.0 {
             component.rows += 1;
-            component.chi_square += row.weight * row.residual * row.residual;
             component.redundancy += 1.0 - trace / PROBES as f64;
+        }
+    });
+    problem.visit(state, |batch| {
+        for row in batch.rows() {
+            found[row.group].chi_square += row.weight * row.residual * row.residual;
         }
     });
     found
@@ -137,6 +143,7 @@ pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
             squares += component.rows as f64 * (factor - 1.0).powi(2);
         }
     }
+    problem.forget_factor();
     if rows > 0.0 {
         (squares / rows).sqrt()
     } else {

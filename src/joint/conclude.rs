@@ -18,7 +18,8 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::{Bending, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
-/// The values of a state with their standard deviations, from the factor that the problem holds.
+/// The values of a state with their standard deviations, from the factor of this or of a state nearby that the
+/// problem holds.
 ///
 /// # Errors
 /// Normal equations that are not positive definite.
@@ -29,6 +30,7 @@ pub fn conclude(
     (stop, iterations): (StopReason, usize),
 ) -> Result<Joint> {
     let factor = problem.factor().ok_or_else(not_determined)?;
+    let factored = problem.factored().unwrap_or(state);
     let layout = &problem.layout;
     let inverse = factor.selected_inverse();
     let side = problem.side_of_height();
@@ -66,7 +68,7 @@ pub fn conclude(
     let late_scores = layout.late.iter().enumerate().map(|(scanner, place)| {
         // Nobody asks by mountings that are known.
         let is_asked = place.is_none() && problem.input.known.is_none();
-        is_asked.then(|| problem.latency_score(state, scanner))?
+        is_asked.then(|| problem.latency_score(factored, scanner))?
     });
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
@@ -152,7 +154,7 @@ pub fn conclude(
         ladder: Vec::new(),
         prior_shares: prior_shares(problem, state),
         compliance,
-        height_score: problem.height_score(state),
+        height_score: problem.height_score(factored),
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
         reference: layout.reference.and_then(|place| {

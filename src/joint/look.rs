@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use super::motion::Motion;
+use super::priors::SURFEL_SIGMA;
 use super::problem::JointProblem;
 use super::row::{row_trust, surfel_trust};
 use super::scan::{Mean, StepScans};
@@ -68,10 +69,11 @@ impl JointProblem<'_> {
         for (group, residual) in found {
             of_group[group].push(residual);
         }
-        for (scale, residuals) in self.groups.scale.iter_mut().zip(of_group) {
+        for (group, residuals) in of_group.into_iter().enumerate() {
             let factor = SIGMAS_PER_MAD * median(residuals).unwrap_or(0.0);
             if factor > FAR_LARGER {
-                *scale *= factor;
+                self.groups.scale[group] *= factor;
+                self.forget_factor();
             }
         }
     }
@@ -103,6 +105,7 @@ impl JointProblem<'_> {
         for (row, residual) in self.found.rows_mut().zip(residuals) {
             row.trust = row_trust(residual).min(of_surfel[row.surfel as usize]);
         }
+        self.forget_factor();
     }
 
     /// Moves the surfels to where the scans see them from these poses.
@@ -120,7 +123,9 @@ impl JointProblem<'_> {
             .zip(&state.shapes)
             .map(|(surfel, shape)| {
                 let Some(prior) = &surfel.prior else {
-                    return (Mat3::identity() * f64::EPSILON, Vec3::zeros());
+                    let weights = Vec3::from(SURFEL_SIGMA.map(f64::recip));
+                    let squares = weights.component_mul(&weights);
+                    return (Mat3::from_diagonal(&squares), -squares.component_mul(shape));
                 };
                 let rows = self.reference_rows(surfel, prior, shape, state);
                 let weights = Vec3::from_fn(|i, _| rows[i].weight);

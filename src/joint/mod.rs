@@ -4,8 +4,8 @@
 //! the poses behind the scans, the mountings and the constants are unknowns of one least-squares
 //! problem, whose observations are scans, IMU, prism, heading and the reference, each with its own
 //! noise. Start with [`adjust`], the algorithm; then see `surfel/` (which points belong to which
-//! patch), `scan.rs` (the scan factor), `motion/` (what lies behind poses), `problem.rs` (all rows)
-//! and `components.rs` (what residuals say about the model).
+//! patch), `scan.rs` (the scan factor), `motion/` (what lies behind poses), `problem.rs` (all rows),
+//! `normal.rs` (their normal equations) and `components.rs` (what residuals say about the model).
 
 mod adjust;
 mod bend;
@@ -19,6 +19,7 @@ mod learn;
 mod look;
 mod model;
 pub mod motion;
+mod normal;
 mod pattern;
 mod priors;
 mod problem;

@@ -15,8 +15,10 @@ use crate::geometry::heading::wrap;
 
 /// Standard deviations of priors so wide that they only keep the problem solvable: a surfel's offset
 /// (metres) and slopes without a reference, a mounting's position (metres) and rotation. Ten thousand
-/// surfels together may not hold the height of all to less than a metre.
-const SURFEL_SIGMA: [f64; 3] = [100.0, 1.0, 1.0];
+/// surfels together may not hold the height of all to less than a metre. Slopes are those from a plane through
+/// the points. Across a strip of them hardly anything else holds them: free to stand upright they follow every
+/// move of the points, and steps hardly become shorter.
+pub const SURFEL_SIGMA: [f64; 3] = [100.0, 0.2, 0.2];
 const MOUNTING_SIGMA: f64 = 1.0;
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];

@@ -3,7 +3,6 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::bend::BENDING;
 use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE, UP};
 use super::motion::Places;
@@ -12,7 +11,7 @@ use super::scan::{self, ScanBlocks, Seen};
 use super::settings::JointSettings;
 use super::state::State;
 use super::surfel::{Association, CLASSES, COVERAGES, ScanRow};
-use crate::adjustment::{BlockPattern, LeastSquares, SparseFactor, SparseSystem};
+use crate::adjustment::{BlockPattern, SparseFactor, SparseSystem};
 use crate::calibration::parameters::moved;
 use crate::geometry::Vec3;
 
@@ -43,14 +42,16 @@ pub struct JointProblem<'a> {
     pub surface_m: f64,
     /// Directions of (δp, δφ) of all mountings that are held at their start values.
     pub held: Vec<DVector<f64>>,
-    system: SparseSystem,
-    factor: Option<SparseFactor>,
+    pub(super) system: SparseSystem,
+    pub(super) factor: Option<SparseFactor>,
+    /// The state that the factor is of, with the weights that rows have.
+    pub(super) factored: Option<State>,
     /// W with Wᵀ W the inverse covariance of mountings known beforehand.
     pub known: Option<DMatrix<f64>>,
-    decrement: f64,
+    pub(super) decrement: f64,
     /// Inverse covariance of the blocks that couple with everything, of the round before.
-    metric: Option<DMatrix<f64>>,
-    damping_sigma: Vec<f64>,
+    pub(super) metric: Option<DMatrix<f64>>,
+    pub(super) damping_sigma: Vec<f64>,
 }
 
 impl<'a> JointProblem<'a> {
@@ -86,6 +87,7 @@ impl<'a> JointProblem<'a> {
             held,
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
+            factored: None,
             known,
             decrement: f64::INFINITY,
             metric: None,
@@ -245,26 +247,6 @@ impl<'a> JointProblem<'a> {
         visit(&batch);
     }
 
-    /// Assembles the normal equations at a state.
-    fn assemble(&mut self, state: &State) {
-        let mut system = std::mem::replace(&mut self.system, BlockPattern::new(vec![1]).analyse(1));
-        system.zero();
-        let sizes = &self.layout.sizes;
-        self.visit(state, |batch| {
-            for row in batch.rows() {
-                scatter(&row, sizes, &mut system);
-            }
-        });
-        self.system = system;
-    }
-
-    /// Assembles and factorises at a state, without damping.
-    pub fn factorise(&mut self, state: &State) -> Option<()> {
-        self.assemble(state);
-        self.factor = self.system.factorise(&[]).ok();
-        self.factor.as_ref().map(|_| ())
-    }
-
     /// The covariance of the blocks that couple with everything, from the last factor.
     pub fn shared_covariance(&self) -> Option<DMatrix<f64>> {
         let unknowns = self.unknowns();
@@ -293,6 +275,11 @@ impl<'a> JointProblem<'a> {
         let count = self.unknowns() - self.offset(self.layout.last());
         let inverse = covariance.and_then(|c| Some(c.clone().cholesky()?.inverse()));
         self.metric = inverse.filter(|metric| metric.nrows() == count);
+    }
+
+    /// The state that the last factor is of; `None` where it is damped, or rows are weighted otherwise since.
+    pub fn factored(&self) -> Option<&State> {
+        self.factored.as_ref()
     }
 
     /// The last factor.
@@ -373,76 +360,5 @@ impl<'a> JointProblem<'a> {
                 .for_each(|(x, d)| *x += d);
         }
         next
-    }
-}
-
-/// Adds a row to the normal equations.
-fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
-    if row.weight == 0.0 {
-        return;
-    }
-    let mut values = [0.0; BENDING * BENDING];
-    let mut start = 0;
-    for (i, &a) in row.blocks.iter().enumerate() {
-        let a = a as usize;
-        let by_a = &row.by[start..start + sizes[a]];
-        let first = system.offset(a);
-        for (g, j) in system.gradient_mut()[first..].iter_mut().zip(by_a) {
-            *g -= row.weight * j * row.residual;
-        }
-        let mut other = 0;
-        for &b in &row.blocks[..=i] {
-            let b = b as usize;
-            let by_b = &row.by[other..other + sizes[b]];
-            other += sizes[b];
-            let values = &mut values[..by_a.len() * by_b.len()];
-            for (line, x) in values.chunks_exact_mut(by_b.len()).zip(by_a) {
-                let x = row.weight * x;
-                line.iter_mut().zip(by_b).for_each(|(v, y)| *v = x * y);
-            }
-            system.add(system.slot(a, b), values);
-        }
-        start += by_a.len();
-    }
-}
-
-impl LeastSquares for JointProblem<'_> {
-    type State = State;
-
-    fn cost(&self, state: &State) -> f64 {
-        let mut sum = 0.0;
-        self.visit(state, |batch| sum += batch.cost());
-        sum
-    }
-
-    fn step(&mut self, state: &State, damping: f64) -> Option<State> {
-        self.assemble(state);
-        let diagonal: Vec<f64> = match damping > 0.0 {
-            true => self
-                .damping_sigma
-                .iter()
-                .map(|s| damping / (s * s))
-                .collect(),
-            false => Vec::new(),
-        };
-        let factor = self.system.factorise(&diagonal).ok()?;
-        let mut step = self.system.gradient().to_vec();
-        factor.solve(&mut step, 1);
-        let terms = step.iter().zip(self.system.gradient());
-        let all: f64 = terms.map(|(x, g)| x * g).sum();
-        let shared = self.metric.as_ref().map_or(0.0, |metric| {
-            let first = step.len() - metric.nrows();
-            let step = DVector::from_column_slice(&step[first..]);
-            step.dot(&(metric * &step))
-        });
-        self.decrement = shared.max(all / step.len() as f64);
-        self.factor = Some(factor);
-        Some(self.retracted(state, &step))
-    }
-
-    /// The larger of the squared step of all that couples with everything, in its standard
-    /// deviations of the round before, and of the mean square over all unknowns.
-    fn decrement(&self) -> f64 {
-        self.decrement
     }
 }

@@ -23,7 +23,7 @@ impl Score {
 }
 
 impl JointProblem<'_> {
-    /// How late a scanner is whose latency is held.
+    /// How late a scanner is whose latency is held, by the factor at a state.
     pub fn latency_score(&self, state: &State, scanner: usize) -> Option<Score> {
         let mut late = self.layout.late.clone();
         late[scanner] = Some(self.layout.sizes.len());
@@ -32,7 +32,8 @@ impl JointProblem<'_> {
         })
     }
 
-    /// How far the reference lies above the world of the poses, whose height is held.
+    /// How far the reference lies above the world of the poses, whose height is held,
+    /// by the factor at a state.
     pub fn height_score(&self, state: &State) -> Option<Score> {
         let up = self.offset(self.layout.reference?) + UP;
         let found = self.score(up, |visit| self.visit(state, visit))?;
