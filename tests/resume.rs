@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use boresight::pipeline::{self, Options};
 use boresight::progress::{Progress, Silent};
 use boresight::project::Project;
-use common::results::results;
+use common::results::{assert_same, results};
 use common::{change_project, names, on_project, rewrite_project, simulated};
 use serde_json::Value;
 
@@ -104,13 +104,13 @@ fn finished_stages_are_found_again() {
     assert_eq!(case.run(&[]), [""; 0]);
     let whole = results(&case.out());
     assert_eq!(case.run(&[]), ALL);
-    assert!(results(&case.out()) == whole);
+    assert_same(&results(&case.out()), &whole);
     // Also where nothing but the kept stages is left.
     remove_results(&case.out());
     assert_eq!(case.run(&["--threads", "1"]), ALL);
-    assert!(results(&case.out()) == whole);
+    assert_same(&results(&case.out()), &whole);
     assert_eq!(case.run(&["--fresh"]), [""; 0]);
-    assert!(results(&case.out()) == whole);
+    assert_same(&results(&case.out()), &whole);
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn every_single_stage_that_is_missing_is_run_again() {
         remove_results(&case.out());
         let others: Vec<&str> = ALL.into_iter().filter(|other| *other != name).collect();
         assert_eq!(case.run(&[]), others, "without {name}");
-        assert!(results(&case.out()) == whole, "without {name}");
+        assert_same(&results(&case.out()), &whole);
     }
 }
 
@@ -155,7 +155,7 @@ fn what_is_not_whole_is_not_read() {
         let again = case.run(&[]);
         assert!(!again.contains(&"calibrate".to_owned()), "{what}");
         assert_eq!(again.len(), ALL.len() - 1, "{what}");
-        assert!(results(&case.out()) == whole, "{what}");
+        assert_same(&results(&case.out()), &whole);
     }
     // A cloud that somebody edits in place may be the very file that is kept.
     let cloud = case.out().join("cloud-left.laz");
@@ -163,7 +163,7 @@ fn what_is_not_whole_is_not_read() {
     bytes[1000] ^= 1;
     fs::write(&cloud, bytes).unwrap();
     assert!(!case.run(&[]).contains(&"georeference".to_owned()));
-    assert!(results(&case.out()) == whole);
+    assert_same(&results(&case.out()), &whole);
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn stages_follow_their_inputs_and_settings() {
         // As if nothing had been there.
         let whole = results(&case.out());
         case.run(&["--fresh"]);
-        assert!(results(&case.out()) == whole);
+        assert_same(&results(&case.out()), &whole);
     };
     // What only says how the result is judged.
     rewrite_project(&case.drive, |text| {
@@ -278,7 +278,7 @@ fn other_drives_are_inputs_too() {
     assert_eq!(case.run(&[]), ALL);
     let whole = results(&case.out());
     case.run(&["--fresh"]);
-    assert!(results(&case.out()) == whole);
+    assert_same(&results(&case.out()), &whole);
 
     change_project(&case.drive, "[[evaluation]]", "[[drive]]");
     let before = [
@@ -294,7 +294,7 @@ fn other_drives_are_inputs_too() {
     assert_eq!(case.run(&[]), two_steps);
     let whole = results(&case.out());
     case.run(&["--fresh"]);
-    assert!(results(&case.out()) == whole);
+    assert_same(&results(&case.out()), &whole);
 }
 
 /// Appends to a file when a stage begins.

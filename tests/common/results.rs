@@ -25,6 +25,21 @@ pub fn timeless(mut document: Value) -> Value {
     document
 }
 
+/// A page without what differs from run to run: rows with times of stages and of scales, and memory.
+fn timeless_page(page: &str) -> String {
+    let marks = [
+        "class=\"bar\"",
+        "all stages",
+        "Peak memory",
+        "<th scope=\"row\">two steps",
+    ];
+    let is_timeless = |line: &&str| !marks.iter().any(|mark| line.contains(mark));
+    page.lines()
+        .filter(is_timeless)
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
 /// Results whose bytes depend on nothing but the input.
 pub const EXACT: [&str; 6] = [
     "calibration.toml",
@@ -46,5 +61,22 @@ pub fn results(out: &Path) -> BTreeMap<&'static str, Vec<u8>> {
     found.insert("result.json", timeless(document).to_string().into_bytes());
     let report = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(report.trim_end().ends_with("</html>"), "half a report");
+    found.insert("report.html", timeless_page(&report).into_bytes());
     found
+}
+
+/// Results are the same; names the file and the line of a page in which they are not.
+pub fn assert_same(
+    found: &BTreeMap<&'static str, Vec<u8>>,
+    expected: &BTreeMap<&'static str, Vec<u8>>,
+) {
+    for (name, bytes) in expected {
+        if found[name] == *bytes {
+            continue;
+        }
+        let [found, expected] = [&found[name], bytes].map(|bytes| String::from_utf8_lossy(bytes));
+        let mut lines = found.lines().zip(expected.lines());
+        let line = lines.find(|(found, expected)| found != expected);
+        panic!("{name} differs: {line:?}");
+    }
 }
