@@ -47,6 +47,11 @@ clean-drives:
 basin STARTS="100" DRIVE="":
     cargo run --release --example basin -- {{STARTS}} {{DRIVE}}
 
+# The GeoCOM client and the simulated instrument against geocompy, by a PYTHON that has it and pyserial
+geocompy PYTHON:
+    cargo build --release --example geocom_simulated --example geocom_track
+    BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --test geocom geocompy -- --ignored --nocapture
+
 # Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

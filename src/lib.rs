@@ -188,6 +188,7 @@
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
 //! | [`pipeline`] | the stages in order |
+//! | [`record`] | instruments while they measure: total stations by GeoCOM |
 //! | [`cli`] | the command line, one file per command |
 
 pub mod adjustment;
@@ -206,6 +207,7 @@ pub mod pipeline;
 pub mod preflight;
 pub mod progress;
 pub mod project;
+pub mod record;
 pub mod report;
 pub mod sensor;
 pub mod simulation;

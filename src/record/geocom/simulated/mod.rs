@@ -1,0 +1,210 @@
+//! A simulated total station: answers GeoCOM requests, tracks a moving prism, and has faults.
+
+mod answers;
+mod faults;
+mod serve;
+
+use std::f64::consts::TAU;
+use std::time::{Duration, Instant};
+
+pub use faults::{Fault, FaultKind, Noise};
+pub use serve::{TcpInstrument, serve};
+
+use super::modes::Modes;
+use super::procedure::Procedure;
+
+/// What a simulated instrument is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulatedSettings {
+    /// Name.
+    pub name: String,
+    /// Serial number.
+    pub serial_number: i64,
+    /// Distances per second, Hz.
+    pub rate_hz: f64,
+    /// Time from a request to its reply.
+    pub reply_time: Duration,
+    /// Whether it knows checksums.
+    pub has_checksums: bool,
+    /// Whether it gives the last distance again until there is a newer one.
+    pub repeats_distances: bool,
+    /// Procedures that it does not know.
+    pub unknown: Vec<Procedure>,
+    /// Faults.
+    pub faults: Vec<Fault>,
+}
+
+impl Default for SimulatedSettings {
+    fn default() -> Self {
+        Self {
+            name: "SIMULATED TS16".into(),
+            serial_number: 3_201_407,
+            rate_hz: 7.0,
+            reply_time: Duration::from_millis(5),
+            has_checksums: true,
+            repeats_distances: false,
+            unknown: Vec::new(),
+            faults: Vec::new(),
+        }
+    }
+}
+
+/// What a simulated instrument did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct SimulatedCounts {
+    /// Requests received.
+    pub requests: u64,
+    /// Distances given.
+    pub distances: u64,
+    /// Replies that were damaged, dropped, delayed or replaced by faults.
+    pub faults: u64,
+    /// Connections closed by faults.
+    pub cuts: u64,
+}
+
+/// A prism's position by time: t (s) -> east, north, up (m) in the instrument's frame.
+type Target = Box<dyn Fn(f64) -> [f64; 3] + Send>;
+
+/// A simulated instrument.
+pub struct Simulated {
+    settings: SimulatedSettings,
+    target: Target,
+    switched_on: Instant,
+    modes: Modes,
+    counts: SimulatedCounts,
+    noise: Noise,
+    is_locked: bool,
+    /// Hz and V of the telescope, rad.
+    pointing: [f64; 2],
+    /// When measuring distances began, s.
+    measuring_since_s: Option<f64>,
+    /// Distances of this measurement given so far: the number of the last one.
+    given: u64,
+    last_request_s: f64,
+}
+
+impl Simulated {
+    /// An instrument that is switched on now and points at the prism.
+    pub fn new(
+        settings: SimulatedSettings,
+        target: impl Fn(f64) -> [f64; 3] + Send + 'static,
+    ) -> Self {
+        let pointing = direction(target(0.0));
+        Self {
+            settings,
+            target: Box::new(target),
+            switched_on: Instant::now(),
+            modes: Modes {
+                decimals: Some(15),
+                edm_mode: Some(2),
+                program: Some(0),
+                prism_type: Some(0),
+                lock: Some(0),
+            },
+            counts: SimulatedCounts::default(),
+            noise: Noise(0x9e37_79b9_7f4a_7c15),
+            is_locked: false,
+            pointing,
+            measuring_since_s: None,
+            given: 0,
+            last_request_s: 0.0,
+        }
+    }
+
+    /// Its modes as they are now.
+    pub fn modes(&self) -> Modes {
+        self.modes
+    }
+
+    /// Sets its modes as a user would at the instrument.
+    pub fn set_modes(&mut self, modes: Modes) {
+        self.modes = modes;
+    }
+
+    /// Stops measuring and locking as a user would at the instrument.
+    pub fn interrupt(&mut self) {
+        self.measuring_since_s = None;
+        self.is_locked = false;
+        self.modes.lock = Some(0);
+    }
+
+    /// What it did so far.
+    pub fn counts(&self) -> SimulatedCounts {
+        self.counts
+    }
+
+    /// Whether it is measuring distances.
+    pub fn is_measuring(&self) -> bool {
+        self.measuring_since_s.is_some()
+    }
+
+    /// Time since it was switched on, s: that of its target, its faults and its stamps.
+    pub fn time_s(&self) -> f64 {
+        self.switched_on.elapsed().as_secs_f64()
+    }
+
+    /// The fault of a kind that concerns the present request, if any.
+    fn fault(&self, time_s: f64, of: impl Fn(FaultKind) -> bool) -> Option<FaultKind> {
+        let request = self.counts.requests;
+        let mut faults = self.settings.faults.iter();
+        let found = faults.find(|fault| of(fault.kind) && fault.is_at(time_s, request));
+        found.map(|fault| fault.kind)
+    }
+
+    fn is_hidden(&self, time_s: f64) -> bool {
+        self.fault(time_s, |kind| kind == FaultKind::LostLock)
+            .is_some()
+    }
+
+    /// Follows the prism until a time.
+    fn follow(&mut self, time_s: f64) {
+        let was_hidden = self.settings.faults.iter().any(|fault| {
+            fault.kind == FaultKind::LostLock && fault.touches(self.last_request_s, time_s)
+        });
+        self.is_locked &= !was_hidden;
+        if self.is_locked {
+            self.pointing = direction((self.target)(time_s));
+        }
+        self.last_request_s = time_s;
+    }
+
+    /// Whether the prism is seen within a window around the telescope's direction.
+    fn sees(&self, time_s: f64, window_rad: [f64; 2]) -> bool {
+        let [hz, v] = direction((self.target)(time_s));
+        let turn = (hz - self.pointing[0] + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
+        let is_inside =
+            turn.abs() <= window_rad[0] && (v - self.pointing[1]).abs() <= window_rad[1];
+        is_inside && !self.is_hidden(time_s)
+    }
+
+    /// Number of the newest distance, from 1, if there is one.
+    fn newest(&self, time_s: f64) -> Option<u64> {
+        let since_s = self.measuring_since_s?;
+        if !self.sees(time_s, [0.005, 0.005]) {
+            return None;
+        }
+        let number = ((time_s - since_s) * self.settings.rate_hz) as u64;
+        // Modes other than the repeated ones measure once.
+        let last = if self.is_continuous() {
+            number
+        } else {
+            number.min(1)
+        };
+        (last > 0).then_some(last)
+    }
+
+    fn is_continuous(&self) -> bool {
+        matches!(self.modes.edm_mode, Some(6..=9))
+    }
+
+    /// Time of a distance, s.
+    fn measured_at_s(&self, number: u64) -> f64 {
+        self.measuring_since_s.unwrap_or(0.0) + number as f64 / self.settings.rate_hz
+    }
+}
+
+/// Hz, clockwise from north, and zenith angle of a position, rad.
+fn direction([east_m, north_m, up_m]: [f64; 3]) -> [f64; 2] {
+    let hz = east_m.atan2(north_m).rem_euclid(TAU);
+    [hz, east_m.hypot(north_m).atan2(up_m)]
+}

@@ -1,0 +1,3 @@
+//! Records sensors while driving.
+
+pub mod geocom;
