@@ -50,7 +50,6 @@ impl Link for Scripted {
     }
 }
 
-#[allow(clippy::unwrap_used)]
 fn measure(replies: &[&'static str]) -> Vec<Measurement<()>> {
     let (replies, unread) = (replies.iter().copied().collect(), VecDeque::new());
     let link = Scripted { replies, unread };

@@ -9,7 +9,6 @@ use boresight::record::geocom::{
     TrackingSettings, Value, checksum,
 };
 
-#[allow(clippy::unwrap_used)]
 fn table(text: &str) -> Vec<(u16, &str)> {
     let lines = text.lines().filter(|line| !line.starts_with('#'));
     lines

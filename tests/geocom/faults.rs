@@ -208,11 +208,10 @@ fn distances_that_come_twice_count_once() {
     assert_eq!(times.len(), all);
 }
 
-#[test]
-fn refused_setting_is_an_error_and_leaves_the_modes() {
-    let unknown = vec![Procedure::SetLockState];
+/// Tracking does not start with an instrument that does not know `procedure`, says why, and leaves its modes.
+fn does_not_start(procedure: Procedure, why: &[&str]) {
     let simulated = SimulatedSettings {
-        unknown,
+        unknown: vec![procedure],
         ..Default::default()
     };
     let mut simulated = Simulated::new(simulated, crate::instrument::target);
@@ -221,32 +220,25 @@ fn refused_setting_is_an_error_and_leaves_the_modes() {
     let link = TcpStream::connect(server.address()).unwrap();
     let mut instrument = Instrument::connect(link, "port", quick(), || ()).unwrap();
     let error = instrument.start().unwrap_err().to_string();
-    assert!(
-        error.contains("port: AUS_SetUserLockState (18007)"),
-        "{error}"
-    );
-    assert!(error.contains("3081 COM_PROC_UNAVAIL"), "{error}");
+    for why in why {
+        assert!(error.contains(why), "{error}");
+    }
     assert_eq!(server.simulated().modes(), crate::instrument::USERS);
 }
 
 #[test]
+fn refused_setting_is_an_error_and_leaves_the_modes() {
+    let why = [
+        "port: AUS_SetUserLockState (18007)",
+        "3081 COM_PROC_UNAVAIL",
+    ];
+    does_not_start(Procedure::SetLockState, &why);
+}
+
+#[test]
 fn mode_that_cannot_be_written_back_is_not_changed() {
-    let unknown = vec![Procedure::GetPrismType];
-    let simulated = SimulatedSettings {
-        unknown,
-        ..Default::default()
-    };
-    let mut simulated = Simulated::new(simulated, crate::instrument::target);
-    simulated.set_modes(crate::instrument::USERS);
-    let server = TcpInstrument::listen("127.0.0.1:0", simulated).unwrap();
-    let link = TcpStream::connect(server.address()).unwrap();
-    let mut instrument = Instrument::connect(link, "port", quick(), || ()).unwrap();
-    let error = instrument.start().unwrap_err().to_string();
-    assert!(
-        error.contains("BAP_GetPrismType (17009): found no value"),
-        "{error}"
-    );
-    assert_eq!(server.simulated().modes(), crate::instrument::USERS);
+    let why = ["BAP_GetPrismType (17009): found no value"];
+    does_not_start(Procedure::GetPrismType, &why);
 }
 
 #[test]

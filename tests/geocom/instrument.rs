@@ -1,6 +1,4 @@
 //! Tracks with a simulated instrument and checks each measurement against the prism's true path.
-#![allow(dead_code, clippy::unwrap_used)]
-
 use std::io;
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
