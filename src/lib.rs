@@ -188,7 +188,7 @@
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
 //! | [`pipeline`] | the stages in order |
-//! | [`record`] | instruments while they measure: total stations by GeoCOM |
+//! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself |
 //! | [`cli`] | the command line, one file per command |
 
 pub mod adjustment;

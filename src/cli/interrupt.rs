@@ -23,7 +23,7 @@ pub(super) fn listen() {
         // Lost if the terminal is gone.
         let _ = writeln!(
             std::io::stderr(),
-            "\nstopping: results that are not complete are removed (again to end at once)"
+            "\nstopping (again to end at once): results that are not complete are removed, recordings are kept"
         );
     };
     // Without it, the process ends as it would by default.

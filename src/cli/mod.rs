@@ -13,6 +13,7 @@ mod init;
 mod inspect;
 mod interrupt;
 mod print;
+mod record;
 mod run;
 mod salvage;
 mod simulate;
@@ -83,6 +84,7 @@ enum Command {
     Features(features::Features),
     Thin(thin::Thin),
     Run(run::Run),
+    Record(record::Record),
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -161,6 +163,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Features(command) => command.execute(&context),
             Command::Thin(command) => command.execute(&context),
             Command::Run(command) => command.execute(&context),
+            Command::Record(command) => command.execute(&context),
         };
         outcome.map(|outcome| (outcome, true))
     })

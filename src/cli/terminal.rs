@@ -51,6 +51,11 @@ impl Terminal {
         }
     }
 
+    /// Whether only results and errors are shown.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
     /// Adds `line` to the log without showing it.
     pub fn note(&self, line: &str) {
         self.keep(&mut self.state(), line);

@@ -1,5 +1,7 @@
 //! Parsers of argument values.
 
+use std::time::Duration;
+
 use crate::geometry::Vec3;
 
 /// Metres above 0.
@@ -14,6 +16,13 @@ pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     number(text)
         .filter(|x| *x >= 0.0)
         .ok_or_else(|| "expected metres, 0 or more".to_owned())
+}
+
+/// Seconds above 0.
+pub(super) fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = number(text).filter(|x| *x > 0.0);
+    let found = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    found.ok_or_else(|| "expected seconds above 0".to_owned())
 }
 
 /// `vertical`, or east,north,up.

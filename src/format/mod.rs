@@ -62,3 +62,4 @@ pub use read::{
     read_projected_positions, read_projected_trajectory, read_trajectory,
 };
 pub use salvage::{Salvaged, salvage};
+pub(crate) use text::civil::civil_time;

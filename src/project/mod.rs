@@ -13,6 +13,7 @@ pub use checked::{
     FrameLogFile, LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference,
     Scanner,
 };
+pub(crate) use source::{Source, Step};
 
 #[cfg(test)]
 mod tests;

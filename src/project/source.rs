@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{Error, Location, Result};
 
 /// A project file, or a part of one.
-pub(super) struct Source {
+pub(crate) struct Source {
     /// Absolute.
     pub path: PathBuf,
     text: String,
@@ -15,7 +15,7 @@ pub(super) struct Source {
 
 /// One step from a table to one of its values.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Step<'a> {
+pub(crate) enum Step<'a> {
     /// The key of a table.
     Key(&'a str),
     /// The index of an array element, from 0.

@@ -1,3 +1,21 @@
-//! Records sensors while driving.
+//! Records sensors while driving: total stations by GeoCOM, and whatever sends bytes by itself.
+//!
+//! A recording is a folder with one log a source, in the formats that a project reads; `clock.csv`, the state of
+//! the system's clock once a second; `events.csv`, all that happened; and the project that is made of `field.toml`.
 
+mod clock;
+mod field;
 pub mod geocom;
+mod journal;
+mod place;
+mod recorder;
+mod station;
+mod status;
+mod stream;
+mod thread;
+
+pub use clock::{Clock, ClockState, Stamp, StepWatch};
+pub use field::{Field, Kind, Source};
+pub use place::{Place, Wire};
+pub use recorder::{View, folder_for, record};
+pub use status::{Seen, Status};

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::format::kind::Format;
-use crate::format::text::civil::{DAY_S, civil_date};
+use crate::format::text::civil::civil_time;
 
 /// An interval of time that is much longer than the others.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -127,13 +127,7 @@ fn utc(time_s: f64) -> Option<String> {
     if !(FROM_S..TO_S).contains(&time_s) {
         return None;
     }
-    let (days, second) = ((time_s / DAY_S).floor(), time_s.rem_euclid(DAY_S));
-    let (year, month, day) = civil_date(days as i64);
-    let (hour, minute) = ((second / 3600.0) as u32, (second / 60.0) as u32 % 60);
-    let second = (second % 60.0).floor() as u32;
-    Some(format!(
-        "{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}"
-    ))
+    Some(civil_time(time_s))
 }
 
 /// Name and unit of a column.

@@ -83,6 +83,15 @@ pub(crate) fn unix_from_gps_s(gps_s: f64) -> f64 {
     gps_s + LEAP_SECONDS[0].0 - ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
 }
 
+/// Date and time of seconds since 1970, `2026-11-23 08:29:20`.
+pub fn civil_time(time_s: f64) -> String {
+    let (days, second) = ((time_s / DAY_S).floor(), time_s.rem_euclid(DAY_S));
+    let (year, month, day) = civil_date(days as i64);
+    let (hour, minute) = ((second / 3600.0) as u32, (second / 60.0) as u32 % 60);
+    let second = (second % 60.0).floor() as u32;
+    format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

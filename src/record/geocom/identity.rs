@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::channel::{Channel, Link};
 use super::codes::ReturnCode;
-use super::instrument::Event;
+use super::event::Event;
 use super::modes::{command, value};
 use super::procedure::Procedure;
 use super::settings::TrackingSettings;

@@ -6,25 +6,13 @@ use std::time::{Duration, Instant};
 use super::channel::{Channel, Counters, Link};
 use super::codec::Value;
 use super::codes::ReturnCode;
+use super::event::Event;
 use super::identity::{Identity, battery, greet};
 use super::measurement::{Class, Measurement, WAYS};
 use super::modes::{Modes, command, refusal};
 use super::procedure::Procedure;
 use super::settings::TrackingSettings;
 use crate::error::{Error, Result};
-
-/// What tracking gives.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Event<S> {
-    /// A measurement, with or without distance.
-    Measured(Measurement<S>),
-    /// The instrument follows the prism no more.
-    Lost,
-    /// The instrument follows the prism again.
-    Found,
-    /// Something to tell the user.
-    Note(String),
-}
 
 /// Decimals of replies: 1e-9 rad is 1e-7 m at 100 m.
 const FEWEST_DECIMALS: u16 = 9;

@@ -7,6 +7,7 @@
 mod channel;
 mod codec;
 mod codes;
+mod event;
 mod identity;
 mod instrument;
 mod lines;
@@ -20,8 +21,9 @@ pub mod simulated;
 pub use channel::{Counters, Link};
 pub use codec::{Fields, Malformed, Reply, Request, Value, checksum};
 pub use codes::ReturnCode;
+pub use event::Event;
 pub use identity::Identity;
-pub use instrument::{Event, Instrument};
+pub use instrument::Instrument;
 pub use lines::{LONGEST_LINE, Lines};
 pub use measurement::{Angles, Class, Measurement};
 pub use modes::Modes;

@@ -1,0 +1,209 @@
+//! `boresight record`
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+use serde_json::{Map, Value, json};
+
+use super::context::Context;
+use super::interrupt;
+use crate::error::{Error, Result};
+use crate::pipeline::Outcome;
+use crate::record::{Clock, Field, Seen, View, folder_for, record};
+
+/// Record the sensors of a field.toml while driving, until Ctrl-C
+#[derive(Debug, clap::Args)]
+pub(super) struct Record {
+    /// The description of the sensors
+    field: PathBuf,
+    /// Folder of the recording, a new one [default: one named by date and time, beside the description]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Only look for some seconds whether every sensor sends, and keep nothing
+    #[arg(long, conflicts_with = "out")]
+    check: bool,
+    /// Stop after so many seconds
+    #[arg(long = "for", value_name = "SECONDS", value_parser = super::values::seconds)]
+    duration: Option<std::time::Duration>,
+}
+
+/// How long a check looks, seconds.
+const CHECK_S: f64 = 5.0;
+/// Time between lines where there is no terminal, seconds.
+const LINES_S: f64 = 10.0;
+
+impl Record {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let field = Field::read(&self.field)?;
+        let clock = Clock::default();
+        let folder = match (&self.out, self.check) {
+            (Some(out), _) => out.clone(),
+            (None, false) => folder_for(&field, &clock),
+            (None, true) => {
+                let name = format!("boresight-check-{}", std::process::id());
+                std::env::temp_dir().join(name)
+            }
+        };
+        let most_s = self.duration.map(|duration| duration.as_secs_f64());
+        let most_s = most_s.or(self.check.then_some(CHECK_S));
+        let mut screen = Screen::new(context.terminal.is_quiet());
+        let mut last = None;
+        let ended = record(&field, &folder, &clock, |view| {
+            screen.show(view);
+            last = Some(view.clone());
+            !interrupt::is_asked() && most_s.is_none_or(|most_s| view.time_s < most_s)
+        });
+        if self.check {
+            // What it holds was only looked at.
+            let _ = std::fs::remove_dir_all(&folder);
+        }
+        ended?;
+        let sources = last.map_or(Vec::new(), |view| view.sources);
+        if self.check {
+            let missing = sources.iter().filter(|(_, seen)| seen.records == 0);
+            let missing: Vec<String> = missing
+                .map(|(name, seen)| {
+                    let why = seen
+                        .error
+                        .clone()
+                        .unwrap_or_else(|| "it sends nothing".into());
+                    format!("{name}: {why}")
+                })
+                .collect();
+            if !missing.is_empty() {
+                return Err(Error::data(
+                    missing.join("; "),
+                    "check cables, addresses and rates",
+                ));
+            }
+        }
+        let lines: Vec<String> = sources
+            .iter()
+            .map(|(name, seen)| line(name, seen))
+            .collect();
+        let records: Map<String, Value> = sources
+            .iter()
+            .map(|(name, seen)| {
+                (
+                    name.clone(),
+                    json!({ "records": seen.records, "bytes": seen.bytes }),
+                )
+            })
+            .collect();
+        let mut summary = lines.join("\n");
+        if !self.check {
+            summary = format!("{}\n{summary}", folder.display());
+        }
+        Ok(Outcome {
+            result: json!({ "folder": folder, "sources": records }),
+            summary,
+            ..Outcome::default()
+        })
+    }
+}
+
+/// Shows a recording: on a terminal in place, elsewhere line by line.
+struct Screen {
+    is_quiet: bool,
+    is_terminal: bool,
+    /// Lines that stand on the terminal.
+    shown: usize,
+    next_s: f64,
+    was_silent: Vec<bool>,
+}
+
+impl Screen {
+    fn new(is_quiet: bool) -> Self {
+        Self {
+            is_quiet,
+            is_terminal: std::io::stderr().is_terminal(),
+            shown: 0,
+            next_s: 0.0,
+            was_silent: Vec::new(),
+        }
+    }
+
+    fn show(&mut self, view: &View) {
+        let is_silent: Vec<bool> = view
+            .sources
+            .iter()
+            .map(|(_, seen)| seen.is_silent)
+            .collect();
+        let stopped = is_silent
+            .iter()
+            .zip(&self.was_silent)
+            .any(|(now, then)| *now && !then);
+        self.was_silent = is_silent;
+        let is_alarm = stopped || view.set_s.is_some();
+        if self.is_quiet || (!self.is_terminal && !is_alarm && view.time_s < self.next_s) {
+            return;
+        }
+        self.next_s = view.time_s + LINES_S;
+        let mut lines: Vec<String> = view
+            .sources
+            .iter()
+            .map(|(name, seen)| line(name, seen))
+            .collect();
+        lines.push(clock_line(view));
+        let mut text = String::new();
+        if self.is_terminal {
+            // Over the lines of the last time.
+            text.push_str(&"\x1b[A\x1b[2K".repeat(self.shown));
+            self.shown = lines.len();
+            if is_alarm {
+                text.push('\x07');
+            }
+        }
+        text.push_str(&lines.join("\n"));
+        // What cannot be shown is recorded all the same.
+        let _ = writeln!(std::io::stderr(), "{text}");
+    }
+}
+
+/// A source in a line.
+fn line(name: &str, seen: &Seen) -> String {
+    let state = match (&seen.error, seen.is_open, seen.is_silent) {
+        (Some(error), false, _) => format!("CLOSED {error}"),
+        (None, false, _) => "opening".to_owned(),
+        (_, true, true) => "SILENT".to_owned(),
+        (_, true, false) => "ok".to_owned(),
+    };
+    let age = seen
+        .age_s
+        .map_or("-".to_owned(), |age| format!("{age:.1} s"));
+    let again = match seen.reopened {
+        0 => String::new(),
+        times => format!(", opened again {times} times"),
+    };
+    let word = if seen.word.is_empty() {
+        String::new()
+    } else {
+        format!(", {}", seen.word)
+    };
+    format!(
+        "{name:<12} {:7.1} Hz  last {age:>7} ago  {:>9} records  {:8.1} MB  {state}{word}{again}",
+        seen.rate_hz,
+        seen.records,
+        1e-6 * seen.bytes as f64
+    )
+}
+
+fn clock_line(view: &View) -> String {
+    let set = view
+        .set_s
+        .map_or(String::new(), |set_s| format!("  WAS SET by {set_s:+.3} s"));
+    let state = match &view.clock {
+        None => "chrony does not answer: nobody says how right it is".to_owned(),
+        Some(clock) if !clock.is_locked => "FOLLOWS NOTHING".to_owned(),
+        Some(clock) => format!(
+            "follows {}, off by {:.1} µs (rms {:.1} µs)",
+            clock.reference,
+            1e6 * clock.offset_s,
+            1e6 * clock.rms_s
+        ),
+    };
+    format!(
+        "{:<12} {state}{set}  {:.0} s recorded",
+        "clock", view.time_s
+    )
+}

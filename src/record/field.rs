@@ -1,0 +1,260 @@
+//! `field.toml`: the sensors of a recording.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::geocom::TrackingSettings;
+use super::place::Place;
+use crate::error::Result;
+use crate::project::{Source as Text, Step};
+
+/// Bits a second of a serial port, unless said otherwise.
+const BAUD: u32 = 115_200;
+
+/// What is recorded.
+#[derive(Debug, Clone)]
+pub struct Field {
+    /// The file, absolute.
+    pub path: PathBuf,
+    /// Folder in which recordings begin folders of their own.
+    pub folder: PathBuf,
+    /// One a sensor; names are unique.
+    pub sources: Vec<Source>,
+    /// The tables of the project that is made for a recording.
+    pub project: toml::Table,
+}
+
+/// A sensor.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Letters, digits, `-` and `_`, as it becomes a part of file names.
+    pub name: String,
+    /// Where it is.
+    pub place: Place,
+    /// What it is.
+    pub kind: Kind,
+}
+
+/// What a sensor is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Kind {
+    /// A Leica total station.
+    Geocom(Box<TrackingSettings>),
+    /// An inertial sensor of SBG Systems.
+    Sbg,
+    /// A receiver that sends NMEA sentences.
+    Nmea,
+    /// Lines of a table with this header.
+    Lines(String),
+}
+
+impl Kind {
+    /// End of the name of its file.
+    pub fn extension(&self) -> &'static str {
+        match self {
+            Self::Geocom(_) | Self::Lines(_) => "csv",
+            Self::Sbg => "sbg",
+            Self::Nmea => "nmea",
+        }
+    }
+}
+
+impl Source {
+    /// The name of its file.
+    pub fn file(&self) -> String {
+        format!("{}.{}", self.name, self.kind.extension())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenField {
+    folder: Option<PathBuf>,
+    #[serde(default)]
+    source: Vec<WrittenSource>,
+    #[serde(default)]
+    project: toml::Table,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenSource {
+    name: String,
+    kind: WrittenKind,
+    address: Option<String>,
+    port: Option<PathBuf>,
+    baud: Option<u32>,
+    header: Option<String>,
+    edm_mode: Option<u16>,
+    program: Option<u16>,
+    prism_type: Option<u16>,
+    lock: Option<bool>,
+    power_search: Option<bool>,
+    checksum: Option<bool>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum WrittenKind {
+    Geocom,
+    Sbg,
+    Nmea,
+    Lines,
+}
+
+impl Field {
+    /// Reads and checks a `field.toml`.
+    ///
+    /// # Errors
+    /// Names line, finding and expectation.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = Text::read(path)?;
+        let written: WrittenField = text.parsed()?;
+        if written.source.is_empty() {
+            return Err(text.error(&[], "no source", "[[source]] tables"));
+        }
+        let mut sources: Vec<Source> = Vec::new();
+        for (index, source) in written.source.into_iter().enumerate() {
+            let steps = |key| [Step::Key("source"), Step::Index(index), Step::Key(key)];
+            let refused = |key: &'static str, found: String, expected: &str| {
+                Err(text.error(&steps(key), found, expected))
+            };
+            let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+            if source.name.is_empty() || !source.name.chars().all(is_plain) {
+                let expected = "letters, digits, - and _, as it becomes a part of file names";
+                return refused("name", format!("the name {:?}", source.name), expected);
+            }
+            if sources.iter().any(|other| other.name == source.name) {
+                let found = format!("the source {:?} twice", source.name);
+                return refused("name", found, "each name once");
+            }
+            let place = match (&source.port, &source.address) {
+                (Some(port), None) => Place::Serial(port.clone(), source.baud.unwrap_or(BAUD)),
+                (None, Some(address)) => place_of(address),
+                _ => {
+                    let expected = "either `port`, such as \"/dev/ttyUSB0\", or `address`, such as \
+                                    \"192.168.1.10:1212\" or \"udp://0.0.0.0:5000\"";
+                    return refused("name", "no place, or two".into(), expected);
+                }
+            };
+            if source.baud.is_some() && source.port.is_none() {
+                return refused(
+                    "baud",
+                    "`baud` without `port`".into(),
+                    "it with a serial port only",
+                );
+            }
+            let is_station = source.kind == WrittenKind::Geocom;
+            let of_station = [
+                ("edm_mode", source.edm_mode.is_some()),
+                ("program", source.program.is_some()),
+                ("prism_type", source.prism_type.is_some()),
+                ("lock", source.lock.is_some()),
+                ("power_search", source.power_search.is_some()),
+                ("checksum", source.checksum.is_some()),
+            ];
+            if let Some((key, _)) = of_station
+                .iter()
+                .find(|(_, is_there)| *is_there && !is_station)
+            {
+                return refused(key, format!("`{key}`"), "it with kind = \"geocom\" only");
+            }
+            if is_station && matches!(place, Place::Udp(_)) {
+                return refused(
+                    "address",
+                    place.to_string(),
+                    "a serial port or a TCP address",
+                );
+            }
+            let kind = match (source.kind, source.header.clone()) {
+                (WrittenKind::Lines, Some(header)) => Kind::Lines(header),
+                (WrittenKind::Lines, None) => {
+                    let expected =
+                        "`header`: the names of the columns, such as \"time_s,heading_deg\"";
+                    return refused("kind", "lines without a header".into(), expected);
+                }
+                (_, Some(_)) => {
+                    return refused("header", "`header`".into(), "it with kind = \"lines\" only");
+                }
+                (WrittenKind::Sbg, None) => Kind::Sbg,
+                (WrittenKind::Nmea, None) => Kind::Nmea,
+                (WrittenKind::Geocom, None) => {
+                    let own = TrackingSettings::default();
+                    Kind::Geocom(Box::new(TrackingSettings {
+                        // A program sets the mode.
+                        edm_mode: source
+                            .edm_mode
+                            .or(own.edm_mode.filter(|_| source.program.is_none())),
+                        program: source.program,
+                        prism_type: source.prism_type,
+                        lock: source.lock.unwrap_or(own.lock),
+                        power_search: source.power_search.unwrap_or(own.power_search),
+                        checksum: source.checksum.unwrap_or(own.checksum),
+                        ..own
+                    }))
+                }
+            };
+            sources.push(Source {
+                name: source.name,
+                place,
+                kind,
+            });
+        }
+        Ok(Self {
+            folder: text.absolute(&written.folder.unwrap_or_default()),
+            path: text.path.clone(),
+            sources,
+            project: written.project,
+        })
+    }
+
+    /// The project of a recording: the tables of `[project]` with `source = "NAME"` replaced by the file of that
+    /// source.
+    ///
+    /// # Errors
+    /// A source that is not there.
+    pub fn project_text(&self) -> Result<String> {
+        let text = Text::read(&self.path)?;
+        let mut tables = self.project.clone();
+        for (name, table) in &mut tables {
+            let all: Vec<&mut toml::Table> = match table {
+                toml::Value::Table(table) => vec![table],
+                toml::Value::Array(all) => {
+                    all.iter_mut().filter_map(|v| v.as_table_mut()).collect()
+                }
+                _ => Vec::new(),
+            };
+            for table in all {
+                let Some(source) = table.remove("source") else {
+                    continue;
+                };
+                let found = self
+                    .sources
+                    .iter()
+                    .find(|own| source.as_str() == Some(&own.name));
+                let Some(found) = found else {
+                    let steps = [Step::Key("project"), Step::Key(name), Step::Key("source")];
+                    let expected = "the name of a [[source]]";
+                    return Err(text.error(&steps, format!("the source {source}"), expected));
+                };
+                let key = if name == "scanner" {
+                    "profiles"
+                } else {
+                    "file"
+                };
+                table.insert(key.into(), found.file().into());
+            }
+        }
+        toml::to_string(&tables).map_err(|error| text.error(&[], error.to_string(), "a project"))
+    }
+}
+
+fn place_of(address: &str) -> Place {
+    let bare = |scheme: &str| address.strip_prefix(scheme).map(str::to_owned);
+    match (bare("udp://"), bare("tcp://")) {
+        (Some(address), _) => Place::Udp(address),
+        (_, Some(address)) => Place::Tcp(address),
+        _ => Place::Tcp(address.to_owned()),
+    }
+}

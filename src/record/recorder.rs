@@ -1,0 +1,179 @@
+//! A recording: one thread a source, and one that watches clock and disk.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::clock::{Clock, ClockState, StepWatch};
+use super::field::{Field, Kind};
+use super::journal::Journal;
+use super::status::{Seen, Status};
+use super::thread::{Events, SourceThread};
+use super::{station, stream};
+use crate::error::{Error, Result};
+
+/// Time between two looks at clock and sources.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// What is seen of a recording at a time.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Seconds since it began.
+    pub time_s: f64,
+    /// Name and state of each source.
+    pub sources: Vec<(String, Seen)>,
+    /// The system's clock, if chrony runs.
+    pub clock: Option<ClockState>,
+    /// By how much the clock was set since the last view, seconds.
+    pub set_s: Option<f64>,
+}
+
+/// Records all sources into a new folder until `goes_on` is false. It is asked with a view of the recording once a
+/// second.
+///
+/// # Errors
+/// The folder is there, or a file cannot be written: the first of these errors, after all sources were stopped.
+pub fn record(
+    field: &Field,
+    folder: &Path,
+    clock: &Clock,
+    mut goes_on: impl FnMut(&View) -> bool,
+) -> Result<()> {
+    begin(field, folder)?;
+    let events = Events::create(folder)?;
+    let mut clock_log = Journal::create(&folder.join("clock.csv"))?;
+    clock_log.append(b"unix_s,monotonic_s,reference,offset_s,rms_s,is_locked,set_s\n")?;
+    let stop = AtomicBool::new(false);
+    let status: Vec<Status> = field.sources.iter().map(|_| Status::default()).collect();
+    std::thread::scope(|scope| {
+        let threads = field.sources.iter().zip(&status).map(|(source, status)| {
+            let thread = SourceThread {
+                source,
+                folder,
+                clock,
+                status,
+                events: &events,
+                stop: &stop,
+            };
+            scope.spawn(move || {
+                let ended = match &thread.source.kind {
+                    Kind::Geocom(settings) => station::record(&thread, settings),
+                    _ => stream::record(&thread),
+                };
+                if ended.is_err() {
+                    // A disk that is full stops all: what is not written must not seem recorded.
+                    thread.stop.store(true, Ordering::Relaxed);
+                }
+                thread.status.done();
+                ended
+            })
+        });
+        let threads: Vec<_> = threads.collect();
+        let watched = watch(
+            field,
+            (clock, &mut clock_log, &events),
+            &status,
+            &stop,
+            &mut goes_on,
+        );
+        stop.store(true, Ordering::Relaxed);
+        let mut ended = watched;
+        for thread in threads {
+            let one = thread.join().unwrap_or_else(|_| {
+                Err(Error::data("the thread of a source ended", "report this"))
+            });
+            ended = ended.and(one);
+        }
+        ended.and(clock_log.flush())
+    })
+}
+
+/// Looks at clock and sources once a second.
+fn watch(
+    field: &Field,
+    (clock, clock_log, events): (&Clock, &mut Journal, &Events),
+    status: &[Status],
+    stop: &AtomicBool,
+    goes_on: &mut dyn FnMut(&View) -> bool,
+) -> Result<()> {
+    let mut steps = StepWatch::default();
+    let mut was_silent = vec![false; status.len()];
+    let mut was_locked = None;
+    while !stop.load(Ordering::Relaxed) {
+        let begun = Instant::now();
+        let now = clock.now();
+        let set_s = steps.look(now);
+        let state = ClockState::ask();
+        let (time_s, monotonic_s) = (now.unix_s(), now.monotonic_s());
+        let of_clock = state.as_ref().map_or(",,,".to_owned(), |state| {
+            let locked = u8::from(state.is_locked);
+            let reference = state.reference.replace(',', " ");
+            format!(
+                "{reference},{:.9},{:.9},{locked}",
+                state.offset_s, state.rms_s
+            )
+        });
+        let set = set_s.map_or(String::new(), |set_s| format!("{set_s:.6}"));
+        clock_log.append(format!("{time_s:.6},{monotonic_s:.6},{of_clock},{set}\n").as_bytes())?;
+        if let Some(set_s) = set_s {
+            events.add(clock, "clock", &format!("set by {set_s:+.3} s"))?;
+        }
+        let is_locked = state.as_ref().map(|state| state.is_locked);
+        if was_locked == Some(true) && is_locked != Some(true) {
+            events.add(clock, "clock", "follows nothing any more")?;
+        }
+        was_locked = is_locked;
+        let sources: Vec<(String, Seen)> = (field.sources.iter().zip(status))
+            .map(|(source, status)| (source.name.clone(), status.seen(now)))
+            .collect();
+        for ((name, seen), was_silent) in sources.iter().zip(&mut was_silent) {
+            if seen.is_silent != *was_silent && seen.records > 0 {
+                let word = if seen.is_silent {
+                    "silent"
+                } else {
+                    "sends again"
+                };
+                events.add(clock, name, word)?;
+            }
+            *was_silent = seen.is_silent;
+        }
+        let view = View {
+            time_s: monotonic_s,
+            sources,
+            clock: state,
+            set_s,
+        };
+        if !goes_on(&view) {
+            break;
+        }
+        while begun.elapsed() < LOOK && !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+    Ok(())
+}
+
+/// Makes the folder, with what describes the recording.
+fn begin(field: &Field, folder: &Path) -> Result<()> {
+    if folder.exists() {
+        let found = format!("{}: there is a recording already", folder.display());
+        return Err(Error::data(found, "choose another folder"));
+    }
+    fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+    let copy = folder.join("field.toml");
+    fs::copy(&field.path, &copy).map_err(|error| Error::io(&copy, error))?;
+    if !field.project.is_empty() {
+        let project = folder.join("project.toml");
+        let text = field.project_text()?;
+        fs::write(&project, text).map_err(|error| Error::io(&project, error))?;
+    }
+    Ok(())
+}
+
+/// A new folder for a recording that begins now, named by date and time.
+pub fn folder_for(field: &Field, clock: &Clock) -> PathBuf {
+    use crate::format::civil_time;
+    let name = civil_time(clock.now().unix_s()).replace([':', ' '], "-");
+    field.folder.join(name)
+}

@@ -1,0 +1,166 @@
+//! What is known of a source while it is recorded.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::clock::Stamp;
+
+/// Rates are those of so many seconds.
+const RATE_S: f64 = 3.0;
+/// A source is silent where nothing arrived for this many of its usual intervals, and for at least a second.
+const SILENT_INTERVALS: f64 = 10.0;
+const SILENT_S: f64 = 1.0;
+
+/// The state of a source, shared by its thread and the view.
+#[derive(Debug, Default)]
+pub struct Status(Mutex<State>);
+
+#[derive(Debug, Default)]
+struct State {
+    is_open: bool,
+    records: u64,
+    bytes: u64,
+    openings: u64,
+    recent: VecDeque<f64>,
+    first_s: Option<f64>,
+    word: String,
+    error: Option<String>,
+    is_done: bool,
+}
+
+/// What is shown of a source.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// Whether its link is open.
+    pub is_open: bool,
+    /// Records so far: of a total station, distances.
+    pub records: u64,
+    /// Bytes so far.
+    pub bytes: u64,
+    /// Times that the link was opened again.
+    pub reopened: u64,
+    /// Records a second, of late.
+    pub rate_hz: f64,
+    /// Time since the last record, seconds.
+    pub age_s: Option<f64>,
+    /// Whether nothing arrives any more, or never did.
+    pub is_silent: bool,
+    /// What the sensor says of itself.
+    pub word: String,
+    /// The last error of its link.
+    pub error: Option<String>,
+}
+
+impl Status {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The link was opened.
+    pub fn opened(&self) {
+        let mut state = self.state();
+        state.is_open = true;
+        state.openings += 1;
+        state.error = None;
+    }
+
+    /// The link was closed or cannot be opened; returns whether that is news.
+    pub fn closed(&self, error: &str) -> bool {
+        let mut state = self.state();
+        let is_news = state.is_open || state.error.as_deref() != Some(error);
+        state.is_open = false;
+        state.error = Some(error.to_owned());
+        is_news
+    }
+
+    /// Records arrived.
+    pub fn arrived(&self, records: u64, bytes: usize, at: Stamp) {
+        let mut state = self.state();
+        state.records += records;
+        state.bytes += bytes as u64;
+        let now_s = at.monotonic_s();
+        state.first_s.get_or_insert(now_s);
+        for _ in 0..records.min(1000) {
+            state.recent.push_back(now_s);
+        }
+        while state.recent.len() > 1 && state.recent.front().is_some_and(|t| now_s - t > RATE_S) {
+            state.recent.pop_front();
+        }
+    }
+
+    /// What the sensor says of itself, such as lost lock.
+    pub fn says(&self, word: &str) {
+        self.state().word = word.to_owned();
+    }
+
+    /// Its thread has ended.
+    pub fn done(&self) {
+        self.state().is_done = true;
+    }
+
+    /// Whether its thread has ended.
+    pub fn is_done(&self) -> bool {
+        self.state().is_done
+    }
+
+    /// What is shown now.
+    pub fn seen(&self, now: Stamp) -> Seen {
+        let state = self.state();
+        let now_s = now.monotonic_s();
+        let lately = state.recent.iter().filter(|t| now_s - *t <= RATE_S).count();
+        let span_s = state
+            .first_s
+            .map_or(RATE_S, |first| (now_s - first).clamp(0.1, RATE_S));
+        let age_s = state.recent.back().map(|last| now_s - last);
+        let rate_hz = lately as f64 / span_s;
+        let interval_s = match (state.recent.front(), state.recent.back()) {
+            (Some(first), Some(last)) if state.recent.len() > 1 => {
+                (last - first) / (state.recent.len() - 1) as f64
+            }
+            _ => 0.0,
+        };
+        let patience_s = SILENT_S.max(SILENT_INTERVALS * interval_s);
+        Seen {
+            is_open: state.is_open,
+            records: state.records,
+            bytes: state.bytes,
+            reopened: state.openings.saturating_sub(1),
+            rate_hz,
+            age_s,
+            is_silent: age_s.is_none_or(|age| age > patience_s),
+            word: state.word.clone(),
+            error: state.error.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(seconds: f64) -> Stamp {
+        Stamp {
+            monotonic_ns: (1e9 * seconds) as u64,
+            unix_ns: 0,
+        }
+    }
+
+    #[test]
+    fn rate_age_and_silence_are_seen() {
+        let status = Status::default();
+        assert!(status.seen(at(0.0)).is_silent);
+        status.opened();
+        for i in 0..70 {
+            status.arrived(1, 10, at(f64::from(i) / 7.0));
+        }
+        let seen = status.seen(at(10.0));
+        assert_eq!((seen.records, seen.bytes, seen.reopened), (70, 700, 0));
+        assert!((seen.rate_hz - 7.0).abs() < 0.4, "{}", seen.rate_hz);
+        assert!(!seen.is_silent);
+        let seen = status.seen(at(12.0));
+        assert!(seen.is_silent && seen.age_s.unwrap() > 2.0);
+        assert!(status.closed("cable") && !status.closed("cable"));
+        status.opened();
+        assert_eq!(status.seen(at(12.0)).reopened, 1);
+    }
+}
