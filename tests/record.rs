@@ -195,6 +195,12 @@ fn all_sources_at_once() {
     assert!((5..=7).contains(&clock_rows.len()), "{clock_rows:?}");
     let project = fs::read_to_string(folder.join("project.toml")).unwrap();
     assert!(project.contains("file = \"station.csv\"") && project.contains("file = \"imu.csv\""));
+    // A folder is its project: polar observations only lack their instrument.
+    boresight(&["trajectory", folder.to_str().unwrap()]).assert_failed_with(&[
+        "station.csv",
+        "polar observations only",
+        "station_m",
+    ]);
     assert_eq!(
         fs::read(folder.join("field.toml")).unwrap(),
         fs::read(&field.path).unwrap()

@@ -14,7 +14,7 @@ use crate::project::Project;
 /// Arguments of commands that work on a project.
 #[derive(Debug, Args)]
 pub(super) struct ProjectArguments {
-    /// The project file
+    /// The project file, or a folder with a `project.toml`
     pub(super) project: PathBuf,
     /// Folder for the results [default: `out` next to the project]
     #[arg(long, value_name = "DIR")]
@@ -45,9 +45,10 @@ impl Context {
         on: &ProjectArguments,
         stage: impl Fn(&Project, &Options, &dyn Progress) -> Result<Outcome>,
     ) -> Result<Outcome> {
-        let project = Project::read(&on.project)?;
+        let file = project_file(&on.project);
+        let project = Project::read(&file)?;
         project.check_files()?;
-        let out = out_folder(&on.out, &on.project);
+        let out = out_folder(&on.out, &file);
         self.logged(&out, &project.inputs(), |options| {
             stage(&project, options, &self.terminal)
         })
@@ -73,6 +74,15 @@ impl Context {
         } else {
             outcome
         }
+    }
+}
+
+/// The project file that is meant: of a folder, such as a recording, the `project.toml` in it.
+pub(super) fn project_file(path: &Path) -> PathBuf {
+    let inside = path.join("project.toml");
+    match path.is_dir() && inside.is_file() {
+        true => inside,
+        false => path.to_owned(),
     }
 }
 

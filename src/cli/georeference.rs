@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::context::{Context, ProjectArguments, out_folder};
+use super::context::{Context, ProjectArguments, out_folder, project_file};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome, Placement};
 use crate::project::Project;
@@ -22,10 +22,11 @@ pub(super) struct Georeference {
 
 impl Georeference {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        let project = Project::read(&self.on.project)?;
+        let file = project_file(&self.on.project);
+        let project = Project::read(&file)?;
         let (calibration, trajectory) = (self.calibration.as_deref(), self.trajectory.as_deref());
         let placement = Placement::new(&project, calibration, trajectory)?;
-        let out = out_folder(&self.on.out, &self.on.project);
+        let out = out_folder(&self.on.out, &file);
         context.logged(&out, placement.inputs(), |options| {
             pipeline::georeference(&placement, options, &context.terminal)
         })

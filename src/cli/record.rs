@@ -9,7 +9,7 @@ use super::context::Context;
 use super::interrupt;
 use crate::error::{Error, Result};
 use crate::pipeline::Outcome;
-use crate::record::{Clock, Field, Seen, View, folder_for, record};
+use crate::record::{Clock, Field, Room, Seen, View, folder_for, record};
 
 /// Record the sensors of a field.toml while driving, until Ctrl-C
 #[derive(Debug, clap::Args)]
@@ -110,6 +110,7 @@ struct Screen {
     shown: usize,
     next_s: f64,
     was_silent: Vec<bool>,
+    was_short: bool,
 }
 
 impl Screen {
@@ -120,6 +121,7 @@ impl Screen {
             shown: 0,
             next_s: 0.0,
             was_silent: Vec::new(),
+            was_short: false,
         }
     }
 
@@ -134,7 +136,9 @@ impl Screen {
             .zip(&self.was_silent)
             .any(|(now, then)| *now && !then);
         self.was_silent = is_silent;
-        let is_alarm = stopped || view.set_s.is_some();
+        let is_short = view.room.is_some_and(|room| room.is_short());
+        let is_alarm = stopped || view.set_s.is_some() || (is_short && !self.was_short);
+        self.was_short = is_short;
         if self.is_quiet || (!self.is_terminal && !is_alarm && view.time_s < self.next_s) {
             return;
         }
@@ -145,6 +149,7 @@ impl Screen {
             .map(|(name, seen)| line(name, seen))
             .collect();
         lines.push(clock_line(view));
+        lines.extend(view.room.as_ref().map(disk_line));
         let mut text = String::new();
         if self.is_terminal {
             // Over the lines of the last time.
@@ -205,5 +210,18 @@ fn clock_line(view: &View) -> String {
     format!(
         "{:<12} {state}{set}  {:.0} s recorded",
         "clock", view.time_s
+    )
+}
+
+fn disk_line(room: &Room) -> String {
+    let lasts = match room.lasts_s {
+        s if s < 360_000.0 => format!(", {:.1} h at this rate", s / 3600.0),
+        _ => String::new(),
+    };
+    let state = if room.is_short() { "NEARLY FULL, " } else { "" };
+    format!(
+        "{:<12} {state}{:.1} GB free{lasts}",
+        "disk",
+        1e-9 * room.free
     )
 }

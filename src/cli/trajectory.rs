@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::context::{Context, ProjectArguments, out_folder};
+use super::context::{Context, ProjectArguments, out_folder, project_file};
 use crate::error::Result;
 use crate::pipeline::online::{Source, online};
 use crate::pipeline::{self, Outcome};
@@ -38,11 +38,12 @@ impl Trajectory {
         if !self.online {
             return context.with_project(&self.on, pipeline::trajectory);
         }
-        let project = Project::read(&self.on.project)?;
+        let file = project_file(&self.on.project);
+        let project = Project::read(&file)?;
         if !self.stdin {
             project.check_files()?;
         }
-        let out = out_folder(&self.on.out, &self.on.project);
+        let out = out_folder(&self.on.out, &file);
         let mut rows = std::io::stdout();
         let mut lines = std::io::stdin().lock();
         let source = if self.stdin {

@@ -4,6 +4,7 @@
 //! the system's clock once a second; `events.csv`, all that happened; and the project that is made of `field.toml`.
 
 mod clock;
+mod disk;
 mod field;
 pub mod geocom;
 mod journal;
@@ -15,6 +16,7 @@ mod stream;
 mod thread;
 
 pub use clock::{Clock, ClockState, Stamp, StepWatch};
+pub use disk::Room;
 pub use field::{Field, Kind, Source};
 pub use place::{Place, Wire};
 pub use recorder::{View, folder_for, record};

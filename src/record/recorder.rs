@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::clock::{Clock, ClockState, StepWatch};
+use super::disk::{DiskWatch, Room};
 use super::field::{Field, Kind};
 use super::journal::Journal;
 use super::status::{Seen, Status};
@@ -27,6 +28,8 @@ pub struct View {
     pub clock: Option<ClockState>,
     /// By how much the clock was set since the last view, seconds.
     pub set_s: Option<f64>,
+    /// Room on the disk, where that can be told.
+    pub room: Option<Room>,
 }
 
 /// Records all sources into a new folder until `goes_on` is false. It is asked with a view of the recording once a
@@ -71,7 +74,7 @@ pub fn record(
         });
         let threads: Vec<_> = threads.collect();
         let watched = watch(
-            field,
+            (field, folder),
             (clock, &mut clock_log, &events),
             &status,
             &stop,
@@ -91,7 +94,7 @@ pub fn record(
 
 /// Looks at clock and sources once a second.
 fn watch(
-    field: &Field,
+    (field, folder): (&Field, &Path),
     (clock, clock_log, events): (&Clock, &mut Journal, &Events),
     status: &[Status],
     stop: &AtomicBool,
@@ -99,7 +102,8 @@ fn watch(
 ) -> Result<()> {
     let mut steps = StepWatch::default();
     let mut was_silent = vec![false; status.len()];
-    let mut was_locked = None;
+    let (mut was_locked, mut was_short) = (None, false);
+    let mut disk = DiskWatch::new(folder);
     while !stop.load(Ordering::Relaxed) {
         let begun = Instant::now();
         let now = clock.now();
@@ -138,11 +142,26 @@ fn watch(
             }
             *was_silent = seen.is_silent;
         }
+        let bytes: u64 = sources.iter().map(|(_, seen)| seen.bytes).sum();
+        let room = disk.room(bytes as f64 / monotonic_s.max(1.0));
+        if let Some(room) = room
+            && room.is_short() != was_short
+        {
+            was_short = room.is_short();
+            let word = if was_short {
+                "nearly full"
+            } else {
+                "has room again"
+            };
+            let text = format!("{word}: {:.2} GB free", 1e-9 * room.free);
+            events.add(clock, "disk", &text)?;
+        }
         let view = View {
             time_s: monotonic_s,
             sources,
             clock: state,
             set_s,
+            room,
         };
         if !goes_on(&view) {
             break;
