@@ -37,7 +37,7 @@ macro_rules! stored {
             fn store(&self, bytes: &mut Vec<u8>) {
                 match self {
                     $(Self::$variant $(($value))? => {
-                        crate::stored::Stored::store(&stringify!($variant).to_owned(), bytes);
+                        crate::stored::Stored::store(&stringify!($variant), bytes);
                         $(crate::stored::Stored::store($value, bytes);)?
                     })*
                 }
@@ -100,10 +100,14 @@ impl Stored for bool {
     }
 }
 
+fn store_text(text: &str, bytes: &mut Vec<u8>) {
+    text.len().store(bytes);
+    bytes.extend_from_slice(text.as_bytes());
+}
+
 impl Stored for String {
     fn store(&self, bytes: &mut Vec<u8>) {
-        self.len().store(bytes);
-        bytes.extend_from_slice(self.as_bytes());
+        store_text(self, bytes);
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
@@ -117,7 +121,7 @@ impl Stored for String {
 /// The few names that the program itself holds, such as units; each is kept once, for as long as it runs.
 impl Stored for &'static str {
     fn store(&self, bytes: &mut Vec<u8>) {
-        (*self).to_owned().store(bytes);
+        store_text(self, bytes);
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
@@ -149,10 +153,14 @@ impl<T: Stored> Stored for Option<T> {
     }
 }
 
+fn store_all<T: Stored>(values: &[T], bytes: &mut Vec<u8>) {
+    values.len().store(bytes);
+    values.iter().for_each(|value| value.store(bytes));
+}
+
 impl<T: Stored> Stored for Vec<T> {
     fn store(&self, bytes: &mut Vec<u8>) {
-        self.len().store(bytes);
-        self.iter().for_each(|value| value.store(bytes));
+        store_all(self, bytes);
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
@@ -166,14 +174,19 @@ impl<T: Stored> Stored for Vec<T> {
     }
 }
 
-impl<T: Stored, const N: usize> Stored for [T; N] {
+impl<T: Stored + Default, const N: usize> Stored for [T; N] {
     fn store(&self, bytes: &mut Vec<u8>) {
         self.iter().for_each(|value| value.store(bytes));
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        let values: Option<Vec<T>> = (0..N).map(|_| T::restore(bytes)).collect();
-        values?.try_into().ok()
+        let mut is_whole = true;
+        let values = std::array::from_fn(|_| {
+            let value = T::restore(bytes);
+            is_whole &= value.is_some();
+            value.unwrap_or_default()
+        });
+        is_whole.then_some(values)
     }
 }
 
@@ -220,7 +233,7 @@ impl Stored for UnitQuaternion<f64> {
 
 impl Stored for DVector<f64> {
     fn store(&self, bytes: &mut Vec<u8>) {
-        self.as_slice().to_vec().store(bytes);
+        store_all(self.as_slice(), bytes);
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
@@ -231,7 +244,7 @@ impl Stored for DVector<f64> {
 impl Stored for DMatrix<f64> {
     fn store(&self, bytes: &mut Vec<u8>) {
         self.shape().store(bytes);
-        self.as_slice().to_vec().store(bytes);
+        store_all(self.as_slice(), bytes);
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {

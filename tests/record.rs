@@ -97,6 +97,13 @@ fn field(folder: &Path, sources: &str) -> Field {
     Field::read(&path).unwrap()
 }
 
+/// A source of lines with a number each.
+fn numbers_from(name: &str, address: &str) -> String {
+    format!(
+        "[[source]]\nname = \"{name}\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{address}\"\n"
+    )
+}
+
 fn rows(path: &Path) -> Vec<String> {
     let text = fs::read_to_string(path).unwrap();
     text.lines().map(str::to_owned).collect()
@@ -215,14 +222,9 @@ fn a_source_that_dies_and_returns_delays_no_other() {
         LineServer::new(line, Duration::from_millis(10)),
         LineServer::new(line, Duration::from_millis(10)),
     );
-    let source = |name: &str, address: &str| {
-        format!(
-            "[[source]]\nname = \"{name}\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{address}\"\n"
-        )
-    };
-    let text = source("mortal", &mortal.address)
-        + &source("other", &other.address)
-        + &source("absent", "127.0.0.1:9");
+    let text = numbers_from("mortal", &mortal.address)
+        + &numbers_from("other", &other.address)
+        + &numbers_from("absent", "127.0.0.1:9");
     let field = field(kept.path(), &text);
     let (folder, clock) = (kept.path().join("drive"), Clock::default());
     let mut reopened = 0;
@@ -274,10 +276,7 @@ fn a_source_that_dies_and_returns_delays_no_other() {
 fn a_clock_that_is_set_is_said() {
     let kept = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(50));
-    let text = format!(
-        "[[source]]\nname = \"a\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{}\"\n",
-        sender.address
-    );
+    let text = numbers_from("a", &sender.address);
     let field = field(kept.path(), &text);
     let (folder, clock) = (kept.path().join("drive"), Clock::default());
     let mut said = Vec::new();
@@ -301,10 +300,7 @@ fn a_clock_that_is_set_is_said() {
 fn a_kill_loses_no_more_than_the_last_second() {
     let kept = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(5));
-    let text = format!(
-        "[[source]]\nname = \"a\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{}\"\n",
-        sender.address
-    );
+    let text = numbers_from("a", &sender.address);
     let path = field(kept.path(), &text).path;
     for number in 0..3 {
         let folder: PathBuf = kept.path().join(format!("drive-{number}"));
@@ -338,18 +334,13 @@ fn a_kill_loses_no_more_than_the_last_second() {
 fn a_check_says_what_does_not_send() {
     let kept = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(5));
-    let source = |name: &str, address: &str| {
-        format!(
-            "[[source]]\nname = \"{name}\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{address}\"\n"
-        )
-    };
-    let good = source("good", &sender.address);
+    let good = numbers_from("good", &sender.address);
     let path = field(kept.path(), &good).path;
     let check = || boresight(&["record", path.to_str().unwrap(), "--check", "--for", "2"]);
     let run = check();
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.out.contains("good"), "{}", run.out);
-    fs::write(&path, good + &source("bad", "127.0.0.1:9")).unwrap();
+    fs::write(&path, good + &numbers_from("bad", "127.0.0.1:9")).unwrap();
     check().assert_failed_with(&["bad: 127.0.0.1:9", "refused", "check cables"]);
 }
 

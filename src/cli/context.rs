@@ -21,6 +21,14 @@ pub(super) struct ProjectArguments {
     pub(super) out: Option<PathBuf>,
 }
 
+impl ProjectArguments {
+    /// The project, and the folder for its results.
+    pub(super) fn read(&self) -> Result<(Project, PathBuf)> {
+        let file = project_file(&self.project);
+        Ok((Project::read(&file)?, out_folder(&self.out, &file)))
+    }
+}
+
 /// Name of the log file.
 const LOG: &str = "log.txt";
 
@@ -45,10 +53,8 @@ impl Context {
         on: &ProjectArguments,
         stage: impl Fn(&Project, &Options, &dyn Progress) -> Result<Outcome>,
     ) -> Result<Outcome> {
-        let file = project_file(&on.project);
-        let project = Project::read(&file)?;
+        let (project, out) = on.read()?;
         project.check_files()?;
-        let out = out_folder(&on.out, &file);
         self.logged(&out, &project.inputs(), |options| {
             stage(&project, options, &self.terminal)
         })
@@ -78,7 +84,7 @@ impl Context {
 }
 
 /// The project file that is meant: of a folder, such as a recording, the `project.toml` in it.
-pub(super) fn project_file(path: &Path) -> PathBuf {
+fn project_file(path: &Path) -> PathBuf {
     let inside = path.join("project.toml");
     match path.is_dir() && inside.is_file() {
         true => inside,

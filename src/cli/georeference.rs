@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::context::{Context, ProjectArguments, out_folder, project_file};
+use super::context::{Context, ProjectArguments};
 use crate::error::Result;
 use crate::pipeline::{self, Outcome, Placement};
-use crate::project::Project;
 
 /// Georeference the profiles of a project with its mountings and poses, or with those of a run
 #[derive(Debug, clap::Args)]
@@ -22,11 +21,9 @@ pub(super) struct Georeference {
 
 impl Georeference {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        let file = project_file(&self.on.project);
-        let project = Project::read(&file)?;
+        let (project, out) = self.on.read()?;
         let (calibration, trajectory) = (self.calibration.as_deref(), self.trajectory.as_deref());
         let placement = Placement::new(&project, calibration, trajectory)?;
-        let out = out_folder(&self.on.out, &file);
         context.logged(&out, placement.inputs(), |options| {
             pipeline::georeference(&placement, options, &context.terminal)
         })

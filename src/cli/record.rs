@@ -23,7 +23,7 @@ pub(super) struct Record {
     #[arg(long, conflicts_with = "out")]
     check: bool,
     /// Stop after so many seconds
-    #[arg(long = "for", value_name = "SECONDS", value_parser = super::values::seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = super::values::positive_seconds)]
     duration: Option<std::time::Duration>,
 }
 

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::context::{Context, ProjectArguments, out_folder, project_file};
+use super::context::{Context, ProjectArguments};
+use super::values::seconds;
 use crate::error::Result;
 use crate::pipeline::online::{Source, online};
 use crate::pipeline::{self, Outcome};
-use crate::project::Project;
 
 /// Estimate the trajectory from the logs of a project
 #[derive(Debug, clap::Args)]
@@ -28,22 +28,15 @@ pub(super) struct Trajectory {
     stdin: bool,
 }
 
-fn seconds(text: &str) -> std::result::Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    Duration::try_from_secs_f64(seconds).map_err(|_| "not a number of seconds".to_owned())
-}
-
 impl Trajectory {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         if !self.online {
             return context.with_project(&self.on, pipeline::trajectory);
         }
-        let file = project_file(&self.on.project);
-        let project = Project::read(&file)?;
+        let (project, out) = self.on.read()?;
         if !self.stdin {
             project.check_files()?;
         }
-        let out = out_folder(&self.on.out, &file);
         let mut rows = std::io::stdout();
         let mut lines = std::io::stdin().lock();
         let source = if self.stdin {

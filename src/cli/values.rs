@@ -18,10 +18,15 @@ pub(super) fn not_negative(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected metres, 0 or more".to_owned())
 }
 
-/// Seconds above 0.
+/// Seconds, 0 or more.
 pub(super) fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds = number(text).filter(|x| *x > 0.0);
-    let found = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    Duration::try_from_secs_f64(seconds).map_err(|_| "not a number of seconds".to_owned())
+}
+
+/// Seconds above 0.
+pub(super) fn positive_seconds(text: &str) -> Result<Duration, String> {
+    let found = seconds(text.trim()).ok().filter(|found| !found.is_zero());
     found.ok_or_else(|| "expected seconds above 0".to_owned())
 }
 

@@ -15,6 +15,19 @@ pub enum EulerConvention {
     Bonn,
 }
 
+impl EulerConvention {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Zyx, Self::Bonn];
+
+    /// As in a project.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Zyx => "zyx",
+            Self::Bonn => "bonn",
+        }
+    }
+}
+
 /// R_bs from the angles (α, β, γ) in degrees.
 pub fn rotation_from_euler_deg(convention: EulerConvention, angles_deg: [f64; 3]) -> Rotation {
     let [alpha, beta, gamma] = angles_deg.map(f64::to_radians);

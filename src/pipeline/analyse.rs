@@ -55,8 +55,9 @@ pub fn analyse(
     let names: Vec<String> = RESULTS.map(str::to_owned).into();
     let cloud_names = clouds::names(project);
     let names = [names.as_slice(), &cloud_names].concat();
-    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    let inputs = Inputs::read(project.inputs(), progress)?;
+    let inputs = project.inputs();
+    let job = Job::new(&options.out, &inputs, &names, progress)?;
+    let inputs = Inputs::read(inputs, progress)?;
     let keys = Keys::new(project, &inputs)?;
     let finished = Finished::beside(&options.out, inputs, options.fresh);
     let mut job = job.with_finished(finished);

@@ -5,7 +5,6 @@ use std::fmt::Write;
 use super::findings::Findings;
 use crate::calibration::{Calibration, PARAMETER_NAMES};
 use crate::comparison::MountingKind;
-use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::report::content::Drive;
 use crate::report::diagnostics::{self, PoseSigmas};
@@ -73,11 +72,11 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
     let pose = &mounting.body_from_scanner;
     let sigmas = calibration.sigmas(scanner, mounting.convention);
     let angles = euler_deg_from_rotation(mounting.convention, &pose.rotation);
-    let convention = match mounting.convention {
-        EulerConvention::Zyx => "zyx",
-        EulerConvention::Bonn => "bonn",
-    };
-    let mut cells = vec![format!("{} ({convention})", mounting.name)];
+    let mut cells = vec![format!(
+        "{} ({})",
+        mounting.name,
+        mounting.convention.name()
+    )];
     for parameter in 0..6 {
         let (value, sigma, digits) = match parameter {
             0..3 => (pose.translation_m[parameter], sigmas[parameter], 5),

@@ -26,8 +26,9 @@ pub(super) fn mountings(path: &Path, scanners: &[(String, BodyFromScanner)]) -> 
         lines.section(&format!("scanner {name}"));
         let translation_m = vector(&mounting.translation_m);
         lines.value("translation", format!("{translation_m} m"));
-        for (name, angles_deg) in rotations(mounting) {
-            lines.value("rotation", format!("{angles_deg} ° ({name})"));
+        for (convention, angles_deg) in rotations(mounting) {
+            let convention = convention.name();
+            lines.value("rotation", format!("{angles_deg} ° ({convention})"));
         }
         let form = json!({ "body_from_scanner": MountingForms::from(mounting) });
         forms.insert(name.clone(), form);
@@ -41,14 +42,10 @@ pub(super) fn mountings(path: &Path, scanners: &[(String, BodyFromScanner)]) -> 
 }
 
 /// The angles of a mounting in each convention, as text.
-fn rotations(mounting: &BodyFromScanner) -> [(&'static str, String); 2] {
-    let all = [
-        ("zyx", EulerConvention::Zyx),
-        ("bonn", EulerConvention::Bonn),
-    ];
-    all.map(|(name, convention)| {
+fn rotations(mounting: &BodyFromScanner) -> [(EulerConvention, String); 2] {
+    EulerConvention::ALL.map(|convention| {
         let angles_deg = euler_deg_from_rotation(convention, &mounting.rotation);
-        (name, angles_deg.map(short).join(", "))
+        (convention, angles_deg.map(short).join(", "))
     })
 }
 
@@ -164,12 +161,9 @@ fn describe_scanner(lines: &mut Lines, scanner: &Scanner) {
         "initial translation",
         format!("{} m", vector(&mounting.translation_m)),
     );
-    let own = match scanner.convention {
-        EulerConvention::Zyx => "zyx",
-        EulerConvention::Bonn => "bonn",
-    };
-    for (name, angles) in rotations(mounting) {
-        let typed = if name == own {
+    for (convention, angles) in rotations(mounting) {
+        let name = convention.name();
+        let typed = if convention == scanner.convention {
             ", as in the project"
         } else {
             ""
