@@ -14,6 +14,7 @@ mod inspect;
 mod interrupt;
 mod print;
 mod record;
+mod replay;
 mod run;
 mod salvage;
 mod simulate;
@@ -85,6 +86,7 @@ enum Command {
     Thin(thin::Thin),
     Run(run::Run),
     Record(record::Record),
+    Replay(replay::Replay),
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -164,6 +166,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Thin(command) => command.execute(&context),
             Command::Run(command) => command.execute(&context),
             Command::Record(command) => command.execute(&context),
+            Command::Replay(command) => command.execute(&context),
         };
         outcome.map(|outcome| (outcome, true))
     })

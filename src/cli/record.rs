@@ -9,7 +9,7 @@ use super::context::Context;
 use super::interrupt;
 use crate::error::{Error, Result};
 use crate::pipeline::Outcome;
-use crate::record::{Clock, Field, Room, Seen, View, folder_for, record};
+use crate::record::{Clock, Field, LiveView, Room, Seen, View, folder_for, record};
 
 /// Record the sensors of a field.toml while driving, until Ctrl-C
 #[derive(Debug, clap::Args)]
@@ -77,33 +77,36 @@ impl Record {
                 ));
             }
         }
-        let lines: Vec<String> = sources
-            .iter()
-            .map(|(name, seen)| line(name, seen))
-            .collect();
-        let records: Map<String, Value> = sources
-            .iter()
-            .map(|(name, seen)| {
-                (
-                    name.clone(),
-                    json!({ "records": seen.records, "bytes": seen.bytes }),
-                )
-            })
-            .collect();
-        let mut summary = lines.join("\n");
+        let mut summary = summary_of(&sources);
         if !self.check {
             summary = format!("{}\n{summary}", folder.display());
         }
         Ok(Outcome {
-            result: json!({ "folder": folder, "sources": records }),
+            result: json!({ "folder": folder, "sources": records_of(&sources) }),
             summary,
             ..Outcome::default()
         })
     }
 }
 
+/// A line each.
+pub(super) fn summary_of(sources: &[(String, Seen)]) -> String {
+    let lines = sources.iter().map(|(name, seen)| line(name, seen));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// How much each source sent.
+pub(super) fn records_of(sources: &[(String, Seen)]) -> Map<String, Value> {
+    let records = sources.iter().map(|(name, seen)| {
+        let counts =
+            json!({ "records": seen.records, "bytes": seen.bytes, "damaged_bytes": seen.damaged });
+        (name.clone(), counts)
+    });
+    records.collect()
+}
+
 /// Shows a recording: on a terminal in place, elsewhere line by line.
-struct Screen {
+pub(super) struct Screen {
     is_quiet: bool,
     is_terminal: bool,
     /// Lines that stand on the terminal.
@@ -114,7 +117,7 @@ struct Screen {
 }
 
 impl Screen {
-    fn new(is_quiet: bool) -> Self {
+    pub(super) fn new(is_quiet: bool) -> Self {
         Self {
             is_quiet,
             is_terminal: std::io::stderr().is_terminal(),
@@ -125,7 +128,7 @@ impl Screen {
         }
     }
 
-    fn show(&mut self, view: &View) {
+    pub(super) fn show(&mut self, view: &View) {
         let is_silent: Vec<bool> = view
             .sources
             .iter()
@@ -150,6 +153,11 @@ impl Screen {
             .collect();
         lines.push(clock_line(view));
         lines.extend(view.room.as_ref().map(disk_line));
+        lines.extend(
+            view.live
+                .iter()
+                .flat_map(|live| live_lines(live, view.common_s)),
+        );
         let mut text = String::new();
         if self.is_terminal {
             // Over the lines of the last time.
@@ -180,13 +188,17 @@ fn line(name: &str, seen: &Seen) -> String {
         0 => String::new(),
         times => format!(", opened again {times} times"),
     };
+    let damaged = match seen.damaged {
+        0 => String::new(),
+        bytes => format!(", {bytes} damaged bytes"),
+    };
     let word = if seen.word.is_empty() {
         String::new()
     } else {
         format!(", {}", seen.word)
     };
     format!(
-        "{name:<12} {:7.1} Hz  last {age:>7} ago  {:>9} records  {:8.1} MB  {state}{word}{again}",
+        "{name:<12} {:7.1} Hz  last {age:>7} ago  {:>9} records  {:8.1} MB  {state}{word}{again}{damaged}",
         seen.rate_hz,
         seen.records,
         1e-6 * seen.bytes as f64
@@ -211,6 +223,37 @@ fn clock_line(view: &View) -> String {
         "{:<12} {state}{set}  {:.0} s recorded",
         "clock", view.time_s
     )
+}
+
+/// Pose and boards.
+fn live_lines(live: &LiveView, common_s: f64) -> Vec<String> {
+    let pose = match (&live.pose, &live.trouble) {
+        (_, Some(trouble)) => trouble.clone(),
+        (None, None) => "no pose yet".to_owned(),
+        (Some(pose), None) => {
+            let [east, north, up] = pose.position_m.into();
+            format!(
+                "east {east:.3}  north {north:.3}  up {up:.3} m ± {:.1} mm  heading {:.2}° ± {:.2}°  {:.1} s ago",
+                1e3 * pose.sigma_m.norm(),
+                pose.heading_rad.to_degrees().rem_euclid(360.0),
+                pose.heading_sigma_rad.to_degrees(),
+                common_s - pose.time_s
+            )
+        }
+    };
+    let mut lines = vec![format!("{:<12} {pose}", "pose")];
+    for seen in &live.boards {
+        let by = seen
+            .by
+            .iter()
+            .map(|(scanner, courses)| match courses.len() {
+                0 => format!("{scanner} not yet"),
+                _ => format!("{scanner} on course {}", courses.join(" ")),
+            });
+        let by = by.collect::<Vec<_>>().join(", ");
+        lines.push(format!("{:<12} {by}", format!("board {}", seen.board)));
+    }
+    lines
 }
 
 fn disk_line(room: &Room) -> String {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::file::{extension, file_of, first_bytes, is_parquet, nothing_in, open};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
-use super::parquet;
+use super::{parquet, recorded};
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::{pts, table as cloud_table};
 use crate::format::log::positions;
@@ -48,7 +48,11 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let file = file_of(path);
     let beside = detect(&file).ok().and_then(|format| format.0.beside);
     let others = beside.map_or(Vec::new(), |of| of(&file));
-    std::iter::once(file).chain(others).collect()
+    let recorded = recorded::beside(&file);
+    std::iter::once(file)
+        .chain(others)
+        .chain(recorded)
+        .collect()
 }
 
 /// The format of a table or of lines of numbers.

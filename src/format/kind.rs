@@ -73,6 +73,8 @@ pub(crate) struct Kind {
     pub(crate) record: Option<RecordAt>,
     /// The coordinate reference system that a file names, as WKT.
     pub(crate) wkt: Option<Reader<Option<String>>>,
+    /// Where each record with a time ends, bytes, and its time, where that is not a line of a table.
+    pub(crate) record_ends: Option<Reader<Vec<(u64, f64)>>>,
     /// Other files that are read with one, those that are missing too where they would be.
     pub(crate) beside: Option<fn(&Path) -> Vec<PathBuf>>,
     /// What else a file holds, in a line.
@@ -103,6 +105,7 @@ impl Kind {
             profiles: None,
             record: None,
             wkt: None,
+            record_ends: None,
             beside: None,
             contents: None,
             frame: Frame::Fixed(""),

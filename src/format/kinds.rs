@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// Each is tried in this order: those with signatures that others do not have first, and tables with more
 /// columns before those with fewer.
-pub(crate) const KINDS: [&Kind; 38] = [
+pub(crate) const KINDS: [&Kind; 39] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -23,6 +23,7 @@ pub(crate) const KINDS: [&Kind; 38] = [
     &log::kitti::OXTS_TIMES,
     &log::sbg_text::EXPORT,
     &profiles::gocator_csv::EXPORT,
+    &profiles::gocator_stream::STREAM,
     &profiles::bonn::RECORDING,
     &profiles::bonn_processed::RECORDING,
     &poses::sbet::SBET,

@@ -25,6 +25,7 @@ mod poses;
 mod profiles;
 mod project_file;
 mod read;
+mod recorded;
 mod ros;
 mod salvage;
 mod text;
@@ -47,6 +48,7 @@ pub use las::writer::{CLOUD_STEP_M, CloudWriter};
 pub use log::frame_log::read_frame_log;
 pub(crate) use log::positions::read_new_positions;
 pub use log::positions::write_positions;
+pub(crate) use log::sbg::whole_frames as whole_sbg_frames;
 pub use log::tables::{write_heading, write_imu};
 pub use mountings::bonn_xml::{read_mounting, write_mounting};
 pub use mountings::others::{pdal_pipeline, ros_launch, ros_transforms, urdf};
@@ -55,11 +57,15 @@ pub use poses::sbet::read_sbet;
 pub use poses::sbet_out::write_sbet;
 pub use poses::table::{write_trajectory, write_tum};
 pub use profiles::bonn::BonnWriter;
+pub use profiles::gocator_stream;
 pub use profiles::reader::ProfileReader;
 pub use profiles::table::write_profiles;
 pub use read::{
     crs_wkt, describe_frame, open_profiles, read_cloud, read_heading, read_imu, read_positions,
     read_projected_positions, read_projected_trajectory, read_trajectory,
+};
+pub use recorded::{
+    Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,
 };
 pub use salvage::{Salvaged, salvage};
 pub(crate) use text::civil::civil_time;

@@ -1,11 +1,13 @@
 //! Readers of each kind of measurement, for every format that holds it.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use super::detect::detect;
 use super::file::nothing_in;
 use super::kind::{Format, Frame, Kind};
 use super::kinds::KINDS;
+use super::recorded::{SensorClock, sensor_clock, station_times};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::table as cloud_table;
@@ -14,7 +16,9 @@ use crate::format::poses::{sbet, table as pose_table};
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::profiles::table as profile;
 use crate::geometry::{BodyAxes, Projection};
-use crate::sensor::{HeadingFix, ImuSample, Observations, PoseRecord, Positions, project_fixes};
+use crate::sensor::{
+    HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, project_fixes,
+};
 
 /// The reader of what a file holds. A text table that has other columns, or is of no known format, is given
 /// to the native `table`'s reader, which names the column that is missing.
@@ -47,7 +51,10 @@ fn reader<T>(
 /// # Errors
 /// A file of another format, and errors of the format's reader.
 pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
-    reader(path, "an IMU log", |kind| kind.imu, &native::IMU_TABLE)?(path)
+    let mut samples = reader(path, "an IMU log", |kind| kind.imu, &native::IMU_TABLE)?(path)?;
+    let clock = sensor_clock(path)?;
+    put_on_common_time(clock.as_ref(), samples.iter_mut().map(|s| &mut s.time_s));
+    Ok(samples)
 }
 
 /// Reads a heading log. Rows are returned in the order of the file.
@@ -55,12 +62,11 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 /// # Errors
 /// A file of another format, and errors of the format's reader.
 pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
-    reader(
-        path,
-        "a heading log",
-        |kind| kind.heading,
-        &native::HEADING_TABLE,
-    )?(path)
+    let of = |kind: &Kind| kind.heading;
+    let mut fixes = reader(path, "a heading log", of, &native::HEADING_TABLE)?(path)?;
+    let clock = sensor_clock(path)?;
+    put_on_common_time(clock.as_ref(), fixes.iter_mut().map(|f| &mut f.time_s));
+    Ok(fixes)
 }
 
 /// Reads a position log, rows in the order of the file. `observations` selects what to read of a table with
@@ -71,7 +77,28 @@ pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
 /// A file of another format, errors of the format's reader, no row with a range.
 pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     let of = |kind: &Kind| kind.positions;
-    reader(path, "a position log", of, &positions::POSITION_TABLE)?(path, observations)
+    let read = reader(path, "a position log", of, &positions::POSITION_TABLE)?;
+    let mut found = read(path, observations)?;
+    let clock = sensor_clock(path)?;
+    let times = found.fixes.iter_mut().map(|f| &mut f.time_s);
+    put_on_common_time(clock.as_ref(), times);
+    let better: HashMap<u64, f64> = station_times(path)?
+        .into_iter()
+        .map(|(written_s, better_s)| (written_s.to_bits(), better_s))
+        .collect();
+    for fix in &mut found.fixes {
+        if let Some(better_s) = better.get(&fix.time_s.to_bits()) {
+            fix.time_s = *better_s;
+        }
+    }
+    Ok(found)
+}
+
+/// Puts the own times of a recorded sensor on the common time of its recording.
+fn put_on_common_time<'a>(clock: Option<&SensorClock>, times_s: impl Iterator<Item = &'a mut f64>) {
+    if let Some(clock) = clock {
+        times_s.for_each(|time_s| *time_s = clock.common_s(*time_s));
+    }
 }
 
 /// Reads a trajectory: times increase.
@@ -105,7 +132,11 @@ pub fn read_projected_positions(
         return read_positions(path, observations);
     };
     let crs = crs.ok_or_else(|| unprojected(path))?;
-    let fixes = project_fixes(&reader(path)?, crs).map_err(|error| match error {
+    let mut geographic = reader(path)?;
+    let clock = sensor_clock(path)?;
+    let times = geographic.iter_mut().map(|f| &mut f.time_s);
+    put_on_common_time(clock.as_ref(), times);
+    let fixes = project_fixes(&geographic, crs).map_err(|error| match error {
         Error::Data {
             problem, remedy, ..
         } => Error::data(format!("{}: {problem}", path.display()), remedy),
@@ -201,12 +232,35 @@ pub fn describe_frame(path: &Path) -> Result<String> {
 /// # Errors
 /// A file that is missing, empty, or of a format without points in the frame of a scanner.
 pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
-    reader(
-        path,
-        "profiles",
-        |kind| kind.profiles,
-        &profile::PROFILE_TABLE,
-    )?(path)
+    let of = |kind: &Kind| kind.profiles;
+    let profiles = reader(path, "profiles", of, &profile::PROFILE_TABLE)?(path)?;
+    Ok(match sensor_clock(path)? {
+        Some(clock) => Box::new(OnCommonTime { profiles, clock }),
+        None => profiles,
+    })
+}
+
+/// Profiles of a recorded scanner, on the common time of its recording.
+struct OnCommonTime {
+    profiles: Box<dyn ProfileReader>,
+    clock: SensorClock,
+}
+
+impl ProfileReader for OnCommonTime {
+    fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
+        let is_more = self.profiles.next_chunk(into)?;
+        let times = into.iter_mut().map(|point| &mut point.time_s);
+        put_on_common_time(Some(&self.clock), times);
+        Ok(is_more)
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.profiles.bytes_read()
+    }
+
+    fn bytes_total(&self) -> u64 {
+        self.profiles.bytes_total()
+    }
 }
 
 #[cfg(test)]

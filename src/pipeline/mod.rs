@@ -24,6 +24,7 @@ mod own;
 mod page;
 mod placement;
 mod poses;
+mod recorded;
 pub mod result;
 pub mod stages;
 pub mod start;

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::logs::DriveLogs;
+use super::recorded;
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
@@ -158,6 +159,10 @@ fn poses_from_logs(
     for verdict in &contradicted {
         progress.warn(&verdict.text);
     }
+    let recorded = recorded::verdicts(project)?;
+    for verdict in recorded.iter().filter(|v| v.severity.is_marked()) {
+        progress.warn(&verdict.text);
+    }
     let begun = Instant::now();
     let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
     // Constants that fit wrong axes or signs say nothing.
@@ -198,7 +203,7 @@ fn poses_from_logs(
         rejected_rows: logs.rejected,
         seconds: Some(seconds),
         doubts,
-        preflight: contradicted,
+        preflight: contradicted.into_iter().chain(recorded).collect(),
     };
     Ok(EstimatedPoses {
         poses,
@@ -222,6 +227,7 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
                     "Units, axes, signs and clocks of the logs do not contradict each other or the project.",
                 ));
             }
+            said.extend(recorded::verdicts(project)?);
             Ok(said)
         }
         Motion::Poses(_) => Ok(Vec::new()),

@@ -30,6 +30,12 @@ impl Stamp {
 #[derive(Debug, Clone)]
 pub struct Clock {
     begun: Instant,
+    /// UTC when it began, nanoseconds.
+    begun_unix_ns: i64,
+    /// Its seconds in one of ours: more than one where a recording is played faster.
+    speed: f64,
+    /// Whether UTC is the system's; else it is that of a recording that is played.
+    is_systems: bool,
     /// Added to UTC: tests set the clock with it.
     set_by_ns: Arc<AtomicI64>,
 }
@@ -38,21 +44,69 @@ impl Default for Clock {
     fn default() -> Self {
         Self {
             begun: Instant::now(),
+            begun_unix_ns: system_ns(),
+            speed: 1.0,
+            is_systems: true,
             set_by_ns: Arc::default(),
         }
     }
 }
 
+/// UTC of the system, nanoseconds since 1970.
+fn system_ns() -> i64 {
+    let unix = SystemTime::now().duration_since(UNIX_EPOCH);
+    unix.map_or(0, |since| {
+        i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+    })
+}
+
 impl Clock {
+    /// The clocks of a recording that is played from this UTC on, so many times faster than it was made.
+    pub fn played(begins_unix_s: f64, speed: f64) -> Self {
+        Self {
+            begun_unix_ns: (1e9 * begins_unix_s) as i64,
+            speed,
+            is_systems: false,
+            ..Self::default()
+        }
+    }
+
+    /// Its seconds in one of ours.
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
     /// The time now.
     pub fn now(&self) -> Stamp {
-        let unix = SystemTime::now().duration_since(UNIX_EPOCH);
-        let unix_ns = unix.map_or(0, |since| {
-            i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
-        });
+        let monotonic_ns = match self.is_systems {
+            true => u64::try_from(self.begun.elapsed().as_nanos()).unwrap_or(u64::MAX),
+            false => (1e9 * self.speed * self.begun.elapsed().as_secs_f64()) as u64,
+        };
+        let unix_ns = match self.is_systems {
+            true => system_ns(),
+            false => self.begun_unix_ns + monotonic_ns as i64,
+        };
         Stamp {
-            monotonic_ns: u64::try_from(self.begun.elapsed().as_nanos()).unwrap_or(u64::MAX),
+            monotonic_ns,
             unix_ns: unix_ns + self.set_by_ns.load(Ordering::Relaxed),
+        }
+    }
+
+    /// The common time of the recording, seconds: UTC when it began, and evenly on from there, whatever is done to UTC.
+    pub fn common_s(&self, stamp: &Stamp) -> f64 {
+        1e-9 * self.begun_unix_ns as f64 + stamp.monotonic_s()
+    }
+
+    /// What is known of the system's clock.
+    pub fn state(&self) -> Option<ClockState> {
+        match self.is_systems {
+            true => ClockState::ask(),
+            false => Some(ClockState {
+                reference: "PLAYED".into(),
+                offset_s: 0.0,
+                rms_s: 0.0,
+                is_locked: true,
+            }),
         }
     }
 

@@ -7,10 +7,13 @@ use serde::Deserialize;
 use super::geocom::TrackingSettings;
 use super::place::Place;
 use crate::error::Result;
+use crate::geometry::Vec3;
 use crate::project::{Source as Text, Step};
 
 /// Bits a second of a serial port, unless said otherwise.
 const BAUD: u32 = 115_200;
+/// Sides of a board, unless said otherwise, metres.
+const BOARD_M: f64 = 0.5;
 
 /// What is recorded.
 #[derive(Debug, Clone)]
@@ -21,8 +24,21 @@ pub struct Field {
     pub folder: PathBuf,
     /// One a sensor; names are unique.
     pub sources: Vec<Source>,
+    /// Boards of which the view says from where they were seen.
+    pub boards: Vec<Board>,
     /// The tables of the project that is made for a recording.
     pub project: toml::Table,
+}
+
+/// A board in the field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Board {
+    /// What it is called.
+    pub name: String,
+    /// Its middle in the project's world: east, north, up, metres.
+    pub position_m: Vec3,
+    /// Length of its sides, metres.
+    pub size_m: f64,
 }
 
 /// A sensor.
@@ -45,17 +61,28 @@ pub enum Kind {
     Sbg,
     /// A receiver that sends NMEA sentences.
     Nmea,
-    /// Lines of a table with this header.
+    /// A Gocator profile scanner, by its data channel.
+    Gocator,
+    /// Lines of a table with this header; where it names no time, each line gets that of its arrival.
     Lines(String),
 }
 
 impl Kind {
+    /// Whether its lines get the time of their arrival.
+    pub fn is_timed_here(&self) -> bool {
+        match self {
+            Self::Lines(header) => !header.to_lowercase().contains("time"),
+            _ => false,
+        }
+    }
+
     /// End of the name of its file.
     pub fn extension(&self) -> &'static str {
         match self {
             Self::Geocom(_) | Self::Lines(_) => "csv",
             Self::Sbg => "sbg",
             Self::Nmea => "nmea",
+            Self::Gocator => "gocator",
         }
     }
 }
@@ -74,7 +101,17 @@ struct WrittenField {
     #[serde(default)]
     source: Vec<WrittenSource>,
     #[serde(default)]
+    board: Vec<WrittenBoard>,
+    #[serde(default)]
     project: toml::Table,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenBoard {
+    name: String,
+    position_m: [f64; 3],
+    size_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -100,6 +137,7 @@ enum WrittenKind {
     Geocom,
     Sbg,
     Nmea,
+    Gocator,
     Lines,
 }
 
@@ -179,6 +217,7 @@ impl Field {
                 }
                 (WrittenKind::Sbg, None) => Kind::Sbg,
                 (WrittenKind::Nmea, None) => Kind::Nmea,
+                (WrittenKind::Gocator, None) => Kind::Gocator,
                 (WrittenKind::Geocom, None) => {
                     let own = TrackingSettings::default();
                     Kind::Geocom(Box::new(TrackingSettings {
@@ -205,6 +244,7 @@ impl Field {
             folder: text.absolute(&written.folder.unwrap_or_default()),
             path: text.path.clone(),
             sources,
+            boards: boards(&text, written.board)?,
             project: written.project,
         })
     }
@@ -248,6 +288,27 @@ impl Field {
         }
         toml::to_string(&tables).map_err(|error| text.error(&[], error.to_string(), "a project"))
     }
+}
+
+fn boards(text: &Text, written: Vec<WrittenBoard>) -> Result<Vec<Board>> {
+    let mut boards = Vec::new();
+    for (index, board) in written.into_iter().enumerate() {
+        let size_m = board.size_m.unwrap_or(BOARD_M);
+        let is_finite = board.position_m.iter().all(|value| value.is_finite());
+        if !(is_finite && (0.01..=100.0).contains(&size_m)) {
+            let key = if is_finite { "size_m" } else { "position_m" };
+            let steps = [Step::Key("board"), Step::Index(index), Step::Key(key)];
+            let found = format!("{size_m} m at {:?}", board.position_m);
+            let expected = "a size from 0.01 to 100 m, and coordinates in the project's world";
+            return Err(text.error(&steps, found, expected));
+        }
+        boards.push(Board {
+            name: board.name,
+            position_m: Vec3::from(board.position_m),
+            size_m,
+        });
+    }
+    Ok(boards)
 }
 
 fn place_of(address: &str) -> Place {

@@ -1,40 +1,92 @@
-//! Files of a recording: they only grow, and what is older than a second is on the disk.
+//! Files of a recording: they only grow, and what is older than a second or two is on the disk.
 
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::clock::Stamp;
 use crate::error::{Error, Result};
 
-/// Longest time that what was written may be lost with the power.
-const FLUSH: Duration = Duration::from_secs(1);
-/// Bytes that are written before that.
+/// Longest time before what arrived is handed to the system, so that a kill loses no more.
+const WRITE: Duration = Duration::from_millis(200);
+/// Bytes that are handed to it before that.
 const PENDING: usize = 1 << 16;
+/// Time between two syncs, so that a power cut loses no more.
+const SYNC: Duration = Duration::from_secs(1);
+
+/// The disk, on which files are brought by a thread of its own: a disk that is busy for a while must not keep a sensor
+/// waiting.
+#[derive(Debug, Default)]
+pub struct Disk {
+    files: Mutex<Vec<(PathBuf, Arc<File>)>>,
+    failed: Mutex<Option<String>>,
+}
+
+impl Disk {
+    /// Brings all files to the disk once a second until `stop`.
+    pub fn sync_until(&self, stop: &AtomicBool) {
+        let mut last = Instant::now();
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(20));
+            if last.elapsed() < SYNC {
+                continue;
+            }
+            last = Instant::now();
+            let files = locked(&self.files).clone();
+            for (path, file) in files {
+                if let Err(error) = file.sync_data() {
+                    let problem = format!("{}: {error}", path.display());
+                    locked(&self.failed).get_or_insert(problem);
+                }
+            }
+        }
+    }
+
+    /// The first file that could not be brought to the disk.
+    fn check(&self) -> Result<()> {
+        match locked(&self.failed).clone() {
+            Some(problem) => Err(Error::data(
+                problem,
+                "look at the disk: the recording has ended",
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A file that grows by whole records: what is appended at once is written at once.
 #[derive(Debug)]
-pub struct Journal {
+pub struct Journal<'a> {
+    disk: &'a Disk,
     path: PathBuf,
-    file: File,
+    file: Arc<File>,
     pending: Vec<u8>,
-    flushed: Instant,
+    written: Instant,
     bytes: u64,
 }
 
-impl Journal {
+impl<'a> Journal<'a> {
     /// Begins a file that is not there yet.
     ///
     /// # Errors
     /// It is there, or cannot be written.
-    pub fn create(path: &Path) -> Result<Self> {
+    pub fn create(path: &Path, disk: &'a Disk) -> Result<Self> {
         let file = File::create_new(path).map_err(|error| Error::io(path, error))?;
+        let file = Arc::new(file);
+        locked(&disk.files).push((path.to_owned(), Arc::clone(&file)));
         Ok(Self {
+            disk,
             path: path.to_owned(),
             file,
             pending: Vec::new(),
-            flushed: Instant::now(),
+            written: Instant::now(),
             bytes: 0,
         })
     }
@@ -49,19 +101,19 @@ impl Journal {
         if self.pending.len() >= PENDING {
             self.write()?;
         }
-        self.flush_if_due()
+        self.write_if_due()
     }
 
-    /// Brings to the disk what was appended, if the last time is a second ago; to be called also where nothing
-    /// arrives.
+    /// Hands to the system what was appended, if that is due; to be called also where nothing arrives.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn flush_if_due(&mut self) -> Result<()> {
-        if self.flushed.elapsed() < FLUSH {
+    /// The file cannot be written, or a file of the recording not be brought to the disk.
+    pub fn write_if_due(&mut self) -> Result<()> {
+        if self.written.elapsed() < WRITE {
             return Ok(());
         }
-        self.flush()
+        self.disk.check()?;
+        self.write()
     }
 
     /// Brings to the disk what was appended.
@@ -69,14 +121,14 @@ impl Journal {
     /// # Errors
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
-        self.flushed = Instant::now();
         self.write()?;
         let synced = self.file.sync_data();
         synced.map_err(|error| Error::io(&self.path, error))
     }
 
     fn write(&mut self) -> Result<()> {
-        let written = self.file.write_all(&self.pending);
+        self.written = Instant::now();
+        let written = (&*self.file).write_all(&self.pending);
         self.pending.clear();
         written.map_err(|error| Error::io(&self.path, error))
     }
@@ -89,21 +141,21 @@ impl Journal {
 
 /// What a sensor sent, byte by byte, and beside it when it arrived.
 #[derive(Debug)]
-pub struct StampedJournal {
-    sent: Journal,
-    stamps: Journal,
+pub struct StampedJournal<'a> {
+    sent: Journal<'a>,
+    stamps: Journal<'a>,
 }
 
-impl StampedJournal {
+impl<'a> StampedJournal<'a> {
     /// Begins `name.extension` and `name.stamps.csv` in a folder.
     ///
     /// # Errors
     /// One of them is there, or cannot be written.
-    pub fn create(folder: &Path, name: &str, extension: &str) -> Result<Self> {
-        let mut stamps = Journal::create(&folder.join(format!("{name}.stamps.csv")))?;
+    pub fn create(folder: &Path, name: &str, extension: &str, disk: &'a Disk) -> Result<Self> {
+        let mut stamps = Journal::create(&folder.join(format!("{name}.stamps.csv")), disk)?;
         stamps.append(b"bytes_before,monotonic_s,unix_s\n")?;
         Ok(Self {
-            sent: Journal::create(&folder.join(format!("{name}.{extension}")))?,
+            sent: Journal::create(&folder.join(format!("{name}.{extension}")), disk)?,
             stamps,
         })
     }
@@ -119,13 +171,13 @@ impl StampedJournal {
         self.stamps.append(row.as_bytes())
     }
 
-    /// See [`Journal::flush_if_due`].
+    /// See [`Journal::write_if_due`].
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn flush_if_due(&mut self) -> Result<()> {
-        self.sent.flush_if_due()?;
-        self.stamps.flush_if_due()
+    pub fn write_if_due(&mut self) -> Result<()> {
+        self.sent.write_if_due()?;
+        self.stamps.write_if_due()
     }
 
     /// See [`Journal::flush`].

@@ -4,20 +4,28 @@
 //! the system's clock once a second; `events.csv`, all that happened; and the project that is made of `field.toml`.
 
 mod clock;
+mod counter;
+mod coverage;
 mod disk;
 mod field;
 pub mod geocom;
 mod journal;
+mod live;
 mod place;
+mod player;
 mod recorder;
 mod station;
 mod status;
 mod stream;
+mod tail;
 mod thread;
 
 pub use clock::{Clock, ClockState, Stamp, StepWatch};
+pub use coverage::Seen as SeenBoard;
 pub use disk::Room;
-pub use field::{Field, Kind, Source};
+pub use field::{Board, Field, Kind, Source};
+pub use live::{LivePose, LiveView};
 pub use place::{Place, Wire};
+pub use player::Player;
 pub use recorder::{View, folder_for, record};
 pub use status::{Seen, Status};

@@ -3,12 +3,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::clock::{Clock, ClockState, StepWatch};
 use super::disk::{DiskWatch, Room};
 use super::field::{Field, Kind};
-use super::journal::Journal;
+use super::journal::{Disk, Journal};
+use super::live::{self, LiveView};
 use super::status::{Seen, Status};
 use super::thread::{Events, SourceThread};
 use super::{station, stream};
@@ -22,6 +24,8 @@ const LOOK: Duration = Duration::from_secs(1);
 pub struct View {
     /// Seconds since it began.
     pub time_s: f64,
+    /// Common time of the recording, seconds.
+    pub common_s: f64,
     /// Name and state of each source.
     pub sources: Vec<(String, Seen)>,
     /// The system's clock, if chrony runs.
@@ -30,6 +34,8 @@ pub struct View {
     pub set_s: Option<f64>,
     /// Room on the disk, where that can be told.
     pub room: Option<Room>,
+    /// The platform's pose; `None` where no project says what the logs are.
+    pub live: Option<LiveView>,
 }
 
 /// Records all sources into a new folder until `goes_on` is false. It is asked with a view of the recording once a
@@ -44,11 +50,13 @@ pub fn record(
     mut goes_on: impl FnMut(&View) -> bool,
 ) -> Result<()> {
     begin(field, folder)?;
-    let events = Events::create(folder)?;
-    let mut clock_log = Journal::create(&folder.join("clock.csv"))?;
+    let disk = Disk::default();
+    let events = Events::create(folder, &disk)?;
+    let mut clock_log = Journal::create(&folder.join("clock.csv"), &disk)?;
     clock_log.append(b"unix_s,monotonic_s,reference,offset_s,rms_s,is_locked,set_s\n")?;
     let stop = AtomicBool::new(false);
     let status: Vec<Status> = field.sources.iter().map(|_| Status::default()).collect();
+    let live_view = Mutex::new(LiveView::default());
     std::thread::scope(|scope| {
         let threads = field.sources.iter().zip(&status).map(|(source, status)| {
             let thread = SourceThread {
@@ -57,6 +65,7 @@ pub fn record(
                 clock,
                 status,
                 events: &events,
+                disk: &disk,
                 stop: &stop,
             };
             scope.spawn(move || {
@@ -73,8 +82,15 @@ pub fn record(
             })
         });
         let threads: Vec<_> = threads.collect();
+        scope.spawn(|| disk.sync_until(&stop));
+        let has_project = !field.project.is_empty();
+        if has_project {
+            let (view, stop) = (&live_view, &stop);
+            scope.spawn(move || live::follow(field, folder, clock, stop, view));
+        }
         let watched = watch(
             (field, folder),
+            has_project.then_some(&live_view),
             (clock, &mut clock_log, &events),
             &status,
             &stop,
@@ -95,7 +111,8 @@ pub fn record(
 /// Looks at clock and sources once a second.
 fn watch(
     (field, folder): (&Field, &Path),
-    (clock, clock_log, events): (&Clock, &mut Journal, &Events),
+    live: Option<&Mutex<LiveView>>,
+    (clock, clock_log, events): (&Clock, &mut Journal<'_>, &Events<'_>),
     status: &[Status],
     stop: &AtomicBool,
     goes_on: &mut dyn FnMut(&View) -> bool,
@@ -108,7 +125,7 @@ fn watch(
         let begun = Instant::now();
         let now = clock.now();
         let set_s = steps.look(now);
-        let state = ClockState::ask();
+        let state = clock.state();
         let (time_s, monotonic_s) = (now.unix_s(), now.monotonic_s());
         let of_clock = state.as_ref().map_or(",,,".to_owned(), |state| {
             let locked = u8::from(state.is_locked);
@@ -158,10 +175,12 @@ fn watch(
         }
         let view = View {
             time_s: monotonic_s,
+            common_s: clock.common_s(&now),
             sources,
             clock: state,
             set_s,
             room,
+            live: live.map(|live| live.lock().unwrap_or_else(PoisonError::into_inner).clone()),
         };
         if !goes_on(&view) {
             break;

@@ -8,7 +8,9 @@ use super::thread::SourceThread;
 use crate::error::{Error, Result};
 
 const DISTANCES: &str = "time_s,slope_distance_m,horizontal_deg,vertical_deg,status,monotonic_s,round_trip_s,\
-                         instrument_time_s\n";
+                         synchronous,instrument_time_s\n";
+/// The measurement program whose angles are those of the time of the distance.
+const SYNCHRONOUS: u16 = 10;
 const ANGLES: &str = "time_s,horizontal_deg,vertical_deg,monotonic_s,round_trip_s\n";
 
 /// Records a total station until it is told to stop: distances with their angles in `name.csv`, which is a log of
@@ -17,10 +19,17 @@ const ANGLES: &str = "time_s,horizontal_deg,vertical_deg,monotonic_s,round_trip_
 /// # Errors
 /// A file cannot be written. A link that ends is opened again; an instrument that refuses is said.
 pub fn record(thread: &SourceThread<'_>, settings: &TrackingSettings) -> Result<()> {
+    let settings = &TrackingSettings {
+        interval: settings.interval.div_f64(thread.clock.speed()),
+        ..settings.clone()
+    };
     let name = &thread.source.name;
-    let mut distances = Journal::create(&thread.folder.join(thread.source.file()))?;
+    let mut distances = Journal::create(&thread.folder.join(thread.source.file()), thread.disk)?;
     distances.append(DISTANCES.as_bytes())?;
-    let mut angles = Journal::create(&thread.folder.join(format!("{name}.angles.csv")))?;
+    let mut angles = Journal::create(
+        &thread.folder.join(format!("{name}.angles.csv")),
+        thread.disk,
+    )?;
     angles.append(ANGLES.as_bytes())?;
     let mut station: Option<Instrument<Wire, Stamp>> = None;
     while thread.goes_on() {
@@ -34,8 +43,8 @@ pub fn record(thread: &SourceThread<'_>, settings: &TrackingSettings) -> Result<
             Err(Failure::Disk(error)) => return Err(error),
             Err(Failure::Link(error)) => thread.failed(&error)?,
         }
-        distances.flush_if_due()?;
-        angles.flush_if_due()?;
+        distances.write_if_due()?;
+        angles.write_if_due()?;
     }
     if let Some(mut station) = station
         && let Err(error) = station.stop()
@@ -57,7 +66,7 @@ fn tracked(
     thread: &SourceThread<'_>,
     settings: &TrackingSettings,
     station: &mut Option<Instrument<Wire, Stamp>>,
-    (distances, angles): (&mut Journal, &mut Journal),
+    (distances, angles): (&mut Journal<'_>, &mut Journal<'_>),
 ) -> std::result::Result<(), Failure> {
     let place = &thread.source.place;
     let wire = place.open().map_err(Failure::Link)?;
@@ -87,29 +96,30 @@ fn tracked(
     while thread.goes_on() {
         match station.next_event().map_err(Failure::Link)? {
             Event::Measured(found) => {
-                write(thread, &found, distances, angles).map_err(Failure::Disk)?;
+                write(thread, settings, &found, distances, angles).map_err(Failure::Disk)?;
             }
             Event::Lost => thread.said("prism lost").map_err(Failure::Disk)?,
             Event::Found => thread.said("locked").map_err(Failure::Disk)?,
             Event::Note(text) => thread.event(&text).map_err(Failure::Disk)?,
         }
-        distances.flush_if_due().map_err(Failure::Disk)?;
+        distances.write_if_due().map_err(Failure::Disk)?;
     }
     Ok(())
 }
 
 fn write(
     thread: &SourceThread<'_>,
+    settings: &TrackingSettings,
     found: &Measurement<Stamp>,
-    distances: &mut Journal,
-    angles: &mut Journal,
+    distances: &mut Journal<'_>,
+    angles: &mut Journal<'_>,
 ) -> Result<()> {
     let Some(seen) = found.angles else {
         return Ok(());
     };
-    let trip_s = found.round_trip.as_secs_f64();
+    let trip_s = found.round_trip.as_secs_f64() * thread.clock.speed();
     // The angles were measured between request and reply.
-    let time_s = found.arrived.unix_s() - 0.5 * trip_s;
+    let time_s = thread.clock.common_s(&found.arrived) - 0.5 * trip_s;
     let monotonic_s = found.arrived.monotonic_s();
     let (hz_deg, v_deg) = (seen.hz_rad.to_degrees(), seen.v_rad.to_degrees());
     match found.distance_m {
@@ -118,11 +128,12 @@ fn write(
                 Class::Full => "ok".to_owned(),
                 _ => found.code.to_string(),
             };
+            let is_synchronous = u8::from(settings.program == Some(SYNCHRONOUS));
             let own = found
                 .instrument_time_s
                 .map_or(String::new(), |t| format!("{t:.3}"));
             let row = format!(
-                "{time_s:.6},{distance_m:.5},{hz_deg:.7},{v_deg:.7},{status},{monotonic_s:.6},{trip_s:.6},{own}\n"
+                "{time_s:.6},{distance_m:.5},{hz_deg:.7},{v_deg:.7},{status},{monotonic_s:.6},{trip_s:.6},{is_synchronous},{own}\n"
             );
             distances.append(row.as_bytes())?;
             thread.status.arrived(1, row.len(), found.arrived);

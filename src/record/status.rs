@@ -21,6 +21,7 @@ struct State {
     records: u64,
     bytes: u64,
     openings: u64,
+    damaged: u64,
     recent: VecDeque<f64>,
     first_s: Option<f64>,
     word: String,
@@ -37,6 +38,8 @@ pub struct Seen {
     pub records: u64,
     /// Bytes so far.
     pub bytes: u64,
+    /// Bytes among them that belong to no whole record.
+    pub damaged: u64,
     /// Times that the link was opened again.
     pub reopened: u64,
     /// Records a second, of late.
@@ -88,6 +91,11 @@ impl Status {
         }
     }
 
+    /// Bytes turned out to belong to no record.
+    pub fn damaged(&self, bytes: u64) {
+        self.state().damaged += bytes;
+    }
+
     /// What the sensor says of itself, such as lost lock.
     pub fn says(&self, word: &str) {
         self.state().word = word.to_owned();
@@ -124,6 +132,7 @@ impl Status {
             is_open: state.is_open,
             records: state.records,
             bytes: state.bytes,
+            damaged: state.damaged,
             reopened: state.openings.saturating_sub(1),
             rate_hz,
             age_s,

@@ -4,6 +4,8 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
 
+use super::clock::Stamp;
+use super::counter::Counter;
 use super::field::Kind;
 use super::geocom::Link;
 use super::journal::StampedJournal;
@@ -13,7 +15,7 @@ use crate::error::{Error, Result};
 /// Longest time without looking whether the recording ends.
 const PATIENCE: Duration = Duration::from_millis(200);
 /// Longest line: one without an end is cut there.
-const LONGEST_LINE: usize = 4096;
+pub(super) const LONGEST_LINE: usize = 4096;
 
 /// Records what a sensor sends until told to stop: bytes as they are, with the times of their arrival beside them;
 /// lines below the header of their table.
@@ -22,10 +24,14 @@ const LONGEST_LINE: usize = 4096;
 /// A file cannot be written. A link that ends is opened again.
 pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     let (folder, source) = (thread.folder, thread.source);
-    let mut journal = StampedJournal::create(folder, &source.name, source.kind.extension())?;
+    let mut journal =
+        StampedJournal::create(folder, &source.name, source.kind.extension(), thread.disk)?;
+    let is_timed_here = source.kind.is_timed_here();
     if let Kind::Lines(header) = &source.kind {
-        journal.append(format!("{header}\n").as_bytes(), thread.clock.now())?;
+        let time = if is_timed_here { "time_s," } else { "" };
+        journal.append(format!("{time}{header}\n").as_bytes(), thread.clock.now())?;
     }
+    let mut begun_line = Vec::new();
     let mut counter = Counter::new(&source.kind);
     let mut buffer = vec![0; 1 << 16];
     while thread.goes_on() {
@@ -51,14 +57,22 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
                 }
                 Ok(count) => {
                     let at = thread.clock.now();
-                    journal.append(&buffer[..count], at)?;
-                    thread
-                        .status
-                        .arrived(counter.records_in(&buffer[..count]), count, at);
+                    match is_timed_here {
+                        true => {
+                            let rows = timed(&buffer[..count], &mut begun_line, thread, at);
+                            if !rows.is_empty() {
+                                journal.append(&rows, at)?;
+                            }
+                        }
+                        false => journal.append(&buffer[..count], at)?,
+                    }
+                    let (records, damaged) = counter.take(&buffer[..count]);
+                    thread.status.arrived(records, count, at);
+                    thread.status.damaged(damaged);
                 }
                 Err(error) => match error.kind() {
                     ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {
-                        journal.flush_if_due()?;
+                        journal.write_if_due()?;
                     }
                     _ => {
                         thread.failed(&failed(error))?;
@@ -71,34 +85,21 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     journal.flush()
 }
 
-/// Counts records as they arrive, for the view.
-struct Counter {
-    is_text: bool,
-    last: u8,
-    since_end: usize,
-}
-
-impl Counter {
-    fn new(kind: &Kind) -> Self {
-        Self {
-            is_text: *kind != Kind::Sbg,
-            last: 0,
-            since_end: 0,
+/// Whole lines with the time of their arrival before them; the beginning of one is kept for later.
+fn timed(bytes: &[u8], begun: &mut Vec<u8>, thread: &SourceThread<'_>, at: Stamp) -> Vec<u8> {
+    let time_s = thread.clock.common_s(&at);
+    let mut rows = Vec::new();
+    for part in bytes.split_inclusive(|byte| *byte == b'\n') {
+        begun.extend_from_slice(part);
+        if begun.ends_with(b"\n") || begun.len() >= LONGEST_LINE {
+            let line = begun.trim_ascii_end();
+            if !line.is_empty() {
+                rows.extend_from_slice(format!("{time_s:.6},").as_bytes());
+                rows.extend_from_slice(line);
+                rows.push(b'\n');
+            }
+            begun.clear();
         }
     }
-
-    /// Ends of lines, or beginnings of frames of sbgECom.
-    fn records_in(&mut self, bytes: &[u8]) -> u64 {
-        let mut count = 0;
-        for &byte in bytes {
-            let is_one = match self.is_text {
-                true => byte == b'\n' || self.since_end >= LONGEST_LINE,
-                false => (self.last, byte) == (0xff, 0x5a),
-            };
-            self.since_end = if is_one { 0 } else { self.since_end + 1 };
-            count += u64::from(is_one);
-            self.last = byte;
-        }
-        count
-    }
+    rows
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::clock::Clock;
 use super::field::Source;
-use super::journal::Journal;
+use super::journal::{Disk, Journal};
 use super::status::Status;
 use crate::error::{Error, Result};
 
@@ -17,15 +17,15 @@ const AGAIN: Duration = Duration::from_secs(1);
 
 /// The log of everything that happens to the sources.
 #[derive(Debug)]
-pub struct Events(Mutex<Journal>);
+pub struct Events<'a>(Mutex<Journal<'a>>);
 
-impl Events {
+impl<'a> Events<'a> {
     /// Begins `events.csv`.
     ///
     /// # Errors
     /// It is there, or cannot be written.
-    pub fn create(folder: &Path) -> Result<Self> {
-        let mut journal = Journal::create(&folder.join("events.csv"))?;
+    pub fn create(folder: &Path, disk: &'a Disk) -> Result<Self> {
+        let mut journal = Journal::create(&folder.join("events.csv"), disk)?;
         journal.append(b"unix_s,monotonic_s,source,event\n")?;
         Ok(Self(Mutex::new(journal)))
     }
@@ -60,7 +60,9 @@ pub struct SourceThread<'a> {
     /// What is shown of it.
     pub status: &'a Status,
     /// What happens.
-    pub events: &'a Events,
+    pub events: &'a Events<'a>,
+    /// Where files are brought.
+    pub disk: &'a Disk,
     /// Set where the recording ends.
     pub stop: &'a AtomicBool,
 }

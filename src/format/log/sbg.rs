@@ -33,12 +33,34 @@ pub(crate) const LOG: kind::Kind = kind::Kind {
     imu: Some(read_imu),
     heading: Some(read_heading),
     geographic: Some(read_positions),
+    record_ends: Some(record_ends),
     contents: Some(|path| Ok(summary(path)?.describe())),
     frame: kind::Frame::Fixed(
         "radians or degrees, and m/s² (the format); axes of the device, x forward, y right, z down unless set otherwise; latitude, longitude, height; heading clockwise from north",
     ),
     ..kind::Kind::new("sbg", "log of IMU and GNSS (SBG sbgECom)")
 };
+
+/// Takes whole frames from the beginning of bytes that arrive, and what belongs to none; how many frames, and how many
+/// other bytes. What may begin a frame is left.
+pub(crate) fn whole_frames(pending: &mut Vec<u8>) -> (u64, u64) {
+    let (mut at, mut frames, mut others) = (0, 0, 0);
+    while at < pending.len() {
+        match start_of(&pending[at..]) {
+            Start::Frame(size) => {
+                frames += 1;
+                at += size;
+            }
+            Start::Incomplete => break,
+            Start::Other => {
+                others += 1;
+                at += 1;
+            }
+        }
+    }
+    pending.drain(..at);
+    (frames, others)
+}
 
 /// How often a message is in a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -154,6 +176,19 @@ pub(crate) fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
     )
 }
 
+/// Where each sample of the IMU ends, bytes, and its time as in [`read_imu`].
+fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
+    let overview = Overview::of(path)?;
+    let mut ends = Vec::new();
+    let mut messages = Messages::open(path)?;
+    while let Some(message) = messages.next()? {
+        if let Some((device_us, Content::Imu { .. })) = message.content {
+            ends.push((message.end, overview.utc.time_s(device_us)));
+        }
+    }
+    Ok(ends)
+}
+
 /// Counts what a log contains; a restart of the device is not an error here.
 ///
 /// # Errors
@@ -195,7 +230,8 @@ impl Counts {
         };
         let mut text = self.by_kind.iter().map(kind).collect::<Vec<_>>().join(", ");
         if self.damaged_bytes > 0 {
-            text += &format!(", {} damaged bytes", self.damaged_bytes);
+            let (bytes, places) = (self.damaged_bytes, self.damaged_places);
+            text += &format!(", {bytes} damaged bytes in {places} places");
         }
         text
     }
@@ -279,6 +315,8 @@ impl Overview {
 struct Message {
     /// Its place in the file, bytes.
     at: u64,
+    /// That of what follows it.
+    end: u64,
     kind: Kind,
     content: Option<(i64, Content)>,
 }
@@ -307,6 +345,7 @@ impl Messages {
             .map(|(stamp_us, content)| (self.clock.unwrapped_us(stamp_us), content));
         Ok(Some(Message {
             at: frame.at,
+            end: frame.at + frame.bytes as u64,
             kind: (frame.class, frame.message),
             content,
         }))

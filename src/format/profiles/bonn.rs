@@ -18,7 +18,7 @@ use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
 
 /// File z = scanner z + this.
-const STAND_OFF_M: f64 = 1.150;
+pub(super) const STAND_OFF_M: f64 = 1.150;
 /// Marks a point that was not measured.
 const INVALID: i16 = i16::MIN;
 /// Bytes before the count of x values: the width is the last of them.

@@ -22,6 +22,8 @@ pub(crate) struct Lines {
     number: u64,
     bytes: u64,
     total: u64,
+    /// A last line without an end is left out.
+    whole_only: bool,
 }
 
 impl Lines {
@@ -34,6 +36,8 @@ impl Lines {
             number: 0,
             bytes: 0,
             total,
+            // A recording may end with the power.
+            whole_only: file::is_in_recording(path),
         })
     }
 
@@ -44,6 +48,10 @@ impl Lines {
             .take(LONGEST_LINE)
             .read_until(b'\n', &mut self.line)
             .map_err(|e| Error::io(&self.path, e))? as u64;
+        if self.whole_only && read < LONGEST_LINE && !self.line.ends_with(b"\n") {
+            self.line.clear();
+            return Ok(false);
+        }
         self.number += 1;
         self.bytes += read;
         let text = match std::str::from_utf8(&self.line) {

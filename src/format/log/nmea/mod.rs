@@ -32,6 +32,7 @@ pub(crate) const LOG: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
     heading: Some(read_heading),
     geographic: Some(read_positions),
+    record_ends: Some(record_ends),
     note: "a heading without a time of its own is given that of the sentence before it: if the receiver \
            sends headings first, they are one epoch early (time_offset_s)",
     frame: Frame::Fixed(
@@ -96,13 +97,21 @@ impl Clock {
 
 /// Hands every useful sentence of a log to `take`.
 fn scan(path: &Path, mut take: impl FnMut(Sentence, &mut NmeaSkipped)) -> Result<NmeaSkipped> {
+    scan_to(path, |_, sentence, skipped| take(sentence, skipped))
+}
+
+/// As [`scan`], with where the line of each ends, bytes.
+fn scan_to(
+    path: &Path,
+    mut take: impl FnMut(u64, Sentence, &mut NmeaSkipped),
+) -> Result<NmeaSkipped> {
     let mut skipped = NmeaSkipped::default();
     let mut has_checksums = false;
-    for_each_piece(path, |piece| {
+    for_each_piece(path, |end, piece| {
         let (has_checksum, sentence) = parse(piece);
         match sentence {
             Ok(_) if has_checksums && !has_checksum => skipped.damaged += 1,
-            Ok(sentence) => take(sentence, &mut skipped),
+            Ok(sentence) => take(end, sentence, &mut skipped),
             Err(Useless::Other) => skipped.other += 1,
             Err(Useless::WrongChecksum) => skipped.wrong_checksum += 1,
             Err(Useless::Damaged) => skipped.damaged += 1,
@@ -247,4 +256,23 @@ pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
 /// As [`read_position_log`].
 pub fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
     Ok(read_position_log(path)?.records)
+}
+
+/// Where the line of each sentence with a time ends, bytes, and that time.
+fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
+    let mut clock = Clock::default();
+    let mut found: Vec<(u64, Moment)> = Vec::new();
+    scan_to(path, |end, sentence, _| {
+        let moment = match sentence {
+            Sentence::Position(second_s, ..) => Some(clock.at(second_s)),
+            Sentence::Date(second_s, date) => Some(clock.at_date(second_s, date)),
+            Sentence::Heading(_, heading) => heading.second_s.map(|second_s| clock.at(second_s)),
+            Sentence::NoPosition | Sentence::NoHeading | Sentence::NoDate => None,
+        };
+        found.extend(moment.map(|moment| (end, moment)));
+    })?;
+    let times = found.into_iter();
+    Ok(times
+        .map(|(end, moment)| (end, clock.time_s(moment)))
+        .collect())
 }

@@ -81,11 +81,11 @@ pub(super) enum Sentence {
 }
 
 /// Hands every piece of a log between line ends and dollar signs to `take`: a sentence without its
-/// dollar sign, or something else.
-pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(&[u8])) -> Result<()> {
+/// dollar sign, or something else. With it goes where its line ends, bytes.
+pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(u64, &[u8])) -> Result<()> {
     let (file, _) = file::open(path)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
-    let mut line = Vec::new();
+    let (mut line, mut end) = (Vec::new(), 0);
     loop {
         line.clear();
         let read = (&mut reader)
@@ -95,7 +95,8 @@ pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(&[u8])) -> Result
         if read == 0 {
             return Ok(());
         }
-        pieces(&line, &mut take);
+        end += read as u64;
+        pieces(&line, |piece| take(end, piece));
     }
 }
 

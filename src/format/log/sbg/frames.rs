@@ -27,6 +27,8 @@ const CHUNK: u64 = 1 << 16;
 pub(super) struct Frame<'a> {
     /// Its place in the file, bytes from the start.
     pub(super) at: u64,
+    /// Its length.
+    pub(super) bytes: usize,
     /// With the highest bit set for a page of a large frame.
     pub(super) class: u8,
     /// Its number within the class.
@@ -145,6 +147,7 @@ impl Frames {
         self.in_run = false;
         Ok(Some(Frame {
             at,
+            bytes: size,
             message: bytes[2],
             class: bytes[3],
             payload: &bytes[HEADER..size - 3],

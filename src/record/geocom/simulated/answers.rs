@@ -216,7 +216,7 @@ impl Simulated {
             let next_s = self.measured_at_s(self.given + 1) + 1e-6;
             let wait_s = (next_s - time_s).min(longest_s);
             if self.measuring_since_s.is_some() && wait_s > 0.0 {
-                *wait = Duration::from_secs_f64(wait_s);
+                *wait = Duration::from_secs_f64(wait_s / self.settings.speed);
                 time_s += wait_s;
                 self.follow(time_s);
             }

@@ -22,6 +22,8 @@ pub struct SimulatedSettings {
     pub serial_number: i64,
     /// Distances per second, Hz.
     pub rate_hz: f64,
+    /// Its seconds in one of ours.
+    pub speed: f64,
     /// Time from a request to its reply.
     pub reply_time: Duration,
     /// Whether it knows checksums.
@@ -40,6 +42,7 @@ impl Default for SimulatedSettings {
             name: "SIMULATED TS16".into(),
             serial_number: 3_201_407,
             rate_hz: 7.0,
+            speed: 1.0,
             reply_time: Duration::from_millis(5),
             has_checksums: true,
             repeats_distances: false,
@@ -69,6 +72,8 @@ type Target = Box<dyn Fn(f64) -> [f64; 3] + Send>;
 pub struct Simulated {
     settings: SimulatedSettings,
     target: Target,
+    /// When it measures distances, s, where not at its rate.
+    epochs_s: Option<Vec<f64>>,
     switched_on: Instant,
     modes: Modes,
     counts: SimulatedCounts,
@@ -93,6 +98,7 @@ impl Simulated {
         Self {
             settings,
             target: Box::new(target),
+            epochs_s: None,
             switched_on: Instant::now(),
             modes: Modes {
                 decimals: Some(15),
@@ -108,6 +114,33 @@ impl Simulated {
             measuring_since_s: None,
             given: 0,
             last_request_s: 0.0,
+        }
+    }
+
+    /// An instrument that was switched on at an instant and measures a prism's positions (m, in its frame) at given
+    /// times (s, increasing); in between, the prism moves evenly.
+    pub fn measuring(
+        settings: SimulatedSettings,
+        measured: Vec<(f64, [f64; 3])>,
+        switched_on: Instant,
+    ) -> Self {
+        let epochs_s = measured.iter().map(|(time_s, _)| *time_s).collect();
+        let target = move |time_s: f64| -> [f64; 3] {
+            let next = measured.partition_point(|(at_s, _)| *at_s <= time_s);
+            let before = measured.get(next.saturating_sub(1));
+            match (before, measured.get(next)) {
+                (Some((a_s, a)), Some((b_s, b))) if next > 0 => {
+                    let part = (time_s - a_s) / (b_s - a_s);
+                    std::array::from_fn(|i| a[i] + part * (b[i] - a[i]))
+                }
+                (Some((_, one)), _) => *one,
+                (None, _) => [0.0, 1.0, 0.0],
+            }
+        };
+        Self {
+            epochs_s: Some(epochs_s),
+            switched_on,
+            ..Self::new(settings, target)
         }
     }
 
@@ -140,7 +173,7 @@ impl Simulated {
 
     /// Time since it was switched on, s: that of its target, its faults and its stamps.
     pub fn time_s(&self) -> f64 {
-        self.switched_on.elapsed().as_secs_f64()
+        self.settings.speed * self.switched_on.elapsed().as_secs_f64()
     }
 
     /// The fault of a kind that concerns the present request, if any.
@@ -183,7 +216,13 @@ impl Simulated {
         if !self.sees(time_s, [0.005, 0.005]) {
             return None;
         }
-        let number = ((time_s - since_s) * self.settings.rate_hz) as u64;
+        let number = match &self.epochs_s {
+            Some(all) => {
+                let until = |time_s: f64| all.partition_point(|at_s| *at_s <= time_s) as u64;
+                until(time_s).saturating_sub(until(since_s))
+            }
+            None => ((time_s - since_s) * self.settings.rate_hz) as u64,
+        };
         // Modes other than the repeated ones measure once.
         let last = if self.is_continuous() {
             number
@@ -199,7 +238,16 @@ impl Simulated {
 
     /// Time of a distance, s.
     fn measured_at_s(&self, number: u64) -> f64 {
-        self.measuring_since_s.unwrap_or(0.0) + number as f64 / self.settings.rate_hz
+        let since_s = self.measuring_since_s.unwrap_or(0.0);
+        match &self.epochs_s {
+            Some(all) => {
+                let before = all.partition_point(|at_s| *at_s <= since_s) as u64;
+                let index = usize::try_from(before + number).unwrap_or(usize::MAX);
+                let at_s = index.checked_sub(1).and_then(|index| all.get(index));
+                at_s.copied().unwrap_or(f64::INFINITY)
+            }
+            None => since_s + number as f64 / self.settings.rate_hz,
+        }
     }
 }
 

@@ -1,0 +1,133 @@
+//! What a recording says of its clocks and gaps.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::format::{RecordingClock, SensorClock, recording_clock, sensor_clock};
+use crate::project::{Motion, Project};
+use crate::verdict::Verdict;
+
+/// A gap of the IMU that is longer leaves poses that nothing supports, seconds.
+const LONG_GAP_S: f64 = 2.0;
+/// A sensor's clock that drifts by more in the course of a recording is named, seconds.
+const NOTABLE_DRIFT_S: f64 = 1e-3;
+
+/// What the recording of a drive says of the system's clock and of each of its logs; nothing where they were not
+/// recorded.
+///
+/// # Errors
+/// Files of the recording that cannot be read; see [`sensor_clock`].
+pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
+    let mut logs: Vec<(&str, &Path)> = Vec::new();
+    if let Motion::Logs(motion) = &project.motion {
+        logs.push(("imu", &motion.imu.path));
+        let names = motion.settings.positions.iter().map(|p| p.name.as_str());
+        logs.extend(names.zip(motion.positions.iter().map(|p| p.path.as_path())));
+        logs.extend(motion.heading.iter().map(|h| ("heading", h.path.as_path())));
+    }
+    for scanner in &project.scanners {
+        let files = scanner.profiles.iter();
+        logs.extend(files.map(|path| (scanner.name.as_str(), path.as_path())));
+    }
+    let mut said = Vec::new();
+    let recording = logs.iter().find_map(|(_, path)| recording_clock(path));
+    let Some(recording) = recording else {
+        return Ok(said);
+    };
+    said.extend(of_system(&recording?));
+    for (name, path) in logs {
+        if let Some(clock) = sensor_clock(path)? {
+            said.extend(of_sensor(name, &clock));
+        }
+    }
+    Ok(said)
+}
+
+/// The system's clock.
+fn of_system(clock: &RecordingClock) -> Option<Verdict> {
+    let code = "recording.clock";
+    let common = "the total station has the times of a clock that ran evenly from the beginning, and sensors with \
+                  clocks of their own those of their arrival";
+    if let Some((set_s, at_s)) = clock.steps.first() {
+        let times = match clock.steps.len() {
+            1 => String::new(),
+            more => format!(" and {} times more", more - 1),
+        };
+        let text = format!(
+            "The clock of the recording computer was set by {set_s:+.3} s, {at_s:.0} s after the beginning{times}: \
+             {common}."
+        );
+        return Some(Verdict {
+            value: Some(*set_s),
+            ..Verdict::care(code, text)
+        });
+    }
+    if clock.is_disciplined() {
+        return None;
+    }
+    let why = match (clock.answered, clock.locked) {
+        (0, _) => "chrony did not run".to_owned(),
+        (_, 0) => "it followed nothing".to_owned(),
+        (_, locked) if locked < clock.looks => {
+            format!("it followed nothing for {} s", clock.looks - locked)
+        }
+        _ => format!("it was off by {:.1} ms", 1e3 * clock.worst_rms_s),
+    };
+    Some(Verdict::care(
+        code,
+        format!(
+            "Nobody says how right the clock of the recording computer was ({why}): {common}, later by the shortest \
+             delay of each link."
+        ),
+    ))
+}
+
+/// The clock and the gaps of a sensor.
+fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
+    let mut said = Vec::new();
+    let (median_ms, late_ms) = (1e3 * clock.delay_median_s, 1e3 * clock.delay_999_s);
+    let span_s = clock.span_s;
+    if !clock.is_kept {
+        let drifted_s = clock.drift * span_s;
+        let drift = match drifted_s.abs() > NOTABLE_DRIFT_S {
+            true => format!(
+                ", and drifted by {:.1} ms ({:.1} ppm), which was taken out",
+                1e3 * drifted_s,
+                1e6 * clock.drift
+            ),
+            false => String::new(),
+        };
+        said.push(Verdict {
+            value: Some(clock.offset_s),
+            ..Verdict::note(
+                "recording.sensor_clock",
+                format!(
+                    "{name}: its clock differs by {:.3} s from that of the recording{drift}. Its times follow from the \
+                     earliest arrivals; half of all records came {median_ms:.1} ms later, 99.9 % at most \
+                     {late_ms:.1} ms.",
+                    clock.offset_s
+                ),
+            )
+        });
+    }
+    if clock.gaps > 0 {
+        let text = format!(
+            "{name}: nothing arrived for {:.1} s{}.",
+            clock.longest_gap_s,
+            match clock.gaps {
+                1 => String::new(),
+                more => format!(", the longest of {more} gaps"),
+            }
+        );
+        let is_grave = name == "imu" && clock.longest_gap_s > LONG_GAP_S;
+        let verdict = match is_grave {
+            true => Verdict::care("recording.gap", text),
+            false => Verdict::note("recording.gap", text),
+        };
+        said.push(Verdict {
+            value: Some(clock.longest_gap_s),
+            ..verdict
+        });
+    }
+    said
+}

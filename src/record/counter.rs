@@ -1,0 +1,56 @@
+//! Counts what arrives, for the view.
+
+use super::field::Kind;
+use super::stream::LONGEST_LINE;
+use crate::format::gocator_stream::{Piece, Splitter};
+use crate::format::whole_sbg_frames;
+
+/// Counts records, and bytes that belong to none.
+pub(super) enum Counter {
+    /// Lines; how long the present one is.
+    Lines(usize),
+    /// Frames of sbgECom; bytes that may begin one.
+    Sbg(Vec<u8>),
+    /// Messages of a Gocator.
+    Gocator(Box<Splitter>),
+}
+
+impl Counter {
+    pub(super) fn new(kind: &Kind) -> Self {
+        match kind {
+            Kind::Sbg => Self::Sbg(Vec::new()),
+            Kind::Gocator => Self::Gocator(Box::default()),
+            _ => Self::Lines(0),
+        }
+    }
+
+    /// Records that these bytes complete, and bytes that turned out to belong to none.
+    pub(super) fn take(&mut self, bytes: &[u8]) -> (u64, u64) {
+        match self {
+            Self::Lines(length) => {
+                let mut count = 0;
+                for &byte in bytes {
+                    let is_end = byte == b'\n' || *length >= LONGEST_LINE;
+                    *length = if is_end { 0 } else { *length + 1 };
+                    count += u64::from(is_end);
+                }
+                (count, 0)
+            }
+            Self::Sbg(pending) => {
+                pending.extend_from_slice(bytes);
+                whole_sbg_frames(pending)
+            }
+            Self::Gocator(splitter) => {
+                splitter.push(bytes);
+                let (mut messages, mut damaged) = (0, 0);
+                while let Some(piece) = splitter.next() {
+                    match piece {
+                        Piece::Message(..) => messages += 1,
+                        Piece::Gap(bytes) => damaged += bytes,
+                    }
+                }
+                (messages, damaged)
+            }
+        }
+    }
+}
