@@ -52,6 +52,10 @@ geocompy PYTHON:
     cargo build --release --example geocom_simulated --example geocom_track
     BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --test geocom geocompy -- --ignored --nocapture
 
+# sbgECom, recorded and read, against the maker's library, installed in PREFIX (needs a C compiler)
+sbgecom PREFIX:
+    BORESIGHT_SBGECOM={{PREFIX}} cargo test --release --test sbgecom -- --ignored --nocapture --test-threads=1
+
 # Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

@@ -34,7 +34,7 @@ impl Replay {
             let name = format!("boresight-replay-{}", std::process::id());
             std::env::temp_dir().join(name)
         });
-        let end_s = player.span_s() + AFTER_S * self.speed.max(1.0);
+        let end_s = player.span_s() + AFTER_S;
         let mut screen = Screen::new(context.terminal.is_quiet());
         let mut last = None;
         let ended = record(player.field(), &folder, player.clock(), |view| {

@@ -2,7 +2,7 @@
 
 use super::field::Kind;
 use super::stream::LONGEST_LINE;
-use crate::format::gocator_stream::{Piece, Splitter};
+use crate::format::gocator_stream::{Message, Piece, Splitter};
 use crate::format::whole_sbg_frames;
 
 /// Counts records, and bytes that belong to none.
@@ -11,7 +11,7 @@ pub(super) enum Counter {
     Lines(usize),
     /// Frames of sbgECom; bytes that may begin one.
     Sbg(Vec<u8>),
-    /// Messages of a Gocator.
+    /// Frames of a Gocator.
     Gocator(Box<Splitter>),
 }
 
@@ -42,15 +42,23 @@ impl Counter {
             }
             Self::Gocator(splitter) => {
                 splitter.push(bytes);
-                let (mut messages, mut damaged) = (0, 0);
+                let (mut frames, mut damaged) = (0, 0);
                 while let Some(piece) = splitter.next() {
                     match piece {
-                        Piece::Message(..) => messages += 1,
+                        Piece::Message(bytes, _) => frames += stamps_in(bytes),
                         Piece::Gap(bytes) => damaged += bytes,
                     }
                 }
-                (messages, damaged)
+                (frames, damaged)
             }
         }
+    }
+}
+
+/// Frames of which a message has the stamps.
+fn stamps_in(message: &[u8]) -> u64 {
+    match Message::parse(message) {
+        Some((Message::Stamps(stamps), _)) => stamps.iter().count() as u64,
+        _ => 0,
     }
 }

@@ -52,6 +52,8 @@ pub fn record(
     begin(field, folder)?;
     let disk = Disk::default();
     let events = Events::create(folder, &disk)?;
+    let version = env!("CARGO_PKG_VERSION");
+    events.add(clock, "recording", &format!("begins, boresight {version}"))?;
     let mut clock_log = Journal::create(&folder.join("clock.csv"), &disk)?;
     clock_log.append(b"unix_s,monotonic_s,reference,offset_s,rms_s,is_locked,set_s\n")?;
     let stop = AtomicBool::new(false);
@@ -104,7 +106,13 @@ pub fn record(
             });
             ended = ended.and(one);
         }
-        ended.and(clock_log.flush())
+        ended = ended.and(clock_log.flush());
+        let last = if ended.is_ok() {
+            "ends"
+        } else {
+            "ends with an error"
+        };
+        ended.and(events.add(clock, "recording", last))
     })
 }
 
@@ -119,6 +127,7 @@ fn watch(
 ) -> Result<()> {
     let mut steps = StepWatch::default();
     let mut was_silent = vec![false; status.len()];
+    let mut has_sent = vec![false; status.len()];
     let (mut was_locked, mut was_short) = (None, false);
     let mut disk = DiskWatch::new(folder);
     while !stop.load(Ordering::Relaxed) {
@@ -148,14 +157,16 @@ fn watch(
         let sources: Vec<(String, Seen)> = (field.sources.iter().zip(status))
             .map(|(source, status)| (source.name.clone(), status.seen(now)))
             .collect();
-        for ((name, seen), was_silent) in sources.iter().zip(&mut was_silent) {
+        let states = was_silent.iter_mut().zip(&mut has_sent);
+        for ((name, seen), (was_silent, has_sent)) in sources.iter().zip(states) {
             if seen.is_silent != *was_silent && seen.records > 0 {
-                let word = if seen.is_silent {
-                    "silent"
-                } else {
-                    "sends again"
+                let word = match (seen.is_silent, *has_sent) {
+                    (true, _) => "silent",
+                    (false, true) => "sends again",
+                    (false, false) => "sends",
                 };
                 events.add(clock, name, word)?;
+                *has_sent = true;
             }
             *was_silent = seen.is_silent;
         }

@@ -1,7 +1,7 @@
 //! The thread of a total station.
 
 use super::clock::Stamp;
-use super::geocom::{Class, Event, Instrument, Measurement, TrackingSettings};
+use super::geocom::{Event, Instrument, Measurement, TrackingSettings};
 use super::journal::Journal;
 use super::place::Wire;
 use super::thread::SourceThread;
@@ -124,10 +124,8 @@ fn write(
     let (hz_deg, v_deg) = (seen.hz_rad.to_degrees(), seen.v_rad.to_degrees());
     match found.distance_m {
         Some(distance_m) => {
-            let status = match found.class {
-                Class::Full => "ok".to_owned(),
-                _ => found.code.to_string(),
-            };
+            // Of GeoCOM: 0 where all is well.
+            let status = found.code.0;
             let is_synchronous = u8::from(settings.program == Some(SYNCHRONOUS));
             let own = found
                 .instrument_time_s
