@@ -56,6 +56,10 @@ geocompy PYTHON:
 sbgecom PREFIX:
     BORESIGHT_SBGECOM={{PREFIX}} cargo test --release --test sbgecom -- --ignored --nocapture --test-threads=1
 
+# A simulated drive played at its own speed and twenty times as fast, recorded and processed; fifty kills
+live:
+    cargo test --release --test live -- --ignored --nocapture --test-threads=1
+
 # Run time of the online smoother's updates over an hour
 online:
     cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture

@@ -188,7 +188,7 @@
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
 //! | [`pipeline`] | the stages in order |
-//! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself |
+//! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself; live pose, playing again |
 //! | [`cli`] | the command line, one file per command |
 
 pub mod adjustment;

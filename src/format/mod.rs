@@ -48,7 +48,7 @@ pub use las::writer::{CLOUD_STEP_M, CloudWriter};
 pub use log::frame_log::read_frame_log;
 pub(crate) use log::positions::read_new_positions;
 pub use log::positions::write_positions;
-pub(crate) use log::sbg::whole_frames as whole_sbg_frames;
+pub(crate) use log::sbg::Arriving as ArrivingSbg;
 pub use log::tables::{write_heading, write_imu};
 pub use mountings::bonn_xml::{read_mounting, write_mounting};
 pub use mountings::others::{pdal_pipeline, ros_launch, ros_transforms, urdf};

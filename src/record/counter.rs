@@ -2,15 +2,15 @@
 
 use super::field::Kind;
 use super::stream::LONGEST_LINE;
+use crate::format::ArrivingSbg;
 use crate::format::gocator_stream::{Message, Piece, Splitter};
-use crate::format::whole_sbg_frames;
 
 /// Counts records, and bytes that belong to none.
 pub(super) enum Counter {
     /// Lines; how long the present one is.
     Lines(usize),
-    /// Frames of sbgECom; bytes that may begin one.
-    Sbg(Vec<u8>),
+    /// Frames of sbgECom.
+    Sbg(ArrivingSbg),
     /// Frames of a Gocator.
     Gocator(Box<Splitter>),
 }
@@ -18,9 +18,17 @@ pub(super) enum Counter {
 impl Counter {
     pub(super) fn new(kind: &Kind) -> Self {
         match kind {
-            Kind::Sbg => Self::Sbg(Vec::new()),
+            Kind::Sbg => Self::Sbg(ArrivingSbg::default()),
             Kind::Gocator => Self::Gocator(Box::default()),
             _ => Self::Lines(0),
+        }
+    }
+
+    /// What the sensor says of itself, if it does.
+    pub(super) fn word(&self) -> String {
+        match self {
+            Self::Sbg(arriving) => arriving.word(),
+            _ => String::new(),
         }
     }
 
@@ -36,10 +44,7 @@ impl Counter {
                 }
                 (count, 0)
             }
-            Self::Sbg(pending) => {
-                pending.extend_from_slice(bytes);
-                whole_sbg_frames(pending)
-            }
+            Self::Sbg(arriving) => arriving.take(bytes),
             Self::Gocator(splitter) => {
                 splitter.push(bytes);
                 let (mut frames, mut damaged) = (0, 0);

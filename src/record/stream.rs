@@ -32,6 +32,7 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
         journal.append(format!("{time}{header}\n").as_bytes(), thread.clock.now())?;
     }
     let mut begun_line = Vec::new();
+    let mut said = String::new();
     let mut counter = Counter::new(&source.kind);
     let mut buffer = vec![0; 1 << 16];
     while thread.goes_on() {
@@ -69,6 +70,11 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
                     let (records, damaged) = counter.take(&buffer[..count]);
                     thread.status.arrived(records, count, at);
                     thread.status.damaged(damaged);
+                    let word = counter.word();
+                    if word != said {
+                        thread.said(&word)?;
+                        said = word;
+                    }
                 }
                 Err(error) => match error.kind() {
                     ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => {

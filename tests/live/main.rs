@@ -164,6 +164,38 @@ fn a_recording_gives_the_trajectory_of_the_drives_own_files() {
         assert!((found.time_s - own.time_s - offset_s).abs() < 2e-5);
     }
 
+    // What the recording says of its clocks.
+    let said = || {
+        boresight(&[
+            "inspect",
+            recording.join("project.toml").to_str().unwrap(),
+            "--json",
+        ])
+        .out
+    };
+    let text = said();
+    assert!(
+        text.contains("recording.sensor_clock") && text.contains("left: its clock differs by"),
+        "{text}"
+    );
+    assert!(
+        !text.contains("recording.clock\"") && !text.contains("imu: its clock"),
+        "{text}"
+    );
+    common::rewrite(&recording.join("clock.csv"), |text| {
+        text.replacen("1,\n", "1,0.5\n", 1)
+    });
+    let text = said();
+    assert!(
+        text.contains("recording.clock\"") && text.contains("was set by +0.500 s"),
+        "{text}"
+    );
+    // No longer known to be right: now all are on the times of arrival.
+    assert!(text.contains("imu: its clock"), "{text}");
+    common::rewrite(&recording.join("clock.csv"), |text| {
+        text.replacen("1,0.5\n", "1,\n", 1)
+    });
+
     let again = kept.path().join("again");
     let begun = Instant::now();
     replay(&recording, "20", &again);

@@ -13,11 +13,13 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
 use crate::format::kind;
 use crate::sensor::{GeographicFix, HeadingFix, ImuSample};
+pub(crate) use arriving::Arriving;
 use clock::{DeviceClock, Utc};
 use fields::is_read;
 use frames::{Frames, Start, start_of};
 use message::*;
 
+mod arriving;
 pub(crate) mod clock;
 #[cfg(test)]
 mod damage_tests;
@@ -40,27 +42,6 @@ pub(crate) const LOG: kind::Kind = kind::Kind {
     ),
     ..kind::Kind::new("sbg", "log of IMU and GNSS (SBG sbgECom)")
 };
-
-/// Takes whole frames from the beginning of bytes that arrive, and what belongs to none; how many frames, and how many
-/// other bytes. What may begin a frame is left.
-pub(crate) fn whole_frames(pending: &mut Vec<u8>) -> (u64, u64) {
-    let (mut at, mut frames, mut others) = (0, 0, 0);
-    while at < pending.len() {
-        match start_of(&pending[at..]) {
-            Start::Frame(size) => {
-                frames += 1;
-                at += size;
-            }
-            Start::Incomplete => break,
-            Start::Other => {
-                others += 1;
-                at += 1;
-            }
-        }
-    }
-    pending.drain(..at);
-    (frames, others)
-}
 
 /// How often a message is in a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
