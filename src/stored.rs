@@ -74,7 +74,7 @@ macro_rules! stored_number {
         }
     )*};
 }
-stored_number!(u8, u32, u64, u128, f32, f64);
+stored_number!(u8, u16, u32, u64, u128, i32, f32, f64);
 
 impl Stored for usize {
     fn store(&self, bytes: &mut Vec<u8>) {

@@ -50,7 +50,9 @@ fn gap_with_m(project: &Project, trajectory: &Trajectory, mounting: &BodyFromSca
     let placed = clouds::place(project, trajectory, Mounted::rigid(&[*mounting]), &kept);
     // The passes are 41 s apart.
     let middle_s = 0.5 * (trajectory.span_s().0 + trajectory.span_s().1);
-    let split = kept[0].partition_point(|point| point.time_s < middle_s);
+    let split = kept[0]
+        .points
+        .partition_point(|(_, point)| point.time_s < middle_s);
     let (first, second) = placed[0].split_at(split);
     let index = NeighbourIndex::new(first);
     let mut found = Vec::new();

@@ -57,8 +57,18 @@ pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
     scanners.map(of).collect()
 }
 
-/// An even sample of each scanner's laser points, in the scanner frame.
-pub type KeptPoints = Vec<Vec<ScanPoint>>;
+/// An even sample of the laser points of one scanner.
+#[derive(Debug, Clone, Default)]
+pub struct Kept {
+    /// Number of points with a pose, of which these are a sample.
+    pub of: u64,
+    /// In the scanner frame, in the order they were measured, each with the number of its profile among those
+    /// with points in the recordings of the scanner, from 0.
+    pub points: Vec<(u32, ScanPoint)>,
+}
+
+/// An even sample of each scanner's laser points.
+pub type KeptPoints = Vec<Kept>;
 
 /// The values of a georeferenced point beside its position, time and intensity.
 struct Values {
@@ -89,14 +99,18 @@ impl Values {
         ]
     }
 
-    /// Of the next point: one at another time belongs to another profile.
-    fn next(&mut self, time_s: f64, trajectory: &Trajectory) {
+    /// Of the next point: one at another time belongs to another profile. Returns whether it does.
+    fn next(&mut self, time_s: f64) -> bool {
         if self.time_s == time_s {
-            return;
+            return false;
         }
         self.profile += u32::from(!self.time_s.is_nan());
         self.time_s = time_s;
-        let sigma = trajectory.sigma_at(time_s);
+        true
+    }
+
+    fn look_up_sigma(&mut self, trajectory: &Trajectory) {
+        let sigma = trajectory.sigma_at(self.time_s);
         self.pose_sigma_m = sigma.map_or(f64::NAN, |sigma| sigma.position_m.norm());
     }
 
@@ -173,13 +187,13 @@ pub fn stream(
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
                     let time_s = point.time_s + scanner.time_offset_s;
-                    if writer.is_some() {
-                        values.next(time_s, trajectory);
+                    if values.next(time_s) && writer.is_some() {
+                        values.look_up_sigma(trajectory);
                     }
                     let Some(world) = place.place(point) else {
                         continue;
                     };
-                    kept.push(*point);
+                    kept.push((values.profile, *point));
                     if let Some(writer) = &mut writer {
                         writer.push(&CloudPoint {
                             position: world + project.origin_m,
@@ -197,7 +211,11 @@ pub fn stream(
             writer.finish()?;
         }
         place.check(&scanner.name)?;
-        Ok((kept.into_kept(), place))
+        let kept = Kept {
+            of: kept.seen(),
+            points: kept.into_kept(),
+        };
+        Ok((kept, place))
     });
     drop(stage);
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
@@ -224,13 +242,11 @@ pub fn place(
 ) -> Vec<Vec<Vec3>> {
     let scanners = project.scanners.iter().zip(mounted.mountings).zip(kept);
     let jobs: Vec<_> = scanners.enumerate().collect();
-    in_parallel(jobs, |(index, ((scanner, pose), points))| {
+    in_parallel(jobs, |(index, ((scanner, pose), kept))| {
         let place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
         let mut place = place.with_bending(mounted.bending.get(index));
-        points
-            .iter()
-            .filter_map(|point| place.place(point))
-            .collect()
+        let points = kept.points.iter();
+        points.filter_map(|(_, point)| place.place(point)).collect()
     })
 }
 

@@ -7,6 +7,7 @@ use super::job::Job;
 use super::joint;
 use super::keys::{Key, Keys};
 use super::own::Own;
+use super::scene;
 use super::stages::{self, EstimatedPoses, Poses};
 use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
@@ -16,6 +17,7 @@ use crate::joint::{Joint, contradictions};
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
 use crate::report::content::Drive;
+use crate::report::scene::View;
 use crate::trajectory::Trajectory;
 
 /// Mountings to compare, with their kinds.
@@ -136,32 +138,52 @@ impl Compared<'_> {
         (own, kept): (&Own<'_>, &KeptPoints),
         progress: &dyn Progress,
     ) -> Result<Drive> {
+        let trajectory_of = |kind| match kind {
+            MountingKind::Initial | MountingKind::TwoStep => &poses.trajectory,
+            MountingKind::Final | MountingKind::Truth => trajectory,
+        };
+        let bending_of = |kind| match kind {
+            MountingKind::Final => bending,
+            _ => &[],
+        };
         let place = |(kind, mountings): &(MountingKind, Vec<BodyFromScanner>)| {
-            let is_own = [MountingKind::Initial, MountingKind::TwoStep].contains(kind);
-            let trajectory = if is_own {
-                &poses.trajectory
-            } else {
-                trajectory
-            };
             let mounted = Mounted {
                 mountings,
-                bending: if *kind == MountingKind::Final {
-                    bending
-                } else {
-                    &[]
-                },
+                bending: bending_of(*kind),
             };
+            let trajectory = trajectory_of(*kind);
             (*kind, clouds::place(project, trajectory, mounted, kept))
         };
         let placed: Vec<_> = self.mountings.iter().map(place).collect();
         let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
         let (reference, settings) = (own.reference(progress)?, &project.comparison);
         let agreements = agreements(name, &scanners, reference, &placed, settings, progress)?;
+        let scene = {
+            let _stage = progress.stage("choosing what the page shows", 0);
+            let views = self.mountings.iter().map(|(kind, mountings)| View {
+                kind: *kind,
+                trajectory: trajectory_of(*kind),
+                mountings,
+                bending: bending_of(*kind),
+            });
+            let shown = scene::Shown {
+                project,
+                kept,
+                agreements: &agreements,
+                settings,
+                reference,
+                drives: 1 + self.project.evaluations.len(),
+            };
+            shown.with(views)
+        };
         let placed = Poses {
             trajectory: trajectory.clone(),
             ..poses
         };
-        Ok(drive(name, placed, agreements))
+        Ok(Drive {
+            scene,
+            ..drive(name, placed, agreements)
+        })
     }
 }
 
@@ -223,5 +245,6 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
         agreements,
         preflight: poses.preflight,
         doubts: poses.doubts,
+        scene: None,
     }
 }

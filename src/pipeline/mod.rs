@@ -26,6 +26,7 @@ mod placement;
 mod poses;
 mod recorded;
 pub mod result;
+mod scene;
 pub mod stages;
 pub mod start;
 mod summary;

@@ -3,6 +3,7 @@
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
+use super::scene::Scene;
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -119,6 +120,8 @@ pub struct Drive {
     pub preflight: Vec<Verdict>,
     /// Constants of its project that it contradicts.
     pub doubts: Vec<Doubt>,
+    /// Its clouds, for the viewer.
+    pub scene: Option<Scene>,
 }
 
 /// A label and its value.
@@ -130,4 +133,4 @@ pub struct Fact {
     pub value: String,
 }
 
-stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts });
+stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts, scene });

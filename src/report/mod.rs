@@ -28,6 +28,7 @@ mod page;
 mod raster;
 mod relative;
 mod residual_plots;
+pub mod scene;
 mod tables;
 mod track;
 pub(crate) mod verdicts;

@@ -5,7 +5,7 @@ use super::html::{self, escape};
 use super::track::Track;
 use super::{
     adjustment, convergence, figures, joint, joint_figures, maps, mounting, relative,
-    residual_plots, tables, verdicts,
+    residual_plots, scene, tables, verdicts,
 };
 use crate::calibration::Method;
 use crate::geometry::Vec3;
@@ -80,6 +80,11 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             tables::distances(content.drives),
         ),
         ("maps", "Maps of the distances", maps::maps(content.drives)),
+        (
+            "scene",
+            "The clouds in three dimensions",
+            scene::section(content.drives),
+        ),
         (
             "observability",
             "What the data could determine",

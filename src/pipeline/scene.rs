@@ -1,0 +1,51 @@
+//! What the page shows of a drive in three dimensions.
+
+use super::clouds::KeptPoints;
+use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
+use crate::geometry::Vec3;
+use crate::project::Project;
+use crate::report::scene::{Input, Scan, Scene, View, gather};
+
+/// Most points of a drive, and of all drives together: they make the page some megabytes large.
+const MOST_OF_DRIVE: usize = 300_000;
+const MOST: usize = 900_000;
+
+/// A drive with what is known of it.
+pub struct Shown<'a> {
+    /// Its project.
+    pub project: &'a Project,
+    /// The points that were kept of it.
+    pub kept: &'a KeptPoints,
+    /// The distances of its clouds.
+    pub agreements: &'a Agreements,
+    /// How they were found.
+    pub settings: &'a ComparisonSettings,
+    /// The reference, metres; empty without one.
+    pub reference: &'a [Vec3],
+    /// Number of drives in the page.
+    pub drives: usize,
+}
+
+impl Shown<'_> {
+    /// What is shown of it, placed in these ways, of which the truth is not shown; `None` without points.
+    pub fn with<'a>(&self, views: impl Iterator<Item = View<'a>>) -> Option<Scene> {
+        let scanners = self.project.scanners.iter().zip(self.kept);
+        let scans = scanners.map(|(scanner, kept)| Scan {
+            name: &scanner.name,
+            time_offset_s: scanner.time_offset_s,
+            of: kept.of,
+            points: &kept.points,
+        });
+        gather(&Input {
+            origin_m: self.project.origin_m,
+            scans: scans.collect(),
+            views: views
+                .filter(|view| view.kind != MountingKind::Truth)
+                .collect(),
+            agreements: self.agreements,
+            settings: self.settings,
+            reference: self.reference,
+            most_points: MOST_OF_DRIVE.min(MOST / self.drives.max(1)),
+        })
+    }
+}

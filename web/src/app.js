@@ -1,0 +1,273 @@
+// The viewer: what is shown, and the controls that change it.
+
+import { colouring, distanceLimit, limits, namesFor } from './attributes.js';
+import { theme } from './colours.js';
+import { loadDrive } from './data/drive.js';
+import { SectionPanel } from './section/panel.js';
+import { millimetres } from './text.js';
+import { button, checkbox, choice, el, segmented } from './ui/dom.js';
+import { factList, facts, legend } from './ui/legend.js';
+import { Player } from './ui/player.js';
+import { Cloud, colourTexture } from './view/cloud.js';
+import { axes, cross, dispose, outline, referencePoints, way, wayLine } from './view/lines.js';
+import { Navigation } from './view/navigation.js';
+import { pick, project } from './view/pick.js';
+import { Stage } from './view/stage.js';
+
+/** How long points take from one mounting to the next, milliseconds. */
+const MOVES_MS = 450;
+/** Edge of a point, metres. */
+const POINT_M = 0.009;
+
+const KEYS = 'Drag turns, with Shift or two fingers it shifts; after a click the wheel zooms. Keys: arrows turn, Shift with '
+  + 'arrows shifts, + and − zoom, Home returns, T looks from above, Enter picks the point in the middle.';
+
+export class App {
+  constructor(root, headers) {
+    Object.assign(this, { root, headers });
+    this.theme = theme(root);
+    this.hidden = new Set();
+    this.shows = { reference: true, way: true, axes: true };
+    this.canvas = el('canvas', {
+      class: 'scene-canvas',
+      tabindex: 0,
+      role: 'application',
+      'aria-label': 'Clouds in three dimensions',
+      'aria-describedby': 'scene-keys',
+    });
+    this.controls = el('div', { class: 'scene-controls' });
+    this.legend = el('div', { class: 'scene-legend' });
+    this.picked = el('div', { class: 'scene-picked', 'aria-live': 'polite' });
+    this.stageBox = el('div', { class: 'scene-stage' }, this.canvas, el('div', { class: 'scene-middle', 'aria-hidden': 'true' }));
+    this.player = new Player(this);
+    this.section = new SectionPanel({ theme: this.theme, moved: (corners) => this.showOutline(corners) });
+    root.replaceChildren(
+      this.controls,
+      this.stageBox,
+      this.legend,
+      el('p', { class: 'note', id: 'scene-keys' }, KEYS),
+      this.player.element,
+      this.picked,
+      this.section.element,
+    );
+    this.stage = new Stage(this.canvas);
+    this.colours = colourTexture();
+    this.navigation = new Navigation(this.stage.camera, this.canvas, {
+      changed: () => this.stage.move(),
+      clicked: (x, y) => this.pickAt(x, y),
+    });
+    this.stage.before = () => this.fitPoints();
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.retheme());
+  }
+
+  async open(number) {
+    const drive = await loadDrive(this.headers[number]);
+    this.number = number;
+    this.drive = drive;
+    this.variant = drive.variants.length - 1;
+    this.hidden.clear();
+    const names = namesFor(drive);
+    if (!names.includes(this.colour)) [this.colour] = names;
+    this.limitM = distanceLimit(drive);
+    this.stage.clouds.forEach((cloud) => cloud.dispose?.());
+    [...(this.clouds ?? []).map((cloud) => cloud.object), this.reference].forEach(dispose);
+    this.clouds = drive.fans.map((fan) => new Cloud(drive, fan, this.colours));
+    this.clouds.forEach((cloud) => {
+      cloud.points = cloud.fan.points;
+      cloud.show(this.variant, this.variant, 1);
+      this.stage.scene.add(cloud.object);
+    });
+    this.stage.clouds = [...this.clouds];
+    this.addReference();
+    this.select(-1);
+    this.buildControls();
+    this.recolour();
+    this.player.setDrive(drive);
+    this.showWay();
+    this.section.setDrive(drive, this.variant);
+    this.frame();
+  }
+
+  addReference() {
+    const { positions, points } = this.drive.reference;
+    this.reference = points > 0 ? referencePoints(positions, this.theme.reference) : null;
+    if (!this.reference) return;
+    this.reference.points = points;
+    this.reference.visible = this.shows.reference;
+    this.stage.scene.add(this.reference);
+    this.stage.clouds.push(this.reference);
+  }
+
+  /** Looks at the middle four fifths of the points. */
+  frame() {
+    const positions = this.drive.positions(this.variant);
+    const every = Math.max(1, Math.floor(this.drive.points / 20000));
+    const ends = [0, 1, 2].map((axis) => {
+      const values = [];
+      for (let i = 0; i < this.drive.points; i += every) values.push(positions[3 * i + axis]);
+      values.sort((a, b) => a - b);
+      return [values[Math.floor(0.02 * values.length)] ?? 0, values[Math.floor(0.98 * (values.length - 1))] ?? 1];
+    });
+    const centre = ends.map(([low, high]) => 0.5 * (low + high));
+    const radius = 0.5 * Math.hypot(...ends.map(([low, high]) => high - low));
+    this.navigation.frame(centre, Math.max(radius, 0.2) * 0.72);
+  }
+
+  buildControls() {
+    const { drive, headers } = this;
+    const parts = [];
+    if (headers.length > 1) {
+      const options = headers.map((header, number) => [number, header.name]);
+      parts.push(choice('Drive', options, this.number, (number) => this.open(number)));
+    }
+    this.mountings = segmented('Mounting', drive.variants.map(({ name }) => name), this.variant, (v) => this.setVariant(v));
+    const colours = namesFor(drive).map((name) => [name, name]);
+    const sizes = limits().map((m) => [m, `± ${millimetres(m)} mm`]);
+    this.limit = choice('Colours to', sizes, this.limitM, (m) => { this.limitM = m; this.recolour(); });
+    parts.push(
+      this.mountings,
+      choice('Colour', colours, this.colour, (name) => { this.colour = name; this.recolour(); }),
+      this.limit,
+    );
+    const checks = el('div', { class: 'scene-checks', role: 'group', 'aria-label': 'What is shown' });
+    if (drive.fans.length > 1) {
+      for (const fan of drive.fans) checks.append(checkbox(fan.name, true, (on) => this.showFan(fan, on)));
+    }
+    if (this.reference) checks.append(checkbox('reference', this.shows.reference, (on) => this.toggle('reference', on)));
+    checks.append(
+      checkbox('way of the body', this.shows.way, (on) => this.toggle('way', on)),
+      checkbox('body axes', this.shows.axes, (on) => this.toggle('axes', on)),
+      button('Whole view', () => this.navigation.reset()),
+      button('From above', () => this.navigation.top()),
+    );
+    this.controls.replaceChildren(...parts, checks);
+  }
+
+  setVariant(variant) {
+    const from = this.variant;
+    if (variant === from) return;
+    this.variant = variant;
+    this.recolour();
+    this.showWay();
+    this.section.setVariant(variant);
+    if (this.point >= 0) this.select(this.point);
+    const isQuick = matchMedia('(prefers-reduced-motion: reduce)').matches;
+    const started = performance.now();
+    const step = (now) => {
+      if (this.variant !== variant) return;
+      const share = isQuick ? 1 : Math.min(1, Math.max(0, now - started) / MOVES_MS);
+      const eased = share * share * (3 - 2 * share);
+      this.clouds.forEach((cloud) => cloud.show(from, variant, eased));
+      this.stage.move();
+      if (share < 1) requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  recolour() {
+    const { bytes, colours, legend: shown } = colouring(this.drive, this.variant, this.colour, this.limitM, this.theme);
+    this.colours.image.data.set(colours);
+    this.colours.needsUpdate = true;
+    this.clouds.forEach((cloud, fan) => cloud.colour(bytes[fan]));
+    this.legend.replaceChildren(...legend(shown));
+    this.limit.hidden = this.colour !== 'M3C2 distance';
+    this.stage.ground(this.theme.ground);
+  }
+
+  retheme() {
+    this.theme = theme(this.root);
+    if (!this.drive) return;
+    this.reference?.material.color.set(this.theme.reference);
+    this.recolour();
+    this.showWay();
+    this.player.show();
+    this.section.setTheme(this.theme);
+  }
+
+  toggle(name, on) {
+    this.shows[name] = on;
+    if (name === 'reference') this.reference.visible = on;
+    else this.showWay();
+    this.stage.ask();
+  }
+
+  showFan(fan, on) {
+    if (on) this.hidden.delete(fan.number);
+    else this.hidden.add(fan.number);
+    this.clouds[fan.number].object.visible = on;
+    this.stage.ask();
+  }
+
+  showWay() {
+    dispose(this.way);
+    dispose(this.axes);
+    const { drive, variant, theme: colours } = this;
+    const positions = way(drive, variant);
+    this.way = this.shows.way ? wayLine(positions, colours.muted) : null;
+    if (this.way) this.stage.scene.add(this.way);
+    const [fan] = drive.fans;
+    const xyz = [colours.passes[5], colours.passes[2], colours.passes[0]];
+    this.axes = this.shows.axes && fan.counts.length > 0 ? axes(drive.pose(variant, fan, 0), xyz) : null;
+    if (this.axes) this.stage.scene.add(this.axes);
+    this.stage.ask();
+  }
+
+  showOutline(corners) {
+    dispose(this.outline);
+    this.outline = outline(corners, this.theme.ink);
+    this.stage.scene.add(this.outline);
+    this.stage.ask();
+  }
+
+  /** Points as large as they lie apart, at least a pixel and a half. */
+  fitPoints() {
+    const { renderer, camera } = this.stage;
+    const ratio = renderer.getPixelRatio();
+    const height = this.canvas.clientHeight * ratio;
+    const size = (POINT_M * height) / (2 * Math.tan((camera.fov * Math.PI) / 360));
+    for (const { material } of this.clouds ?? []) {
+      material.uniforms.size.value = size;
+      material.uniforms.most.value = 7 * ratio;
+    }
+  }
+
+  ranges() {
+    return this.drive.fans
+      .filter((fan) => !this.hidden.has(fan.number))
+      .map((fan) => [fan.first, fan.first + fan.points]);
+  }
+
+  size() {
+    return { width: this.canvas.clientWidth, height: this.canvas.clientHeight };
+  }
+
+  pickAt(x, y) {
+    const positions = this.drive.positions(this.variant);
+    this.select(pick(this.stage.camera, this.size(), positions, this.ranges(), x, y));
+  }
+
+  /** Where a point is on the canvas, CSS pixels. */
+  placeOf(point) {
+    return project(this.stage.camera, this.size(), this.drive.positions(this.variant).subarray(3 * point, 3 * point + 3));
+  }
+
+  /** Describes a point; −1 for none. */
+  select(point) {
+    this.point = point;
+    dispose(this.mark);
+    this.mark = null;
+    if (point < 0) {
+      this.picked.replaceChildren(el('p', { class: 'note' }, 'Click or tap a point to read its coordinates.'));
+    } else {
+      const known = this.drive.describe(this.variant, point);
+      this.mark = cross(known.local, 0.02, this.theme.ink);
+      this.stage.scene.add(this.mark);
+      this.picked.replaceChildren(
+        factList(facts(known)),
+        button('Section through this point', () => this.section.goToPoint(known.local)),
+        button('Look closer', () => this.navigation.goTo(known.local, Math.min(this.navigation.distance, 0.6))),
+      );
+    }
+    this.stage.ask();
+  }
+}

@@ -1,0 +1,40 @@
+// Mounts the viewer into its place in the page, once that comes near the window.
+
+import style from './style.css';
+import { App } from './app.js';
+import { el } from './ui/dom.js';
+import { hasWebGl } from './view/stage.js';
+
+const say = (root, text) => root.replaceChildren(el('p', { class: 'note scene-message', role: 'status' }, text));
+
+async function start(root, { format, drives }) {
+  if (format !== 1) return say(root, 'These clouds were written by another version.');
+  if (typeof DecompressionStream === 'undefined') {
+    return say(root, 'This browser cannot unpack the clouds: one of 2023 or later can.');
+  }
+  if (!hasWebGl()) {
+    return say(root, 'This browser does not draw in three dimensions (WebGL 2 is off or missing). The maps above show the same distances.');
+  }
+  say(root, 'Unpacking the clouds …');
+  try {
+    const app = new App(root, drives);
+    root.viewer = app; // for tests and for the curious
+    await app.open(0);
+    root.dataset.state = 'ready';
+  } catch (error) {
+    console.error(error);
+    say(root, `The clouds cannot be drawn: ${error.message}`);
+  }
+}
+
+const root = document.getElementById('scene-viewer');
+const header = document.getElementById('scene-header');
+if (root && header) {
+  document.head.append(el('style', {}, style));
+  const observer = new IntersectionObserver((entries) => {
+    if (!entries.some((entry) => entry.isIntersecting)) return;
+    observer.disconnect();
+    start(root, JSON.parse(header.textContent));
+  }, { rootMargin: '400px' });
+  observer.observe(root);
+}

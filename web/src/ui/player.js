@@ -1,0 +1,74 @@
+// The platform along the drive, where its mountings move: time, play, and by how much offsets are exaggerated.
+
+import { dispose, platform } from '../view/lines.js';
+import { seconds } from '../text.js';
+import { button, choice, el, slider } from './dom.js';
+
+const FACTORS = [1, 3, 10, 30, 100];
+/** How fast the drive passes, seconds a second. */
+const SPEED = 8;
+
+export class Player {
+  constructor(app) {
+    this.app = app;
+    this.factor = 10;
+    this.isPlaying = false;
+    this.element = el('div', { class: 'scene-controls', hidden: true, role: 'group', 'aria-label': 'The platform along the drive' });
+  }
+
+  setDrive(drive) {
+    this.stop();
+    this.drive = drive;
+    this.variant = drive.variants.findLastIndex((_, number) => drive.moves(number));
+    this.element.hidden = this.variant < 0;
+    this.place(null);
+    if (this.variant < 0) return;
+    [this.fromS, this.toS] = drive.spanS;
+    this.time = slider('Time', { min: 0, max: this.toS - this.fromS, step: 'any', value: 0, text: seconds }, () => this.show());
+    this.press = button('Play', () => (this.isPlaying ? this.stop() : this.play()));
+    this.element.replaceChildren(
+      this.press,
+      this.time,
+      choice('Motion of the mountings', FACTORS.map((x) => [x, `× ${x}`]), this.factor, (x) => { this.factor = x; this.show(); }),
+      el('span', { class: 'scene-note' }, 'Grey axes: each scanner at its mean'),
+    );
+    this.show();
+  }
+
+  /** The platform at the time of the slider. */
+  show() {
+    if (this.variant < 0) return;
+    const { series, ink, muted, passes } = this.app.theme;
+    const colours = { series, ink, muted, axes: [passes[5], passes[2], passes[0]] };
+    this.place(platform(this.drive, this.variant, this.fromS + this.time.get(), this.factor, colours));
+    this.app.stage.move();
+  }
+
+  place(glyph) {
+    dispose(this.glyph);
+    this.glyph = glyph;
+    if (glyph) this.app.stage.scene.add(glyph);
+  }
+
+  play() {
+    this.isPlaying = true;
+    this.press.textContent = 'Pause';
+    if (this.time.get() >= this.toS - this.fromS - 0.1) this.time.set(0);
+    let last = performance.now();
+    const step = (now) => {
+      if (!this.isPlaying) return;
+      const next = this.time.get() + (SPEED * (now - last)) / 1000;
+      last = now;
+      this.time.set(next);
+      this.show();
+      if (next >= this.toS - this.fromS) this.stop();
+      else requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  stop() {
+    this.isPlaying = false;
+    if (this.press) this.press.textContent = 'Play';
+  }
+}

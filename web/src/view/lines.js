@@ -1,0 +1,131 @@
+// Lines and marks: the way of the body, its axes, the platform with its scanners, and what is picked.
+
+import {
+  BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Line, LineBasicMaterial, LineSegments, Mesh,
+  MeshBasicMaterial, Points, PointsMaterial,
+} from 'three';
+import { apply, compose, exaggerated } from '../data/transform.js';
+
+/** Length of the axes, metres. */
+const AXIS_M = 0.35;
+/** Poses between two pairs of axes along the way. */
+const WAY_POINTS = 4000;
+
+function geometry(points) {
+  const made = new BufferGeometry();
+  made.setAttribute('position', new BufferAttribute(new Float32Array(points.flat()), 3));
+  return made;
+}
+
+function own(object) {
+  object.frustumCulled = false;
+  return object;
+}
+
+/** The way of the body, as positions from the origin. */
+export function way(drive, variant) {
+  const fan = drive.fans.reduce((a, b) => (b.counts.length > a.counts.length ? b : a));
+  const every = Math.max(1, Math.ceil(fan.counts.length / WAY_POINTS));
+  const positions = [];
+  for (let profile = 0; profile < fan.counts.length; profile += every) {
+    positions.push(drive.pose(variant, fan, profile).t);
+  }
+  return positions;
+}
+
+export function wayLine(positions, colour) {
+  return own(new Line(geometry(positions), new LineBasicMaterial({ color: colour })));
+}
+
+/** The axes of the body at a pose: x, y and z. */
+export function axes(pose, colours, length = AXIS_M) {
+  const group = new Group();
+  [[length, 0, 0], [0, length, 0], [0, 0, length]].forEach((tip, i) => {
+    const ends = [pose.t, apply(pose, tip)];
+    group.add(own(new LineSegments(geometry(ends), new LineBasicMaterial({ color: colours[i] }))));
+  });
+  return group;
+}
+
+/** Points of the reference. */
+export function referencePoints(positions, colour) {
+  const made = new BufferGeometry();
+  made.setAttribute('position', new BufferAttribute(new Float32Array(positions), 3));
+  const material = new PointsMaterial({ color: colour, size: 1.5, sizeAttenuation: false });
+  const points = own(new Points(made, material));
+  points.thin = (share) => made.setDrawRange(0, Math.ceil((share * positions.length) / 3));
+  return points;
+}
+
+/** A cross at a point, of a size in metres. */
+export function cross(at, size, colour) {
+  const ends = [0, 1, 2].flatMap((axis) => [-1, 1].map((sign) => at.map((x, i) => x + (i === axis ? sign * size : 0))));
+  const object = own(new LineSegments(geometry(ends), new LineBasicMaterial({ color: colour, depthTest: false })));
+  object.renderOrder = 2;
+  return object;
+}
+
+/** The corners of a quadrilateral as a closed line. */
+export function outline(corners, colour) {
+  const object = own(new Line(geometry([...corners, corners[0]]), new LineBasicMaterial({ color: colour, depthTest: false })));
+  object.renderOrder = 1;
+  return object;
+}
+
+/**
+ * The platform at a time: its axes, and for each scanner the fan of the profile nearest to that time, with `factor`
+ * times the offset of its mounting.
+ */
+export function platform(drive, variant, timeS, factor, colours) {
+  const group = new Group();
+  drive.fans.forEach((fan) => {
+    if (fan.counts.length === 0) return;
+    const profile = nearestProfile(drive, fan, timeS);
+    const body = drive.pose(variant, fan, profile);
+    const mean = drive.variants[variant].mountings[fan.number];
+    const mounting = exaggerated(drive.mounting(variant, fan, profile), mean, factor);
+    const scanner = compose(body, mounting);
+    const points = profilePoints(drive, fan, profile).map((x) => apply(scanner, x));
+    const colour = colours.series[fan.number % colours.series.length];
+    if (fan.number === 0) group.add(axes(body, colours.axes, 0.5));
+    group.add(own(new Line(geometry([body.t, scanner.t]), new LineBasicMaterial({ color: colours.ink }))));
+    // Where it would be without its offset.
+    group.add(axes(compose(body, mean), [colours.muted, colours.muted, colours.muted], 0.15));
+    group.add(axes(scanner, colours.axes, 0.22));
+    if (points.length > 1) {
+      const triangles = points.slice(1).flatMap((point, i) => [scanner.t, points[i], point]);
+      const material = new MeshBasicMaterial({ color: new Color(colour), transparent: true, opacity: 0.3, side: DoubleSide, depthWrite: false });
+      group.add(own(new Mesh(geometry(triangles), material)));
+      group.add(own(new Line(geometry(points), new LineBasicMaterial({ color: colour }))));
+    }
+  });
+  return group;
+}
+
+export function nearestProfile(drive, fan, timeS) {
+  const wanted = (timeS - drive.startS) / drive.stepS;
+  let [low, high] = [0, fan.times.length - 1];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (fan.times[middle] < wanted) low = middle + 1;
+    else high = middle;
+  }
+  const isBefore = low > 0 && wanted - fan.times[low - 1] < fan.times[low] - wanted;
+  return isBefore ? low - 1 : low;
+}
+
+/** The points of a profile in the scanner frame, in order around the scanner. */
+function profilePoints(drive, fan, profile) {
+  const first = fan.profileOf.indexOf(profile);
+  const points = Array.from({ length: fan.counts[profile] }, (_, i) => drive.inScanner(fan, first + i));
+  return points.sort((a, b) => Math.atan2(a[0], -a[2]) - Math.atan2(b[0], -b[2]));
+}
+
+/** Frees what a group holds on the graphics card, and removes it. */
+export function dispose(object) {
+  object?.traverse((part) => {
+    part.geometry?.dispose();
+    part.material?.dispose();
+  });
+  object?.removeFromParent();
+}

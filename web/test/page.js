@@ -1,0 +1,93 @@
+// The page of a small simulated drive, opened in a browser.
+
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { existsSync, mkdtempSync, readFileSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { fileURLToPath, pathToFileURL } from 'node:url';
+import { chromium } from 'playwright-core';
+
+const here = (path) => fileURLToPath(new URL(path, import.meta.url));
+
+/** The program, of a build before: `BORESIGHT`, or that of the target folder. */
+function program() {
+  const target = process.env.CARGO_TARGET_DIR ?? here('../../target');
+  return process.env.BORESIGHT ?? join(target, 'release', 'boresight');
+}
+
+/** A folder with the results of the small drive. */
+export function smallRun() {
+  const folder = mkdtempSync(join(tmpdir(), 'boresight-viewer-'));
+  const run = (...words) => execFileSync(program(), words, { stdio: ['ignore', 'ignore', 'inherit'] });
+  const [data, out] = [join(folder, 'data'), join(folder, 'out')];
+  run('--quiet', 'simulate', '--scenario', here('scenario.toml'), '--out', data);
+  run('--quiet', 'run', join(data, 'drive-1', 'project.toml'), '--out', out);
+  return out;
+}
+
+/** The address of a page with the viewer that stands in `dist`, so that the program need not be built again. */
+export function withOwnViewer(page) {
+  const text = readFileSync(page, 'utf8');
+  const viewer = readFileSync(here('../dist/viewer.js'), 'utf8');
+  const begin = text.lastIndexOf('<script>\n') + '<script>\n'.length;
+  const end = text.lastIndexOf('</script>');
+  assert.ok(begin > 100 && end > begin, 'a page with a viewer');
+  const own = join(page, '..', 'own.html');
+  writeFileSync(own, text.slice(0, begin) + viewer + text.slice(end));
+  return pathToFileURL(own).href;
+}
+
+/** A browser with WebGL in software. */
+export async function browser(more = []) {
+  const path = process.env.CHROMIUM ?? ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'].find(existsSync);
+  assert.ok(path, 'Chromium is installed, or CHROMIUM names it');
+  const software = ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'];
+  return chromium.launch({ executablePath: path, args: more.length > 0 ? [...more, '--no-sandbox'] : software });
+}
+
+/** Opens the address; the page counts what it must not do. */
+export async function open(run, address, { width = 1280, height = 900, colorScheme = 'light' } = {}) {
+  const page = await run.newPage({ viewport: { width, height }, colorScheme });
+  const wrong = [];
+  page.on('console', (message) => {
+    if (['error', 'warning'].includes(message.type())) wrong.push(message.text());
+  });
+  page.on('pageerror', (error) => wrong.push(error.message));
+  page.on('request', (request) => {
+    const { protocol } = new URL(request.url());
+    if (!['file:', 'data:', 'blob:'].includes(protocol) || (protocol === 'file:' && request.url() !== address)) wrong.push(request.url());
+  });
+  await page.goto(address);
+  await page.locator('#scene-viewer').scrollIntoViewIfNeeded();
+  return { page, wrong };
+}
+
+export async function ready(page) {
+  await page.waitForSelector('#scene-viewer[data-state=ready]', { timeout: 60_000 });
+  await settled(page);
+}
+
+/** Until nothing is drawn any more. */
+export async function settled(page) {
+  await page.evaluate(async () => {
+    const { stage } = document.getElementById('scene-viewer').viewer;
+    let frames = -1;
+    while (frames !== stage.frames) {
+      frames = stage.frames;
+      await new Promise((resolve) => { setTimeout(resolve, 700); });
+    }
+  });
+}
+
+/** The pixels of the clouds' canvas, drawn anew, as one list of bytes RGBA. */
+export function pixels(page) {
+  return page.evaluate(() => {
+    const { stage } = document.getElementById('scene-viewer').viewer;
+    stage.draw();
+    const gl = stage.renderer.getContext();
+    const bytes = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+    gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    return [...bytes];
+  });
+}

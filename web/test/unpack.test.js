@@ -1,0 +1,66 @@
+// The parts that need no browser.
+
+import assert from 'node:assert/strict';
+import { deflateSync } from 'node:zlib';
+import { test } from 'node:test';
+import { fromBase64, inflate, list } from '../src/data/unpack.js';
+import { apply, compose, exaggerated, multiply } from '../src/data/transform.js';
+import { corners, eigenvectors, frameOf } from '../src/section/frame.js';
+import { niceAbove } from '../src/section/chart.js';
+
+/** As `src/report/scene/packed.rs` writes numbers. */
+function packed(numbers, width) {
+  const bytes = new Uint8Array(numbers.length * width);
+  let last = 0;
+  numbers.forEach((number, i) => {
+    const difference = (number - last) | 0;
+    last = number;
+    for (let plane = 0; plane < width; plane++) bytes[plane * numbers.length + i] = difference >> (8 * plane);
+  });
+  return bytes;
+}
+
+const close = (a, b, within = 1e-12) => a.every((x, i) => Math.abs(x - b[i]) <= within);
+
+test('lists come back', async () => {
+  const shorts = [0, 65535, 1, 40000, 3];
+  const integers = [-5, 2 ** 31 - 1, -(2 ** 31), 0, 7];
+  const all = new Uint8Array([...packed(shorts, 2), ...packed(integers, 4), 9, 255]);
+  const bytes = await inflate(fromBase64(deflateSync(all).toString('base64')));
+  assert.deepEqual([...list(bytes, { at: 0, length: 5, bits: 16 })], shorts);
+  assert.deepEqual([...list(bytes, { at: 10, length: 5, bits: 32 })], integers);
+  assert.deepEqual([...list(bytes, { at: 30, length: 2, bits: 8 })], [9, 255]);
+});
+
+test('transforms follow equation (1)', () => {
+  const half = Math.SQRT1_2;
+  // A quarter about z at (10, 0, 2), and a scanner one metre ahead.
+  const mapFromBody = { t: [10, 0, 2], q: [0, 0, half, half] };
+  const bodyFromScanner = { t: [1, 0, 0], q: [0, 0, 0, 1] };
+  assert.ok(close(apply(mapFromBody, apply(bodyFromScanner, [0.2, 0, -1])), [10, 1.2, 1]));
+  const both = compose(mapFromBody, bodyFromScanner);
+  assert.ok(close(apply(both, [0.2, 0, -1]), [10, 1.2, 1]));
+});
+
+test('offsets of a mounting are exaggerated about its mean', () => {
+  const turn = (angle) => [Math.sin(angle / 2), 0, 0, Math.cos(angle / 2)];
+  const mean = { t: [1, 2, 3], q: [0.5, 0.5, 0.5, 0.5] };
+  const mounting = { t: [1.01, 2, 3], q: multiply(turn(0.002), mean.q) };
+  const ten = exaggerated(mounting, mean, 10);
+  assert.ok(close(ten.t, [1.1, 2, 3]) && close(ten.q, multiply(turn(0.02), mean.q)));
+  assert.ok(close(exaggerated(mounting, mean, 1).q, mounting.q));
+  assert.ok(close(exaggerated(mean, mean, 100).q, mean.q));
+});
+
+test('a section stands across its surface', () => {
+  const slope = Math.PI / 4;
+  const normal = [0, -Math.sin(slope), Math.cos(slope)];
+  const frame = frameOf({ centre: [5, 6, 7], normal }, 0);
+  assert.ok(close(frame.along, [0, Math.cos(slope), Math.sin(slope)]));
+  assert.ok(close(frame.aside.map(Math.abs), [1, 0, 0]));
+  const [a, , c] = corners(frame, 2, 0.1);
+  assert.ok(close(a.map((x, i) => 0.5 * (x + c[i])), [5, 6, 7]));
+  const [first, , last] = eigenvectors([[2, 1, 0], [1, 2, 0], [0, 0, 0.5]]);
+  assert.ok(close(first.map(Math.abs), [Math.SQRT1_2, Math.SQRT1_2, 0]) && close(last.map(Math.abs), [0, 0, 1]));
+  assert.deepEqual([0.00011, 0.0002, 0.7].map((x) => Number(niceAbove(x).toPrecision(3))), [0.0002, 0.0002, 1]);
+});

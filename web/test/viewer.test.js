@@ -1,0 +1,184 @@
+// The viewer in a browser, on the page of a small simulated drive.
+
+import assert from 'node:assert/strict';
+import { rmSync } from 'node:fs';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { browser, open, pixels, ready, settled, smallRun, withOwnViewer } from './page.js';
+
+let run;
+let out;
+let address;
+
+before(async () => {
+  out = smallRun();
+  address = withOwnViewer(join(out, 'report.html'));
+  run = await browser();
+});
+
+after(async () => {
+  await run?.close();
+  if (out) rmSync(join(out, '..'), { recursive: true, force: true });
+});
+
+/** Share of the pixels that differ from the first one. */
+function filled(bytes) {
+  let other = 0;
+  for (let i = 0; i < bytes.length; i += 4) {
+    if (bytes[i] !== bytes[0] || bytes[i + 1] !== bytes[1] || bytes[i + 2] !== bytes[2]) other++;
+  }
+  return other / (bytes.length / 4);
+}
+
+function differing(a, b) {
+  assert.equal(a.length, b.length);
+  let other = 0;
+  for (let i = 0; i < a.length; i += 4) if (a[i] !== b[i] || a[i + 1] !== b[i + 1] || a[i + 2] !== b[i + 2]) other++;
+  return other / (a.length / 4);
+}
+
+for (const { width, colorScheme } of [{ width: 1280, colorScheme: 'light' }, { width: 1280, colorScheme: 'dark' }, { width: 390, colorScheme: 'light' }]) {
+  test(`clouds are drawn at ${width} px, ${colorScheme}, without requests and errors`, async () => {
+    const { page, wrong } = await open(run, address, { width, height: 844, colorScheme });
+    await ready(page);
+    assert.ok(filled(await pixels(page)) > 0.1);
+    const beyond = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+    assert.ok(beyond <= 0, `the page is ${beyond} px too wide`);
+    const sides = await page.locator('.scene-canvas').boundingBox();
+    assert.ok(sides.width > 0.85 * Math.min(width, 950), `${sides.width}`);
+    // Nothing is drawn while nothing happens.
+    const frames = () => page.evaluate(() => document.getElementById('scene-viewer').viewer.stage.frames);
+    const then = await frames();
+    await page.waitForTimeout(600);
+    assert.equal(await frames(), then);
+    assert.deepEqual(wrong, []);
+    await page.close();
+  });
+}
+
+test('another mounting changes clouds and section', async () => {
+  const { page, wrong } = await open(run, address);
+  await ready(page);
+  const section = () => page.locator('.scene-section').evaluate((canvas) => canvas.toDataURL());
+  const [last, lastSection] = [await pixels(page), await section()];
+  const choices = page.locator('.scene-segmented input');
+  assert.ok((await choices.count()) >= 2);
+  await choices.first().check({ force: true });
+  await settled(page);
+  assert.ok(differing(last, await pixels(page)) > 0.02);
+  assert.notEqual(await section(), lastSection);
+  await choices.last().check({ force: true });
+  await settled(page);
+  assert.ok(differing(last, await pixels(page)) < 0.001);
+  assert.equal(await section(), lastSection);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test('every colour is drawn', async () => {
+  const { page, wrong } = await open(run, address);
+  await ready(page);
+  const colours = page.getByLabel('Colour', { exact: true });
+  const names = await colours.locator('option').allTextContents();
+  assert.ok(names.includes('M3C2 distance') && names.includes('time') && names.includes('scanner'), `${names}`);
+  let before = await pixels(page);
+  for (const name of names.slice(1)) {
+    await colours.selectOption(name);
+    await settled(page);
+    const now = await pixels(page);
+    assert.ok(differing(before, now) > 0.02, name);
+    before = now;
+  }
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test('a click picks the point it was aimed at', async () => {
+  const { page, wrong } = await open(run, address);
+  await ready(page);
+  const box = await page.locator('.scene-canvas').boundingBox();
+  for (const share of [0.2, 0.5, 0.8]) {
+    // Looked at from close by, a point in the middle of the view has no other before it.
+    const aim = await page.evaluate((part) => {
+      const { viewer } = document.getElementById('scene-viewer');
+      const point = Math.floor(part * viewer.drive.points);
+      const { local, map } = viewer.drive.describe(viewer.variant, point);
+      viewer.navigation.top();
+      viewer.navigation.goTo(local, 0.25);
+      return { point, map, place: viewer.placeOf(point) };
+    }, share);
+    await settled(page);
+    await page.mouse.click(box.x + aim.place[0], box.y + aim.place[1]);
+    const found = await page.evaluate(() => document.getElementById('scene-viewer').viewer.point);
+    assert.equal(found, aim.point);
+    const shown = await page.locator('.scene-facts dd').allTextContents();
+    aim.map.forEach((value, axis) => {
+      const text = Number(shown[axis].replace('−', '-').replace(' m', ''));
+      assert.ok(Math.abs(text - value) <= 0.50001e-4, `${shown[axis]} instead of ${value}`);
+    });
+  }
+  await page.getByRole('button', { name: 'Section through this point' }).click();
+  assert.ok((await page.locator('.scene .numbers tbody tr').count()) > 0);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test('keys reach every control and move the view', async () => {
+  const { page, wrong } = await open(run, address);
+  await ready(page);
+  const count = await page.locator('.scene input:not([type=radio]), .scene select, .scene button, .scene canvas[tabindex]').evaluateAll(
+    (all) => all.filter((element) => element.checkVisibility()).length,
+  );
+  const seen = await page.evaluate(() => {
+    const first = document.querySelector('.scene select, .scene input, .scene button');
+    first.focus();
+    return 0;
+  });
+  assert.equal(seen, 0);
+  const reached = new Set();
+  const names = [];
+  for (let i = 0; i < count + 10; i++) {
+    const here = await page.evaluate(() => {
+      const element = document.activeElement;
+      if (!element.closest('.scene') || element.type === 'radio') return null;
+      element.dataset.reached ??= String(Math.random());
+      const label = element.getAttribute('aria-label') ?? element.closest('label')?.textContent ?? element.textContent;
+      return { key: element.dataset.reached, label };
+    });
+    if (here) {
+      reached.add(here.key);
+      names.push(here.label);
+    }
+    await page.keyboard.press('Tab');
+  }
+  assert.equal(reached.size, count, names.join(', '));
+  assert.ok(names.every((name) => name.trim().length > 0));
+  const view = () => page.evaluate(() => {
+    const { yaw, pitch, distance, target } = document.getElementById('scene-viewer').viewer.navigation;
+    return [yaw, pitch, distance, ...target];
+  });
+  await page.locator('.scene-canvas').focus();
+  const home = await view();
+  for (const key of ['ArrowLeft', 'ArrowUp', '+', 'Shift+ArrowRight']) {
+    const last = await view();
+    await page.keyboard.press(key);
+    assert.notDeepEqual(await view(), last, key);
+  }
+  await page.keyboard.press('Home');
+  assert.deepEqual(await view(), home);
+  const radios = page.locator('.scene-segmented input');
+  await radios.last().focus();
+  await page.keyboard.press('ArrowLeft');
+  assert.equal(await radios.last().isChecked(), false);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
+test('without WebGL there is a message', async () => {
+  const without = await browser(['--disable-gpu', '--disable-webgl', '--disable-3d-apis']);
+  const { page, wrong } = await open(without, address);
+  await page.waitForSelector('.scene-message');
+  assert.match(await page.locator('.scene-message').textContent(), /does not draw in three dimensions/);
+  assert.deepEqual(wrong, []);
+  await without.close();
+});
