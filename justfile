@@ -16,6 +16,19 @@ full:
     cargo run --release -- simulate --scenario full --out out/full
     cargo run --release -- run out/full/drive-1/project.toml
 
+# Builds the viewer of the report's clouds, web/dist/viewer.js (needs node and npm)
+web:
+    cd web && npm ci --no-fund --no-audit && npm run --silent build
+
+# Is it the committed one, and does it work in a browser? (needs node, npm and Chromium)
+web-test:
+    cargo build --release
+    cd web && npm ci --no-fund --no-audit && npm run --silent test
+
+# Time of a frame of the viewer in software at 200,000 and 1,000,000 points
+web-frames:
+    cd web && npm run --silent frames
+
 # Formatting, clippy and documentation, with warnings denied
 lint:
     cargo fmt --check

@@ -9,9 +9,10 @@ import { button, checkbox, choice, el, segmented } from './ui/dom.js';
 import { factList, facts, legend } from './ui/legend.js';
 import { Player } from './ui/player.js';
 import { Cloud, colourTexture } from './view/cloud.js';
-import { axes, cross, dispose, outline, referencePoints, way, wayLine } from './view/lines.js';
+import { axes, cross, dispose, outline, way, wayLine } from './view/lines.js';
 import { Navigation } from './view/navigation.js';
 import { pick, project } from './view/pick.js';
+import { Reference } from './view/reference.js';
 import { Stage } from './view/stage.js';
 
 /** How long points take from one mounting to the next, milliseconds. */
@@ -69,11 +70,12 @@ export class App {
     const names = namesFor(drive);
     if (!names.includes(this.colour)) [this.colour] = names;
     this.limitM = distanceLimit(drive);
-    this.stage.clouds.forEach((cloud) => cloud.dispose?.());
-    [...(this.clouds ?? []).map((cloud) => cloud.object), this.reference].forEach(dispose);
+    this.stage.clouds.forEach((cloud) => {
+      cloud.object.removeFromParent();
+      cloud.dispose();
+    });
     this.clouds = drive.fans.map((fan) => new Cloud(drive, fan, this.colours));
     this.clouds.forEach((cloud) => {
-      cloud.points = cloud.fan.points;
       cloud.show(this.variant, this.variant, 1);
       this.stage.scene.add(cloud.object);
     });
@@ -90,11 +92,11 @@ export class App {
 
   addReference() {
     const { positions, points } = this.drive.reference;
-    this.reference = points > 0 ? referencePoints(positions, this.theme.reference) : null;
+    this.reference = points > 0 ? new Reference(positions) : null;
     if (!this.reference) return;
-    this.reference.points = points;
-    this.reference.visible = this.shows.reference;
-    this.stage.scene.add(this.reference);
+    this.reference.colour(this.theme.reference);
+    this.reference.object.visible = this.shows.reference;
+    this.stage.scene.add(this.reference.object);
     this.stage.clouds.push(this.reference);
   }
 
@@ -110,7 +112,7 @@ export class App {
     });
     const centre = ends.map(([low, high]) => 0.5 * (low + high));
     const radius = 0.5 * Math.hypot(...ends.map(([low, high]) => high - low));
-    this.navigation.frame(centre, Math.max(radius, 0.2) * 0.72);
+    this.navigation.frame(centre, Math.max(radius, 0.2) * 0.64);
   }
 
   buildControls() {
@@ -177,7 +179,7 @@ export class App {
   retheme() {
     this.theme = theme(this.root);
     if (!this.drive) return;
-    this.reference?.material.color.set(this.theme.reference);
+    this.reference?.colour(this.theme.reference);
     this.recolour();
     this.showWay();
     this.player.show();
@@ -186,7 +188,7 @@ export class App {
 
   toggle(name, on) {
     this.shows[name] = on;
-    if (name === 'reference') this.reference.visible = on;
+    if (name === 'reference') this.reference.object.visible = on;
     else this.showWay();
     this.stage.ask();
   }
@@ -204,18 +206,18 @@ export class App {
     const { drive, variant, theme: colours } = this;
     const positions = way(drive, variant);
     this.way = this.shows.way ? wayLine(positions, colours.muted) : null;
-    if (this.way) this.stage.scene.add(this.way);
+    if (this.way) this.stage.lines.add(this.way);
     const [fan] = drive.fans;
     const xyz = [colours.passes[5], colours.passes[2], colours.passes[0]];
     this.axes = this.shows.axes && fan.counts.length > 0 ? axes(drive.pose(variant, fan, 0), xyz) : null;
-    if (this.axes) this.stage.scene.add(this.axes);
+    if (this.axes) this.stage.lines.add(this.axes);
     this.stage.ask();
   }
 
   showOutline(corners) {
     dispose(this.outline);
     this.outline = outline(corners, this.theme.ink);
-    this.stage.scene.add(this.outline);
+    this.stage.lines.add(this.outline);
     this.stage.ask();
   }
 
@@ -225,7 +227,7 @@ export class App {
     const ratio = renderer.getPixelRatio();
     const height = this.canvas.clientHeight * ratio;
     const size = (POINT_M * height) / (2 * Math.tan((camera.fov * Math.PI) / 360));
-    for (const { material } of this.clouds ?? []) {
+    for (const { material } of this.stage.clouds) {
       material.uniforms.size.value = size;
       material.uniforms.most.value = 7 * ratio;
     }
@@ -261,7 +263,7 @@ export class App {
     } else {
       const known = this.drive.describe(this.variant, point);
       this.mark = cross(known.local, 0.02, this.theme.ink);
-      this.stage.scene.add(this.mark);
+      this.stage.lines.add(this.mark);
       this.picked.replaceChildren(
         factList(facts(known)),
         button('Section through this point', () => this.section.goToPoint(known.local)),

@@ -21,6 +21,11 @@ export function along(stops, t) {
   return a.map((value, i) => value + (place - below) * (b[i] - value));
 }
 
+/** A colour on the way to another one, by a share from 0 to 1. */
+export function mixed(from, to, share) {
+  return hex(channels(from).map((value, i) => value + share * (channels(to)[i] - value)));
+}
+
 /** Colours of the page, by the names of its style. */
 export function theme(element) {
   const style = getComputedStyle(element);

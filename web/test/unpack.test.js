@@ -7,18 +7,7 @@ import { fromBase64, inflate, list } from '../src/data/unpack.js';
 import { apply, compose, exaggerated, multiply } from '../src/data/transform.js';
 import { corners, eigenvectors, frameOf } from '../src/section/frame.js';
 import { niceAbove } from '../src/section/chart.js';
-
-/** As `src/report/scene/packed.rs` writes numbers. */
-function packed(numbers, width) {
-  const bytes = new Uint8Array(numbers.length * width);
-  let last = 0;
-  numbers.forEach((number, i) => {
-    const difference = (number - last) | 0;
-    last = number;
-    for (let plane = 0; plane < width; plane++) bytes[plane * numbers.length + i] = difference >> (8 * plane);
-  });
-  return bytes;
-}
+import { packed } from './synthetic.js';
 
 const close = (a, b, within = 1e-12) => a.every((x, i) => Math.abs(x - b[i]) <= within);
 

@@ -17,7 +17,7 @@ use crate::trajectory::Trajectory;
 /// Most profiles of a scanner: each has its poses.
 const MOST_PROFILES: usize = 20_000;
 /// Most points of the reference, beside those around the places of sections.
-const MOST_REFERENCE: usize = 80_000;
+const MOST_REFERENCE: usize = 60_000;
 /// Radius around the place of a section within which all points are taken, metres.
 const PLACE_RADIUS_M: f64 = 0.2;
 /// Smallest step of positions, metres, and of times, seconds.

@@ -11,6 +11,8 @@ const CELL_M: f64 = 0.15;
 const POINTS: [usize; 2] = [60, 600];
 /// Standard deviation of the points of a cell across its plane up to which it is a board, metres.
 const BOARD_M: f64 = 0.003;
+/// By how much a board is rougher that one more pass must have seen, metres.
+const ROUGH_M: f64 = 0.000_25;
 /// Extent of a cell that is filled, as standard deviations along its plane: an edge has less.
 const FILLED_M: f64 = 0.2 * CELL_M;
 /// Neighbours of a cell in the midst of a board that are like it.
@@ -70,8 +72,9 @@ pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
             ..place
         })
     };
-    // A surface that more passes saw shows more, up to some degrees of slope.
     let seen = |cell: &Cell| cell.seen as f64;
+    // A surface that more passes saw shows more, unless it is rough, and up to some degrees of slope.
+    let smooth = |cell: &Cell| seen(cell).min(6.0) - cell.thickness_m / ROUGH_M;
     let of = |test: &dyn Fn(&Cell) -> bool| -> Vec<&Cell> {
         boards.iter().copied().filter(|cell| test(cell)).collect()
     };
@@ -84,7 +87,7 @@ pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
     let steepest = |cell: &Cell| cell.slope_rad.to_degrees() + 5.0 * seen(cell).min(4.0);
     let found = [
         named("steepest board", most(&steep, &steepest)),
-        named("level board", most(&level, &seen)),
+        named("level board", most(&level, &smooth)),
         named("ground that was seen most", most(&rough, &seen)),
     ];
     found.into_iter().flatten().collect()

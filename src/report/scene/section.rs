@@ -36,8 +36,8 @@ pub fn section(drives: &[Drive]) -> String {
         return String::new();
     }
     format!(
-        "<p>The clouds with every mounting, the reference and the way of the body. {}. Near the places of \
-         the sections, every point that was compared is there.</p>\n\
+        "<p>The clouds with every mounting, the reference and the way of the body. Points are spread evenly over \
+         each drive ({}); near the places of the sections, every point that was compared is there.</p>\n\
          <div id=\"scene-viewer\" class=\"scene\"><p class=\"note\">The clouds are drawn by a script in this \
          page.</p></div>\n\
          <script type=\"application/json\" id=\"scene-header\">{}</script>\n{data}<script>\n{VIEWER}</script>\n",
@@ -59,7 +59,7 @@ fn counted(name: &str, scene: &Scene) -> String {
     let shown: usize = shown.map(|&count| usize::from(count)).sum();
     let of: u64 = scene.fans.iter().map(|fan| fan.of).sum();
     format!(
-        "{name}: {} of {} points, spread evenly",
+        "{name}: {} of {}",
         number::count(shown),
         number::count(of as usize)
     )

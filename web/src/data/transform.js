@@ -38,6 +38,15 @@ export function compose(outer, inner) {
   return { t: apply(outer, inner.t), q: multiply(outer.q, inner.q) };
 }
 
+/** How far a mounting is off its mean: metres and radians. */
+export function offset(mounting, mean) {
+  const [x, y, z, w] = multiply(mounting.q, [-mean.q[0], -mean.q[1], -mean.q[2], mean.q[3]]);
+  return {
+    shift: Math.hypot(...mounting.t.map((value, i) => value - mean.t[i])),
+    turn: 2 * Math.atan2(Math.hypot(x, y, z), Math.abs(w)),
+  };
+}
+
 /**
  * A mounting with `factor` times its offset (δφ, δp) from its mean, in the convention R ← Exp(δφ) R, t ← t + δp, both in
  * body axes.

@@ -48,7 +48,7 @@ export function sample(canvas, shape, colour) {
  * Draws a section. `style(series)` gives colour and shape. Returns the exaggeration of heights and `toPoint(x, y)`,
  * along and up in metres at a place of the canvas.
  */
-export function drawSection(canvas, { reference, series }, { lengthM, low, high, theme, style }) {
+export function drawSection(canvas, { reference, line, series }, { lengthM, low, high, theme, style }) {
   const ratio = Math.min(devicePixelRatio, 2);
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
   canvas.width = Math.round(width * ratio);
@@ -70,12 +70,29 @@ export function drawSection(canvas, { reference, series }, { lengthM, low, high,
   context.fillStyle = theme.reference;
   context.globalAlpha = 0.55;
   for (const [s, v] of reference) context.fillRect(x(s) - 1.5, y(v) - 1.5, 3, 3);
-  context.globalAlpha = 0.8;
+  context.globalAlpha = 0.6;
   for (const one of series) {
     const { colour, shape } = style(one);
-    Object.assign(context, { fillStyle: colour, strokeStyle: colour, lineWidth: 1.2 });
-    for (const [s, v] of one.points) mark(context, shape, x(s), y(v), 2.6);
+    Object.assign(context, { fillStyle: colour, strokeStyle: colour, lineWidth: 1.1 });
+    for (const [s, v] of one.points) mark(context, shape, x(s), y(v), 2.4);
   }
+  context.globalAlpha = 1;
+  const draw = (parts, colour, width, dash = []) => {
+    Object.assign(context, { strokeStyle: colour, lineWidth: width, lineJoin: 'round' });
+    context.setLineDash(dash);
+    for (const part of parts) {
+      context.beginPath();
+      part.forEach(([s, v], i) => (i === 0 ? context.moveTo(x(s), y(v)) : context.lineTo(x(s), y(v))));
+      context.stroke();
+    }
+    context.setLineDash([]);
+  };
+  for (const one of series) {
+    draw(one.line, theme.page, 3.5);
+    draw(one.line, style(one).colour, 1.8);
+  }
+  draw(line, theme.page, 4);
+  draw(line, theme.ink, 2, [6, 4]);
   context.restore();
   const toPoint = (px, py) => [
     ((px - MARGIN.left) / inner.width - 0.5) * lengthM,

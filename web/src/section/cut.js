@@ -4,6 +4,8 @@
 const ANOTHER_M = 0.25;
 /** Length of the pieces over which the reference is averaged, metres. */
 const PIECE_M = 0.01;
+/** Fewest points of a piece of a line. */
+const FEWEST = 3;
 
 /** Along and above the surface of the points in the slab: calls `each` with both, metres, and the point's number. */
 function inSlab(positions, { centre, along, up, aside }, lengthM, halfM, each) {
@@ -37,12 +39,12 @@ export function cut(drive, variant, frame, { lengthM, halfM }) {
   });
   const found = [...series.values()].sort((a, b) => a.key - b.key);
   const ground = heights(reference, lengthM);
-  found.forEach((one) => Object.assign(one, offset(one.points, ground, lengthM)));
-  return { reference, series: found };
+  found.forEach((one) => Object.assign(one, offset(one.points, ground, lengthM), { line: line(one.points, lengthM) }));
+  return { reference, line: line(reference, lengthM), series: found };
 }
 
-/** Mean height of the reference in each piece of a section; NaN without points. */
-function heights(reference, lengthM) {
+/** Mean height of points in each piece of a section; NaN with fewer than `fewest`. */
+function heights(reference, lengthM, fewest = 1) {
   const pieces = Math.ceil(lengthM / PIECE_M);
   const [sums, counts] = [new Float64Array(pieces), new Float64Array(pieces)];
   for (const [s, v] of reference) {
@@ -50,7 +52,18 @@ function heights(reference, lengthM) {
     sums[piece] += v;
     counts[piece]++;
   }
-  return sums.map((sum, i) => sum / counts[i]);
+  return sums.map((sum, i) => (counts[i] >= fewest ? sum / counts[i] : NaN));
+}
+
+/** The mean height of points over each piece, as parts of a line without the pieces that have fewer than {@link FEWEST}. */
+function line(points, lengthM) {
+  const means = heights(points, lengthM, FEWEST);
+  const parts = [[]];
+  means.forEach((v, i) => {
+    if (Number.isFinite(v)) parts.at(-1).push([(i + 0.5) * PIECE_M - 0.5 * lengthM, v]);
+    else if (parts.at(-1).length > 0) parts.push([]);
+  });
+  return parts.filter((part) => part.length > 1);
 }
 
 function offset(points, ground, lengthM) {

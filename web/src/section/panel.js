@@ -1,5 +1,6 @@
 // The section: its controls, its picture, and the offsets of scanners and passes as numbers.
 
+import { mixed } from '../colours.js';
 import { degrees, fixed, millimetres, signedMillimetres } from '../text.js';
 import { choice, el, slider } from '../ui/dom.js';
 import { SHAPES, drawSection, sample } from './chart.js';
@@ -81,11 +82,16 @@ export class SectionPanel {
     );
   }
 
-  /** Colour and shape of a series: colours are scanners, shapes are passes. */
+  /** Colour and shape of a series: colours are scanners, their shades and shapes are passes. */
   style({ fan, pass }) {
-    const { series } = this.theme;
-    const passes = [...new Set(this.found.series.map((one) => one.pass))];
-    return { colour: series[fan.number % series.length], shape: SHAPES[passes.indexOf(pass) % SHAPES.length] };
+    const { series, ink, page } = this.theme;
+    const passes = [...new Set(this.found.series.map((one) => one.pass))].sort((a, b) => a - b);
+    const number = passes.indexOf(pass);
+    const [ground, share] = [[ink, 0], [ink, 0.45], [page, 0.4], [ink, 0.7], [page, 0.6]][number % 5];
+    return {
+      colour: mixed(series[fan.number % series.length], ground, share),
+      shape: SHAPES[number % SHAPES.length],
+    };
   }
 
   draw() {
@@ -107,7 +113,7 @@ export class SectionPanel {
     const exaggeration = times >= 10 ? fixed(times, 0) : fixed(times, 1);
     this.note.textContent = `${name}. Heights ${exaggeration} times as large as lengths; 0 is the plane through the points of the last mounting. `
       + (reference.length > 0
-        ? `Grey: the reference, ${reference.length} points. Offsets are from its mean over each centimetre.`
+        ? `Grey and dashed: the reference, ${reference.length} points. Lines are means over each centimetre; offsets are from that of the reference.`
         : 'No points of a reference here.');
     const known = series.filter((one) => one.mean !== null);
     const summary = known.map((one) => `${one.fan.name}, pass ${one.pass}: ${signedMillimetres(one.mean)} mm`).join('; ');

@@ -31,7 +31,7 @@ export function segmented(label, options, chosen, change) {
 export function choice(label, options, chosen, change) {
   const select = el(
     'select',
-    { change: () => change(options[select.selectedIndex][0]) },
+    { 'aria-label': label, change: () => change(options[select.selectedIndex][0]) },
     ...options.map(([, text]) => el('option', {}, text)),
   );
   select.selectedIndex = Math.max(0, options.findIndex(([value]) => value === chosen));
@@ -48,7 +48,7 @@ export function checkbox(label, checked, change) {
 
 /** A slider with its value as text. */
 export function slider(label, { min, max, step, value, text }, change) {
-  const input = el('input', { type: 'range', min, max, step });
+  const input = el('input', { type: 'range', 'aria-label': label, min, max, step });
   const shown = el('output', {}, '');
   const show = () => {
     shown.textContent = text(input.valueAsNumber);

@@ -1,7 +1,8 @@
 // The platform along the drive, where its mountings move: time, play, and by how much offsets are exaggerated.
 
-import { dispose, platform } from '../view/lines.js';
-import { seconds } from '../text.js';
+import { offset } from '../data/transform.js';
+import { fixed, seconds } from '../text.js';
+import { dispose, nearestProfile, platform } from '../view/lines.js';
 import { button, choice, el, slider } from './dom.js';
 
 const FACTORS = [1, 3, 10, 30, 100];
@@ -25,12 +26,13 @@ export class Player {
     if (this.variant < 0) return;
     [this.fromS, this.toS] = drive.spanS;
     this.time = slider('Time', { min: 0, max: this.toS - this.fromS, step: 'any', value: 0, text: seconds }, () => this.show());
+    this.offsets = el('span', { class: 'scene-note' });
     this.press = button('Play', () => (this.isPlaying ? this.stop() : this.play()));
     this.element.replaceChildren(
       this.press,
       this.time,
       choice('Motion of the mountings', FACTORS.map((x) => [x, `× ${x}`]), this.factor, (x) => { this.factor = x; this.show(); }),
-      el('span', { class: 'scene-note' }, 'Grey axes: each scanner at its mean'),
+      this.offsets,
     );
     this.show();
   }
@@ -41,13 +43,25 @@ export class Player {
     const { series, ink, muted, passes } = this.app.theme;
     const colours = { series, ink, muted, axes: [passes[5], passes[2], passes[0]] };
     this.place(platform(this.drive, this.variant, this.fromS + this.time.get(), this.factor, colours));
+    this.offsets.textContent = `Off their means (grey axes): ${this.offsetsAt(this.fromS + this.time.get())}`;
     this.app.stage.move();
+  }
+
+  /** How far each mounting is off its mean at a time, as text. */
+  offsetsAt(timeS) {
+    const { drive, variant } = this;
+    const one = (fan) => {
+      const mounting = drive.mounting(variant, fan, nearestProfile(drive, fan, timeS));
+      const { shift, turn } = offset(mounting, drive.variants[variant].mountings[fan.number]);
+      return `${fan.name} ${fixed(1e3 * shift, 1)} mm, ${fixed((180 / Math.PI) * turn, 2)}°`;
+    };
+    return drive.fans.filter((fan) => fan.counts.length > 0).map(one).join('; ');
   }
 
   place(glyph) {
     dispose(this.glyph);
     this.glyph = glyph;
-    if (glyph) this.app.stage.scene.add(glyph);
+    if (glyph) this.app.stage.lines.add(glyph);
   }
 
   play() {

@@ -30,6 +30,7 @@ export class Cloud {
   constructor(drive, fan, colours) {
     this.drive = drive;
     this.fan = fan;
+    this.points = fan.points;
     this.order = shuffled(fan.points);
     this.geometry = new BufferGeometry();
     this.geometry.setAttribute('scan', new BufferAttribute(this.scan(), 3, true));
@@ -40,9 +41,10 @@ export class Cloud {
     this.geometry.boundingSphere = new Sphere(new Vector3(), Infinity);
     this.geometry.setDrawRange(0, fan.points);
     this.poses = drive.poses.map((set) => this.texture((profile) => drive.transform(set[fan.number], profile)));
-    this.mountings = drive.variants.map((variant, number) => (drive.moves(number)
+    const none = transformTexture([]);
+    this.mountings = drive.variants.map((_, number) => (drive.moves(number)
       ? this.texture((profile) => drive.mounting(number, fan, profile))
-      : transformTexture([variant.mountings[fan.number]])));
+      : none));
     this.material = new ShaderMaterial({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
@@ -55,6 +57,10 @@ export class Cloud {
         mountingsFrom: { value: null },
         mountingsTo: { value: null },
         moves: { value: new Vector2() },
+        shiftFrom: { value: [0, 0, 0] },
+        turnFrom: { value: [0, 0, 0, 1] },
+        shiftTo: { value: [0, 0, 0] },
+        turnTo: { value: [0, 0, 0, 1] },
         share: { value: 1 },
         size: { value: 1 },
         most: { value: 6 },
@@ -88,6 +94,11 @@ export class Cloud {
     uniforms.mountingsFrom.value = this.mountings[from];
     uniforms.mountingsTo.value = this.mountings[to];
     uniforms.moves.value.set(drive.moves(from), drive.moves(to));
+    for (const [end, variant] of [['From', from], ['To', to]]) {
+      const { t, q } = drive.variants[variant].mountings[this.fan.number];
+      uniforms[`shift${end}`].value = t;
+      uniforms[`turn${end}`].value = q;
+    }
     uniforms.share.value = share;
   }
 

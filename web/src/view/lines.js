@@ -1,8 +1,7 @@
 // Lines and marks: the way of the body, its axes, the platform with its scanners, and what is picked.
 
 import {
-  BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Line, LineBasicMaterial, LineSegments, Mesh,
-  MeshBasicMaterial, Points, PointsMaterial,
+  BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Line, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial,
 } from 'three';
 import { apply, compose, exaggerated } from '../data/transform.js';
 
@@ -47,15 +46,6 @@ export function axes(pose, colours, length = AXIS_M) {
   return group;
 }
 
-/** Points of the reference. */
-export function referencePoints(positions, colour) {
-  const made = new BufferGeometry();
-  made.setAttribute('position', new BufferAttribute(new Float32Array(positions), 3));
-  const material = new PointsMaterial({ color: colour, size: 1.5, sizeAttenuation: false });
-  const points = own(new Points(made, material));
-  points.thin = (share) => made.setDrawRange(0, Math.ceil((share * positions.length) / 3));
-  return points;
-}
 
 /** A cross at a point, of a size in metres. */
 export function cross(at, size, colour) {

@@ -31,6 +31,10 @@ uniform highp sampler2D posesTo;
 uniform highp sampler2D mountingsFrom;
 uniform highp sampler2D mountingsTo;
 uniform bvec2 moves;
+uniform vec3 shiftFrom;
+uniform vec4 turnFrom;
+uniform vec3 shiftTo;
+uniform vec4 turnTo;
 uniform float share;
 uniform float size;
 uniform float most;
@@ -50,10 +54,11 @@ vec3 placed(highp sampler2D transforms, uint index, vec3 x) {
 
 void main() {
   vec3 x = low + span * scan;
-  vec3 map = placed(posesTo, profile, placed(mountingsTo, moves.y ? profile : 0u, x));
+  vec3 body = moves.y ? placed(mountingsTo, profile, x) : shiftTo + turned(turnTo, x);
+  vec3 map = placed(posesTo, profile, body);
   if (share < 1.0) {
-    vec3 from = placed(posesFrom, profile, placed(mountingsFrom, moves.x ? profile : 0u, x));
-    map = mix(from, map, share);
+    body = moves.x ? placed(mountingsFrom, profile, x) : shiftFrom + turned(turnFrom, x);
+    map = mix(placed(posesFrom, profile, body), map, share);
   }
   vec4 seen = modelViewMatrix * vec4(map, 1.0);
   gl_Position = projectionMatrix * seen;

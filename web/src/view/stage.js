@@ -1,9 +1,13 @@
 // The canvas: draws when something changed, and fewer points while it moves.
 
 import { Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Scene, WebGLRenderer } from 'three';
+import { Shading } from './shading.js';
 
-/** Points drawn while the view moves, and how long after the last motion all are drawn again, milliseconds. */
+/** Points drawn while the view moves: to begin with, and between which bounds they follow the time of a frame. */
 const WHILE_MOVING = 150_000;
+const BOUNDS = [20_000, 2_000_000];
+/** Times of a frame between which they stay, and how long after the last motion all are drawn again, milliseconds. */
+const FRAME_MS = [20, 45];
 const SETTLES_MS = 160;
 
 // Colours are those of the page, as they are.
@@ -23,14 +27,19 @@ export class Stage {
     this.canvas = canvas;
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: 'default' });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
+    this.shading = new Shading();
     this.scene = new Scene();
     this.scene.background = new Color();
+    /** Lines and marks, which neither hide behind points nor shade them. */
+    this.lines = new Scene();
     this.camera = new PerspectiveCamera(40, 1, 0.01, 1000);
     /** What has points to thin: `thin(share)` and `points`. */
     this.clouds = [];
     this.frames = 0;
     this.isAsked = false;
     this.settles = 0;
+    this.whileMoving = WHILE_MOVING;
+    this.lastMotion = -Infinity;
     this.before = () => {};
     new ResizeObserver(() => this.resize()).observe(canvas);
     canvas.addEventListener('webglcontextrestored', () => this.ask());
@@ -47,6 +56,7 @@ export class Stage {
     if (width === 0 || height === 0) return;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
+    this.shading.resize(this.renderer);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.ask();
@@ -65,14 +75,32 @@ export class Stage {
   /** Draws with the next frame with fewer points, and all of them once nothing moves. */
   move() {
     const points = this.clouds.reduce((sum, cloud) => sum + cloud.points, 0);
-    const share = Math.min(1, WHILE_MOVING / Math.max(points, 1));
-    this.thin(share);
+    this.thin(Math.min(1, this.whileMoving / Math.max(points, 1)));
+    this.isMoving = true;
     this.ask();
     clearTimeout(this.settles);
+  }
+
+  /** Draws all points, unless something moves before. */
+  settle() {
+    clearTimeout(this.settles);
     this.settles = setTimeout(() => {
+      this.isMoving = false;
+      this.lastMotion = -Infinity;
       this.thin(1);
       this.ask();
     }, SETTLES_MS);
+  }
+
+  /** Fewer points where frames follow each other slowly, more where they are fast. */
+  adapt() {
+    const now = performance.now();
+    const took = now - this.lastMotion;
+    this.lastMotion = now;
+    if (took > 2000) return;
+    const [fast, slow] = FRAME_MS;
+    const factor = took > slow ? Math.max(0.5, slow / took) : took < fast ? 1.2 : 1;
+    this.whileMoving = Math.min(Math.max(this.whileMoving * factor, BOUNDS[0]), BOUNDS[1]);
   }
 
   thin(share) {
@@ -80,8 +108,14 @@ export class Stage {
   }
 
   draw() {
+    if (this.isMoving) this.adapt();
     this.before();
-    this.renderer.render(this.scene, this.camera);
+    this.shading.render(this.renderer, this.scene, this.camera);
+    this.renderer.autoClear = false;
+    this.renderer.clearDepth();
+    this.renderer.render(this.lines, this.camera);
+    this.renderer.autoClear = true;
     this.frames++;
+    if (this.isMoving) this.settle();
   }
 }
