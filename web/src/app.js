@@ -5,6 +5,7 @@ import { theme } from './colours.js';
 import { loadDrive } from './data/drive.js';
 import { SectionPanel } from './section/panel.js';
 import { millimetres } from './text.js';
+import { Bearings } from './ui/bearings.js';
 import { button, checkbox, choice, el, segmented } from './ui/dom.js';
 import { factList, facts, legend } from './ui/legend.js';
 import { Player } from './ui/player.js';
@@ -39,12 +40,14 @@ export class App {
     this.controls = el('div', { class: 'scene-controls' });
     this.legend = el('div', { class: 'scene-legend' });
     this.picked = el('div', { class: 'scene-picked', 'aria-live': 'polite' });
-    this.stageBox = el('div', { class: 'scene-stage' }, this.canvas, el('div', { class: 'scene-middle', 'aria-hidden': 'true' }));
+    this.bearings = new Bearings();
+    const middle = el('div', { class: 'scene-middle', 'aria-hidden': 'true' });
+    const stageBox = el('div', { class: 'scene-stage' }, this.canvas, middle, this.bearings.element);
     this.player = new Player(this);
     this.section = new SectionPanel({ theme: this.theme, moved: (corners) => this.showOutline(corners) });
     root.replaceChildren(
       this.controls,
-      this.stageBox,
+      stageBox,
       this.legend,
       el('p', { class: 'note', id: 'scene-keys' }, KEYS),
       this.player.element,
@@ -57,7 +60,10 @@ export class App {
       changed: () => this.stage.move(),
       clicked: (x, y) => this.pickAt(x, y),
     });
-    this.stage.before = () => this.fitPoints();
+    this.stage.before = () => {
+      this.fitPoints();
+      this.bearings.show(this.navigation, this.canvas.clientHeight);
+    };
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.retheme());
   }
 
@@ -171,9 +177,13 @@ export class App {
     this.colours.image.data.set(colours);
     this.colours.needsUpdate = true;
     this.clouds.forEach((cloud, fan) => cloud.colour(bytes[fan]));
-    this.legend.replaceChildren(...legend(shown));
+    this.legend.replaceChildren(...legend(shown), ...legend({ entries: this.axisEntries() }));
     this.limit.hidden = this.colour !== 'M3C2 distance';
     this.stage.ground(this.theme.ground);
+  }
+
+  axisEntries() {
+    return ['x', 'y', 'z'].map((name, i) => [i === 0 ? `body axes: ${name}` : name, this.theme.axes[i]]);
   }
 
   retheme() {
@@ -208,8 +218,8 @@ export class App {
     this.way = this.shows.way ? wayLine(positions, colours.muted) : null;
     if (this.way) this.stage.lines.add(this.way);
     const [fan] = drive.fans;
-    const xyz = [colours.passes[5], colours.passes[2], colours.passes[0]];
-    this.axes = this.shows.axes && fan.counts.length > 0 ? axes(drive.pose(variant, fan, 0), xyz) : null;
+    const isKnown = this.shows.axes && fan.counts.length > 0;
+    this.axes = isKnown ? axes(drive.pose(variant, fan, 0), colours.axes) : null;
     if (this.axes) this.stage.lines.add(this.axes);
     this.stage.ask();
   }

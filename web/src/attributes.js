@@ -12,8 +12,7 @@ const DISTANCE = 'M3C2 distance';
 export function namesFor(drive) {
   const last = drive.variants[drive.variants.length - 1];
   const carried = last.attributes.filter((a) => a.values.some((v) => v.some((byte) => byte > 0)));
-  const carriedNames = carried.map((attribute) => attribute.name);
-  const names = carriedNames.includes(DISTANCE) ? carriedNames : [...carriedNames];
+  const names = carried.map((attribute) => attribute.name);
   if (drive.fans.length > 1 || names.length === 0) names.push('scanner');
   if (drive.passes > 1) names.push('pass');
   return [...names, 'time', 'height'];
@@ -59,22 +58,15 @@ export function colouring(drive, variant, name, limitM, theme) {
         passes[i],
       ]);
       return {
-        bytes: perFan(drive, (fan) => fan.profileOf.reduce(
-          (all, profile, i) => { all[i] = byte(fan.passes[profile]); return all; },
-          new Uint8Array(fan.points),
-        )),
+        bytes: byProfile(drive, (fan, profile) => byte(fan.passes[profile])),
         colours: turns(unknown, passes),
         legend: { entries: [...entries, ['turning or at rest', unknown]] },
       };
     }
     case 'time': {
       const [from, to] = drive.spanS;
-      const bytes = (fan) => fan.profileOf.reduce((all, profile, i) => {
-        all[i] = scaled(drive.timeS(fan, profile), from, to);
-        return all;
-      }, new Uint8Array(fan.points));
       return {
-        bytes: perFan(drive, bytes),
+        bytes: byProfile(drive, (fan, profile) => scaled(drive.timeS(fan, profile), from, to)),
         colours: table(unknown, (t) => along(viridis, t)),
         legend: { bar: gradient(viridis), ticks: ['0 s', `${seconds(0.5 * (to - from))}`, `${seconds(to - from)}`], note: `after ${fixed(from, 1)} s` },
       };
@@ -125,6 +117,14 @@ function carried(drive, attribute, theme) {
 
 function perFan(drive, bytes) {
   return drive.fans.map(bytes);
+}
+
+/** A byte that all points of a profile have. */
+function byProfile(drive, byte) {
+  return perFan(drive, (fan) => {
+    const ofProfile = Uint8Array.from(fan.counts, (_, profile) => byte(fan, profile));
+    return Uint8Array.from(fan.profileOf, (profile) => ofProfile[profile]);
+  });
 }
 
 function scaled(value, from, to) {

@@ -46,6 +46,7 @@ export function theme(element) {
     viridis: VIRIDIS,
     cividis: CIVIDIS,
     passes: PASSES,
+    axes: [PASSES[5], PASSES[2], PASSES[0]],
   };
 }
 

@@ -128,6 +128,10 @@ test('a click picks the point it was aimed at', async () => {
       assert.ok(Math.abs(text - value) <= 0.50001e-4, `${shown[axis]} instead of ${value}`);
     });
   }
+  // Enter picks what is in the middle, which is where the last point was put.
+  await page.evaluate(() => document.getElementById('scene-viewer').viewer.select(-1));
+  await page.locator('.scene-canvas').press('Enter');
+  assert.ok(await page.locator('.scene-facts').isVisible());
   await page.getByRole('button', { name: 'Section through this point' }).click();
   assert.ok((await page.locator('.scene .numbers tbody tr').count()) > 0);
   assert.deepEqual(wrong, []);

@@ -2,22 +2,26 @@
 //!
 //! Points are kept in the scanner frame, and with them for every profile the pose of the body and where the
 //! mounting moves also the mounting. The viewer computes x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s) itself, so that
-//! one set of points serves every mounting they are shown with. Lengths are quantised: see [`quantised`].
+//! one set of points serves every mounting they are shown with. Lengths are quantised.
 //!
-//! [`gather`](gather::gather) makes a scene of a drive, [`packed`] writes it as bytes, and [`section`] as markup;
-//! `web/README.md` describes the bytes.
+//! [`gather()`] makes a scene of a drive, and [`section()`] its markup with the data in base64; `web/README.md`
+//! describes their bytes.
 
 mod distances;
-pub mod gather;
+mod gather;
+mod input;
 mod packed;
 mod passes;
 mod places;
 mod quantised;
 mod section;
+mod select;
 #[cfg(test)]
 mod tests;
+mod variant;
 
-pub use gather::{Input, Scan, View, gather};
+pub use gather::gather;
+pub use input::{Input, Scan, View};
 pub use section::section;
 
 use places::Place;
@@ -46,7 +50,7 @@ pub struct Scene {
     pub variants: Vec<Variant>,
     /// What the M3C2 distances are to.
     pub against: String,
-    /// Points of the reference, in steps of [`REFERENCE_STEP_M`].
+    /// Points of the reference, in steps of 10 µm.
     pub reference: Places,
     /// Number of points of the whole reference.
     pub reference_of: u64,
@@ -61,7 +65,10 @@ stored!(struct Scene {
 });
 
 /// Step of the points of the reference, metres.
-pub const REFERENCE_STEP_M: f64 = 1e-5;
+const REFERENCE_STEP_M: f64 = 1e-5;
+
+/// Radius around the place of a section within which all points are taken, metres.
+const PLACE_RADIUS_M: f64 = 0.2;
 
 /// The points of one scanner, profile by profile in the order of their times.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -8,7 +8,7 @@ use crate::stored::stored;
 /// Edge of the cells in which surfaces are looked for, metres.
 const CELL_M: f64 = 0.15;
 /// Fewest points of a cell, and most of them that are looked at.
-const POINTS: [usize; 2] = [60, 600];
+const POINTS: [usize; 2] = [40, 600];
 /// Standard deviation of the points of a cell across its plane up to which it is a board, metres.
 const BOARD_M: f64 = 0.003;
 /// By how much a board is rougher that one more pass must have seen, metres.

@@ -7,10 +7,11 @@ use serde_json::Value;
 
 use super::packed::Packed;
 use super::quantised::ROTATION_STEP;
-use super::{Input, REFERENCE_STEP_M, Scan, Scene, View, gather};
+use super::{Input, REFERENCE_STEP_M, Scan, Scene, View, gather, section};
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::{Bending, BodyFromScanner, Rotation, Vec3, WorldFromBody};
 use crate::georeference::Georeferencer;
+use crate::report::content::Drive;
 use crate::sensor::{PoseRecord, ScanPoint};
 use crate::stored::Stored;
 use crate::trajectory::Trajectory;
@@ -290,4 +291,25 @@ fn equal_drives_give_equal_bytes_and_are_kept_exactly() {
         most_points: 100,
     });
     assert_eq!(scene.map(|scene| scene.poses.len()), Some(1));
+}
+
+#[test]
+fn names_do_not_end_the_script_that_holds_them() {
+    let drive = |scene| Drive {
+        name: "</script><b>'&".into(),
+        scene,
+        ..Drive::default()
+    };
+    let drives = [drive(Some(Case::new().scene(500))), drive(None)];
+    let markup = section(&drives);
+    assert_eq!(markup, section(&drives));
+    let scripts = markup.matches("<script").count();
+    assert_eq!((scripts, markup.matches("</script>").count()), (3, 3));
+    assert!(!markup.contains("<b>") && markup.contains("&lt;b&gt;"));
+    let begin = markup.find("id=\"scene-header\">").unwrap() + "id=\"scene-header\">".len();
+    let end = begin + markup[begin..].find("</script>").unwrap();
+    let header: Value = serde_json::from_str(&markup[begin..end]).unwrap();
+    assert_eq!(header["drives"][0]["name"], drives[0].name);
+    assert_eq!(header["drives"][0]["variants"][1]["name"], "calibrated");
+    assert_eq!(section(&drives[1..]), "");
 }

@@ -72,7 +72,7 @@ export class SectionPanel {
     const millimetreList = (values, text) => values.map((value) => [value, text(millimetres(value))]);
     this.controls.replaceChildren(
       choice('Place', places, this.place, (place) => this.goTo(place)),
-      slider('Direction', { min: 0, max: 179, step: 1, value: Math.round((180 / Math.PI) * this.azimuth) % 180, text: (deg) => `${deg}°` }, (deg) => {
+      slider('Azimuth', { min: 0, max: 179, step: 1, value: Math.round((180 / Math.PI) * this.azimuth) % 180, text: (deg) => `${deg}°` }, (deg) => {
         this.azimuth = (Math.PI / 180) * deg;
         again();
       }),

@@ -1,6 +1,6 @@
 // Legends and the description of a point.
 
-import { fixed, millimetres, signedMillimetres } from '../text.js';
+import { fixed, signedMillimetres } from '../text.js';
 import { el } from './dom.js';
 
 /** The legend of a colouring: a bar with ticks, or colours with names. */
@@ -25,12 +25,12 @@ export function facts(point) {
   const rows = [['East', east], ['North', north], ['Up', up]];
   if (point.distance) {
     const sign = point.distance.isBeyond ? 'beyond ' : '';
-    rows.push(['M3C2 distance', `${sign}${signedMillimetres(point.distance.value)} mm`]);
+    rows.push(['M3C2 distance', `${sign}${signedMillimetres(point.distance.value, 2)} mm`]);
   }
   if (point.detection) {
     const is = point.distance && Math.abs(point.distance.value) > point.detection.value;
-    const meaning = point.distance ? (is ? ', significant' : ', not significant') : '';
-    rows.push(['Level of detection', `${millimetres(point.detection.value)} mm${meaning}`]);
+    const meaning = point.distance ? (is ? ', exceeded' : ', not exceeded') : '';
+    rows.push(['Level of detection', `${fixed(1e3 * point.detection.value, 2)} mm${meaning}`]);
   }
   rows.push(
     ['Scanner', point.scanner],

@@ -40,9 +40,7 @@ export class Player {
   /** The platform at the time of the slider. */
   show() {
     if (this.variant < 0) return;
-    const { series, ink, muted, passes } = this.app.theme;
-    const colours = { series, ink, muted, axes: [passes[5], passes[2], passes[0]] };
-    this.place(platform(this.drive, this.variant, this.fromS + this.time.get(), this.factor, colours));
+    this.place(platform(this.drive, this.variant, this.fromS + this.time.get(), this.factor, this.app.theme));
     this.offsets.textContent = `Off their means (grey axes): ${this.offsetsAt(this.fromS + this.time.get())}`;
     this.app.stage.move();
   }

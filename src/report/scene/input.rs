@@ -1,0 +1,57 @@
+//! What a scene is gathered from.
+
+use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
+use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::sensor::ScanPoint;
+use crate::trajectory::Trajectory;
+
+/// What is known of a drive.
+pub struct Input<'a> {
+    /// Origin of the coordinates, which they lack, metres.
+    pub origin_m: Vec3,
+    /// One a scanner.
+    pub scans: Vec<Scan<'a>>,
+    /// The ways in which the points are placed; the last is that of the result.
+    pub views: Vec<View<'a>>,
+    /// The distances.
+    pub agreements: &'a Agreements,
+    /// How they were found.
+    pub settings: &'a ComparisonSettings,
+    /// The reference, metres; empty without one.
+    pub reference: &'a [Vec3],
+    /// About how many points are taken.
+    pub most_points: usize,
+}
+
+/// The points of a scanner.
+pub struct Scan<'a> {
+    /// Name of the scanner.
+    pub name: &'a str,
+    /// Added to its times to get those of the trajectory, seconds.
+    pub time_offset_s: f64,
+    /// Number of points with a pose in its recordings.
+    pub of: u64,
+    /// A sample of them, in the order of their times, each with the number of its profile.
+    pub points: &'a [(u32, ScanPoint)],
+}
+
+/// A way in which points are placed.
+pub struct View<'a> {
+    /// The mountings.
+    pub kind: MountingKind,
+    /// The poses of the body.
+    pub trajectory: &'a Trajectory,
+    /// One a scanner.
+    pub mountings: &'a [BodyFromScanner],
+    /// How each moves about it; empty where they are rigid.
+    pub bending: &'a [Bending],
+}
+
+impl View<'_> {
+    /// The mounting of a scanner at a time, seconds.
+    pub(super) fn mounting(&self, scanner: usize, time_s: f64) -> BodyFromScanner {
+        let mean = &self.mountings[scanner];
+        let bending = self.bending.get(scanner);
+        bending.map_or(*mean, |bending| bending.apply(mean, time_s))
+    }
+}

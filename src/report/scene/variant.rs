@@ -1,0 +1,92 @@
+//! A way in which the points are placed, with the distances that it leaves.
+
+use rayon::prelude::*;
+
+use super::Variant;
+use super::distances::Distances;
+use super::input::{Input, View};
+use super::quantised::{Bytes, Track};
+use super::select::Chosen;
+use crate::comparison::{Against, Agreement};
+use crate::geometry::Vec3;
+use crate::report::number::nice_above;
+use crate::statistics::quantile;
+
+/// Quantile of the sizes of distances that their bytes reach to.
+const REACHED: f64 = 0.995;
+
+/// The view of a drive with the poses number `set`.
+pub fn variant(
+    view: &View,
+    set: usize,
+    selected: &[Vec<Chosen>],
+    input: &Input,
+    step_m: f64,
+) -> Variant {
+    let moves = !view.bending.is_empty();
+    let moving = selected.iter().enumerate().filter(|_| moves);
+    let moving = moving.map(|(scanner, profiles)| {
+        let mut track = Track::default();
+        for (profile, _) in profiles {
+            let mounting = view.mounting(scanner, profile.time_s);
+            track.push(&mounting, &Vec3::zeros(), step_m);
+        }
+        track
+    });
+    let known: Vec<Vec<[f64; 2]>> = selected
+        .par_iter()
+        .enumerate()
+        .map(|(scanner, profiles)| distances(view, set, (scanner, profiles.as_slice()), input))
+        .collect();
+    let limit = |which: usize| {
+        let all = known.iter().flatten().map(|values| values[which].abs());
+        let mut sizes: Vec<f64> = all.filter(|size| size.is_finite()).collect();
+        sizes.sort_by(f64::total_cmp);
+        nice_above(quantile(&sizes, REACHED).max(1e-4))
+    };
+    let (most, most_detected) = (limit(0), limit(1));
+    let bytes = |which: usize, ends: (f64, f64)| -> Vec<Bytes> {
+        let one = |values: &Vec<[f64; 2]>| Bytes::of(ends, values.iter().map(|v| v[which]));
+        known.iter().map(one).collect()
+    };
+    Variant {
+        kind: view.kind,
+        poses: set,
+        mountings: view.mountings.to_vec(),
+        moving: moving.collect(),
+        distances: bytes(0, (-most, most)),
+        detections: bytes(1, (0.0, most_detected)),
+    }
+}
+
+/// Distance and level of detection at each point of a scanner, metres; NaN where they are unknown.
+fn distances(
+    view: &View,
+    set: usize,
+    (scanner, profiles): (usize, &[Chosen]),
+    input: &Input,
+) -> Vec<[f64; 2]> {
+    let name = input.scans[scanner].name;
+    let wanted = |found: &&Agreement| {
+        found.scanner == name
+            && match &found.against {
+                Against::Reference => true,
+                Against::Scanner(_) => input.reference.is_empty(),
+            }
+    };
+    let Some(found) = input.agreements.under(view.kind).find(wanted) else {
+        let points = profiles.iter().map(|(_, points)| points.len());
+        return vec![[f64::NAN; 2]; points.sum()];
+    };
+    let settings = input.settings;
+    let (reach_m, most_m) = (settings.core_spacing_m, settings.max_distance_m);
+    let distances = Distances::new(&found.distances, reach_m, most_m);
+    let each = profiles.par_iter().flat_map_iter(|(profile, points)| {
+        let pose = profile.poses[set] * view.mounting(scanner, profile.time_s);
+        let at = points
+            .iter()
+            .map(|point| distances.at(&pose.map(&point.position_m)));
+        at.collect::<Vec<_>>()
+    });
+    each.collect()
+}
