@@ -6,6 +6,7 @@ import { test } from 'node:test';
 import { fromBase64, inflate, list } from '../src/data/unpack.js';
 import { apply, compose, exaggerated, multiply } from '../src/data/transform.js';
 import { corners, eigenvectors, frameOf } from '../src/section/frame.js';
+import { cut, median, reach } from '../src/section/cut.js';
 import { niceAbove } from '../src/section/chart.js';
 import { packed } from './synthetic.js';
 
@@ -52,4 +53,27 @@ test('a section stands across its surface', () => {
   const [first, , last] = eigenvectors([[2, 1, 0], [1, 2, 0], [0, 0, 0.5]]);
   assert.ok(close(first.map(Math.abs), [Math.SQRT1_2, Math.SQRT1_2, 0]) && close(last.map(Math.abs), [0, 0, 1]));
   assert.deepEqual([0.00011, 0.0002, 0.7].map((x) => Number(niceAbove(x).toPrecision(3))), [0.0002, 0.0002, 1]);
+});
+
+test('a section cuts what lies in its slab', () => {
+  // A board at a slope of 45° that rises to the north, a scanner half a millimetre above the reference, and a point on it
+  // that belongs to another surface.
+  const root = Math.SQRT1_2;
+  const at = (along, up, aside) => [aside, root * along - root * up, root * along + root * up];
+  const line = (up, aside) => Array.from({ length: 41 }, (_, i) => at(0.005 * (i - 20), up, aside));
+  const scanned = [...line(0.0005, 0.002), at(0, 0.3, 0), at(0.01, 0.02, 0)];
+  const fan = { number: 0, first: 0, passes: [4], profileOf: new Uint32Array(scanned.length) };
+  const drive = {
+    reference: { positions: Float64Array.from([...line(0, 0), ...line(0.1, 0.5)].flat()) },
+    positions: () => Float64Array.from(scanned.flat()),
+    fanOf: () => fan,
+  };
+  const frame = frameOf({ centre: [0, 0, 0], normal: [0, -root, root] }, 0);
+  const { reference, series } = cut(drive, 0, frame, { lengthM: 0.3, halfM: 0.01 });
+  assert.equal(reference.length, 41);
+  assert.deepEqual(series.map(({ pass, points }) => [pass, points.length]), [[4, 42]]);
+  assert.ok(Math.abs(series[0].middle - 0.0005) < 1e-12 && series[0].spread < 1e-12);
+  const [low, high] = reach({ reference, series });
+  assert.ok(low < 0 && low > -0.001 && high > 0.0005 && high < 0.002, `${low} ${high}`);
+  assert.ok(median([3, 1, 2]) === 2 && median([4, 1, 2, 3]) === 2.5 && Number.isNaN(median([])));
 });

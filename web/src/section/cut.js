@@ -2,10 +2,12 @@
 
 /** Points farther above or below the surface belong to another one, metres. */
 const ANOTHER_M = 0.25;
-/** Length of the pieces over which the reference is averaged, metres. */
+/** Length of the pieces whose median height is found, metres. */
 const PIECE_M = 0.01;
 /** Fewest points of a piece of a line. */
 const FEWEST = 3;
+/** Standard deviations in the median of absolute deviations, of normal errors. */
+const SIGMAS_PER_MAD = 1.4826;
 
 /** Along and above the surface of the points in the slab: calls `each` with both, metres, and the point's number. */
 function inSlab(positions, { centre, along, up, aside }, lengthM, halfM, each) {
@@ -23,7 +25,8 @@ function inSlab(positions, { centre, along, up, aside }, lengthM, halfM, each) {
 
 /**
  * The section of a drive as one variant places it: the reference, and a series for each pass of each scanner, each with
- * its mean offset from the reference and the spread about that, metres (null without a reference beside it).
+ * the median of its offsets from the reference and their spread about that, metres (null without a reference beside it).
+ * Medians, as single points at edges lie centimetres off.
  */
 export function cut(drive, variant, frame, { lengthM, halfM }) {
   const reference = [];
@@ -33,33 +36,37 @@ export function cut(drive, variant, frame, { lengthM, halfM }) {
     const fan = drive.fanOf(point);
     const pass = fan.passes[fan.profileOf[point - fan.first]];
     const key = 65536 * fan.number + pass;
-    if (!series.has(key)) series.set(key, { key, fan, pass, points: [], numbers: [] });
+    if (!series.has(key)) series.set(key, { key, fan, pass, points: [] });
     series.get(key).points.push([s, v]);
-    series.get(key).numbers.push(point);
   });
   const found = [...series.values()].sort((a, b) => a.key - b.key);
-  const ground = heights(reference, lengthM);
+  const ground = heights(reference, lengthM, 1);
   found.forEach((one) => Object.assign(one, offset(one.points, ground, lengthM), { line: line(one.points, lengthM) }));
   return { reference, line: line(reference, lengthM), series: found };
 }
 
-/** Mean height of points in each piece of a section; NaN with fewer than `fewest`. */
-function heights(reference, lengthM, fewest = 1) {
-  const pieces = Math.ceil(lengthM / PIECE_M);
-  const [sums, counts] = [new Float64Array(pieces), new Float64Array(pieces)];
-  for (const [s, v] of reference) {
-    const piece = Math.min(Math.floor((s + 0.5 * lengthM) / PIECE_M), pieces - 1);
-    sums[piece] += v;
-    counts[piece]++;
-  }
-  return sums.map((sum, i) => (counts[i] >= fewest ? sum / counts[i] : NaN));
+/** The median; NaN of nothing. */
+export function median(values) {
+  const sorted = Float64Array.from(values).sort();
+  const middle = sorted.length >> 1;
+  return sorted.length % 2 === 1 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
 }
 
-/** The mean height of points over each piece, as parts of a line without the pieces that have fewer than {@link FEWEST}. */
+function pieceOf(s, lengthM) {
+  return Math.min(Math.floor((s + 0.5 * lengthM) / PIECE_M), Math.ceil(lengthM / PIECE_M - 1e-9) - 1);
+}
+
+/** Median height of points in each piece of a section; NaN with fewer than `fewest`. */
+function heights(points, lengthM, fewest) {
+  const pieces = Array.from({ length: pieceOf(0.5 * lengthM, lengthM) + 1 }, () => []);
+  for (const [s, v] of points) pieces[pieceOf(s, lengthM)].push(v);
+  return pieces.map((piece) => (piece.length >= fewest ? median(piece) : NaN));
+}
+
+/** The median height of points over each piece, as parts of a line without the pieces that have too few. */
 function line(points, lengthM) {
-  const means = heights(points, lengthM, FEWEST);
   const parts = [[]];
-  means.forEach((v, i) => {
+  heights(points, lengthM, FEWEST).forEach((v, i) => {
     if (Number.isFinite(v)) parts.at(-1).push([(i + 0.5) * PIECE_M - 0.5 * lengthM, v]);
     else if (parts.at(-1).length > 0) parts.push([]);
   });
@@ -67,13 +74,11 @@ function line(points, lengthM) {
 }
 
 function offset(points, ground, lengthM) {
-  const over = points
-    .map(([s, v]) => v - ground[Math.min(Math.floor((s + 0.5 * lengthM) / PIECE_M), ground.length - 1)])
-    .filter(Number.isFinite);
-  if (over.length === 0) return { mean: null, spread: null };
-  const mean = over.reduce((a, b) => a + b, 0) / over.length;
-  const squares = over.reduce((sum, x) => sum + (x - mean) ** 2, 0);
-  return { mean, spread: over.length > 1 ? Math.sqrt(squares / (over.length - 1)) : null };
+  const over = points.map(([s, v]) => v - ground[pieceOf(s, lengthM)]).filter(Number.isFinite);
+  if (over.length === 0) return { middle: null, spread: null };
+  const middle = median(over);
+  const spread = SIGMAS_PER_MAD * median(over.map((x) => Math.abs(x - middle)));
+  return { middle, spread: over.length > 2 ? spread : null };
 }
 
 /** Heights that leave out the outermost hundredth on each side, metres, with some room; at least a millimetre. */

@@ -113,16 +113,16 @@ export class SectionPanel {
     const exaggeration = times >= 10 ? fixed(times, 0) : fixed(times, 1);
     this.note.textContent = `${name}. Heights ${exaggeration} times as large as lengths; 0 is the plane through the points of the last mounting. `
       + (reference.length > 0
-        ? `Grey and dashed: the reference, ${reference.length} points. Lines are means over each centimetre; offsets are from that of the reference.`
+        ? `Grey and dashed: the reference, ${reference.length} points. Lines are medians over each centimetre; offsets are from that of the reference, with their spread as 1.48 times the median deviation.`
         : 'No points of a reference here.');
-    const known = series.filter((one) => one.mean !== null);
-    const summary = known.map((one) => `${one.fan.name}, pass ${one.pass}: ${signedMillimetres(one.mean)} mm`).join('; ');
+    const known = series.filter((one) => one.middle !== null);
+    const summary = known.map((one) => `${one.fan.name}, pass ${one.pass}: ${signedMillimetres(one.middle)} mm`).join('; ');
     this.canvas.setAttribute('aria-label', `Section, ${name}. ${summary}`);
     this.table.replaceChildren(this.rows(series));
   }
 
   rows(series) {
-    const head = ['', 'scanner', 'pass', 'points', 'mean offset (mm)', 'spread (mm)'];
+    const head = ['', 'scanner', 'pass', 'points', 'median offset (mm)', 'spread (mm)'];
     const value = (metres, text) => (metres === null ? '–' : text(metres));
     return el('table', { class: 'numbers' },
       el('thead', {}, el('tr', {}, ...head.map((text) => el('th', { scope: 'col' }, text)))),
@@ -135,7 +135,7 @@ export class SectionPanel {
           el('td', { class: 'text' }, one.fan.name),
           el('td', {}, one.pass > 0 ? String(one.pass) : 'turn'),
           el('td', {}, String(one.points.length)),
-          el('td', {}, value(one.mean, (m) => signedMillimetres(m, 2))),
+          el('td', {}, value(one.middle, (m) => signedMillimetres(m, 2))),
           el('td', {}, value(one.spread, (m) => fixed(1e3 * m, 2))));
       })));
   }
