@@ -9,7 +9,7 @@ use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
 use super::learn::learn;
-use super::model::evident;
+use super::model::{evident_to_imu, evident_to_scans};
 use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::result::Joint;
 use super::settings::JointSettings;
@@ -36,6 +36,9 @@ const MIN_SURFELS: usize = 50;
 const MAX_SIGMA_M: f64 = 0.010;
 /// Length of the last step, standard deviations, before the noise is estimated anew.
 const SCALING_SIGMAS: f64 = 0.5;
+/// The same with knots: how far they may move is found anew as well, which moves mountings much and residuals
+/// little.
+const LEARNING_SIGMAS: f64 = 2.0;
 /// And at the end. Steps become shorter by a factor of two or more, and nothing is off by more than this.
 const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
 /// Most rounds.
@@ -120,6 +123,13 @@ pub fn at_rung(
         if round == Round::Fine {
             // Residuals to surfels that are not where they are seen would pass for outliers in the first step.
             problem.fit_shapes(&mut state);
+            if may_climb && !again {
+                // Steps of a model that is evidently wrong are many, and may be refused.
+                let reasons = evident_to_scans(&problem, &state);
+                if !reasons.is_empty() {
+                    return Ok(Outcome::Contradicted(reasons));
+                }
+            }
         }
         if again {
             problem.find_trust(&state);
@@ -132,7 +142,10 @@ pub fn at_rung(
         }
         if may_climb && !again {
             let found = components_at(&mut problem, &state)?;
-            let reasons = evident(&problem, &state, &found, round == Round::Fine);
+            let mut reasons = evident_to_imu(&problem, &state, &found);
+            if round == Round::Fine {
+                reasons.extend(evident_to_scans(&problem, &state));
+            }
             if !reasons.is_empty() {
                 return Ok(Outcome::Contradicted(reasons));
             }
@@ -230,6 +243,10 @@ impl Steps<'_> {
         state: &mut State,
     ) -> Result<StopReason> {
         problem.raise_noise(state);
+        let sigmas = match problem.layout.knots.is_empty() {
+            true => SCALING_SIGMAS,
+            false => LEARNING_SIGMAS,
+        };
         for scaling in 1.. {
             let found = components_at(problem, state)?;
             let (mut learned, mut jumped) = (0.0, false);
@@ -250,7 +267,7 @@ impl Steps<'_> {
             if scaling == MAX_SCALINGS || is_settled {
                 break;
             }
-            self.settle(problem, state, SCALING_SIGMAS)?;
+            self.settle(problem, state, sigmas)?;
         }
         self.settle(problem, state, SETTLED_SIGMAS)
     }

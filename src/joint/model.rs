@@ -73,39 +73,41 @@ pub fn of_imu(
     )
 }
 
-/// Where IMU or scans contradict mountings that move so little by far more than chance, before the noise of
-/// scans is estimated, given the component of each group: with that noise, most of what moves them passes as it.
-/// Scans say so only where all else has settled.
-pub fn evident(
+/// Where an IMU contradicts mountings that move so little by far more than chance, before the noise of scans is
+/// estimated, given the component of each group: with that noise, most of what moves them passes as it.
+pub fn evident_to_imu(
     problem: &JointProblem<'_>,
     state: &State,
     found: &[Component],
-    is_settled: bool,
 ) -> Vec<String> {
+    let said = with_imu(problem).filter_map(|(drive, of_drive)| {
+        let group = problem.groups.first_motion[drive];
+        let (imu, name) = (&found[group], problem.groups.names[group].as_str());
+        let ratio = imu.ratio()?;
+        let is_evident = ratio > EVIDENT * max_imu_ratio(imu.redundancy);
+        is_evident.then(|| of_imu((name, &of_drive), state.rung(), (ratio, imu.redundancy)))
+    });
+    said.collect()
+}
+
+/// Where scans do, once points are sorted after a first adjustment and surfels lie where they are seen: models that
+/// are right leave up to 2.6 then, and those that are wrong 40 and more.
+pub fn evident_to_scans(problem: &JointProblem<'_>, state: &State) -> Vec<String> {
+    let left = motion_left(problem, state);
+    let said = with_imu(problem).filter_map(|(drive, of_drive)| {
+        let is_evident = left[drive] > EVIDENT_IN_SCANS * MAX_MOTION_LEFT;
+        is_evident.then(|| of_scans(&of_drive, state.rung(), left[drive]))
+    });
+    said.collect()
+}
+
+/// The drives with an IMU and how they are named: poses from a file follow the scans as a mounting would.
+fn with_imu(problem: &JointProblem<'_>) -> impl Iterator<Item = (usize, String)> {
     let drives = &problem.input.drives;
-    let left = match is_settled {
-        true => motion_left(problem, state),
-        false => vec![0.0; drives.len()],
-    };
-    let groups = problem.groups.first_motion.iter().zip(left);
-    let mut reasons = Vec::new();
-    for (drive, (&group, left)) in drives.iter().zip(groups) {
-        // Poses from a file follow the scans as a mounting would.
-        if !problem.groups.names[group].ends_with(IMU) {
-            continue;
-        }
-        let (imu, rung) = (&found[group], state.rung());
-        let ratio = imu.ratio().unwrap_or(0.0);
-        let of_drive = of_drive(&drive.name, drives.len());
-        if ratio > EVIDENT * max_imu_ratio(imu.redundancy) {
-            let who = (problem.groups.names[group].as_str(), of_drive.as_str());
-            reasons.push(of_imu(who, rung, (ratio, imu.redundancy)));
-        }
-        if left > EVIDENT_IN_SCANS * MAX_MOTION_LEFT {
-            reasons.push(of_scans(&of_drive, rung, left));
-        }
-    }
-    reasons
+    let groups = problem.groups.first_motion.iter();
+    let each = drives.iter().zip(groups).enumerate();
+    each.filter(|(_, (_, group))| problem.groups.names[**group].ends_with(IMU))
+        .map(|(index, (drive, _))| (index, of_drive(&drive.name, drives.len())))
 }
 
 /// What contradicts the model, the gravest first.
