@@ -9,6 +9,8 @@ use crate::verdict::Verdict;
 
 /// A gap of the IMU that is longer leaves poses that nothing supports, seconds.
 const LONG_GAP_S: f64 = 2.0;
+/// Records that arrive later are named, seconds.
+const NOTABLE_DELAY_S: f64 = 0.02;
 /// A sensor's clock that drifts by more in the course of a recording is named, seconds.
 const NOTABLE_DRIFT_S: f64 = 1e-3;
 
@@ -106,6 +108,18 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
                      earliest arrivals; half of all records came {median_ms:.1} ms later, 99.9 % at most \
                      {late_ms:.1} ms.",
                     clock.offset_s
+                ),
+            )
+        });
+    }
+    if clock.is_kept && clock.delay_999_s > NOTABLE_DELAY_S {
+        said.push(Verdict {
+            value: Some(clock.delay_999_s),
+            ..Verdict::note(
+                "recording.delay",
+                format!(
+                    "{name}: half of its records arrived {median_ms:.1} ms, 99.9 % at most {late_ms:.1} ms after they were \
+                     measured."
                 ),
             )
         });

@@ -98,7 +98,7 @@ fn compare(played: &Path, recorded: &Path) -> Compared {
             sent.len()
         );
     }
-    let times = |folder: &Path| -> Vec<(f64, f64)> {
+    let times = |folder: &Path| -> Vec<(f64, Vec3)> {
         let instrument = TotalStation {
             station_m: Vec3::zeros(),
             orientation_rad: 0.0,
@@ -111,17 +111,14 @@ fn compare(played: &Path, recorded: &Path) -> Compared {
         };
         let how = Observations::Polar(instrument);
         let found = format::read_positions(&folder.join("station.csv"), &how).unwrap();
-        found
-            .fixes
-            .iter()
-            .map(|fix| (fix.time_s, fix.position_m.x))
-            .collect()
+        let fixes = found.fixes.iter();
+        fixes.map(|fix| (fix.time_s, fix.position_m)).collect()
     };
     let [sent, kept] = [played, recorded].map(times);
-    let station = sent.iter().filter_map(|(time_s, east_m)| {
+    let station = sent.iter().filter_map(|(time_s, position_m)| {
         let same = kept
             .iter()
-            .find(|(_, other_m)| (other_m - east_m).abs() < ROUNDED_M)?;
+            .find(|(_, other_m)| (other_m - position_m).norm() < ROUNDED_M)?;
         Some(same.0 - time_s)
     });
     let station: Vec<f64> = station.collect();
@@ -232,10 +229,8 @@ fn the_demos_drive_through_all_interfaces() {
     };
     let own = mountings(&drive);
     println!("the drive's own files: {}", line(&own, &own));
-    println!(
-        "as recorded by ideal links: {}",
-        line(&mountings(&recording), &own)
-    );
+    let ideal = mountings(&recording);
+    println!("from the recording that is played: {}", line(&ideal, &own));
     for speed in ["1", "20"] {
         let again = kept.path().join(format!("again-{speed}"));
         replay(&recording, speed, &again);
@@ -247,7 +242,7 @@ fn the_demos_drive_through_all_interfaces() {
             100.0 * found.distances,
             ms(found.station_s),
             ms(found.scanner_s),
-            line(&mountings(&again), &own)
+            line(&mountings(&again), &ideal)
         );
     }
 }
