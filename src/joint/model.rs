@@ -90,8 +90,8 @@ pub fn evident_to_imu(
     said.collect()
 }
 
-/// Where scans do, once points are sorted after a first adjustment and surfels lie where they are seen: models that
-/// are right leave up to 2.6 then, and those that are wrong 40 and more.
+/// Where scans do, once points are sorted anew after the coarse round and surfels lie where they are seen: models
+/// that are right leave up to 2.6 then on simulated drives.
 pub fn evident_to_scans(problem: &JointProblem<'_>, state: &State) -> Vec<String> {
     let left = motion_left(problem, state);
     let said = with_imu(problem).filter_map(|(drive, of_drive)| {
