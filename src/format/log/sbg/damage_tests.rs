@@ -29,7 +29,8 @@ fn frames_are_found_between_other_bytes_and_large_frames() {
         (counts.damaged_bytes, counts.damaged_places),
         (15 + 6 + 40, 3)
     );
-    let text = "1 GPS1_RAW, 2000 IMU_SHORT, 50 page of class 16 message 48, 61 damaged bytes";
+    let text =
+        "1 GPS1_RAW, 2000 IMU_SHORT, 50 page of class 16 message 48, 61 damaged bytes in 3 places";
     assert_eq!(counts.describe(), text);
     assert!(looks_like(&log[..200]) && looks_like(&large));
     assert!(!looks_like(&log[..40]) && !looks_like(b""));
