@@ -143,7 +143,7 @@ export class App {
     }
     if (this.reference) checks.append(checkbox('reference', this.shows.reference, (on) => this.toggle('reference', on)));
     checks.append(
-      checkbox('way of the body', this.shows.way, (on) => this.toggle('way', on)),
+      checkbox('trajectory', this.shows.way, (on) => this.toggle('way', on)),
       checkbox('body axes', this.shows.axes, (on) => this.toggle('axes', on)),
       button('Whole view', () => this.navigation.reset()),
       button('From above', () => this.navigation.top()),

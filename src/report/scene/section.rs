@@ -36,7 +36,7 @@ pub fn section(drives: &[Drive]) -> String {
         return String::new();
     }
     format!(
-        "<p>The clouds with every mounting, the reference and the way of the body. Points are spread evenly over \
+        "<p>The clouds with every mounting, the reference and the trajectory. Points are spread evenly over \
          each drive ({}); near the places of the sections, every point that was compared is there.</p>\n\
          <div id=\"scene-viewer\" class=\"scene\"><p class=\"note\">The clouds are drawn by a script in this \
          page.</p></div>\n\

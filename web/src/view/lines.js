@@ -1,4 +1,4 @@
-// Lines and marks: the way of the body, its axes, the platform with its scanners, and what is picked.
+// Lines and marks: the trajectory, its axes, the platform with its scanners, and what is picked.
 
 import {
   BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Line, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial,
@@ -21,7 +21,7 @@ function own(object) {
   return object;
 }
 
-/** The way of the body, as positions from the origin. */
+/** The trajectory, as positions from the origin. */
 export function way(drive, variant) {
   const fan = drive.fans.reduce((a, b) => (b.counts.length > a.counts.length ? b : a));
   const every = Math.max(1, Math.ceil(fan.counts.length / WAY_POINTS));
