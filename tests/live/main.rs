@@ -136,6 +136,47 @@ fn compare(played: &Path, recorded: &Path) -> Compared {
     }
 }
 
+/// How long after it was sent a log's pieces were stamped, milliseconds of ours: median and 99.9 %. Playing begins after
+/// a second of ours.
+fn arrivals_ms(played: &Path, recorded: &Path, log: &str, speed: f64) -> [f64; 2] {
+    let ends = |folder: &Path| -> Vec<(usize, f64)> {
+        let mut end = 0;
+        let pieces = format::Pieces::open(&folder.join(log)).unwrap();
+        let ends = pieces.map(|(bytes, at_s)| {
+            end += bytes;
+            (end, at_s)
+        });
+        ends.collect()
+    };
+    let kept = ends(recorded);
+    let mut delays: Vec<f64> = ends(played)
+        .into_iter()
+        .map(|(end, sent_s)| {
+            let arrived_s = kept[kept.partition_point(|(other, _)| *other < end)].1;
+            1e3 * ((arrived_s - sent_s) / speed - 1.0)
+        })
+        .collect();
+    in_ms(&mut delays)
+}
+
+/// Median and 99.9 %, to 0.01.
+fn in_ms(delays: &mut [f64]) -> [f64; 2] {
+    delays.sort_by(f64::total_cmp);
+    [0.5, 0.999].map(|p| {
+        let delay_ms = delays[((delays.len() - 1) as f64 * p) as usize];
+        (1e2 * delay_ms).round() / 1e2
+    })
+}
+
+/// The same of a total station's distances, whose instrument was switched on when playing began.
+fn distances_ms(recorded: &Path, speed: f64) -> [f64; 2] {
+    let rows = format::station_rows(&recorded.join("station.csv")).unwrap();
+    let delays = rows
+        .iter()
+        .map(|row| 1e3 * (row.monotonic_s - row.instrument_time_s.unwrap()) / speed);
+    in_ms(&mut delays.collect::<Vec<f64>>())
+}
+
 #[test]
 fn a_recording_gives_the_trajectory_of_the_drives_own_files() {
     let (kept, drive) = common::simulated();
@@ -235,6 +276,16 @@ fn the_demos_drive_through_all_interfaces() {
         let again = kept.path().join(format!("again-{speed}"));
         replay(&recording, speed, &again);
         let found = compare(&recording, &again);
+        for log in ["ins.sbg", "compass.nmea", "left.gocator"] {
+            let [median, late] = arrivals_ms(&recording, &again, log, speed.parse().unwrap());
+            println!(
+                "{speed} times, {log}: stamped after {median} ms (median), {late} ms (99.9 %)"
+            );
+        }
+        let [median, late] = distances_ms(&again, speed.parse().unwrap());
+        println!(
+            "{speed} times, distances: stamped after {median} ms (median), {late} ms (99.9 %)"
+        );
         let ms = |seconds: [f64; 2]| seconds.map(|s| (1e5 * s).round() / 100.0);
         println!(
             "{speed} times: {:.1} % of the distances; stamps off by (median, 99.9 %, ms of the recording) prism {:?}, \
