@@ -1,9 +1,11 @@
 //! Counts what arrives, for the view.
 
 use super::field::Kind;
-use super::stream::LONGEST_LINE;
 use crate::format::ArrivingSbg;
 use crate::format::gocator_stream::{Message, Piece, Splitter};
+
+/// Longest line: one without an end is cut there.
+pub(super) const LONGEST_LINE: usize = 4096;
 
 /// Counts records, and bytes that belong to none.
 pub(super) enum Counter {

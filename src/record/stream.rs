@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::clock::Stamp;
-use super::counter::Counter;
+use super::counter::{Counter, LONGEST_LINE};
 use super::field::Kind;
 use super::geocom::Link;
 use super::journal::StampedJournal;
@@ -14,8 +14,6 @@ use crate::error::{Error, Result};
 
 /// Longest time without looking whether the recording ends.
 const PATIENCE: Duration = Duration::from_millis(200);
-/// Longest line: one without an end is cut there.
-pub(super) const LONGEST_LINE: usize = 4096;
 
 /// Records what a sensor sends until told to stop: bytes as they are, with the times of their arrival beside them;
 /// lines below the header of their table.
