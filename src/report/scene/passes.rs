@@ -6,6 +6,8 @@ use crate::trajectory::Trajectory;
 
 /// Time between two looks at the trajectory, seconds.
 const STEP_S: f64 = 0.25;
+/// No drive is longer; times of a damaged file may be.
+const LONGEST_S: f64 = 7.0 * 86_400.0;
 /// How long before and after a time the headings are compared, seconds.
 const REACH_S: f64 = 1.0;
 /// A change of heading over twice the reach that is a turn, radians.
@@ -26,7 +28,8 @@ impl Passes {
     pub fn of(trajectory: &Trajectory) -> Self {
         let trajectory = trajectory.clone().without_limits();
         let (first_s, last_s) = trajectory.span_s();
-        let steps = ((last_s - first_s) / STEP_S).ceil() as usize;
+        // What comes after a week is on no pass.
+        let steps = ((last_s - first_s).min(LONGEST_S) / STEP_S).ceil() as usize;
         let mut passes = 0_u16;
         // Whether the pass goes forwards; `None` on no pass.
         let mut under_way = None;
