@@ -39,6 +39,9 @@ pub struct Verdict {
     pub value: Option<f64>,
     /// Its standard deviation.
     pub sigma: Option<f64>,
+    /// The drive or the run beside the main one that it is about, for example `drive-2`; `None` for the main one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub about: Option<String>,
 }
 
 impl Verdict {
@@ -50,6 +53,7 @@ impl Verdict {
             text: text.into(),
             value: None,
             sigma: None,
+            about: None,
         }
     }
 
@@ -76,6 +80,12 @@ impl Verdict {
     /// The same of another drive.
     pub fn on(mut self, drive: &str) -> Self {
         self.text = format!("{drive}: {}", self.text);
+        self.about(drive)
+    }
+
+    /// The same, which is about a drive or a run beside the main one.
+    pub fn about(mut self, run: &str) -> Self {
+        self.about = Some(run.to_owned());
         self
     }
 
@@ -152,7 +162,7 @@ pub fn capitalised(text: &str) -> String {
     text
 }
 
-stored!(struct Verdict { severity, code, text, value, sigma });
+stored!(struct Verdict { severity, code, text, value, sigma, about });
 stored!(
     enum Severity {
         Good,

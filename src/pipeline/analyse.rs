@@ -1,6 +1,7 @@
 //! A whole run: all stages in order.
 
 use std::path::PathBuf;
+use std::time::SystemTime;
 
 use super::clouds::Mounted;
 use super::findings::{Extras, Findings, KeptStages};
@@ -22,7 +23,7 @@ use crate::joint::JointReport;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::content::Drive;
-use crate::report::{self, verdicts};
+use crate::report::{self, csv, verdicts};
 use crate::stored::stored;
 use crate::verdict::Severity;
 
@@ -59,6 +60,7 @@ pub fn analyse(
     let job = Job::new(&options.out, &inputs, &names, progress)?;
     let inputs = Inputs::read(inputs, progress)?;
     let keys = Keys::new(project, &inputs)?;
+    let files = inputs.files();
     let finished = Finished::beside(&options.out, inputs, options.fresh);
     let mut job = job.with_finished(finished);
     let mut own = Own::new(project);
@@ -181,13 +183,15 @@ pub fn analyse(
         drives,
         origin_m: project.origin_m,
         background_m,
+        made_s: unix_s(),
+        files,
         stages: job.stages().to_vec(),
         placement: start.said,
         warnings: job.warnings().to_vec(),
         verdicts: Vec::new(),
         kept: None,
     };
-    let content = page::content(project, &findings, extras);
+    let content = page::content(project, &findings, extras)?;
     findings.verdicts = verdicts(&content, &project.acceptance);
     write(project, &findings, extras, &job)?;
     findings.kept = job.commit()?.map(|finished| KeptStages {
@@ -320,6 +324,12 @@ fn warnings(
     warnings
 }
 
+/// The time of the system's clock, seconds since 1970; 0 if it is before.
+fn unix_s() -> f64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0.0, |since| since.as_secs_f64())
+}
+
 /// The reference, thinned to a few thousand points.
 fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     const VOXEL_M: f64 = 0.05;
@@ -347,8 +357,15 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
     let text = result::marked_toml(&calibrated, &findings.verdicts)?;
     job.write("calibration.toml", &text)?;
     job.write("project.toml", &project.to_toml()?)?;
-    let page = report::render(&page::content(project, findings, extras));
-    job.write("report.html", &page)?;
+    let mut content = page::content(project, findings, extras)?;
+    for file in &csv::FILES {
+        let text = file.text(&content);
+        if !text.is_empty() {
+            job.write(&format!("{}/{}", csv::FOLDER, file.name), &text)?;
+            content.csv.push(file.name);
+        }
+    }
+    job.write("report.html", &report::render(&content))?;
     let document = result::document(findings);
     job.write("result.json", &format!("{document:#}\n"))
 }

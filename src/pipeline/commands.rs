@@ -126,7 +126,7 @@ pub fn trajectory(
     let path = job.path("trajectory.csv");
     stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
     let command = format!("boresight trajectory {}", project.path.display());
-    let mut content = page::trajectory(project, std::slice::from_ref(&drive), command);
+    let mut content = page::trajectory(project, std::slice::from_ref(&drive), command)?;
     let verdicts = report::verdicts(&content, &project.acceptance);
     // All else stands in the section of the trajectory.
     let marked = verdicts

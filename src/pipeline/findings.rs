@@ -7,7 +7,7 @@ use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::JointReport;
 use crate::progress::StageSeconds;
-use crate::report::content::Drive;
+use crate::report::content::{Drive, InputFile};
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -50,6 +50,10 @@ pub struct Findings {
     pub origin_m: Vec3,
     /// The reference, thinned for drawing, with the project's origin subtracted.
     pub background_m: Vec<Vec3>,
+    /// When they were found, seconds since 1970.
+    pub made_s: f64,
+    /// The files that were read.
+    pub files: Vec<InputFile>,
     /// Run times in order.
     pub stages: Vec<StageSeconds>,
     /// What the first placement of the scans contradicts.

@@ -11,6 +11,7 @@ use twox_hash::xxhash3_128::Hasher;
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::report::content::InputFile;
 
 /// Files, and what was in them when the run began.
 pub struct Inputs(BTreeMap<PathBuf, Option<Content>>);
@@ -50,6 +51,16 @@ impl Inputs {
     pub fn hash(&self, path: &Path) -> Option<u128> {
         let content = self.0.get(path)?;
         content.as_ref().map(|content| content.hash)
+    }
+
+    /// The files in the order of their names.
+    pub fn files(&self) -> Vec<InputFile> {
+        let files = self.0.iter().map(|(path, content)| InputFile {
+            path: path.clone(),
+            bytes: content.as_ref().map_or(0, |content| content.look.0),
+            xxh128: content.as_ref().map(|content| content.hash),
+        });
+        files.collect()
     }
 
     /// A file that is no longer what it was, if there is one.

@@ -10,6 +10,7 @@ use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::format::file_of;
 use crate::project::{OtherDrive, Project};
+use crate::report::Imprint;
 use crate::verdict::Acceptance;
 
 /// Digits of a key.
@@ -123,6 +124,8 @@ fn before_comparison(project: &Project) -> Project {
         comparison: ComparisonSettings::default(),
         // Only the verdicts at the end are held against it.
         acceptance: Acceptance::default(),
+        // It names who made the page.
+        imprint: Imprint::default(),
         // These have keys of their own.
         drives: Vec::new(),
         evaluations: Vec::new(),

@@ -2,17 +2,32 @@
 
 use super::drives::name_of;
 use super::findings::{Extras, Findings};
+use crate::error::Result;
 use crate::project::{Motion, Project};
 use crate::report::content::{Calibrations, Content, Drive, Fact};
+use crate::report::platform::Platform;
 use crate::tiles::peak_memory_bytes;
 
 /// Content of the report of a whole run.
-pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -> Content<'a> {
-    Content {
+///
+/// # Errors
+/// The logo cannot be read.
+pub fn content<'a>(
+    project: &Project,
+    findings: &'a Findings,
+    extras: &Extras,
+) -> Result<Content<'a>> {
+    Ok(Content {
         title: format!("Calibration of {}", name_of(project)),
         command: extras.command.clone(),
         project: project.path.display().to_string(),
         seed: extras.seed,
+        imprint: project.imprint.clone(),
+        logo: project.imprint.logo_uri()?,
+        made_s: Some(findings.made_s),
+        csv: Vec::new(),
+        files: &findings.files,
+        platform: Some(platform(project, findings.drives.first())),
         inputs: inputs(project, &findings.drives),
         calibrations: Some(Calibrations {
             mountings: &findings.mountings,
@@ -27,19 +42,53 @@ pub fn content<'a>(project: &Project, findings: &'a Findings, extras: &Extras) -
         placement: &findings.placement,
         warnings: &findings.warnings,
         verdicts: findings.verdicts.clone(),
+    })
+}
+
+/// Where the sensors are on the body; the fans are those of the points of `drive`.
+pub fn platform(project: &Project, drive: Option<&Drive>) -> Platform {
+    let marks = match &project.motion {
+        Motion::Logs(logs) => {
+            let positions = logs.settings.positions.iter();
+            positions.map(|p| (p.name.clone(), p.lever_arm_m)).collect()
+        }
+        Motion::Poses(_) => Vec::new(),
+    };
+    let scene = drive.and_then(|drive| drive.scene.as_ref());
+    let outline = |name: &str| {
+        let mut fans = scene?.fans.iter();
+        let fan = fans.find(|fan| fan.name == name)?;
+        Some(fan.outline_m.clone())
+    };
+    let scanners = project.scanners.iter();
+    Platform {
+        axes: project.axes,
+        marks,
+        outlines_m: scanners
+            .map(|scanner| outline(&scanner.name).unwrap_or_default())
+            .collect(),
     }
 }
 
 /// Content of the page of a trajectory.
-pub fn trajectory<'a>(project: &Project, drives: &'a [Drive], command: String) -> Content<'a> {
-    Content {
+///
+/// # Errors
+/// The logo cannot be read.
+pub fn trajectory<'a>(
+    project: &Project,
+    drives: &'a [Drive],
+    command: String,
+) -> Result<Content<'a>> {
+    Ok(Content {
         title: format!("Trajectory of {}", name_of(project)),
         command,
         project: project.path.display().to_string(),
+        imprint: project.imprint.clone(),
+        logo: project.imprint.logo_uri()?,
         inputs: log_facts(project),
         drives,
         ..Content::default()
-    }
+    })
 }
 
 fn fact(label: &str, value: String) -> Fact {

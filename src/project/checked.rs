@@ -6,6 +6,7 @@ use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Projection, Vec3};
 use crate::joint::{Compliance, JointSettings};
+use crate::report::Imprint;
 use crate::sensor::Observations;
 use crate::trajectory::{PoseLimits, TrajectorySettings};
 use crate::verdict::Acceptance;
@@ -45,6 +46,8 @@ pub struct Project {
     pub comparison: ComparisonSettings,
     /// What results are held against.
     pub acceptance: Acceptance,
+    /// Who made the report.
+    pub imprint: Imprint,
     /// Other drives, adjusted together with this one.
     pub drives: Vec<OtherDrive>,
     /// Other drives, evaluated with the mountings calibrated here; their names differ from those of

@@ -111,6 +111,9 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
     if let Some(reference) = &project.reference {
         files.push((file("reference"), &reference.path));
     }
+    if let Some(logo) = &project.imprint.logo {
+        files.push((vec![Step::Key("report"), Step::Key("logo")], logo));
+    }
     files
 }
 

@@ -87,6 +87,12 @@ fn written(project: &Project) -> Written {
             distance_m: Some(project.acceptance.distance_m),
             coverage: Some(project.acceptance.coverage),
         },
+        report: written::Report {
+            title: project.imprint.title.clone(),
+            author: project.imprint.author.clone(),
+            organisation: project.imprint.organisation.clone(),
+            logo: project.imprint.logo.clone(),
+        },
         ..Default::default()
     };
     let mut trajectory = match &project.motion {

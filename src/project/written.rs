@@ -52,6 +52,9 @@ pub struct Written {
     /// What results are held against.
     #[serde(default)]
     pub acceptance: Acceptance,
+    /// Who made the report.
+    #[serde(default, skip_serializing_if = "Report::is_empty")]
+    pub report: Report,
     /// Other drives, adjusted together with this one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drive: Vec<OtherDrive>,
@@ -413,6 +416,26 @@ pub struct Acceptance {
     pub distance_m: Option<f64>,
     /// Least share of the common field that distances rest on. Default 0.5.
     pub coverage: Option<f64>,
+}
+
+/// `[report]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Report {
+    /// Heading of the page. Default: the calibration of the drive.
+    pub title: Option<String>,
+    /// Who answers for it.
+    pub author: Option<String>,
+    /// Where they work.
+    pub organisation: Option<String>,
+    /// A PNG, JPEG, WebP or SVG file.
+    pub logo: Option<PathBuf>,
+}
+
+impl Report {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// `[[drive]]` and `[[evaluation]]`

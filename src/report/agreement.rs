@@ -84,7 +84,7 @@ fn of_other(drive: &Drive, acceptance: &Acceptance) -> Option<Verdict> {
         drive.name,
         parts.join(", ")
     );
-    Some(Verdict::new(severity, "agreement.evaluation", text))
+    Some(Verdict::new(severity, "agreement.evaluation", text).about(&drive.name))
 }
 
 fn percent(share: f64) -> String {

@@ -4,6 +4,8 @@ use super::number;
 
 /// No axis has room for more.
 const MAX_TICKS: i64 = 1000;
+/// Ticks that an axis has at least.
+const LEAST_TICKS: usize = 3;
 
 /// One axis.
 #[derive(Debug, Clone)]
@@ -64,11 +66,22 @@ impl Axis {
         number::nice_above((self.max - self.min) / wanted)
     }
 
-    /// Positions and texts of about `wanted` ticks.
+    /// Positions and texts of about `wanted` ticks, at least three where numbers allow: fewer do not tell a scale.
     pub fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         if self.log {
             return self.logarithmic_ticks(wanted);
         }
+        let mut ticks = self.linear_ticks(wanted);
+        for more in [1.5, 2.0, 3.0, 5.0] {
+            if ticks.len() >= LEAST_TICKS {
+                break;
+            }
+            ticks = self.linear_ticks(more * wanted);
+        }
+        ticks
+    }
+
+    fn linear_ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         let step = self.step(wanted);
         let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
         let first = (self.min / step - 1e-6).ceil() as i64;
@@ -92,7 +105,13 @@ impl Axis {
         let inside = |v: f64| v >= self.min * (1.0 - 1e-9) && v <= self.max * (1.0 + 1e-9);
         let text = |v: f64| match (1e-3..1e5).contains(&v) {
             true => number::shortest(v),
-            false => number::power(v.log10().round() as i32),
+            false => {
+                let exponent = (v.log10() + 1e-9).floor();
+                match (v / 10f64.powf(exponent)).round() {
+                    1.0 => number::power(exponent as i32),
+                    factor => format!("{factor}·{}", number::power(exponent as i32)),
+                }
+            }
         };
         let all = |factors: &[f64], every: usize| -> Vec<(f64, String)> {
             (low..=high)
@@ -108,7 +127,11 @@ impl Axis {
             return close;
         }
         let every = (f64::from(high - low) / wanted).ceil().max(1.0) as usize;
-        all(&[1.0], every)
+        let powers = all(&[1.0], every);
+        match powers.len() {
+            0 | 1 => close,
+            _ => powers,
+        }
     }
 
     /// Position of `value` along the axis, from 0 at its lower end to 1.
@@ -172,6 +195,21 @@ mod tests {
         let near = Axis::logarithmic("", [1.06, 16.0]);
         let texts: Vec<String> = near.ticks(5.0).into_iter().map(|t| t.1).collect();
         assert_eq!(texts, ["1", "2", "5", "10", "20"]);
+    }
+
+    #[test]
+    fn every_axis_has_ticks_that_tell_its_scale() {
+        for reach in [0.9, 1.0, 1.7, 2.0, 3.3, 12.0, 61.0] {
+            let axis = Axis::rounded("", [-reach, reach]);
+            assert!(
+                axis.ticks(2.0).len() >= LEAST_TICKS,
+                "{reach}: {:?}",
+                axis.ticks(2.0)
+            );
+        }
+        let log = Axis::logarithmic("", [2.1e-9, 4e-9]);
+        let texts: Vec<String> = log.ticks(3.0).into_iter().map(|tick| tick.1).collect();
+        assert_eq!(texts, ["2·10⁻⁹", "5·10⁻⁹"]);
     }
 
     #[test]

@@ -31,6 +31,38 @@ impl Plot {
         plot
     }
 
+    /// A chart of rows with names, `row_height` units each, over a common x axis; row i is at y = i.
+    pub fn rows(width: f64, row_height: f64, names: &[String], x: Axis) -> Self {
+        let last = names.len().max(1) as f64 - 0.5;
+        let y = Axis {
+            label: String::new(),
+            // The first row is at the top.
+            min: last,
+            max: -0.5,
+            log: false,
+        };
+        let longest = names.iter().map(|name| name.chars().count()).max();
+        let mut plot = Self {
+            width,
+            height: row_height * (last + 0.5) + TOP + BOTTOM,
+            left: 16.0 + DIGIT * longest.unwrap_or(1) as f64,
+            x,
+            y,
+            body: String::new(),
+        };
+        for (row, name) in names.iter().enumerate() {
+            let (x0, x1, y) = (plot.left, plot.width - RIGHT, plot.py(row as f64));
+            plot.body.push_str(&format!(
+                "<path class=\"grid\" d=\"M{x0:.1} {y:.1}H{x1:.1}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
+                x0 - 8.0,
+                y + 4.0,
+                escape(name)
+            ));
+        }
+        plot.draw_x_axis();
+        plot
+    }
+
     /// As [`Plot::new`], without ticks along x.
     pub fn bare(width: f64, height: f64, x: Axis, y: Axis) -> Self {
         let mut plot = Self {

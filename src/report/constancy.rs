@@ -21,7 +21,11 @@ pub fn verdict(calibration: &Calibration) -> Option<Verdict> {
             ),
         ),
     };
-    Some(verdict.with_value(found.ratio, None))
+    let verdict = verdict.with_value(found.ratio, None);
+    Some(match calibration.method {
+        Method::Joint => verdict.about("two steps"),
+        Method::TwoStep | Method::Paper => verdict,
+    })
 }
 
 /// A warning if the residuals along the drive show that the mounting is not constant.

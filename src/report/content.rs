@@ -3,6 +3,10 @@
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
+use std::path::PathBuf;
+
+use super::imprint::Imprint;
+use super::platform::Platform;
 use super::scene::Scene;
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Agreements, MountingKind};
@@ -25,8 +29,20 @@ pub struct Content<'a> {
     pub project: String,
     /// Seed of every random draw.
     pub seed: Option<u64>,
+    /// Who made it.
+    pub imprint: Imprint,
+    /// Their logo as a data URI.
+    pub logo: Option<String>,
+    /// When the results were found, seconds since 1970.
+    pub made_s: Option<f64>,
     /// Inputs: one line per sensor, drive or notable setting.
     pub inputs: Vec<Fact>,
+    /// Names of those of the [`csv::FILES`](super::csv::FILES) that stand beside the page.
+    pub csv: Vec<&'static str>,
+    /// The files that were read.
+    pub files: &'a [InputFile],
+    /// Where the sensors are on the body.
+    pub platform: Option<Platform>,
     /// The calibration, and what it is compared with.
     pub calibrations: Option<Calibrations<'a>>,
     /// The calibration drive, then the others.
@@ -122,6 +138,17 @@ pub struct Drive {
     pub doubts: Vec<Doubt>,
     /// Its clouds, for the viewer.
     pub scene: Option<Scene>,
+}
+
+/// A file that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputFile {
+    /// As named by the project, absolute.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// XXH128 of its content, as `xxhsum -H2` prints it; `None` where it could not be read.
+    pub xxh128: Option<u128>,
 }
 
 /// A label and its value.

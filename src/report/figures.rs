@@ -10,6 +10,7 @@ use super::raster::{self, Bounds};
 use super::track::Track;
 use crate::calibration::Block;
 use crate::calibration::Calibration;
+use crate::format::utc;
 use crate::geometry::Vec3;
 use crate::geometry::heading::heading_rad;
 use crate::statistics::median;
@@ -45,12 +46,14 @@ pub fn coordinate_label(name: &str, shift: f64) -> String {
     }
 }
 
-/// Offset subtracted from times to keep tick labels short, seconds.
+/// Offset subtracted from times to keep tick labels short, seconds: a full minute of Unix times.
 pub fn time_shift(start_s: f64) -> f64 {
-    if start_s.is_finite() {
-        shift(start_s)
-    } else {
+    if !start_s.is_finite() {
         0.0
+    } else if utc(start_s).is_some() {
+        (start_s / 60.0).floor() * 60.0
+    } else {
+        shift(start_s)
     }
 }
 
@@ -58,6 +61,9 @@ pub fn time_shift(start_s: f64) -> f64 {
 pub fn time_label(shift: f64) -> String {
     if shift == 0.0 {
         return "time (s)".into();
+    }
+    if let Some(date) = utc(shift) {
+        return format!("time after {date} UTC (s)");
     }
     let sign = if shift < 0.0 { '+' } else { '−' };
     format!("time {sign} {} s (s)", number::fixed(shift.abs(), 0))
@@ -359,4 +365,18 @@ fn with_gaps(curve: &[[f64; 2]]) -> Vec<[f64; 2]> {
         out.push(*p);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_the_unix_epoch_are_dates() {
+        let start = time_shift(1_795_440_571.5);
+        assert_eq!(start, 1_795_440_540.0);
+        assert_eq!(time_label(start), "time after 2026-11-23 13:29:00 UTC (s)");
+        assert_eq!(time_label(time_shift(51.0)), "time (s)");
+        assert_eq!(time_label(time_shift(313_912.0)), "time − 313 900 s (s)");
+    }
 }

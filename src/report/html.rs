@@ -67,10 +67,19 @@ pub fn head(cells: &[&str]) -> String {
 
 /// Statements as a list, each with the sign of its severity.
 pub fn verdicts(list: &[Verdict]) -> String {
+    statements("verdicts", list)
+}
+
+/// The same in small type, for what is well or for information.
+pub fn brief(list: &[Verdict]) -> String {
+    statements("verdicts brief", list)
+}
+
+fn statements(class: &str, list: &[Verdict]) -> String {
     if list.is_empty() {
         return String::new();
     }
-    let mut out = String::from("<ul class=\"verdicts\">\n");
+    let mut out = format!("<ul class=\"{class}\">\n");
     for verdict in list {
         let (class, sign, word) = match verdict.severity {
             Severity::Good => ("good", "✓", "good"),

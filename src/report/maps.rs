@@ -9,6 +9,7 @@ use super::number;
 use super::raster::{self, Bounds};
 use super::tables::mounting_name;
 use crate::comparison::{Agreement, Histogram, MountingKind};
+use crate::verdict::capitalised;
 
 /// Maximum number of pixels of a map in either direction.
 const PIXELS: usize = 420;
@@ -68,6 +69,33 @@ fn map(drive: &str, found: &[Agreement]) -> String {
         "<figure>\n<h3>{}, {}</h3>\n<div class=\"panels\">{cells}</div>\n</figure>\n",
         escape(&last.pair()),
         escape(drive)
+    )
+}
+
+/// One comparison with its scale of colours, and in its heading what it compares.
+pub fn alone(found: &Agreement) -> String {
+    let Some(bounds) = Bounds::around(core(found).map(|(p, _)| p)) else {
+        return String::new();
+    };
+    let limit_m = limit_m(found);
+    let summary = number::with_unit(number::millimetres(found.statistics.rmse_m), "mm");
+    format!(
+        "<h3>{} <small>RMSE {summary}</small></h3>\n<figure>\n{}{}<figcaption>M3C2 distances that are left.</figcaption>\n</figure>\n",
+        escape(&capitalised(&found.pair())),
+        top_view("what is left", found, bounds, limit_m),
+        scale(limit_m)
+    )
+}
+
+/// The colours of distances up to this limit.
+fn scale(limit_m: f64) -> String {
+    let stops: Vec<String> = (0..=10)
+        .map(|i| raster::diverging_css(f64::from(i) / 5.0 - 1.0))
+        .collect();
+    let limit = number::shortest(1e3 * limit_m);
+    format!(
+        "<div class=\"heights\">−{limit} <span class=\"ramp\" style=\"background:linear-gradient(to right,{})\"></span> +{limit} mm</div>\n",
+        stops.join(",")
     )
 }
 

@@ -157,6 +157,20 @@ impl Plot {
         ));
     }
 
+    /// Draws a bar in the row `y` between `x0` and `x1`, `thickness` units thick and at least one long.
+    pub fn span(&mut self, class: &str, (x0, x1): (f64, f64), y: f64, thickness: f64) {
+        let (from, to) = (x0.max(self.x.min), x1.min(self.x.max));
+        if from > to || from.is_nan() || to.is_nan() {
+            return;
+        }
+        let (left, right) = (self.px(from), self.px(to));
+        self.body.push_str(&format!(
+            "<rect class=\"{class}\" x=\"{left:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{thickness:.1}\"/>\n",
+            self.py(y) - 0.5 * thickness,
+            (right - left).max(1.0)
+        ));
+    }
+
     /// Draws a piece of a colour scale just below the plot area.
     pub fn under(&mut self, fill: &str, x0: f64, x1: f64) {
         let (left, right) = (self.px(x0), self.px(x1));

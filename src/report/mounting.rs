@@ -57,19 +57,13 @@ struct Cell {
 }
 
 /// A block of three parameters.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 enum Block {
     Translation,
     Euler(EulerConvention),
 }
 
 impl Block {
-    const ALL: [Self; 3] = [
-        Self::Translation,
-        Self::Euler(EulerConvention::Zyx),
-        Self::Euler(EulerConvention::Bonn),
-    ];
-
     fn heading(self) -> &'static str {
         match self {
             Self::Translation => "Lever arm t<sub>bs</sub> in body axes (m)",
@@ -204,16 +198,22 @@ pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
     let refused = refused(calibrations);
     let scanners = calibrations.result.mountings.iter().enumerate();
-    let (mut out, mut folded) = (String::new(), String::new());
+    let (mut out, mut converted, mut folded) = (String::new(), String::new(), String::new());
     let mut is_any_open = false;
     for (scanner, mounting) in scanners {
         let truth = truth.map(|truth| &truth[scanner]);
         let heading = format!("<h3>Scanner {}</h3>\n", escape(&mounting.name));
         let methods = methods(calibrations, refused.as_ref(), scanner);
         let conditions = conditions(calibrations, scanner);
-        out.push_str(&(heading.clone() + &table(&methods, truth)));
+        let own = Block::Euler(mounting.convention);
+        let blocks = [Block::Translation, own];
+        out.push_str(&(heading.clone() + &table(&methods, &blocks, truth)));
+        let all = EulerConvention::ALL.map(Block::Euler);
+        for other in all.into_iter().filter(|block| *block != own) {
+            converted.push_str(&(heading.clone() + &table(&methods, &[other], truth)));
+        }
         if !conditions.is_empty() {
-            folded.push_str(&(heading + &table(&conditions, truth)));
+            folded.push_str(&(heading + &table(&conditions, &blocks, truth)));
         }
         let is_open = |column: &Column| (0..6).any(|p| column.origin(p) == Origin::Unobservable);
         is_any_open |= methods.iter().chain(&conditions).any(is_open);
@@ -229,7 +229,47 @@ pub fn tables(calibrations: &Calibrations) -> String {
         out.push_str(" Unobservable parameters are held at their initial values.");
     }
     out.push_str(" Table I of the paper.</p>\n");
-    out + &html::details("Two steps under other conditions", &folded)
+    out + &html::details(
+        "The same rotations in the other convention of angles",
+        &converted,
+    ) + &html::details("Two steps under other conditions", &folded)
+}
+
+/// The mountings of a calibration with their standard deviations, one column a scanner, each in its own convention.
+pub fn brief(found: &Calibration) -> String {
+    let conventions: Vec<EulerConvention> = found.mountings.iter().map(|m| m.convention).collect();
+    let mut head = String::from("<tr><td></td>");
+    for mounting in &found.mountings {
+        head.push_str(&format!(
+            "<th scope=\"col\">{}</th>",
+            escape(&mounting.name)
+        ));
+    }
+    head.push_str("</tr>\n");
+    let mut body = String::new();
+    for part in 0..2 {
+        for parameter in 0..3 {
+            let mut row = String::new();
+            let mut name = "";
+            for (scanner, convention) in conventions.iter().enumerate() {
+                let block = [Block::Translation, Block::Euler(*convention)][part];
+                name = block.names()[parameter];
+                let cells = block.cells(&column("", found, scanner), None);
+                row.push_str(&format!("<td>{}</td>", block.markup(&cells[parameter])));
+            }
+            body.push_str(&format!("<tr><th scope=\"row\">{name}</th>{row}</tr>\n"));
+        }
+    }
+    let convention = match conventions.as_slice() {
+        [first, others @ ..] if others.iter().all(|other| other == first) => {
+            format!(", convention {}", first.name())
+        }
+        _ => String::new(),
+    };
+    html::table("numbers mounting brief", &head, &body)
+        + &format!(
+            "<p class=\"aside\">Metres and degrees{convention}; ± is one standard deviation.</p>\n"
+        )
 }
 
 /// The mountings of a joint adjustment whose values are not the result.
@@ -290,7 +330,7 @@ fn conditions<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column
     found.collect()
 }
 
-fn table(columns: &[Column], truth: Option<&BodyFromScanner>) -> String {
+fn table(columns: &[Column], blocks: &[Block], truth: Option<&BodyFromScanner>) -> String {
     let result = |is_result: bool| if is_result { " class=\"result\"" } else { "" };
     let mut head = String::from("<tr><td></td>");
     for column in columns {
@@ -307,7 +347,7 @@ fn table(columns: &[Column], truth: Option<&BodyFromScanner>) -> String {
 
     let width = 1 + columns.len() + usize::from(truth.is_some());
     let mut body = String::new();
-    for block in Block::ALL {
+    for block in blocks {
         body.push_str(&format!(
             "<tr class=\"block\"><th colspan=\"{width}\" scope=\"colgroup\">{}</th></tr>\n",
             block.heading()
@@ -329,7 +369,7 @@ fn table(columns: &[Column], truth: Option<&BodyFromScanner>) -> String {
             body.push_str("</tr>\n");
         }
     }
-    if let Some(truth) = truth {
+    if let Some(truth) = truth.filter(|_| blocks.contains(&Block::Translation)) {
         body.push_str(&format!(
             "<tr class=\"block\"><th colspan=\"{width}\" scope=\"colgroup\">Distance from the truth</th></tr>\n<tr><th scope=\"row\">total</th>"
         ));

@@ -4,12 +4,10 @@ use super::content::{Calibrations, Content};
 use super::html::{self, escape};
 use super::track::Track;
 use super::{
-    adjustment, convergence, figures, joint, joint_figures, maps, mounting, relative,
-    residual_plots, scene, tables, verdicts,
+    adjustment, convergence, csv, detection, figures, first, joint, joint_figures, maps, mounting,
+    precision, provenance, relative, residual_plots, scene, tables, timeline, verdicts,
 };
 use crate::calibration::Method;
-use crate::geometry::Vec3;
-use crate::verdict::Headline;
 
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
@@ -24,9 +22,13 @@ pub fn render(content: &Content) -> String {
             continue;
         }
         links.push_str(&format!("<li><a href=\"#{id}\">{heading}</a></li>\n"));
-        body.push_str(&html::section(id, heading, &markup));
+        body.push_str(&html::section(
+            id,
+            heading,
+            &(markup + &numbers(id, content)),
+        ));
     }
-    let title = escape(&content.title);
+    let title = escape(content.imprint.title.as_ref().unwrap_or(&content.title));
     let nav = if links.is_empty() {
         String::new()
     } else {
@@ -36,27 +38,26 @@ pub fn render(content: &Content) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{title}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n<h1>{title}</h1>\n{}</header>\n\
-         <main>\n{}{}{nav}{body}</main>\n</body>\n</html>\n",
-        tables::provenance(content),
-        headline(content),
-        html::verdicts(&content.verdicts),
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n{}<h1>{title}</h1>\n{}</header>\n\
+         <main>\n{}{nav}{body}</main>\n</body>\n</html>\n",
+        provenance::logo(content),
+        provenance::lines(content),
+        first::screen(content),
     )
 }
 
-/// What all verdicts come to (markup); empty without any.
-fn headline(content: &Content) -> String {
-    let headline = Headline::of(&content.verdicts);
-    let class = match headline {
-        Headline::Usable => "good",
-        Headline::Care => "attention",
-        Headline::Unusable => "fault",
-    };
-    match content.verdicts.is_empty() {
+/// Links to the files behind the figures of a section; empty without any.
+fn numbers(id: &str, content: &Content) -> String {
+    let files = csv::FILES.iter();
+    let files = files.filter(|file| file.section == id && content.csv.contains(&file.name));
+    let links: Vec<String> = files
+        .map(|file| format!("<a href=\"{0}/{1}\">{1}</a>", csv::FOLDER, file.name))
+        .collect();
+    match links.is_empty() {
         true => String::new(),
         false => format!(
-            "<p class=\"headline {class}\">Result: {}</p>\n",
-            headline.text()
+            "<p class=\"note numbers-of\">Numbers behind the figures, beside this page: {}</p>\n",
+            links.join(", ")
         ),
     }
 }
@@ -79,7 +80,11 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             "Agreement of the point clouds",
             tables::distances(content.drives),
         ),
-        ("maps", "Maps of the distances", maps::maps(content.drives)),
+        (
+            "maps",
+            "Maps of the distances",
+            maps::maps(content.drives) + &detection::maps(content.drives, content.background_m),
+        ),
         (
             "scene",
             "The clouds in three dimensions",
@@ -90,6 +95,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             "What the data could determine",
             calibrations.map_or_else(String::new, |calibrations| {
                 html::verdicts(&verdicts::observability(calibrations))
+                    + &precision::figure(calibrations)
             }),
         ),
         (
@@ -105,7 +111,7 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "trajectory",
             "Trajectory",
-            trajectory(&tracks, content.background_m, calibrations),
+            trajectory(&tracks, content, calibrations),
         ),
         (
             "convergence",
@@ -117,22 +123,21 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             "Correlations of the parameters",
             result.map(tables::correlation).unwrap_or_default(),
         ),
-        ("inputs", "Input", tables::facts(&content.inputs)),
+        ("inputs", "Input", provenance::inputs(content)),
         (
             "resources",
             "Time and memory",
-            tables::resources(content.stages, content.peak_memory_bytes),
+            html::details(
+                "Stages",
+                &tables::resources(content.stages, content.peak_memory_bytes),
+            ),
         ),
         ("warnings", "Warnings", tables::warnings(content.warnings)),
     ]
 }
 
 /// The drives from above, the course of the adjustment, and the uncertainty of the poses.
-fn trajectory(
-    tracks: &[Track],
-    background_m: &[Vec3],
-    calibrations: Option<&Calibrations>,
-) -> String {
+fn trajectory(tracks: &[Track], content: &Content, calibrations: Option<&Calibrations>) -> String {
     let joint = calibrations.map(|calibrations| joint_figures::figures(calibrations, tracks));
     let is_joint = calibrations.is_some_and(|c| c.result.method == Method::Joint);
     let origin = match is_joint {
@@ -143,11 +148,16 @@ fn trajectory(
     };
     origin.to_owned()
         + &adjustment::statements(tracks)
-        + &figures::top_view(tracks, background_m)
+        + &figures::top_view(tracks, content.background_m)
+        + &content
+            .drives
+            .first()
+            .map(timeline::figure)
+            .unwrap_or_default()
         + &figures::pose_sigmas(tracks)
         + &joint.unwrap_or_default()
         + &adjustment::tables(tracks)
         + &residual_plots::over_time(tracks)
         + &residual_plots::histograms(tracks)
-        + &residual_plots::biases(tracks)
+        + &html::details("Biases of the IMU", &residual_plots::biases(tracks))
 }

@@ -21,16 +21,39 @@ pub fn diverging(t: f64) -> [u8; 3] {
         [160.0, 20.0, 46.0],
     ];
     let at = if t.is_nan() { 0.0 } else { t.clamp(-1.0, 1.0) };
-    let place = (at + 1.0) * 0.5 * (STOPS.len() - 1) as f64;
-    let i = (place.floor() as usize).min(STOPS.len() - 2);
-    let f = place - i as f64;
-    std::array::from_fn(|c| (STOPS[i][c] * (1.0 - f) + STOPS[i + 1][c] * f).round() as u8)
+    between(&STOPS, 0.5 * (at + 1.0))
 }
 
 /// [`diverging`] as a CSS colour.
 pub fn diverging_css(t: f64) -> String {
     let [r, g, b] = diverging(t);
     format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// The colour of a share from 0 to 1, dark blue to yellow: lighter is more, also to colour-blind eyes (cividis).
+pub fn grade(share: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 5] = [
+        [0.0, 34.0, 78.0],
+        [66.0, 78.0, 108.0],
+        [124.0, 123.0, 120.0],
+        [188.0, 174.0, 108.0],
+        [254.0, 232.0, 56.0],
+    ];
+    between(&STOPS, share)
+}
+
+/// [`grade`] as a CSS colour.
+pub fn grade_css(share: f64) -> String {
+    let [r, g, b] = grade(share);
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// The colour at a share of the way along `stops`.
+fn between(stops: &[[f64; 3]], share: f64) -> [u8; 3] {
+    let place = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
+    let i = (place.floor() as usize).min(stops.len() - 2);
+    let f = place - i as f64;
+    std::array::from_fn(|c| (stops[i][c] * (1.0 - f) + stops[i + 1][c] * f).round() as u8)
 }
 
 /// A rectangle of the ground, east and north, metres.
@@ -135,6 +158,34 @@ pub struct Raster {
 /// Points (east, north, value) coloured by value / `limit`, on at most `most` pixels in either
 /// direction; a pixel shows the mean of the points that cover it.
 pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: usize) -> Raster {
+    means(points, (-limit, limit), bounds, most, &|share| {
+        let [r, g, b] = diverging(2.0 * share - 1.0);
+        [r, g, b, 255]
+    })
+}
+
+/// The same of values from 0 to `limit`, dark to light.
+pub fn graded(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: usize) -> Raster {
+    means(points, (0.0, limit), bounds, most, &|share| {
+        let [r, g, b] = grade(share);
+        [r, g, b, 255]
+    })
+}
+
+/// Points as pixels of one colour.
+pub fn plain(points: &[[f64; 2]], bounds: Bounds, most: usize, colour: [u8; 4]) -> Raster {
+    let points: Vec<([f64; 2], f64)> = points.iter().map(|p| (*p, 0.0)).collect();
+    means(&points, (0.0, 1.0), bounds, most, &|_| colour)
+}
+
+/// A pixel shows the mean of the points that cover it, by its place between `low` and `high`.
+fn means(
+    points: &[([f64; 2], f64)],
+    (low, high): (f64, f64),
+    bounds: Bounds,
+    most: usize,
+    colour: &dyn Fn(f64) -> [u8; 4],
+) -> Raster {
     let grid = Grid::new(bounds, most);
     let usable = points.iter().filter(|(_, v)| v.is_finite());
     let reach = grid.reach(usable.clone().map(|(p, _)| *p));
@@ -155,13 +206,10 @@ pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: us
         if n == 0 {
             return EMPTY;
         }
-        let t = (total / f64::from(n) / limit).clamp(-1.0, 1.0);
-        ((t + 1.0) * 0.5 * (LEVELS - 1) as f64).round() as u8
+        let share = (total / f64::from(n) - low) / (high - low);
+        (share.clamp(0.0, 1.0) * (LEVELS - 1) as f64).round() as u8
     });
-    raster(&grid, pixels.collect(), &|share| {
-        let [r, g, b] = diverging(2.0 * share - 1.0);
-        [r, g, b, 255]
-    })
+    raster(&grid, pixels.collect(), colour)
 }
 
 /// Points shaded by their height from `low` to `high`; a pixel shows its highest point.

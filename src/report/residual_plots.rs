@@ -35,7 +35,7 @@ pub fn over_time(tracks: &[Track]) -> String {
 }
 
 /// Sensors that have residuals of individual records.
-fn measured(solution: &Solution) -> impl Iterator<Item = (&SensorDiagnostics, &[Residual])> {
+pub fn measured(solution: &Solution) -> impl Iterator<Item = (&SensorDiagnostics, &[Residual])> {
     let all = solution.sensors.iter().zip(&solution.residuals);
     all.filter(|(_, list)| !list.is_empty())
         .map(|(sensor, list)| (sensor, list.as_slice()))
@@ -69,7 +69,7 @@ fn of_sensor(
         return String::new();
     };
     let start = time_shift(from_s);
-    let gaps = gaps(residuals, (from_s, to_s));
+    let gaps = gaps(used_s(residuals), (from_s, to_s));
     let name = sensor_name(&sensor.name);
     let mut charts = String::new();
     for index in 0..components {
@@ -137,15 +137,20 @@ fn of_sensor(
     )
 }
 
-/// Spans without used records between two times.
-fn gaps(residuals: &[Residual], (from_s, to_s): (f64, f64)) -> Vec<(f64, f64)> {
-    let used = residuals.iter().filter(|r| r.weight > 0.0);
-    let times: Vec<f64> = used.map(|r| r.time_s).filter(|t| t.is_finite()).collect();
+/// Spans without records between two times, from the times of the records in their order, seconds.
+pub fn gaps(times_s: impl Iterator<Item = f64>, (from_s, to_s): (f64, f64)) -> Vec<(f64, f64)> {
+    let times: Vec<f64> = times_s.filter(|t| t.is_finite()).collect();
     let usual = median(times.windows(2).map(|w| w[1] - w[0])).unwrap_or(0.0);
     let least = (GAP_STEPS * usual).max(MIN_GAP_S);
     let ends: Vec<f64> = std::iter::once(from_s).chain(times).chain([to_s]).collect();
     let pairs = ends.windows(2).map(|w| (w[0], w[1]));
     pairs.filter(|(a, b)| b - a > least).collect()
+}
+
+/// Times of the records that were used.
+pub fn used_s(residuals: &[Residual]) -> impl Iterator<Item = f64> {
+    let used = residuals.iter().filter(|r| r.weight > 0.0);
+    used.map(|r| r.time_s)
 }
 
 /// Histograms of the normalised residuals with the standard normal, one chart per sensor.
@@ -229,7 +234,7 @@ pub fn biases(tracks: &[Track]) -> String {
     let right = bias(drive, "accelerometer", "mm/s²", accelerometer);
     let body = format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n");
     format!(
-        "<h3>Biases of the IMU</h3>\n{}",
+        "{}",
         html::figure(
             &body,
             &format!(
@@ -298,10 +303,10 @@ mod tests {
                 )
             })
             .collect();
-        let found = gaps(&list, (5.0, 20.5));
+        let found = gaps(used_s(&list), (5.0, 20.5));
         assert_eq!(found.len(), 2, "{found:?}");
         assert_eq!(found[0], (5.0, 10.0));
         assert!((found[1].0 - 13.9).abs() < 1e-9 && (found[1].1 - 16.0).abs() < 1e-9);
-        assert_eq!(gaps(&[], (0.0, 3.0)), [(0.0, 3.0)]);
+        assert_eq!(gaps(std::iter::empty(), (0.0, 3.0)), [(0.0, 3.0)]);
     }
 }

@@ -1,29 +1,12 @@
 //! The tables of the page.
 
-use super::content::{Content, Drive, Fact};
+use super::content::Drive;
 use super::html::{self, escape};
 use super::number::{self, DASH};
 use super::raster;
 use crate::calibration::Calibration;
 use crate::comparison::{Agreement, MountingKind};
 use crate::progress::StageSeconds;
-
-/// Labels and their values.
-pub fn facts(list: &[Fact]) -> String {
-    if list.is_empty() {
-        return String::new();
-    }
-    let mut out = String::from("<dl class=\"facts\">\n");
-    for fact in list {
-        out.push_str(&format!(
-            "<div><dt>{}</dt><dd>{}</dd></div>\n",
-            escape(&fact.label),
-            escape(&fact.value)
-        ));
-    }
-    out.push_str("</dl>\n");
-    out
-}
 
 /// A pair of clouds, and its comparisons by the name of the drive.
 type Pair<'a> = (String, Vec<(&'a str, &'a [Agreement])>);
@@ -51,7 +34,7 @@ pub fn distances(drives: &[Drive]) -> String {
         return String::new();
     }
     rmse(&pairs)
-        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points. Two steps use the poses of the trajectory alone, the joint adjustment its own. The column of the true mounting, if shown, uses the same poses as the result: its distances are due to poses and noise alone. Table II of the paper.</p>\n"
+        + "<p class=\"note\">Root mean square of the signed M3C2 distances over the core points, and beside it, in grey, their normalised median absolute deviation (NMAD), which single places do not move. Two steps use the poses of the trajectory alone, the joint adjustment its own. The column of the true mounting, if shown, uses the same poses as the result: its distances are due to poses and noise alone. Table II of the paper.</p>\n"
         + &html::details(
             "Mean, standard deviation, median, number of core points",
             &statistics(&pairs),
@@ -100,9 +83,11 @@ fn rmse(pairs: &[Pair]) -> String {
         for (i, (drive, all)) in drives.iter().enumerate() {
             let find = |kind: MountingKind| {
                 let found = all.iter().find(|found| found.mounting == kind);
-                found.map_or(f64::NAN, |found| found.statistics.rmse_m)
+                let statistics = found.map(|found| &found.statistics);
+                statistics.map_or([f64::NAN; 2], |s| [s.rmse_m, s.nmad_m])
             };
-            let (first, last) = (find(MountingKind::Initial), find(MountingKind::Final));
+            let [first, _] = find(MountingKind::Initial);
+            let [last, _] = find(MountingKind::Final);
             let is_first = i == 0;
             body.push_str(&format!(
                 "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td>",
@@ -119,8 +104,10 @@ fn rmse(pairs: &[Pair]) -> String {
                     MountingKind::Final => " class=\"result\"",
                     _ => "",
                 };
-                let rmse = number::millimetres(find(*kind));
-                body.push_str(&format!("<td{class}>{rmse}</td>"));
+                let [rmse, nmad] = find(*kind).map(number::millimetres);
+                body.push_str(&format!(
+                    "<td{class}>{rmse} <span class=\"sigma\">{nmad}</span></td>"
+                ));
             }
             body.push_str(&format!(
                 "<td>{}</td></tr>\n",
@@ -174,7 +161,7 @@ pub fn correlation(calibration: &Calibration) -> String {
         return String::new();
     };
     // Rotations are about the body's axes, whatever the Euler convention.
-    let names = ["tx", "ty", "tz", "ωx", "ωy", "ωz"];
+    let names = ["tx", "ty", "tz", "about x", "about y", "about z"];
     let scanners = calibration.mountings.iter().map(|m| escape(&m.name));
     let labels: Vec<(String, &str)> = scanners
         .flat_map(|scanner| names.map(|name| (scanner.clone(), name)))
@@ -254,22 +241,4 @@ pub fn warnings(list: &[String]) -> String {
         .map(|text| format!("<li>{}</li>\n", escape(text)))
         .collect();
     format!("<ul class=\"warnings\">\n{}</ul>\n", items.concat())
-}
-
-/// Provenance of the run: command, project, seed, program.
-pub fn provenance(content: &Content) -> String {
-    let mut list = Vec::new();
-    let mut add = |label: &str, value: &str| {
-        if !value.is_empty() {
-            list.push(format!("<span>{label} <b>{}</b></span>", escape(value)));
-        }
-    };
-    add("project", &content.project);
-    add("command", &content.command);
-    add(
-        "seed",
-        &content.seed.map_or(String::new(), |s| s.to_string()),
-    );
-    add("by", concat!("boresight ", env!("CARGO_PKG_VERSION")));
-    format!("<p class=\"provenance\">{}</p>\n", list.join("\n"))
 }

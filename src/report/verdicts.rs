@@ -319,7 +319,7 @@ pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     }
     if let Some(without) = calibrations.variant(Variant::WithoutReference) {
         let found = statements(without, " without a reference").into_iter();
-        lines.extend(found.map(|text| Verdict::note(CODE, text)));
+        lines.extend(found.map(|text| Verdict::note(CODE, text).about("without a reference")));
     }
     lines
 }

@@ -342,6 +342,8 @@ fn document(full: Full) -> Value {
         drives: full.drives,
         origin_m: Vec3::new(1_000.0, 2_000.0, 0.0),
         background_m: full.background_m,
+        made_s: 0.0,
+        files: Vec::new(),
         stages: full.stages,
         placement: Vec::new(),
         warnings: full.warnings,

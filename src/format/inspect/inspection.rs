@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::format::kind::Format;
-use crate::format::text::civil::civil_time;
+use crate::format::text::civil::utc;
 
 /// An interval of time that is much longer than the others.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -118,16 +118,6 @@ impl fmt::Display for Inspection {
         }
         Ok(())
     }
-}
-
-/// Seconds of the Unix epoch in words, from 2000 to 2100; `None` for others, which are those of another clock.
-fn utc(time_s: f64) -> Option<String> {
-    const FROM_S: f64 = 946_684_800.0;
-    const TO_S: f64 = 4_102_444_800.0;
-    if !(FROM_S..TO_S).contains(&time_s) {
-        return None;
-    }
-    Some(civil_time(time_s))
 }
 
 /// Name and unit of a column.

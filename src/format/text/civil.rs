@@ -92,6 +92,14 @@ pub fn civil_time(time_s: f64) -> String {
     format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}")
 }
 
+/// Seconds of the Unix epoch in words, from 2000 to 2100; `None` for others, which are those of another clock.
+pub fn utc(time_s: f64) -> Option<String> {
+    const FROM_S: f64 = 946_684_800.0;
+    const TO_S: f64 = 4_102_444_800.0;
+    let is_likely = (FROM_S..TO_S).contains(&time_s);
+    is_likely.then(|| civil_time(time_s))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

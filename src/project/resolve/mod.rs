@@ -45,6 +45,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         bending: settings::bending(source, written)?,
         comparison: settings::comparison(source, &written.comparison)?,
         acceptance: settings::acceptance(source, &written.acceptance)?,
+        imprint: settings::imprint(source, &written.report)?,
         drives,
         evaluations,
     })

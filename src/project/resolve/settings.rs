@@ -9,6 +9,7 @@ use crate::joint::{JointSettings, MountingMotion, ReferenceSigma, Rung};
 use crate::project::checked::FrameLogFile;
 use crate::project::source::{Source, Step};
 use crate::project::written::{self, Method, Written};
+use crate::report::imprint::{self, Imprint};
 use crate::sensor::MAX_FRAME_COLUMNS;
 use crate::verdict::Acceptance;
 
@@ -244,6 +245,37 @@ pub(super) fn acceptance(source: &Source, written: &written::Acceptance) -> Resu
         sigma_rotation_rad: rotation,
         distance_m: positive("distance_m", written.distance_m, default.distance_m)?,
         coverage,
+    })
+}
+
+/// `[report]`.
+pub(super) fn imprint(source: &Source, written: &written::Report) -> Result<Imprint> {
+    let table = Table::new(source, "report");
+    for (key, text) in [
+        ("title", &written.title),
+        ("author", &written.author),
+        ("organisation", &written.organisation),
+    ] {
+        if text.as_ref().is_some_and(|text| text.trim().is_empty()) {
+            return Err(table.error(key, format!("an empty {key}"), "a text, or no such key"));
+        }
+    }
+    let logo = written.logo.as_ref().map(|path| source.absolute(path));
+    if let Some(path) = &logo
+        && imprint::media_type(path).is_none()
+    {
+        let found = format!("logo = {:?}", path.display().to_string());
+        return Err(table.error(
+            "logo",
+            found,
+            "a file that ends in .png, .jpg, .jpeg, .webp or .svg",
+        ));
+    }
+    Ok(Imprint {
+        title: written.title.clone(),
+        author: written.author.clone(),
+        organisation: written.organisation.clone(),
+        logo,
     })
 }
 

@@ -1,7 +1,7 @@
 //! The files that a project names.
 
 use super::joint::JOINT;
-use super::{EXAMPLE, Project, folder, write};
+use super::{EXAMPLE, POSES, Project, folder, write};
 
 #[test]
 fn missing_files_are_named_with_key_line_and_path() {
@@ -125,4 +125,30 @@ fn drives_are_checked_as_evaluations_are_and_adjusted_once() {
         JOINT,
         "line 53: found a drive with other body axes (Flu instead of Frd)",
     );
+}
+
+#[test]
+fn a_logo_is_a_picture_that_exists() {
+    let folder = folder();
+    let with = |logo: &str| {
+        write(
+            folder.path(),
+            &format!("{POSES}[report]\nlogo = \"{logo}\"\n"),
+        )
+    };
+    let error = Project::read(&with("logo.pdf")).unwrap_err().to_string();
+    assert!(
+        error.contains("logo.pdf") && error.contains(".png"),
+        "{error}"
+    );
+    let project = Project::read(&with("logo.png")).unwrap();
+    std::fs::write(folder.path().join("trajectory.csv"), "").unwrap();
+    let error = project.check_files().unwrap_err().to_string();
+    assert!(
+        error.contains("report.logo = ") && error.contains("no such file"),
+        "{error}"
+    );
+    let empty = write(folder.path(), &format!("{POSES}[report]\nauthor = \" \"\n"));
+    let error = Project::read(&empty).unwrap_err().to_string();
+    assert!(error.contains("line 7: found an empty author"), "{error}");
 }

@@ -102,6 +102,12 @@ normal_radii_m = [0.1, 0.2]
 cylinder_radius_m = 0.05
 max_distance_m = 0.5
 registration_error_m = 0.001
+
+[report]
+title = "Campaign of May"
+author = "A. Surveyor"
+organisation = "Institute of Geodesy"
+logo = "logo.png"
 "#;
 
 const POSES: &str = r#"

@@ -1,6 +1,7 @@
 //! A scene from the points that were kept of a drive.
 
 use super::input::{Input, Scan};
+use super::outline::outline;
 use super::passes::Passes;
 use super::places::{Place, places};
 use super::quantised::{Range16, Track, step_31};
@@ -122,6 +123,7 @@ impl Frame {
             passes: profiles()
                 .map(|profile| passes.at(profile.time_s))
                 .collect(),
+            outline_m: outline(points().map(|point| point.position_m)),
         }
     }
 

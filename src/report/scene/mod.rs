@@ -10,6 +10,7 @@
 mod distances;
 mod gather;
 mod input;
+mod outline;
 mod packed;
 mod passes;
 mod places;
@@ -87,8 +88,10 @@ pub struct Fan {
     pub numbers: Vec<i32>,
     /// Pass of each profile, 0 on none.
     pub passes: Vec<u16>,
+    /// The far end of its field of view, in the scanner frame, metres; empty where it is no fan.
+    pub outline_m: Vec<Vec3>,
 }
-stored!(struct Fan { name, of, coordinates, counts, times, numbers, passes });
+stored!(struct Fan { name, of, coordinates, counts, times, numbers, passes, outline_m });
 
 /// A way in which the points are placed.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,0 +1,367 @@
+//! The numbers behind the figures as CSV files, in full where figures thin them.
+//!
+//! Lengths are in metres, angles in radians unless a name says degrees, times in seconds on the common clock. A value
+//! that is not known is empty.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use super::content::{Calibrations, Content, Drive};
+use super::diagnostics::component_name;
+use crate::calibration::{Calibration, Variant};
+use crate::comparison::{Agreement, MountingKind};
+use crate::geometry::Vec3;
+
+/// Folder of the files, beside the page.
+pub const FOLDER: &str = "figures";
+
+/// Distances at places that differ by less than this are those of one core point, metres.
+const SAME_PLACE_M: f64 = 1e-4;
+
+/// The mountings whose distances are drawn, with their columns.
+const KINDS: [(MountingKind, &str); 3] = [
+    (MountingKind::Initial, "initial"),
+    (MountingKind::TwoStep, "two_steps"),
+    (MountingKind::Final, "result"),
+];
+
+/// A file and the section of the page whose figures it is behind.
+pub struct File {
+    /// Its name in [`FOLDER`].
+    pub name: &'static str,
+    /// Identifier of the section.
+    pub section: &'static str,
+    text: fn(&Content) -> String,
+}
+
+impl File {
+    /// Its content.
+    pub fn text(&self, content: &Content) -> String {
+        (self.text)(content)
+    }
+}
+
+/// All files.
+pub const FILES: [File; 7] = [
+    file("distances.csv", "maps", |content| distances(content.drives)),
+    file("sigmas.csv", "observability", |content| {
+        content
+            .calibrations
+            .as_ref()
+            .map_or_else(String::new, sigmas)
+    }),
+    file("blocks.csv", "residuals", |content| {
+        content
+            .calibrations
+            .as_ref()
+            .map_or_else(String::new, blocks)
+    }),
+    file("poses.csv", "trajectory", |content| poses(content.drives)),
+    file("residuals.csv", "trajectory", |content| {
+        residuals(content.drives)
+    }),
+    file("moved.csv", "trajectory", |content| {
+        content
+            .calibrations
+            .as_ref()
+            .map_or_else(String::new, moved)
+    }),
+    file("convergence.csv", "convergence", |content| {
+        content
+            .calibrations
+            .as_ref()
+            .map_or_else(String::new, convergence)
+    }),
+];
+
+const fn file(name: &'static str, section: &'static str, text: fn(&Content) -> String) -> File {
+    File {
+        name,
+        section,
+        text,
+    }
+}
+
+/// A number in a cell; empty where it is not known.
+fn cell(value: f64, decimals: usize) -> String {
+    match value.is_finite() {
+        true => format!("{value:.decimals$}"),
+        false => String::new(),
+    }
+}
+
+/// A text in a cell.
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
+fn row(out: &mut String, cells: &[String]) {
+    // Writing to a string cannot fail.
+    let _ = writeln!(out, "{}", cells.join(","));
+}
+
+/// Distance and level of detection at each core point, for each mounting.
+fn distances(drives: &[Drive]) -> String {
+    let names = KINDS.map(|(_, name)| format!("{name}_distance_m,{name}_level_of_detection_m"));
+    let mut out = format!("drive,clouds,east_m,north_m,up_m,{}\n", names.join(","));
+    let empty = out.len();
+    for drive in drives {
+        for found in drive.agreements.pairs() {
+            of_pair(&drive.name, found, &mut out);
+        }
+    }
+    if out.len() > empty {
+        out
+    } else {
+        String::new()
+    }
+}
+
+fn of_pair(drive: &str, found: &[Agreement], out: &mut String) {
+    let mut places: BTreeMap<[i64; 3], [[f64; 2]; KINDS.len()]> = BTreeMap::new();
+    for (column, (kind, _)) in KINDS.iter().enumerate() {
+        for one in found.iter().filter(|one| one.mounting == *kind) {
+            let points = one.distances.points();
+            for ((p, distance_m), level_m) in points.zip(one.distances.levels_of_detection_m()) {
+                let place = [p.x, p.y, p.z].map(|x| (x / SAME_PLACE_M).round() as i64);
+                let known = places.entry(place).or_insert([[f64::NAN; 2]; KINDS.len()]);
+                known[column] = [distance_m, level_m];
+            }
+        }
+    }
+    let start = [quoted(drive), quoted(&found[0].pair())];
+    for (place, known) in places {
+        let mut cells = start.to_vec();
+        cells.extend(place.map(|x| cell(x as f64 * SAME_PLACE_M, 4)));
+        cells.extend(known.as_flattened().iter().map(|value| cell(*value, 6)));
+        row(out, &cells);
+    }
+}
+
+/// The calibrations of a run with their names.
+fn calibrations<'a>(all: &Calibrations<'a>) -> Vec<(&'static str, &'a Calibration)> {
+    let names = [
+        (Variant::Paper, "paper"),
+        (Variant::TwoStep, "two steps"),
+        (Variant::WithoutReference, "two steps without reference"),
+        (Variant::ExactPoses, "two steps with exact poses"),
+    ];
+    let variants = names.into_iter().filter_map(|(variant, name)| {
+        let found = all.variant(variant)?;
+        Some((name, found))
+    });
+    std::iter::once(("result", all.result))
+        .chain(variants)
+        .collect()
+}
+
+/// Standard deviations and correlations of positions and of rotations about the body's axes.
+fn sigmas(all: &Calibrations) -> String {
+    let parameters = ["tx", "ty", "tz", "about_x", "about_y", "about_z"];
+    let mut out = String::from("calibration,scanner,parameter,sigma");
+    let names: Vec<String> = all
+        .result
+        .mountings
+        .iter()
+        .flat_map(|mounting| {
+            parameters.map(|parameter| quoted(&format!("{} {parameter}", mounting.name)))
+        })
+        .collect();
+    for name in &names {
+        let _ = write!(out, ",correlation {name}");
+    }
+    out.push('\n');
+    for (name, found) in calibrations(all) {
+        let (Some(covariance), Some(correlation)) = (&found.covariance, found.correlation()) else {
+            continue;
+        };
+        for (scanner, mounting) in found.mountings.iter().enumerate() {
+            for (i, parameter) in parameters.iter().enumerate() {
+                let at = 6 * scanner + i;
+                let sigma = covariance[(at, at)].sqrt();
+                let known = if sigma > 0.0 { sigma } else { f64::NAN };
+                let mut cells = vec![
+                    name.to_owned(),
+                    quoted(&mounting.name),
+                    (*parameter).to_owned(),
+                    cell(known, 9),
+                ];
+                let columns = 0..correlation.ncols();
+                cells.extend(columns.map(|column| cell(correlation[(at, column)], 4)));
+                row(&mut out, &cells);
+            }
+        }
+    }
+    out
+}
+
+/// Mean residuals along the drive.
+fn blocks(all: &Calibrations) -> String {
+    let Some(found) = &all.result.constancy else {
+        return String::new();
+    };
+    let mut out = String::from("scanner,time_s,mean_m,expected_sigma_m\n");
+    for (mounting, list) in all.result.mountings.iter().zip(&found.blocks) {
+        for block in list {
+            let name = quoted(&mounting.name);
+            let values = [
+                (block.time_s, 3),
+                (block.mean_m, 7),
+                (block.expected_sigma_m, 7),
+            ];
+            let cells = values.map(|(value, decimals)| cell(value, decimals));
+            row(&mut out, &[vec![name], cells.to_vec()].concat());
+        }
+    }
+    out
+}
+
+/// The poses of all drives with their standard deviations and biases.
+fn poses(drives: &[Drive]) -> String {
+    let axes = |name: &str, unit: &str| ["x", "y", "z"].map(|axis| format!("{name}_{axis}_{unit}"));
+    let head = [
+        [
+            "drive", "time_s", "east_m", "north_m", "up_m", "qx", "qy", "qz", "qw",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
+        ["east", "north", "up"]
+            .map(|axis| format!("sigma_{axis}_m"))
+            .to_vec(),
+        ["east", "north", "up"]
+            .map(|axis| format!("sigma_about_{axis}_rad"))
+            .to_vec(),
+        axes("gyro_bias", "rad_s").to_vec(),
+        axes("accel_bias", "m_s2").to_vec(),
+    ];
+    let mut out = head.concat().join(",") + "\n";
+    let empty = out.len();
+    for drive in drives {
+        for pose in super::track::Track::of(drive).poses {
+            let t = pose.world_from_body.translation_m;
+            let q = pose.world_from_body.rotation.coords;
+            let unknown = Vec3::repeat(f64::NAN);
+            let sigma = pose.sigma.as_ref();
+            let bias = pose.bias.as_ref();
+            let mut cells = vec![quoted(&drive.name), cell(pose.time_s, 4)];
+            cells.extend(t.iter().map(|x| cell(*x, 5)));
+            cells.extend(q.iter().map(|x| cell(*x, 9)));
+            let rest = [
+                sigma.map_or(unknown, |s| s.position_m),
+                sigma.map_or(unknown, |s| s.rotation_rad),
+                bias.map_or(unknown, |b| b.gyro_rad_s),
+                bias.map_or(unknown, |b| b.accel_m_s2),
+            ];
+            cells.extend(rest.iter().flat_map(|v| v.iter()).map(|x| cell(*x, 8)));
+            row(&mut out, &cells);
+        }
+    }
+    if out.len() > empty {
+        out
+    } else {
+        String::new()
+    }
+}
+
+/// The residuals of every record of the sensors.
+fn residuals(drives: &[Drive]) -> String {
+    let mut out =
+        String::from("drive,sensor,record,time_s,component,unit,residual,normalised,test,weight\n");
+    let empty = out.len();
+    for drive in drives {
+        let Some(solution) = &drive.solution else {
+            continue;
+        };
+        for (sensor, list) in solution.sensors.iter().zip(&solution.residuals) {
+            for residual in list {
+                for (i, value) in residual.values.iter().enumerate() {
+                    let of = |values: &[f64]| values.get(i).copied().unwrap_or(f64::NAN);
+                    let component = component_name(&sensor.name, residual.values.len(), i);
+                    row(
+                        &mut out,
+                        &[
+                            quoted(&drive.name),
+                            quoted(&sensor.name),
+                            residual.record.to_string(),
+                            cell(residual.time_s, 4),
+                            quoted(&component),
+                            sensor.unit.to_owned(),
+                            cell(*value, 7),
+                            cell(of(&residual.normalised), 4),
+                            cell(of(&residual.tests), 4),
+                            cell(residual.weight, 4),
+                        ],
+                    );
+                }
+            }
+        }
+    }
+    if out.len() > empty {
+        out
+    } else {
+        String::new()
+    }
+}
+
+/// What the joint adjustment changed of the poses.
+fn moved(all: &Calibrations) -> String {
+    let Some(joint) = all.joint_found() else {
+        return String::new();
+    };
+    let mut out = String::from(
+        "drive,time_s,shift_east_m,shift_north_m,shift_up_m,turn_x_rad,turn_y_rad,turn_z_rad\n",
+    );
+    for drive in &joint.drives {
+        for pose in &drive.moved {
+            let mut cells = vec![quoted(&drive.name), cell(pose.time_s, 4)];
+            let values = pose.shift_m.iter().chain(pose.turn_rad.iter());
+            cells.extend(values.map(|x| cell(*x, 8)));
+            row(&mut out, &cells);
+        }
+    }
+    out
+}
+
+/// The cost of every iteration.
+fn convergence(all: &Calibrations) -> String {
+    let mut out = String::from("calibration,voxel_m,iteration,neighbourhoods,cost\n");
+    for (name, found) in calibrations(all) {
+        for scale in &found.scales {
+            for (iteration, cost) in scale.costs.iter().enumerate() {
+                row(
+                    &mut out,
+                    &[
+                        name.to_owned(),
+                        cell(scale.voxel_m, 4),
+                        iteration.to_string(),
+                        scale.neighbourhoods.to_string(),
+                        format!("{cost:e}"),
+                    ],
+                );
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_quoted_where_they_must_and_empty_where_nothing_is_known() {
+        assert_eq!(quoted("left"), "left");
+        assert_eq!(quoted("a,\"b\""), "\"a,\"\"b\"\"\"");
+        assert_eq!(cell(f64::NAN, 3), "");
+        assert_eq!(cell(-0.1234, 2), "-0.12");
+    }
+
+    #[test]
+    fn nothing_to_show_makes_no_file() {
+        let content = Content::default();
+        assert!(FILES.iter().all(|file| file.text(&content).is_empty()));
+    }
+}

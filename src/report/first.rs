@@ -1,0 +1,185 @@
+//! What the page shows first: the headline and why, the mountings, the platform, a map, and all that is said.
+
+use super::content::{Calibrations, Content};
+use super::html::{self, escape};
+use super::platform::{self, Fan};
+use super::{maps, mounting, number};
+use crate::comparison::{Against, MountingKind};
+use crate::verdict::{Headline, Severity, Verdict};
+
+/// The first screen; empty without anything to say or to show.
+pub fn screen(content: &Content) -> String {
+    let pictures: String = [mountings(content), drawing(content), map(content)]
+        .into_iter()
+        .filter(|picture| !picture.is_empty())
+        .map(|picture| format!("<div>{picture}</div>\n"))
+        .collect();
+    let pictures = match pictures.is_empty() {
+        true => pictures,
+        false => format!("<div class=\"first\">\n{pictures}</div>\n"),
+    };
+    headline(content) + &pictures + &said(&content.verdicts)
+}
+
+/// What all verdicts come to, and why (markup); empty without any.
+fn headline(content: &Content) -> String {
+    if content.verdicts.is_empty() {
+        return String::new();
+    }
+    let headline = Headline::of(&content.verdicts);
+    let class = match headline {
+        Headline::Usable => "good",
+        Headline::Care => "attention",
+        Headline::Unusable => "fault",
+    };
+    format!(
+        "<p class=\"headline {class}\">Result: {}</p>\n<p class=\"why\">{}</p>\n",
+        headline.text(),
+        escape(&why(content))
+    )
+}
+
+/// What the headline rests on.
+fn why(content: &Content) -> String {
+    let marked: Vec<&Verdict> = content
+        .verdicts
+        .iter()
+        .filter(|verdict| verdict.severity.is_marked())
+        .collect();
+    match marked.as_slice() {
+        [] => {
+            let agreement = agreement(content);
+            let known = content
+                .verdicts
+                .iter()
+                .find(|verdict| verdict.code == "mounting.sigma");
+            let known = known.map(|verdict| verdict.text.clone());
+            let parts: Vec<String> = agreement.into_iter().chain(known).collect();
+            format!(
+                "Nothing that was tested contradicts it. {}",
+                parts.join(" ")
+            )
+        }
+        [only] => only.text.clone(),
+        [first, others @ ..] => format!("{} And {} more below.", first.text, others.len()),
+    }
+}
+
+/// The largest distances of the first drive's clouds, in a sentence.
+fn agreement(content: &Content) -> Option<String> {
+    let all = &content.drives.first()?.agreements;
+    let of = |is_reference: bool| {
+        let found = all.under(MountingKind::Final);
+        let found = found.filter(|found| (found.against == Against::Reference) == is_reference);
+        let sizes = found.map(|found| (found.statistics.rmse_m, found.statistics.nmad_m));
+        sizes.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let text = |(rmse_m, nmad_m): (f64, f64)| {
+        let [rmse, nmad] = [rmse_m, nmad_m].map(number::length);
+        format!("{rmse} (RMSE; NMAD {nmad})")
+    };
+    match (of(true).map(text), of(false).map(text)) {
+        (Some(reference), Some(scanners)) => Some(format!(
+            "The clouds agree with the reference to {reference} or better, and with each other to {scanners}."
+        )),
+        (Some(only), None) => Some(format!(
+            "The clouds agree with the reference to {only} or better."
+        )),
+        (None, Some(only)) => Some(format!("The clouds agree with each other to {only}.")),
+        (None, None) => None,
+    }
+}
+
+/// The mountings of the result.
+fn mountings(content: &Content) -> String {
+    let Some(calibrations) = &content.calibrations else {
+        return String::new();
+    };
+    "<h3>Mounting on the body</h3>\n".to_owned() + &mounting::brief(calibrations.result)
+}
+
+fn drawing(content: &Content) -> String {
+    let (Some(calibrations), Some(platform)) = (&content.calibrations, &content.platform) else {
+        return String::new();
+    };
+    let fans = fans(calibrations);
+    "<h3>Platform</h3>\n".to_owned() + &platform::drawing(platform, &fans)
+}
+
+fn fans<'a>(calibrations: &Calibrations<'a>) -> Vec<Fan<'a>> {
+    let initial = calibrations.mountings(MountingKind::Initial);
+    let scanners = calibrations.result.mountings.iter().enumerate();
+    scanners
+        .map(|(i, mounting)| Fan {
+            name: &mounting.name,
+            before: initial.and_then(|initial| initial.get(i).copied()),
+            after: mounting.body_from_scanner,
+        })
+        .collect()
+}
+
+/// The distances that are left between the first pair of clouds.
+fn map(content: &Content) -> String {
+    let drive = content.drives.first();
+    let found = drive.and_then(|drive| drive.agreements.under(MountingKind::Final).next());
+    found.map(maps::alone).unwrap_or_default()
+}
+
+/// All that is said: what to take care of, what is well, what is for information, and apart from it what is about
+/// other drives and runs.
+fn said(verdicts: &[Verdict]) -> String {
+    let (main, beside): (Vec<_>, Vec<_>) =
+        verdicts.iter().partition(|verdict| verdict.about.is_none());
+    let beside = by_weight(&beside);
+    by_weight(&main)
+        + &match beside.is_empty() {
+            true => beside,
+            false => format!("<h3>Other drives and runs</h3>\n{beside}"),
+        }
+}
+
+/// What to take care of one by one, the rest in brief, what is well first.
+fn by_weight(verdicts: &[&Verdict]) -> String {
+    let of = |wanted: &dyn Fn(Severity) -> bool| -> Vec<Verdict> {
+        let found = verdicts.iter().filter(|verdict| wanted(verdict.severity));
+        found.copied().cloned().collect()
+    };
+    let marked = of(&Severity::is_marked);
+    let mut rest = of(&|severity| severity == Severity::Good);
+    rest.extend(of(&|severity| severity == Severity::Note));
+    html::verdicts(&marked) + &html::brief(&rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_matters_most_stands_first_and_other_drives_apart() {
+        let verdicts = [
+            Verdict::care("a", "careful"),
+            Verdict::care("a", "elsewhere").on("drive-2"),
+            Verdict::note("b", "noted"),
+            Verdict::good("c", "fine"),
+        ];
+        let page = said(&verdicts);
+        let place = |text: &str| page.find(text).unwrap();
+        let order = ["careful", "fine", "noted", "Other drives", "elsewhere"].map(place);
+        assert!(order.is_sorted(), "{page}");
+    }
+
+    #[test]
+    fn the_reason_is_that_of_the_gravest() {
+        let verdicts = vec![Verdict::fault("a", "Broken."), Verdict::care("b", "Bent.")];
+        let content = Content {
+            verdicts,
+            ..Content::default()
+        };
+        assert_eq!(why(&content), "Broken. And 1 more below.");
+        let page = headline(&content);
+        assert!(
+            page.contains("not usable") && page.contains("fault"),
+            "{page}"
+        );
+    }
+}
