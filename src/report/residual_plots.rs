@@ -233,15 +233,12 @@ pub fn biases(tracks: &[Track]) -> String {
     let left = bias(drive, "gyro", "°/h", gyro);
     let right = bias(drive, "accelerometer", "mm/s²", accelerometer);
     let body = format!("<div class=\"pair\"><div>{left}</div><div>{right}</div></div>\n");
-    format!(
-        "{}",
-        html::figure(
-            &body,
-            &format!(
-                "Biases along {}, about and along the body's axes, minus their means over the drive (see the legend).",
-                escape(drive.name)
-            ),
-        )
+    html::figure(
+        &body,
+        &format!(
+            "Biases along {}, about and along the body's axes, minus their means over the drive (see the legend).",
+            escape(drive.name)
+        ),
     )
 }
 

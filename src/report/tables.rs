@@ -65,17 +65,19 @@ fn rmse(pairs: &[Pair]) -> String {
     let always = [MountingKind::Initial, MountingKind::Final];
     let kinds = kinds.into_iter().filter(|k| always.contains(k) || has(*k));
     let kinds: Vec<MountingKind> = kinds.collect();
-    let mut heads = vec!["clouds", "drive"];
-    heads.extend(
-        kinds
-            .iter()
-            .map(|kind| mounting_name(*kind, has(MountingKind::TwoStep))),
+    let is_joint = has(MountingKind::TwoStep);
+    let mut head = String::from(
+        "<tr><th scope=\"col\" class=\"text\">clouds</th><th scope=\"col\" class=\"text\">drive</th>",
     );
-    let mut head = String::from("<tr>");
-    for (i, text) in heads.iter().enumerate() {
-        let unit = if i < 2 { "" } else { "<br/><small>mm</small>" };
-        let class = if i < 2 { " class=\"text\"" } else { "" };
-        head.push_str(&format!("<th scope=\"col\"{class}>{text}{unit}</th>"));
+    for kind in &kinds {
+        let class = match kind {
+            MountingKind::Final => " class=\"result\"",
+            _ => "",
+        };
+        head.push_str(&format!(
+            "<th scope=\"col\"{class}>{}<br/><small>mm</small></th>",
+            mounting_name(*kind, is_joint)
+        ));
     }
     head.push_str("<th scope=\"col\">times better</th></tr>\n");
     let mut body = String::new();

@@ -108,5 +108,11 @@ pub struct Variant {
     pub distances: Vec<Bytes>,
     /// Its level of detection at 95 %, metres.
     pub detections: Vec<Bytes>,
+    /// Omnivariance of the nearest points of all scanners, among those shown, mm².
+    pub omnivariances: Vec<Bytes>,
+    /// Standard deviation of the position of the body when a point was seen, in 3D, metres.
+    pub pose_sigmas: Vec<Bytes>,
 }
-stored!(struct Variant { kind, poses, mountings, moving, distances, detections });
+stored!(struct Variant {
+    kind, poses, mountings, moving, distances, detections, omnivariances, pose_sigmas
+});

@@ -7,10 +7,12 @@ use crate::statistics::{median, quantile};
 const DIRECTIONS: usize = 24;
 /// Share of points at either end that are left out: single points lie far aside.
 const TAIL: f64 = 0.005;
+/// Quantile of the distances in a direction: what stands on the ground is nearer.
+const FAR: f64 = 0.9;
 /// Points of a fan lie in its plane to this share of their distance.
 const FLAT: f64 = 0.01;
 
-/// The median distance of the points in each direction, from one side of the fan to the other, in the scanner
+/// The distance of the far points in each direction, from one side of the fan to the other, in the scanner
 /// frame, metres; empty where the points lie in no plane through the scanner, as those of a rotating head, or
 /// all around it.
 pub fn outline(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
@@ -41,10 +43,12 @@ pub fn outline(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
             ranges[place as usize].push(range);
         }
     }
-    let at = |(i, ranges): (usize, Vec<f64>)| {
+    let at = |(i, mut ranges): (usize, Vec<f64>)| {
         let angle = from + (to - from) * (i as f64 + 0.5) / DIRECTIONS as f64;
-        let range = median(ranges)?;
-        Some(range * (angle.cos() * middle + angle.sin() * aside))
+        ranges.sort_by(f64::total_cmp);
+        let range = quantile(&ranges, FAR);
+        let end = range * (angle.cos() * middle + angle.sin() * aside);
+        range.is_finite().then_some(end)
     };
     ranges.into_iter().enumerate().filter_map(at).collect()
 }

@@ -171,21 +171,23 @@ impl Lists {
     }
 
     fn variant(&mut self, variant: &Variant, name: &str) -> Value {
-        let distance = self.attribute("M3C2 distance", &variant.distances);
-        let detection = self.attribute("level of detection", &variant.detections);
+        let distance = self.attribute("M3C2 distance", "m", &variant.distances);
+        let detection = self.attribute("level of detection", "m", &variant.detections);
+        let omnivariance = self.attribute("omnivariance", "mm²", &variant.omnivariances);
+        let pose_sigma = self.attribute("pose sigma", "m", &variant.pose_sigmas);
         json!({
             "name": name,
             "poses": variant.poses,
             "mountings": variant.mountings.iter().map(transform).collect::<Vec<_>>(),
             "moving": self.tracks(&variant.moving),
-            "attributes": [distance, detection],
+            "attributes": [distance, detection, omnivariance, pose_sigma],
         })
     }
 
-    /// A value in metres at each point.
-    fn attribute(&mut self, name: &str, fans: &[Bytes]) -> Value {
+    /// A value at each point.
+    fn attribute(&mut self, name: &str, unit: &str, fans: &[Bytes]) -> Value {
         let values: Vec<Value> = fans.iter().map(|fan| self.plain(&fan.values)).collect();
         let ends = fans.first().map_or((0.0, 0.0), |fan| (fan.low, fan.high));
-        json!({ "name": name, "unit": "m", "low": ends.0, "high": ends.1, "values": values })
+        json!({ "name": name, "unit": unit, "low": ends.0, "high": ends.1, "values": values })
     }
 }

@@ -7,13 +7,17 @@ use super::distances::Distances;
 use super::input::{Input, View};
 use super::quantised::{Bytes, Track};
 use super::select::Chosen;
+use crate::cloud::{NeighbourIndex, Neighbourhood};
 use crate::comparison::{Against, Agreement};
 use crate::geometry::Vec3;
+use crate::progress::Silent;
 use crate::report::number::nice_above;
 use crate::statistics::quantile;
 
 /// Quantile of the sizes of distances that their bytes reach to.
 const REACHED: f64 = 0.995;
+/// Points of a neighbourhood whose omnivariance is shown.
+const NEIGHBOURS: usize = 16;
 
 /// The view of a drive with the poses number `set`.
 pub fn variant(
@@ -49,6 +53,18 @@ pub fn variant(
         let one = |values: &Vec<[f64; 2]>| Bytes::of(ends, values.iter().map(|v| v[which]));
         known.iter().map(one).collect()
     };
+    let omnivariances = graded(&omnivariances(view, set, selected));
+    let sigma_at = |time_s: f64| {
+        let sigma = view.trajectory.sigma_at(time_s);
+        sigma.map_or(f64::NAN, |sigma| sigma.position_m.norm())
+    };
+    let pose_sigmas = selected.par_iter().map(|profiles| {
+        let each = profiles.iter().flat_map(|(profile, points)| {
+            std::iter::repeat_n(sigma_at(profile.time_s), points.len())
+        });
+        each.collect()
+    });
+    let pose_sigmas: Vec<Vec<f64>> = pose_sigmas.collect();
     Variant {
         kind: view.kind,
         poses: set,
@@ -56,7 +72,46 @@ pub fn variant(
         moving: moving.collect(),
         distances: bytes(0, (-most, most)),
         detections: bytes(1, (0.0, most_detected)),
+        omnivariances,
+        pose_sigmas: graded(&pose_sigmas),
     }
+}
+
+/// Values that are not negative as bytes, from 0 to what nearly none exceeds.
+fn graded(fans: &[Vec<f64>]) -> Vec<Bytes> {
+    let mut sizes: Vec<f64> = fans.iter().flatten().copied().collect();
+    sizes.retain(|size| size.is_finite());
+    sizes.sort_by(f64::total_cmp);
+    let most = match sizes.is_empty() {
+        true => 1.0,
+        false => nice_above(quantile(&sizes, REACHED).max(1e-6)),
+    };
+    let one = |fan: &Vec<f64>| Bytes::of((0.0, most), fan.iter().copied());
+    fans.iter().map(one).collect()
+}
+
+/// The omnivariance of the points around each point of each scanner, mm²: what a calibration makes small.
+fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f64>> {
+    let mut places = Vec::new();
+    for (scanner, profiles) in selected.iter().enumerate() {
+        for (profile, points) in profiles {
+            let pose = profile.poses[set] * view.mounting(scanner, profile.time_s);
+            places.extend(points.iter().map(|point| pose.map(&point.position_m)));
+        }
+    }
+    let index = NeighbourIndex::new(&places);
+    let of = Neighbourhood::Nearest(NEIGHBOURS);
+    let found = index.surroundings_of_all(&index, of, &Silent, |_, surroundings| {
+        1e6 * surroundings.tensor.omnivariance()
+    });
+    // Nobody cancels what is silent.
+    let mut found = found.unwrap_or_default().into_iter();
+    let counts = selected
+        .iter()
+        .map(|profiles| profiles.iter().map(|(_, points)| points.len()).sum());
+    counts
+        .map(|count: usize| found.by_ref().take(count).collect())
+        .collect()
 }
 
 /// Distance and level of detection at each point of a scanner, metres; NaN where they are unknown.
