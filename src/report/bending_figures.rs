@@ -82,12 +82,21 @@ fn of_scanner(
             "How the mounting of {} moved about its mean, in body axes: by {} mm and {}° on each axis, root mean \
              square, with bands of one standard deviation, and the same against roll and pitch, in the same colours. Roll is positive with the right side down, pitch with \
              the front up. Lines are what the load explains with all else at its mean; dots lie off them where \
-             other loads act, or where the mounting moved with time.",
+             other loads act, or where the mounting moved with time{}.",
             escape(name),
             size(&KINDS[1]),
             size(&KINDS[0]),
+            match every(moved) {
+                1 => String::new(),
+                every => format!(" (a dot for one of {every} samples)"),
+            },
         ),
     )
+}
+
+/// One of so many samples has a dot.
+fn every(moved: &MovedMounting) -> usize {
+    moved.offsets.samples().count().div_ceil(DOTS).max(1)
 }
 
 /// What offsets are drawn against.
@@ -159,8 +168,7 @@ fn by_tilt(
     moved: &MovedMounting,
     compliance: Option<&Compliance>,
 ) -> String {
-    let every = moved.offsets.samples().count().div_ceil(DOTS).max(1);
-    let samples = moved.offsets.samples().step_by(every);
+    let samples = moved.offsets.samples().step_by(every(moved));
     let mut upward = 1.0;
     let dots = samples.filter_map(|(time_s, offset)| {
         let pose = drive.trajectory.pose_at(time_s)?;

@@ -1,0 +1,102 @@
+// The page around the viewer: to read, on wide and narrow screens, by keyboard, in print.
+
+import assert from 'node:assert/strict';
+import { readFileSync, rmSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { pathToFileURL } from 'node:url';
+import { browser, open, ready, smallRun } from './page.js';
+
+const AXE = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
+/** Height between the margins of a sheet of A4, and width, CSS pixels. */
+const SHEET = { width: 688, height: 1001 };
+
+let run;
+let out;
+let address;
+
+before(async () => {
+  out = smallRun();
+  address = pathToFileURL(join(out, 'report.html')).href;
+  run = await browser();
+});
+
+after(async () => {
+  await run?.close();
+  if (out) rmSync(join(out, '..'), { recursive: true, force: true });
+});
+
+for (const { width, colorScheme } of [{ width: 1280, colorScheme: 'light' }, { width: 1280, colorScheme: 'dark' }, { width: 390, colorScheme: 'light' }]) {
+  test(`axe finds nothing at ${width} px, ${colorScheme}`, async () => {
+    const { page, wrong } = await open(run, address, { width, colorScheme });
+    await ready(page);
+    await page.evaluate(() => document.querySelectorAll('details').forEach((one) => { one.open = true; }));
+    await page.evaluate(AXE);
+    const { violations } = await page.evaluate(() => globalThis.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa'] }));
+    const said = violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map((node) => `${node.html.slice(0, 160)} ${node.any[0]?.message ?? ''}`).join('; ')}`);
+    assert.deepEqual(said, []);
+    assert.deepEqual(wrong, []);
+    await page.close();
+  });
+}
+
+test('the first screen shows the result, the mounting, the platform and a map', async () => {
+  const { page } = await open(run, address, { width: 1280, height: 900 });
+  const bottom = async (selector) => {
+    const box = await page.locator(selector).first().boundingBox();
+    return box.y + box.height;
+  };
+  await page.evaluate(() => scrollTo(0, 0));
+  for (const selector of ['.headline', '.why', '.mounting.brief', '.first svg', '.first div:last-child svg']) {
+    assert.ok((await bottom(selector)) < 900, `${selector} ends at ${await bottom(selector)}`);
+  }
+  await page.close();
+});
+
+test('a narrow screen shows the column of the result', async () => {
+  const { page } = await open(run, address, { width: 390, height: 844 });
+  for (const table of ['#mounting table.mounting', '#distances table.rmse']) {
+    const cells = page.locator(`${table} >> nth=0`).locator('td.result');
+    await cells.first().scrollIntoViewIfNeeded();
+    const box = await cells.first().boundingBox();
+    assert.ok(box.x >= 0 && box.x + box.width <= 390.5, `${table}: from ${box.x}, ${box.width} wide`);
+  }
+  assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390);
+  await page.close();
+});
+
+test('a keyboard reaches links, what is folded, and the clouds', async () => {
+  const { page } = await open(run, address);
+  await ready(page);
+  await page.evaluate(() => { scrollTo(0, 0); document.activeElement.blur(); });
+  const reached = new Set();
+  for (let i = 0; i < 120; i++) {
+    await page.keyboard.press('Tab');
+    const found = await page.evaluate(() => {
+      const { activeElement } = document;
+      const style = getComputedStyle(activeElement);
+      const isSeen = style.outlineStyle !== 'none' || style.boxShadow !== 'none';
+      return { name: activeElement.className || activeElement.tagName, tag: activeElement.tagName, isSeen };
+    });
+    if (found.tag === 'BODY') break;
+    assert.ok(found.isSeen || found.tag === 'INPUT', `${found.name} does not show that it has the focus`);
+    reached.add(found.tag);
+    if (`${found.name}`.includes('scene-canvas')) reached.add('CANVAS');
+  }
+  for (const tag of ['A', 'SUMMARY', 'SELECT', 'CANVAS']) assert.ok(reached.has(tag), `${tag} of ${[...reached]}`);
+  await page.close();
+});
+
+test('two printed pages are the summary, and no heading stands alone', async () => {
+  const { page } = await open(run, address, { width: SHEET.width, height: SHEET.height });
+  await page.emulateMedia({ media: 'print' });
+  const first = await page.evaluate(() => document.querySelector('main > section').getBoundingClientRect().top + scrollY);
+  assert.ok(first <= 2 * SHEET.height, `the summary takes ${(first / SHEET.height).toFixed(2)} sheets`);
+  const breaks = await page.evaluate(() => ['h2', 'h3', 'h4'].map((tag) => getComputedStyle(document.querySelector(tag)).breakAfter));
+  assert.deepEqual(breaks, ['avoid', 'avoid', 'avoid']);
+  const pdf = await page.pdf({ format: 'A4', preferCSSPageSize: true });
+  const sheets = pdf.toString('latin1').match(/\/Type\s*\/Page\b/g)?.length ?? 0;
+  assert.ok(sheets > 3 && sheets < 60, `${sheets} sheets`);
+  await page.close();
+});
