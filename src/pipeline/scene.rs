@@ -7,8 +7,8 @@ use crate::project::Project;
 use crate::report::scene::{Input, Scan, Scene, View, gather};
 
 /// Most points of a drive, and of all drives together: they make the page some megabytes large.
-const MOST_OF_DRIVE: usize = 250_000;
-const MOST: usize = 700_000;
+const MOST_OF_DRIVE: usize = 200_000;
+const MOST: usize = 570_000;
 
 /// A drive with what is known of it.
 pub struct Shown<'a> {

@@ -1,4 +1,4 @@
-//! The numbers behind the figures as CSV files, in full where figures thin them.
+//! The numbers behind the figures as CSV files: in full where figures thin them, those of maps as means over cells.
 //!
 //! Lengths are in metres, angles in radians unless a name says degrees, times in seconds on the common clock. A value
 //! that is not known is empty.
@@ -8,6 +8,8 @@ use std::fmt::Write as _;
 
 use super::content::{Calibrations, Content, Drive};
 use super::diagnostics::component_name;
+use super::number::{nice_above, shortest};
+use super::raster::Bounds;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Agreement, MountingKind};
 use crate::geometry::Vec3;
@@ -15,8 +17,8 @@ use crate::geometry::Vec3;
 /// Folder of the files, beside the page.
 pub const FOLDER: &str = "figures";
 
-/// Distances at places that differ by less than this are those of one core point, metres.
-const SAME_PLACE_M: f64 = 1e-4;
+/// Cells of maps along the longer side of a field, at most.
+const CELLS: f64 = 200.0;
 
 /// The mountings whose distances are drawn, with their columns.
 const KINDS: [(MountingKind, &str); 3] = [
@@ -103,10 +105,12 @@ fn row(out: &mut String, cells: &[String]) {
     let _ = writeln!(out, "{}", cells.join(","));
 }
 
-/// Distance and level of detection at each core point, for each mounting.
+/// Number and means of distances and levels of detection in the cells of a grid, for each mounting.
 fn distances(drives: &[Drive]) -> String {
-    let names = KINDS.map(|(_, name)| format!("{name}_distance_m,{name}_level_of_detection_m"));
-    let mut out = format!("drive,clouds,east_m,north_m,up_m,{}\n", names.join(","));
+    let names = KINDS.map(|(_, name)| {
+        format!("{name}_core_points,{name}_mean_distance_m,{name}_mean_level_of_detection_m")
+    });
+    let mut out = format!("drive,clouds,east_m,north_m,cell_m,{}\n", names.join(","));
     let empty = out.len();
     for drive in drives {
         for found in drive.agreements.pairs() {
@@ -120,24 +124,50 @@ fn distances(drives: &[Drive]) -> String {
     }
 }
 
+/// Sums over a cell.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    count: usize,
+    distance_m: f64,
+    /// Of the core points with one.
+    levels: usize,
+    level_m: f64,
+}
+
 fn of_pair(drive: &str, found: &[Agreement], out: &mut String) {
-    let mut places: BTreeMap<[i64; 3], [[f64; 2]; KINDS.len()]> = BTreeMap::new();
+    let places = found.iter().flat_map(|one| one.distances.points());
+    let Some(bounds) = Bounds::around(places.map(|(p, _)| [p.x, p.y])) else {
+        return;
+    };
+    let [east, north] = [0, 1].map(|i| bounds.max[i] - bounds.min[i]);
+    let cell_m = nice_above(east.max(north) / CELLS);
+    let mut cells: BTreeMap<[i64; 2], [Cell; KINDS.len()]> = BTreeMap::new();
     for (column, (kind, _)) in KINDS.iter().enumerate() {
         for one in found.iter().filter(|one| one.mounting == *kind) {
             let points = one.distances.points();
             for ((p, distance_m), level_m) in points.zip(one.distances.levels_of_detection_m()) {
-                let place = [p.x, p.y, p.z].map(|x| (x / SAME_PLACE_M).round() as i64);
-                let known = places.entry(place).or_insert([[f64::NAN; 2]; KINDS.len()]);
-                known[column] = [distance_m, level_m];
+                let key = [p.x, p.y].map(|x| (x / cell_m).floor() as i64);
+                let cell = &mut cells.entry(key).or_default()[column];
+                cell.count += 1;
+                cell.distance_m += distance_m;
+                if level_m.is_finite() {
+                    cell.levels += 1;
+                    cell.level_m += level_m;
+                }
             }
         }
     }
     let start = [quoted(drive), quoted(&found[0].pair())];
-    for (place, known) in places {
-        let mut cells = start.to_vec();
-        cells.extend(place.map(|x| cell(x as f64 * SAME_PLACE_M, 4)));
-        cells.extend(known.as_flattened().iter().map(|value| cell(*value, 6)));
-        row(out, &cells);
+    for (key, known) in cells {
+        let mut line = start.to_vec();
+        line.extend(key.map(|x| cell((x as f64 + 0.5) * cell_m, 4)));
+        line.push(shortest(cell_m));
+        for one in known {
+            line.push(one.count.to_string());
+            line.push(cell(one.distance_m / one.count as f64, 6));
+            line.push(cell(one.level_m / one.levels as f64, 6));
+        }
+        row(out, &line);
     }
 }
 
@@ -350,6 +380,7 @@ fn convergence(all: &Calibrations) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::comparison::{Against, CoreDistance, DistanceMap, M3c2, Statistics};
 
     #[test]
     fn cells_are_quoted_where_they_must_and_empty_where_nothing_is_known() {
@@ -357,6 +388,42 @@ mod tests {
         assert_eq!(quoted("a,\"b\""), "\"a,\"\"b\"\"\"");
         assert_eq!(cell(f64::NAN, 3), "");
         assert_eq!(cell(-0.1234, 2), "-0.12");
+    }
+
+    #[test]
+    fn cells_of_a_map_have_means() {
+        let core = |x: f64, distance_m: f64| CoreDistance {
+            point: Vec3::new(x, 0.0, 0.0),
+            normal: Vec3::z(),
+            normal_radius_m: 0.04,
+            distance_m,
+            level_of_detection_m: 2e-3,
+            reference_spread_m: 1e-3,
+            compared_spread_m: 1e-3,
+            reference_count: 10,
+            compared_count: 10,
+        };
+        let distances = M3c2 {
+            core: vec![core(0.0, 1e-3), core(1e-4, 3e-3), core(10.0, -1e-3)],
+        };
+        let found = Agreement {
+            coverage: 1.0,
+            scanner: "left".into(),
+            against: Against::Reference,
+            mounting: MountingKind::Final,
+            statistics: Statistics::of(&distances).unwrap(),
+            distances: DistanceMap::of(&distances),
+        };
+        let mut out = String::new();
+        of_pair("drive-1", &[found], &mut out);
+        let lines: Vec<&str> = out.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "drive-1,left to reference,0.0500,0.0500,0.1,0,,,0,,,2,0.002000,0.002000",
+                "drive-1,left to reference,9.9500,0.0500,0.1,0,,,0,,,1,-0.001000,0.002000"
+            ]
+        );
     }
 
     #[test]

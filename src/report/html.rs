@@ -40,7 +40,7 @@ pub fn figure(body: &str, caption: &str) -> String {
 /// A table from finished rows; scrolls sideways on narrow screens.
 pub fn table(class: &str, head: &str, body: &str) -> String {
     format!(
-        "<div class=\"scroll\"><table class=\"{class}\">\n<thead>\n{head}</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+        "<div class=\"scroll\" tabindex=\"0\"><table class=\"{class}\">\n<thead>\n{head}</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
     )
 }
 

@@ -11,7 +11,7 @@ const HEIGHT: f64 = 330.0;
 /// Room around the drawing, for texts.
 const MARGIN: f64 = 30.0;
 /// Fans that reach further than this many times the size of the platform are cut off there.
-const LONGEST: f64 = 1.2;
+const LONGEST: f64 = 2.0;
 /// Smallest size of a platform, metres.
 const LEAST_M: f64 = 0.5;
 

@@ -8,7 +8,7 @@ const DIRECTIONS: usize = 24;
 /// Share of points at either end that are left out: single points lie far aside.
 const TAIL: f64 = 0.005;
 /// Quantile of the distances in a direction: what stands on the ground is nearer.
-const FAR: f64 = 0.9;
+const FAR: f64 = 0.99;
 /// Points of a fan lie in its plane to this share of their distance.
 const FLAT: f64 = 0.01;
 
