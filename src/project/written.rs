@@ -17,25 +17,25 @@ use crate::trajectory::{Loss, Nodes};
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Written {
-    /// Axes, origin, gravity.
+    /// Axes of the body, the world, gravity.
     #[serde(default)]
     pub frame: Frame,
-    /// With `prism` or `gnss`, and optionally `heading`: logs from which the trajectory is
-    /// estimated.
+    /// The IMU. With `[prism]` or `[gnss]`, and optionally `[heading]`, the trajectory is estimated from its log. The
+    /// defaults of its noise are those of an SBG Ellipse-D.
     pub imu: Option<Imu>,
-    /// Prisms tracked by total stations.
+    /// A prism that a total station tracks.
     #[serde(default, skip_serializing_if = "Tables::is_empty")]
     pub prism: Tables<Prism>,
-    /// GNSS antennas.
+    /// A GNSS antenna.
     #[serde(default, skip_serializing_if = "Tables::is_empty")]
     pub gnss: Tables<Gnss>,
-    /// Headings of the antenna baseline.
+    /// Headings of the baseline between two antennas.
     pub heading: Option<Heading>,
     /// What mountings may follow beside tilt, acceleration and time.
     pub bending: Option<Bending>,
-    /// Settings of the trajectory estimation, or a file of poses instead of the four above.
+    /// How the trajectory is estimated, or poses instead of the logs.
     pub trajectory: Option<Trajectory>,
-    /// The scanners.
+    /// A scanner.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scanner: Vec<Scanner>,
     /// The reference cloud.
@@ -46,7 +46,7 @@ pub struct Written {
     /// Settings of the joint adjustment.
     #[serde(default)]
     pub joint: Joint,
-    /// Settings of the comparisons.
+    /// M3C2; radii, not diameters.
     #[serde(default)]
     pub comparison: Comparison,
     /// What results are held against.
@@ -55,10 +55,10 @@ pub struct Written {
     /// Who made the report.
     #[serde(default, skip_serializing_if = "Report::is_empty")]
     pub report: Report,
-    /// Other drives, adjusted together with this one.
+    /// Another drive, adjusted together with this one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drive: Vec<OtherDrive>,
-    /// Other drives, evaluated.
+    /// Another drive, evaluated with the calibrated mountings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub evaluation: Vec<OtherDrive>,
 }
@@ -76,16 +76,17 @@ pub struct Mountings {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// `FRD` (default) or `FLU`.
+    /// Axes of the IMU and thereby of the body: `"FRD"`, x forward, y right, z down, or `"FLU"`, x forward, y left,
+    /// z up.
     pub body: Option<BodyAxes>,
-    /// Default 0, 0, 0.
+    /// Subtracted from world coordinates on reading, added on writing.
     pub origin_m: Option<[f64; 3]>,
-    /// The projected coordinate reference system of the world, in which latitudes and longitudes are
-    /// projected: `EPSG:25832`, or `+proj=…`.
+    /// The projected coordinate reference system of the world, `"EPSG:25832"` or `"+proj=…"`: latitudes and
+    /// longitudes of logs and SBET files are projected into it, without a datum shift.
     pub crs: Option<String>,
-    /// Default 0.
+    /// Grid heading = true heading − this.
     pub grid_convergence_deg: Option<f64>,
-    /// Default 9.81.
+    /// Gravity where the drive was.
     pub gravity_m_s2: Option<f64>,
 }
 
@@ -93,17 +94,17 @@ pub struct Frame {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imu {
-    /// Relative to the project file.
+    /// The log.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Angle random walk, °/√h. Default 0.15.
+    /// Angle random walk, °/√h, as datasheets give it.
     pub gyro_noise_deg_sqrt_h: Option<f64>,
-    /// Velocity random walk, µg/√Hz. Default 57.
+    /// Velocity random walk, µg/√Hz, as datasheets give it.
     pub accel_noise_ug_sqrt_hz: Option<f64>,
-    /// Bias instability, °/h. Default 7. The bias random walk reaches it in the correlation time.
+    /// Bias instability, °/h: a random walk of the bias reaches it in 100 s.
     pub gyro_bias_instability_deg_h: Option<f64>,
-    /// Bias instability, µg. Default 14. The bias random walk reaches it in the correlation time.
+    /// Bias instability, µg: a random walk of the bias reaches it in 100 s.
     pub accel_bias_instability_ug: Option<f64>,
     /// Bias random walk, rad/s/√s, instead of the instability.
     pub gyro_bias_walk_rad_s_sqrt_s: Option<f64>,
@@ -115,41 +116,41 @@ pub struct Imu {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prism {
-    /// Default `prism`; required if there are several.
+    /// Required if there are several.
     pub name: Option<String>,
-    /// Relative to the project file.
+    /// The log.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. Default
-    /// 0.005. For polar observations: the contribution of tracking to the instrument's noise.
+    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. For polar observations
+    /// that of tracking, added to the instrument's noise in quadrature, and 0 unless given if any of
+    /// `sigma_distance_m`, `sigma_distance_ppm`, `sigma_angle_arcsec` is.
     pub sigma_m: Option<Numbers>,
-    /// Standard deviation of the lasting part of its errors, of each coordinate, or of east, north,
-    /// up. Default 0.
+    /// Standard deviation of errors that last, besides `sigma_m`: of each coordinate, or of east, north, up.
     pub sigma_correlated_m: Option<Numbers>,
-    /// With `sigma_correlated_m`: the correlation time of that part. Default 30.
+    /// With `sigma_correlated_m`: how long they last.
     pub correlation_s: Option<f64>,
-    /// Prism in the body frame.
+    /// Prism in the body frame, from the IMU.
     pub lever_arm_m: [f64; 3],
-    /// Standard deviation of each coordinate of the lever arm. Default 0.002.
+    /// Standard deviation of each coordinate of the lever arm; positions of mountings are no better known.
     pub sigma_lever_arm_m: Option<f64>,
-    /// Loss function for large residuals. Default `truncated`.
+    /// Loss of large residuals: `"none"`, `"huber"`, `"cauchy"`, `"truncated"`.
     pub loss: Option<Loss>,
-    /// `cartesian` or `polar`, if the file contains both.
+    /// `"cartesian"` or `"polar"`, if the file has both.
     pub observations: Option<ObservationKind>,
-    /// The total station's position in the world.
+    /// Position of the total station in the world, for the line of sight and for polar observations.
     pub station_m: Option<[f64; 3]>,
-    /// Azimuth of its horizontal zero, clockwise from grid north; makes the log a polar one.
+    /// Azimuth of its horizontal zero, clockwise from grid north: the log is then polar.
     pub station_orientation_deg: Option<f64>,
-    /// `zenith` (default) or `elevation`.
+    /// `"zenith"`: 0 upwards; `"elevation"`: 0 at the horizon.
     pub vertical_angle: Option<VerticalAngle>,
-    /// Added to slope distances. Default 0.
+    /// Added to slope distances.
     pub reflector_constant_m: Option<f64>,
-    /// Standard deviation of a slope distance, constant part. Default 0.001.
+    /// Standard deviation of a slope distance, constant part.
     pub sigma_distance_m: Option<f64>,
-    /// Standard deviation of a slope distance, proportional part. Default 1.
+    /// Standard deviation of a slope distance, proportional part.
     pub sigma_distance_ppm: Option<f64>,
-    /// Standard deviation of either angle, seconds of arc. Default 1.
+    /// Standard deviation of either angle, seconds of arc.
     pub sigma_angle_arcsec: Option<f64>,
 }
 
@@ -167,25 +168,24 @@ pub enum ObservationKind {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gnss {
-    /// Default `gnss`; required if there are several.
+    /// Required if there are several.
     pub name: Option<String>,
-    /// Relative to the project file.
+    /// The log.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. Default
-    /// 0.02, 0.02, 0.04.
+    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none.
+    /// Positions are in projected or local coordinates.
     pub sigma_m: Option<Numbers>,
-    /// Standard deviation of the lasting part of its errors, of each coordinate, or of east, north,
-    /// up. Default 0.
+    /// Standard deviation of errors that last, besides `sigma_m`: of each coordinate, or of east, north, up.
     pub sigma_correlated_m: Option<Numbers>,
-    /// With `sigma_correlated_m`: the correlation time of that part. Default 30.
+    /// With `sigma_correlated_m`: how long they last.
     pub correlation_s: Option<f64>,
-    /// Antenna in the body frame.
+    /// Antenna in the body frame, from the IMU.
     pub lever_arm_m: [f64; 3],
-    /// Standard deviation of each coordinate of the lever arm. Default 0.002.
+    /// Standard deviation of each coordinate of the lever arm; positions of mountings are no better known.
     pub sigma_lever_arm_m: Option<f64>,
-    /// Loss function for large residuals. Default `truncated`.
+    /// Loss of large residuals: `"none"`, `"huber"`, `"cauchy"`, `"truncated"`.
     pub loss: Option<Loss>,
 }
 
@@ -193,21 +193,21 @@ pub struct Gnss {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Heading {
-    /// Relative to the project file.
+    /// The log.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Standard deviation if the log gives none. Default 0.7.
+    /// Standard deviation if the log gives none.
     pub sigma_deg: Option<f64>,
-    /// Standard deviation of the pitch if the log has a pitch without one. Default: `sigma_deg`.
+    /// Standard deviation of the pitch if the log has a pitch without one. Default: as `sigma_deg`.
     pub sigma_pitch_deg: Option<f64>,
-    /// Standard deviation of the lasting part of the heading's errors. Default 0.
+    /// Standard deviation of errors that last, besides `sigma_deg`.
     pub sigma_correlated_deg: Option<f64>,
-    /// With `sigma_correlated_deg`: the correlation time of that part. Default 30.
+    /// With `sigma_correlated_deg`: how long they last.
     pub correlation_s: Option<f64>,
-    /// From the antenna baseline to the body's x axis, clockwise. Default 0.
+    /// From the antenna baseline to the body's x axis, clockwise.
     pub mounting_offset_deg: Option<f64>,
-    /// Loss function for large residuals. Default `truncated`.
+    /// Loss of large residuals: `"none"`, `"huber"`, `"cauchy"`, `"truncated"`.
     pub loss: Option<Loss>,
 }
 
@@ -215,7 +215,7 @@ pub struct Heading {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trajectory {
-    /// Poses instead of logs, relative to the project file; several files are poses of one drive at different
+    /// Poses instead of `[imu]`, `[prism]`, `[gnss]`, `[heading]`; several files are poses of one drive at different
     /// times, as those of each scanner's profiles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<Files>,
@@ -225,18 +225,19 @@ pub struct Trajectory {
     pub sigma_position_m: Option<f64>,
     /// With `file`: standard deviation about each axis if the file gives none.
     pub sigma_rotation_deg: Option<f64>,
-    /// With `file`: correlation time of the errors of the poses. Default 5.
+    /// With `file`: how long errors of the poses last.
     pub correlation_s: Option<f64>,
-    /// Without `file`: `prism` (default) or `imu`.
+    /// Without `file`: `"prism"`, a node at each position and at least one per second; `"imu"`, at every IMU sample.
     pub nodes: Option<Nodes>,
-    /// Without `file`: constants to estimate together with the trajectory, or `"auto"`: those that
-    /// the drive contradicts. Default `"auto"`.
+    /// Without `file`: `"auto"`, the constants that the drive contradicts, each of them said; or a list of `<prism or
+    /// gnss>.time_offset`, `<prism or gnss>.lever_arm`, `<prism>.incidence_bias` (needs `station_m`),
+    /// `heading.mounting_offset`, `heading.time_offset`, `frame.gravity`, `imu.noise_scale`; `[]` for none.
     pub estimate: Option<toml::Value>,
-    /// Without `file`: constrain the velocity to zero where the logs show rest. Default true.
+    /// Without `file`: the velocity is held at zero where the logs show rest.
     pub zero_velocity: Option<bool>,
-    /// Largest standard deviation of a coordinate for points to be georeferenced. Default none.
+    /// Points are left out if the standard deviation of a coordinate of their pose is larger. Default: no limit.
     pub max_sigma_position_m: Option<f64>,
-    /// Largest standard deviation about an axis for points to be georeferenced. Default none.
+    /// Points are left out if the standard deviation of their pose about an axis is larger. Default: no limit.
     pub max_sigma_rotation_deg: Option<f64>,
 }
 
@@ -246,23 +247,24 @@ pub struct Trajectory {
 pub struct Scanner {
     /// Letters, digits, `-` and `_`.
     pub name: String,
-    /// One file or several in time order, relative to the project file.
+    /// One recording, or a list of them in time order.
     pub profiles: Files,
     /// Common time = scanner time + this.
     pub time_offset_s: Option<f64>,
-    /// Position of the scanner in the body frame.
+    /// Position of the scanner in the body frame, from the IMU, to some centimetres.
     pub translation_m: [f64; 3],
-    /// α, β, γ in `rotation_convention`.
+    /// α, β, γ in `rotation_convention`, to some degrees; this or `quaternion_xyzw` is required.
     pub rotation_deg: Option<[f64; 3]>,
-    /// Instead of the angles.
+    /// Instead of the angles: body from scanner.
     pub quaternion_xyzw: Option<[f64; 4]>,
-    /// `zyx` (default) or `bonn`.
+    /// `"zyx"`: R = Rz(γ) Ry(β) Rx(α); `"bonn"`: its transpose, as in the paper. R turns the scanner's axes into the
+    /// body's.
     pub rotation_convention: Option<EulerConvention>,
-    /// Fixed parameters, of tx ty tz rx ry rz.
+    /// Parameters held at their values, of `tx ty tz rx ry rz`. Default: none.
     pub fixed: Option<Vec<String>>,
-    /// With the joint adjustment: `time_offset`, to estimate a correction of it. Default none.
+    /// `["time_offset"]`: the joint adjustment corrects it. Default: none.
     pub estimate: Option<Vec<String>>,
-    /// How the mounting follows the load on the frame. Default: not at all.
+    /// A table as in `calibration.toml`: how the mounting follows the load on the frame. Default: not at all.
     pub compliance: Option<Compliance>,
 }
 
@@ -287,12 +289,12 @@ pub struct Compliance {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reference {
-    /// Relative to the project file.
+    /// The cloud.
     pub file: PathBuf,
     /// Standard deviation of a shift of the whole reference, along each axis. Default 0.002.
     pub sigma_m: Option<f64>,
-    /// Standard deviation of a tilt of the whole reference, about each horizontal axis. Default
-    /// 0.005.
+    /// Standard deviation of a tilt of the whole reference, about each axis; it and `sigma_m` are marked as assumed if
+    /// neither is given. Default 0.005.
     pub sigma_deg: Option<f64>,
     /// Standard deviation of errors of its surface that span decimetres. Default: assumed by the
     /// joint adjustment.
@@ -303,11 +305,13 @@ pub struct Reference {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Voxel sizes from coarse to fine, or `"auto"` (default): from the misfit to the spacing of points.
+    /// From coarse to fine. `"auto"`: 10, 8, 6, 4, 2 times and once the spacing of the points, which counts as at least
+    /// 5 mm, or 1/150 of the ranges if that is less; coarser ones come first where the clouds lie farther apart.
     pub voxel_sizes_m: Option<toml::Value>,
     /// Number of points in each neighbourhood.
     pub neighbours: Option<usize>,
-    /// `joint` (default), `two-step` or `paper`.
+    /// `"joint"`: one adjustment of trajectory and mountings; `"two-step"`: the mountings after the trajectory;
+    /// `"paper"`: as the paper.
     pub method: Option<Method>,
     /// Largest number of iterations per scale.
     pub max_iterations: Option<usize>,
@@ -343,11 +347,12 @@ impl Method {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// Size of the surfels. Default ten times the finest voxel.
+    /// Size of the patches of the surface. Default: ten times the finest voxel.
     pub surfel_m: Option<f64>,
-    /// Largest number of iterations. Default 50.
+    /// Largest number of iterations.
     pub max_iterations: Option<usize>,
-    /// How much mountings may move. Default `auto`.
+    /// How much mountings may move: `"rigid"`, `"compliance"` (with the load), `"slow-knots"`, `"dense-knots"` (also with
+    /// time); `"auto"`: rigid, and as much more as the drive asks for.
     pub mounting: Option<MountingMotion>,
 }
 
@@ -355,7 +360,7 @@ pub struct Joint {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bending {
-    /// A text table with `time_s`, relative to the project file.
+    /// A text table with `time_s`.
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
@@ -386,7 +391,7 @@ pub enum MountingMotion {
 pub struct Comparison {
     /// Spacing of core points.
     pub core_spacing_m: Option<f64>,
-    /// Radii of the neighbourhoods for normals.
+    /// Radii of the neighbourhoods for normals; the most planar one is used.
     pub normal_radii_m: Option<Vec<f64>>,
     /// Radius of the cylinder.
     pub cylinder_radius_m: Option<f64>,
@@ -394,9 +399,9 @@ pub struct Comparison {
     pub max_distance_m: Option<f64>,
     /// Added to the level of detection.
     pub registration_error_m: Option<f64>,
-    /// `mean` (default) or `median`.
+    /// `"mean"` and standard deviation, or `"median"` and inter-quartile range.
     pub aggregation: Option<Aggregation>,
-    /// `normal` (default) or `student`.
+    /// Distribution behind the level of detection: `"normal"`, or `"student"`, valid for few points too.
     pub detection: Option<Detection>,
     /// Cylinders along the normal only, not against it.
     pub one_sided: Option<bool>,
@@ -408,13 +413,13 @@ pub struct Comparison {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Acceptance {
-    /// Largest standard deviation of a mounting's position. Default 0.005.
+    /// Largest standard deviation of a mounting's position that is accepted.
     pub sigma_translation_m: Option<f64>,
-    /// Largest standard deviation of a mounting's rotation. Default 0.1.
+    /// Largest standard deviation of a mounting's rotation that is accepted.
     pub sigma_rotation_deg: Option<f64>,
-    /// Largest median and NMAD of distances between clouds. Default 0.005.
+    /// Largest median and NMAD of distances between clouds that are accepted.
     pub distance_m: Option<f64>,
-    /// Least share of the common field that distances rest on. Default 0.5.
+    /// Least share of the common field that distances rest on.
     pub coverage: Option<f64>,
 }
 

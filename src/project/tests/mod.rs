@@ -1,5 +1,6 @@
 mod files;
 mod joint;
+mod keys;
 mod mistakes;
 
 use std::path::{Path, PathBuf};
@@ -379,57 +380,5 @@ proptest::proptest! {
         let project = Project::read(&write(folder.path(), &poses)).unwrap();
         write(folder.path(), &project.to_toml().unwrap());
         proptest::prop_assert_eq!(Project::read(&path).unwrap(), project);
-    }
-}
-
-/// The README of the package.
-const README: &str = include_str!("../../../README.md");
-
-#[test]
-fn the_project_of_the_readme_is_understood() {
-    let (_, rest) = README.split_once("```toml\n").unwrap();
-    let (text, _) = rest.split_once("```").unwrap();
-    let project = read(text).unwrap();
-    assert_eq!(project.scanners[0].name, "left");
-    assert!(project.reference.is_some());
-}
-
-#[test]
-fn the_readme_names_every_key_with_its_default() {
-    for text in [EXAMPLE, UNUSUAL, POSES, SEVERAL, joint::JOINT] {
-        let printed = read(text).unwrap().to_toml().unwrap();
-        for line in printed.lines() {
-            if let Some((key, _)) = line.split_once(" = ") {
-                assert!(README.contains(key), "{key} is not in the README");
-            }
-        }
-    }
-    let calibration = CalibrationSettings::default();
-    let comparison = ComparisonSettings::default();
-    let joint = crate::joint::JointSettings::default();
-    for row in [
-        format!("| `calibration.neighbours` | {} |", calibration.neighbours),
-        format!(
-            "| `calibration.max_iterations` | {} |",
-            calibration.max_iterations
-        ),
-        format!("| `calibration.pass_gap_s` | {} |", calibration.pass_gap_s),
-        format!("| `joint.max_iterations` | {} |", joint.max_iterations),
-        format!("| `trajectory.correlation_s` | {} |", joint.correlation_s),
-        format!(
-            "| `reference.sigma_m`, `reference.sigma_deg` | {}, {} |",
-            joint.reference.shift_m,
-            joint.reference.tilt_rad.to_degrees()
-        ),
-        format!(
-            "| {}, {:?}, {}, {}, {} | M3C2",
-            comparison.core_spacing_m,
-            comparison.normal_radii_m,
-            comparison.cylinder_radius_m,
-            comparison.max_distance_m,
-            comparison.registration_error_m
-        ),
-    ] {
-        assert!(README.contains(&row), "{row}");
     }
 }
