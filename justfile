@@ -105,3 +105,24 @@ mutants:
 # All messages that users can see, for proofreading (needs Python)
 messages *FILES:
     python3 tools/messages.py {{FILES}}
+
+# The book, in target/book (needs mdBook: `cargo install --locked mdbook --version 0.5.4`)
+book:
+    mdbook build
+
+# The tables of docs/project.md, made from the code
+keys:
+    BORESIGHT_WRITE=1 cargo test --release --lib project::tests::keys
+    cargo test --release --lib project::tests::keys
+
+# Predicted standard deviations of the layouts of docs/field.md (half an hour)
+field *NAMES:
+    cargo build --release
+    python3 tools/field.py --write {{NAMES}}
+
+# The pictures of README and book, from the demo and from a drive whose frame bends (needs node, npm and Chromium)
+pictures:
+    cargo run --release -- demo
+    cargo run --release -- simulate --scenario web/moving.toml --out out/moving --force
+    cargo run --release -- run out/moving/drive-1
+    cd web && npm ci --no-fund --no-audit && node pictures.js ../out ../out/moving/drive-1/out
