@@ -51,6 +51,6 @@ await take('scene', '#scene', 1500);
 
 if (moving) {
   await page.goto(address(moving));
-  await take('moving', 'h3:has-text("How the mountings moved") + figure', 900);
+  await take('moving', 'h3:has-text("How the mountings moved") + figure', 800);
 }
 await run.close();
