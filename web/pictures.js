@@ -27,10 +27,10 @@ async function take(name, selector, height = 900) {
   const box = await found.boundingBox();
   const scrolled = await page.evaluate(() => [scrollX, scrollY]);
   const clip = {
-    x: Math.max(0, box.x + scrolled[0] - 12),
-    y: Math.max(0, box.y + scrolled[1] - 8),
-    width: Math.min(box.width + 24, 1280),
-    height: Math.min(box.height + 16, height),
+    x: Math.max(0, Math.round(box.x + scrolled[0]) - 12),
+    y: Math.max(0, Math.round(box.y + scrolled[1]) - 8),
+    width: Math.min(Math.round(box.width) + 24, 1280),
+    height: Math.min(Math.round(box.height) + 16, height),
   };
   await page.screenshot({ path: to(name), clip, fullPage: true });
 }
