@@ -115,7 +115,7 @@ keys:
     BORESIGHT_WRITE=1 cargo test --release --lib project::tests::keys
     cargo test --release --lib project::tests::keys
 
-# Predicted standard deviations of the layouts of docs/field.md (half an hour)
+# Predicted standard deviations of the layouts of docs/field.md (some minutes each)
 field *NAMES:
     cargo build --release
     python3 tools/field.py --write {{NAMES}}
