@@ -1,5 +1,7 @@
 //! Progress reports and cancellation of long-running work, without printing.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use crate::error::{Error, Result};
 
 /// Receives progress reports and may cancel the work. The command line draws bars; tests stay
@@ -69,6 +71,79 @@ impl Drop for Stage<'_> {
     }
 }
 
+/// Progress of an iteration that ends when it has converged: its steps become units of a stage.
+///
+/// The expected number of steps makes [`Steps::EXPECTED`] of the units; each further one makes a share of what
+/// is left then, so that the stage goes on and is not over before it is.
+pub struct Steps<'a> {
+    progress: &'a dyn Progress,
+    expected: u64,
+    units: u64,
+    taken: AtomicU64,
+    given: AtomicU64,
+}
+
+impl<'a> Steps<'a> {
+    /// Share of the units that the expected number of steps makes.
+    pub const EXPECTED: f64 = 0.8;
+
+    /// Steps, most often `expected` ones, that make `units` of the innermost stage of `progress`.
+    pub fn new(progress: &'a dyn Progress, expected: u64, units: u64) -> Self {
+        Self {
+            progress,
+            expected: expected.max(1),
+            units,
+            taken: AtomicU64::new(0),
+            given: AtomicU64::new(0),
+        }
+    }
+
+    /// Reports all units that no step has made as done.
+    pub fn finish(self) {
+        self.progress
+            .advance(self.units.saturating_sub(self.given.into_inner()));
+    }
+
+    fn share(&self, taken: u64) -> f64 {
+        let ratio = taken as f64 / self.expected as f64;
+        if ratio <= 1.0 {
+            return Self::EXPECTED * ratio;
+        }
+        let left = 1.0 - Self::EXPECTED;
+        // As fast at first as until then.
+        1.0 - left * (-(ratio - 1.0) * Self::EXPECTED / left).exp()
+    }
+}
+
+impl Progress for Steps<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.progress.begin(stage, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        let taken = self.taken.fetch_add(steps, Ordering::Relaxed) + steps;
+        let given = (self.share(taken) * self.units as f64).round() as u64;
+        let before = self.given.fetch_max(given, Ordering::Relaxed);
+        self.progress.advance(given.saturating_sub(before));
+    }
+
+    fn end(&self) {
+        self.progress.end();
+    }
+
+    fn say(&self, message: &str) {
+        self.progress.say(message);
+    }
+
+    fn warn(&self, message: &str) {
+        self.progress.warn(message);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
+}
+
 /// The run time of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageSeconds {
@@ -88,4 +163,42 @@ impl Progress for Silent {
     fn end(&self) {}
     fn say(&self, _message: &str) {}
     fn warn(&self, _message: &str) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Counter(AtomicU64);
+
+    impl Progress for Counter {
+        fn begin(&self, _stage: &str, _total: u64) {}
+        fn advance(&self, units: u64) {
+            self.0.fetch_add(units, Ordering::Relaxed);
+        }
+        fn end(&self) {}
+        fn say(&self, _message: &str) {}
+        fn warn(&self, _message: &str) {}
+    }
+
+    #[test]
+    fn steps_come_near_their_units_and_never_beyond() {
+        for count in [0, 3, 10, 500] {
+            let counter = Counter::default();
+            let steps = Steps::new(&counter, 10, 1000);
+            let mut before = 0;
+            for step in 1..=count {
+                steps.advance(1);
+                let now = counter.0.load(Ordering::Relaxed);
+                assert!(now >= before && now <= 1000, "{now} after {step}");
+                if step <= 10 {
+                    assert_eq!(now, 80 * step, "after {step}");
+                }
+                before = now;
+            }
+            steps.finish();
+            assert_eq!(counter.0.into_inner(), 1000, "{count} steps");
+        }
+    }
 }

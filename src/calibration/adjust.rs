@@ -59,6 +59,7 @@ pub fn minimise(
     let count = now.surface.planes.len() as f64;
     while iterations < problem.max_iterations {
         progress.check()?;
+        progress.advance(1);
         iterations += 1;
         let basis = observability.determined(&now.mountings);
         let Some(step) = damped_step(&now.equations, &basis, damping.value()) else {

@@ -13,7 +13,7 @@ use super::scale::{ScaleProblem, State};
 use super::settings::CalibrationSettings;
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
-use crate::progress::Progress;
+use crate::progress::{Progress, Steps};
 use crate::statistics::{drawn_sign, median};
 use crate::stored::stored;
 
@@ -21,6 +21,8 @@ use crate::stored::stored;
 const MAX_CENTRES: usize = 20_000;
 /// Number of times that the mountings are moved away.
 const STARTS: u64 = 4;
+/// Steps from each of them, as most take them.
+const STEPS: u64 = 4;
 /// Two solutions of the coarsest scale are the same where no point lies farther apart than this share of a
 /// voxel.
 const SAME_SHARE: f64 = 0.5;
@@ -46,6 +48,9 @@ pub struct Minimum {
 }
 
 impl Minimum {
+    /// Steps of the search, as most take them.
+    pub(super) const STEPS: u64 = (1 + STARTS) * STEPS;
+
     /// Whether another one fits as well.
     pub fn is_doubtful(&self) -> bool {
         self.other.is_some()
@@ -79,6 +84,7 @@ impl Minimum {
             k: settings.neighbours,
             max_iterations: settings.max_iterations,
         };
+        let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
         let ended = |mountings: Vec<Mounting>| -> Result<State> {
             let start = problem.at(mountings);
             let observability = Observability::of(&start.equations, &start.mountings);

@@ -47,12 +47,18 @@ pub use spacing::point_spacing_m;
 pub use variant::Variant;
 
 use crate::error::{Error, Problem, Result};
-use crate::progress::Progress;
+use crate::progress::{Progress, Steps};
 use scale::{Adjusted, ScaleProblem, Solved, State};
 
 /// Largest number of neighbourhoods in the cost of one scale. With more scanner points, every
 /// second, third … is a centre: more centres of the same points add time, not information.
 const MAX_CENTRES: usize = 250_000;
+
+/// Units of progress of the finest scale: a scale takes about as long as its voxels are small.
+const UNITS_OF_FINEST: f64 = 1000.0;
+/// Steps on a scale, as most take them.
+const STEPS: u64 = 3;
+const PAPER_STEPS: u64 = 25;
 
 /// Calibrates the mountings coarse to fine, and determines their observability and covariance.
 ///
@@ -68,17 +74,29 @@ pub fn calibrate(
 ) -> Result<Calibration> {
     let (coarser_m, finest_m) = settings.scales()?;
     input.check()?;
-    let stage = progress.stage("calibration", settings.voxel_sizes_m.len() as u64);
+    let weight = |voxel_m: f64| (UNITS_OF_FINEST * finest_m / voxel_m).round() as u64;
+    let weights = settings
+        .voxel_sizes_m
+        .iter()
+        .map(|voxel_m| weight(*voxel_m));
+    let expected = match settings.method {
+        Method::Paper => PAPER_STEPS,
+        Method::TwoStep | Method::Joint => STEPS,
+    };
+    let stage = progress.stage("calibration", weights.sum());
     let mut scales = Vec::new();
     let mut solve = |mountings, voxel_m| -> Result<Solved> {
-        let (solved, scale) = solve_scale(input, mountings, voxel_m, settings, progress)?;
+        let steps = Steps::new(progress, expected, weight(voxel_m));
+        let solved = solve_scale(input, mountings, voxel_m, settings, &steps);
+        steps.finish();
+        let (solved, scale) = solved?;
         let (points, iterations, ending) = (scale.points, scale.iterations, scale.ending);
         progress.say(&format!(
             "voxels of {:.0} mm: {points} points, {iterations} iterations, {ending}",
             voxel_m * 1e3,
         ));
         scales.push(scale);
-        stage.advance(1)?;
+        progress.check()?;
         Ok(solved)
     };
     let mut mountings = input.mountings.clone();
@@ -92,7 +110,7 @@ pub fn calibrate(
                 ..
             }) => {
                 progress.say(&format!("a scale is left out: {problem}"));
-                stage.advance(1)?;
+                progress.check()?;
                 mountings
             }
             Err(error) => return Err(error),
@@ -100,7 +118,8 @@ pub fn calibrate(
     }
     let solved = solve(mountings, finest_m)?;
     drop(stage);
-    let _stage = progress.stage("uncertainty", 0);
+    // The covariance takes about as long as the search for other minima.
+    let _stage = progress.stage("uncertainty", 2 * Minimum::STEPS);
     let minimum = match settings.method {
         Method::Paper => None,
         Method::TwoStep | Method::Joint => {

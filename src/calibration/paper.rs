@@ -98,6 +98,7 @@ pub fn minimise(
     let (mut lowest, mut lowest_at) = (f64::INFINITY, 0);
     while iterations < problem.max_iterations {
         progress.check()?;
+        progress.advance(1);
         iterations += 1;
         let basis = observability.determined(&mountings);
         if basis.ncols() == 0 {

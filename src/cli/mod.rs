@@ -20,6 +20,7 @@ mod salvage;
 mod simulate;
 mod terminal;
 mod thin;
+mod tracker;
 mod trajectory;
 mod values;
 

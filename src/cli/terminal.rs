@@ -2,53 +2,62 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 
+use super::tracker::{Shown, Tracker, duration, line, time_left};
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Time until the rate is certain enough to show the remaining time.
-const RATE_KNOWN_AFTER: Duration = Duration::from_secs(2);
+/// How often what is shown is looked at again.
+const TICK: Duration = Duration::from_millis(200);
+/// Where stderr is no terminal, a line says how far the work is after so long without any other, seconds.
+const LINE_AFTER_S: f64 = 10.0;
+/// Steps of a bar.
+const BAR_STEPS: u64 = 1000;
 
-/// Shows bars on a terminal and one line per stage elsewhere, and keeps every line for the log.
+/// Shows bars on a terminal and lines elsewhere, and keeps every line for the log.
 pub(super) struct Terminal {
     quiet: bool,
     verbose: bool,
     /// Whether stderr is a terminal.
     bars: bool,
     start: Instant,
-    state: Mutex<State>,
+    state: Arc<Mutex<State>>,
 }
 
+/// What the work has said so far.
 #[derive(Default)]
-struct State {
-    /// The running stages, innermost last.
-    stages: Vec<Stage>,
+pub(super) struct State {
+    /// The running stages.
+    tracker: Tracker,
+    /// The bar of the innermost stage, on a terminal.
+    bar: Option<ProgressBar>,
     log: String,
     /// Warnings so far: each is shown only once.
     warned: Vec<String>,
-}
-
-struct Stage {
-    name: String,
-    start: Instant,
-    total: u64,
-    done: u64,
-    bar: ProgressBar,
+    /// When a line was last shown, seconds since the start.
+    shown_s: f64,
 }
 
 impl Terminal {
     pub fn new(quiet: bool, verbose: bool) -> Self {
-        Self {
+        let terminal = Self {
             quiet,
             verbose,
             bars: !quiet && std::io::stderr().is_terminal(),
             start: Instant::now(),
-            state: Mutex::default(),
+            state: Arc::default(),
+        };
+        if !quiet {
+            let (bars, start) = (terminal.bars, terminal.start);
+            let state = Arc::downgrade(&terminal.state);
+            // Without a thread, the work goes on and less is shown.
+            let _ = std::thread::Builder::new().spawn(move || tick(&state, bars, start));
         }
+        terminal
     }
 
     /// Whether only results and errors are shown.
@@ -66,71 +75,107 @@ impl Terminal {
         crate::output::write_whole(path, self.state().log.as_bytes())
     }
 
-    /// Locks the state; a poisoned state is still valid.
+    fn now_s(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.state)
     }
 
     fn keep(&self, state: &mut State, line: &str) {
-        let seconds = self.start.elapsed().as_secs_f64();
+        let seconds = self.now_s();
         for line in line.lines() {
             state.log.push_str(&format!("{seconds:9.3} s  {line}\n"));
         }
     }
 
-    /// Shows `line` above the running bar; if stderr is closed, it is lost.
-    fn show(&self, state: &State, line: &str) {
-        let write = || {
-            let _ = writeln!(std::io::stderr(), "{line}");
-        };
-        match state.stages.last() {
-            Some(stage) => stage.bar.suspend(write),
-            None => write(),
+    /// Shows `line` above the running bar.
+    fn show(&self, state: &mut State, line: &str) {
+        state.shown_s = self.now_s();
+        match &state.bar {
+            Some(bar) => bar.suspend(|| print(line)),
+            None => print(line),
         }
     }
 
-    fn bar(&self, name: &str, total: u64) -> ProgressBar {
+    /// Shows the bar of the innermost stage instead of that before.
+    fn renew_bar(&self, state: &mut State) {
         if !self.bars {
-            return ProgressBar::hidden();
+            return;
         }
-        let (bar, template) = if total == 0 {
-            (ProgressBar::new_spinner(), "{spinner} {msg}  {elapsed}")
-        } else {
-            let template = "{spinner} {msg}  {bar:20} {percent:>3} % {left}";
-            (ProgressBar::new(total), template)
+        if let Some(bar) = state.bar.take() {
+            bar.finish_and_clear();
+        }
+        let stages = state.tracker.shown(self.now_s());
+        if stages.is_empty() {
+            return;
+        }
+        let bar = ProgressBar::new(BAR_STEPS);
+        update(&bar, &stages);
+        state.bar = Some(bar);
+    }
+}
+
+/// Locks the state; a poisoned state is still valid.
+fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// If stderr is closed, the line is lost.
+fn print(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Looks again and again how far the work is, for as long as there is somebody to show it.
+fn tick(state: &Weak<Mutex<State>>, bars: bool, start: Instant) {
+    loop {
+        std::thread::sleep(TICK);
+        let Some(state) = state.upgrade() else {
+            return;
         };
-        let style = ProgressStyle::with_template(template)
-            .unwrap_or_else(|_| ProgressStyle::default_bar())
-            .with_key("left", time_left);
-        bar.set_style(style);
-        bar.set_message(name.to_owned());
-        bar.enable_steady_tick(Duration::from_millis(200));
-        bar
-    }
-}
-
-fn time_left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
-    if state.elapsed() > RATE_KNOWN_AFTER && state.pos() > 0 {
-        // If it cannot be written, the bar only shows less.
-        let _ = write!(out, " {} left", duration(state.eta()));
-    }
-}
-
-/// `duration` as short text.
-fn duration(duration: Duration) -> String {
-    let seconds = duration.as_secs_f64();
-    if seconds < 9.95 {
-        format!("{seconds:.1} s")
-    } else if seconds < 99.5 {
-        format!("{seconds:.0} s")
-    } else {
-        let minutes = (seconds / 60.0).round();
-        if minutes < 100.0 {
-            format!("{minutes} min")
-        } else {
-            format!("{:.1} h", seconds / 3600.0)
+        let mut state = locked(&state);
+        let now_s = start.elapsed().as_secs_f64();
+        let stages = state.tracker.shown(now_s);
+        if bars {
+            if let Some(bar) = &state.bar {
+                update(bar, &stages);
+            }
+        } else if let Some(line) = due(&mut state.shown_s, &stages, now_s) {
+            print(&line);
         }
     }
+}
+
+/// The line that is due where there is no terminal.
+fn due(shown_s: &mut f64, stages: &[Shown], now_s: f64) -> Option<String> {
+    if now_s - *shown_s < LINE_AFTER_S {
+        return None;
+    }
+    let line = line(stages)?;
+    *shown_s = now_s;
+    Some(line)
+}
+
+/// Shows how far the stages are: a bar where anything can be counted, otherwise the time so far.
+fn update(bar: &ProgressBar, stages: &[Shown]) {
+    let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
+    let counted = stages.iter().rev().find(|stage| stage.share.is_some());
+    let template = match counted {
+        Some(_) => "{spinner} {msg}  {bar:20} {percent:>3} % {prefix}",
+        None => "{spinner} {msg}  {prefix}",
+    };
+    let style = ProgressStyle::with_template(template);
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.set_message(names.join(", "));
+    let share = counted.and_then(|stage| stage.share).unwrap_or(0.0);
+    bar.set_position((share * BAR_STEPS as f64) as u64);
+    let so_far = stages.last().map_or(0.0, |stage| stage.ran_s);
+    bar.set_prefix(match counted {
+        Some(stage) => stage.left_s.map(time_left).unwrap_or_default(),
+        None => duration(so_far),
+    });
+    bar.tick();
 }
 
 impl Progress for Terminal {
@@ -140,53 +185,33 @@ impl Progress for Terminal {
 
     fn begin(&self, stage: &str, total: u64) {
         let mut state = self.state();
-        // An outer bar is hidden while an inner one runs.
-        if let Some(outer) = state.stages.last() {
-            outer.bar.finish_and_clear();
-        }
-        let bar = self.bar(stage, total);
-        state.stages.push(Stage {
-            name: stage.to_owned(),
-            start: Instant::now(),
-            total,
-            done: 0,
-            bar,
-        });
+        state.tracker.begin(stage, total, self.now_s());
+        self.renew_bar(&mut state);
     }
 
     fn advance(&self, units: u64) {
-        if let Some(stage) = self.state().stages.last_mut() {
-            stage.done += units;
-            stage.bar.inc(units);
-        }
+        self.state().tracker.advance(units, self.now_s());
     }
 
     fn end(&self) {
         let mut state = self.state();
-        let Some(stage) = state.stages.pop() else {
+        let Some(ended) = state.tracker.end(self.now_s()) else {
             return;
         };
-        stage.bar.finish_and_clear();
-        let depth = "  ".repeat(state.stages.len());
-        let took = duration(stage.start.elapsed());
-        let line = format!("{depth}{}: {took}", stage.name);
+        let depth = "  ".repeat(ended.depth);
+        let line = format!("{depth}{}: {}", ended.name, duration(ended.took_s));
         self.keep(&mut state, &line);
         if !self.quiet {
-            self.show(&state, &line);
+            self.show(&mut state, &line);
         }
-        if let (true, Some(outer)) = (self.bars, state.stages.last_mut()) {
-            outer.bar = self
-                .bar(&outer.name, outer.total)
-                .with_position(outer.done)
-                .with_elapsed(outer.start.elapsed());
-        }
+        self.renew_bar(&mut state);
     }
 
     fn say(&self, message: &str) {
         let mut state = self.state();
         self.keep(&mut state, message);
         if self.verbose {
-            self.show(&state, message);
+            self.show(&mut state, message);
         }
     }
 
@@ -199,7 +224,7 @@ impl Progress for Terminal {
         state.warned.push(line.clone());
         self.keep(&mut state, &line);
         if !self.quiet {
-            self.show(&state, &line);
+            self.show(&mut state, &line);
         }
     }
 }
@@ -209,14 +234,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn durations_are_short() {
-        let said = |seconds| duration(Duration::from_secs_f64(seconds));
-        assert_eq!(said(0.04), "0.0 s");
-        assert_eq!(said(9.94), "9.9 s");
-        assert_eq!(said(9.96), "10 s");
-        assert_eq!(said(99.0), "99 s");
-        assert_eq!(said(130.0), "2 min");
-        assert_eq!(said(7000.0), "1.9 h");
+    fn a_line_comes_each_ten_seconds_and_not_beside_others() {
+        let mut tracker = Tracker::default();
+        let mut shown_s = 0.0;
+        let mut lines = Vec::new();
+        tracker.begin("calibration", 50, 0.0);
+        for second in 1..=50 {
+            let now_s = f64::from(second);
+            tracker.advance(1, now_s);
+            if second == 25 {
+                shown_s = now_s; // another line
+            }
+            lines.extend(due(&mut shown_s, &tracker.shown(now_s), now_s));
+        }
+        let expected = [
+            "calibration: 20 %, 40 s left",
+            "calibration: 40 %, 30 s left",
+            "calibration: 70 %, 15 s left",
+            "calibration: 90 %, 5 s left",
+        ];
+        assert_eq!(lines, expected);
+        assert_eq!(due(&mut shown_s, &[], 1000.0), None);
     }
 
     #[test]

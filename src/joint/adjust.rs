@@ -119,6 +119,7 @@ pub fn at_rung(
             let fewer = fewer_keyframes(&problem, &keyframe_steps);
             keyframe_steps = fewer.ok_or_else(|| too_large(&problem))?;
         };
+        progress.advance(1);
         problem.judge_by(steps.shared.as_ref());
         if round == Round::Fine {
             // Residuals to surfels that are not where they are seen would pass for outliers in the first step.
@@ -142,6 +143,7 @@ pub fn at_rung(
         }
         if may_climb && !again {
             let found = components_at(&mut problem, &state)?;
+            progress.advance(1);
             let mut reasons = evident_to_imu(&problem, &state, &found);
             if round == Round::Fine {
                 reasons.extend(evident_to_scans(&problem, &state));
@@ -161,6 +163,7 @@ pub fn at_rung(
                 problem.forget_factor();
             }
             let found = components_at(&mut problem, &state)?;
+            progress.advance(1);
             let found = conclude(&problem, &state, &found, (stop, steps.iterations))?;
             return Ok(Outcome::Found(Box::new(found)));
         }
@@ -249,6 +252,7 @@ impl Steps<'_> {
         };
         for scaling in 1.. {
             let found = components_at(problem, state)?;
+            self.progress.advance(1);
             let (mut learned, mut jumped) = (0.0, false);
             if let Some(bends) = &mut state.bends {
                 learned = learn(problem, bends);

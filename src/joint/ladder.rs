@@ -8,7 +8,12 @@ use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
 use super::settings::{JointSettings, MountingMotion};
 use crate::error::{Error, Result};
-use crate::progress::Progress;
+use crate::progress::{Progress, Steps};
+
+/// Iterations, searches for surfels and estimates of the noise, as many as most adjustments take, and the units of
+/// their progress.
+const STEPS: u64 = 12;
+const PROGRESS_UNITS: u64 = 1000;
 
 /// Adjusts mountings and trajectories together.
 ///
@@ -21,7 +26,8 @@ pub fn adjust(
     surfel_m: f64,
     progress: &dyn Progress,
 ) -> Result<Joint> {
-    let _stage = progress.stage("joint adjustment", 0);
+    let _stage = progress.stage("joint adjustment", PROGRESS_UNITS);
+    let progress = &Steps::new(progress, STEPS, PROGRESS_UNITS);
     // Compliance that is known is no question.
     let least = match input.compliance {
         [] => settings.mounting.least,

@@ -1,5 +1,6 @@
 //! The logs of a drive, read and prepared for the trajectory stage.
 
+use super::inputs::size;
 use crate::error::Result;
 use crate::format;
 use crate::progress::Progress;
@@ -32,7 +33,12 @@ impl DriveLogs {
     /// # Errors
     /// Errors of the readers.
     pub fn read(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Self> {
+        let positions = logs.positions.iter().map(|log| &log.path);
+        let heading = logs.heading.iter().map(|log| &log.path);
+        let all = positions.chain(heading).chain([&logs.imu.path]);
+        let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
         let mut imu = format::read_imu(&logs.imu.path)?;
+        stage.advance(size(&logs.imu.path))?;
         imu.iter_mut()
             .for_each(|sample| sample.time_s += logs.imu.time_offset_s);
         let mut settings = logs.settings.clone();
@@ -55,6 +61,7 @@ impl DriveLogs {
             if let Some(station) = &mut settings.station_m {
                 *station -= project.origin_m;
             }
+            stage.advance(size(path))?;
             report_rejected(&settings.name, &rows, fixes.len() + rows.len(), progress);
             rejected.extend(rows);
             positions.push(fixes);
@@ -66,6 +73,7 @@ impl DriveLogs {
         }) = &logs.heading
         {
             heading = format::read_heading(path)?;
+            stage.advance(size(path))?;
             heading
                 .iter_mut()
                 .for_each(|fix| fix.time_s += time_offset_s);

@@ -14,6 +14,7 @@ use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{Motion, Project, Scanner};
 use crate::sensor::PoseRecord;
+use crate::tiles::CloudSource;
 use crate::trajectory::{PositionSettings, Solution, Trajectory};
 
 /// # Errors
@@ -201,7 +202,8 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
         return Ok(Vec::new());
     };
     let stage = progress.stage("reading the reference", 0);
-    let mut points = format::read_cloud(&reference.path)?.points;
+    let cloud = CloudSource::open(&reference.path, progress)?;
+    let mut points = cloud.points(progress)?.into_owned();
     drop(stage);
     if points.is_empty() {
         return Err(Error::of(

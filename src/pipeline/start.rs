@@ -14,6 +14,8 @@ use crate::stored::stored;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
+/// The search for a better start takes as long as so many looks at one.
+const SEARCH_UNITS: u64 = 6;
 /// The coarsest scale reaches as far as the clouds lie apart where it is this share of it.
 const SCALE_PER_MISFIT: f64 = 0.5;
 /// Fewest neighbourhoods of a scale that is added.
@@ -134,10 +136,14 @@ pub fn start(
             reference,
         })
     };
+    let stage = progress.stage("checking the placement", SEARCH_UNITS + 2);
     let own = placed(project);
+    progress.advance(1);
     let better = better_start(&mountings(project), samples, reference);
+    progress.advance(SEARCH_UNITS);
     let better = better.map(|poses| with_mountings(project, &poses));
     let better = better.map(|project| (placed(&project), project));
+    drop(stage);
     let (placed, project, mut said) = match better {
         // A mistake that explains as much is not searched for.
         Some((found, better))

@@ -6,7 +6,7 @@ use super::solution::{EstimatedConstant, Solution};
 use super::streams::MotionLogs;
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, Silent, Steps};
 use crate::stored::stored;
 
 /// A constant is doubted where the drive finds it off by more standard deviations than this.
@@ -30,6 +30,10 @@ const MAX_DOUBTS: usize = 3;
 const MATCH_SIGMAS: f64 = 4.0;
 const MATCH_M: f64 = 0.02;
 const MATCH_RAD: f64 = 0.035;
+
+/// Trials of a drive that nothing contradicts, and the units of their progress.
+const TRIALS: u64 = 1;
+const PROGRESS_UNITS: u64 = 1000;
 
 /// A constant of the project that the drive contradicts.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,12 +65,15 @@ pub fn doubts(
     solution: &Solution,
     progress: &dyn Progress,
 ) -> Result<Vec<Doubt>> {
-    let stage = progress.stage("testing the constants", 0);
+    let stage = progress.stage("testing the constants", PROGRESS_UNITS);
+    let trials = Steps::new(progress, TRIALS, PROGRESS_UNITS);
     let freed_too = |more: &[Constant]| -> Result<Option<Solution>> {
         progress.check()?;
         let mut trial = settings.clone();
         trial.estimate.extend(more);
-        match estimate(logs, &trial, &Silent) {
+        let found = estimate(logs, &trial, &Silent);
+        trials.advance(1);
+        match found {
             Ok(estimate) => Ok(Some(estimate.solution)),
             Err(Error::Cancelled) => Err(Error::Cancelled),
             // The drive does not determine it.

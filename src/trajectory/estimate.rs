@@ -9,7 +9,11 @@ use super::settings::TrajectorySettings;
 use super::solution::Solution;
 use super::streams::MotionLogs;
 use crate::error::Result;
-use crate::progress::Progress;
+use crate::progress::{Progress, Steps};
+
+/// Steps of an adjustment, as most take them, and the units of its progress.
+const STEPS: u64 = 5;
+const PROGRESS_UNITS: u64 = 1000;
 
 /// The estimated trajectory and all that is known about it.
 #[derive(Debug, Clone)]
@@ -48,12 +52,13 @@ pub fn estimate_from(
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Estimate> {
-    let stage = progress.stage("trajectory", 0);
+    let stage = progress.stage("trajectory", PROGRESS_UNITS);
+    let steps = &Steps::new(progress, STEPS, PROGRESS_UNITS);
     // Enter the thread pool once: each entry from outside costs two thread switches.
     let mut asked = settings.clone();
     let mut unobservable = Vec::new();
     let adjusted = rayon::scope(|_| {
-        let adjusted = adjust(start, logs, settings, progress)?;
+        let adjusted = adjust(start, logs, settings, steps)?;
         // These latencies are not observable in the drive: they stay where the project has them.
         unobservable = adjusted.unobservable_latencies();
         if unobservable.is_empty() {
@@ -62,11 +67,11 @@ pub fn estimate_from(
         asked.estimate.retain(|constant| {
             latency_of(constant).is_none_or(|stream| !unobservable.contains(&stream))
         });
-        adjust(start, logs, &asked, progress)
+        adjust(start, logs, &asked, steps)
     });
-    drop(stage);
     let adjusted = adjusted?;
     let (trajectory, solution) = conclude(&adjusted, &asked, &unobservable, progress)?;
+    drop(stage);
     if solution.converged {
         progress.say(&solution.to_string());
     } else {
