@@ -153,7 +153,8 @@ impl<T: Stored> Stored for Option<T> {
     }
 }
 
-fn store_all<T: Stored>(values: &[T], bytes: &mut Vec<u8>) {
+/// Appends values as a `Vec` of them would be.
+pub fn store_all<T: Stored>(values: &[T], bytes: &mut Vec<u8>) {
     values.len().store(bytes);
     values.iter().for_each(|value| value.store(bytes));
 }

@@ -1,5 +1,7 @@
 //! Calibrations of the same drive under other conditions, for comparison with the result.
 
+use crate::stored::stored;
+
 /// Difference from the calibration that gives the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
@@ -12,3 +14,12 @@ pub enum Variant {
     /// The paper's own method.
     Paper,
 }
+
+stored!(
+    enum Variant {
+        TwoStep,
+        WithoutReference,
+        ExactPoses,
+        Paper,
+    }
+);

@@ -15,6 +15,7 @@ mod interrupt;
 mod print;
 mod record;
 mod replay;
+mod report;
 mod run;
 mod salvage;
 mod simulate;
@@ -86,6 +87,7 @@ enum Command {
     Features(features::Features),
     Thin(thin::Thin),
     Run(run::Run),
+    Report(report::Report),
     Record(record::Record),
     Replay(replay::Replay),
 }
@@ -166,6 +168,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Features(command) => command.execute(&context),
             Command::Thin(command) => command.execute(&context),
             Command::Run(command) => command.execute(&context),
+            Command::Report(command) => command.execute(&context),
             Command::Record(command) => command.execute(&context),
             Command::Replay(command) => command.execute(&context),
         };

@@ -1,7 +1,6 @@
 //! A whole run: all stages in order.
 
 use std::path::PathBuf;
-use std::time::SystemTime;
 
 use super::clouds::Mounted;
 use super::findings::{Extras, Findings, KeptStages};
@@ -13,11 +12,11 @@ use super::outcome::Options;
 use super::own::Own;
 use super::stages::EstimatedPoses;
 use super::start::{self, Start};
-use super::{clouds, drives, joint, mounting, page, result, stages};
+use super::{clouds, drives, joint, kept_page, mounting, page, result, stages};
 use crate::calibration::{Calibration, CalibrationSettings, Method, Minimum, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::JointReport;
 use crate::progress::Progress;
@@ -28,12 +27,13 @@ use crate::stored::stored;
 use crate::verdict::Severity;
 
 /// Results other than the clouds.
-const RESULTS: [&str; 6] = [
+const RESULTS: [&str; 7] = [
     "trajectory.csv",
     "mounting.csv",
     "calibration.toml",
     "project.toml",
     "report.html",
+    kept_page::NAME,
     "result.json",
 ];
 
@@ -183,7 +183,7 @@ pub fn analyse(
         drives,
         origin_m: project.origin_m,
         background_m,
-        made_s: unix_s(),
+        made_s: page::now_s(),
         files,
         stages: job.stages().to_vec(),
         placement: start.said,
@@ -324,14 +324,8 @@ fn warnings(
     warnings
 }
 
-/// The time of the system's clock, seconds since 1970; 0 if it is before.
-fn unix_s() -> f64 {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    since.map_or(0.0, |since| since.as_secs_f64())
-}
-
 /// The reference, thinned to a few thousand points.
-fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
+pub fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     const VOXEL_M: f64 = 0.05;
     let kept = voxel::thin(reference, VOXEL_M);
     kept.iter()
@@ -366,6 +360,9 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
         }
     }
     job.write("report.html", &report::render(&content))?;
+    let kept = job.path(kept_page::NAME);
+    let bytes = kept_page::bytes_of(&content, &project.path)?;
+    std::fs::write(&kept, bytes).map_err(|error| Error::io(&kept, error))?;
     let document = result::document(findings);
     job.write("result.json", &format!("{document:#}\n"))
 }

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::analyse::analyse;
+use super::analyse::{analyse, thinned_for_drawing};
 use super::findings::{Extras, Findings, Truth};
 use super::job::Job;
 use super::outcome::{Options, Outcome};
 use super::{clouds, drives, page, result, stages, start, summary};
-use crate::comparison::Agreements;
+use crate::comparison::{Agreements, MountingKind};
 use crate::error::Result;
 use crate::format;
 use crate::progress::Progress;
@@ -158,7 +158,7 @@ pub fn trajectory(
 /// # Errors
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let names = ["calibration.toml"];
+    let names = ["calibration.toml", "calibration.html"];
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let reference = stages::reference(project, progress)?;
     let estimated = stages::poses(project, progress)?;
@@ -178,13 +178,25 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let poses = estimated.poses;
     let found = found.with_origin_sigma(stages::origin_sigma_m(project, poses.solution.as_ref()));
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
-    let content = Content {
-        calibrations: Some(Calibrations::alone(&found)),
-        drives: std::slice::from_ref(&drive),
+    let mountings = [
+        (MountingKind::Initial, stages::initial_poses(project)),
+        (MountingKind::Final, found.poses()),
+    ];
+    let calibrations = Calibrations {
+        mountings: &mountings,
+        ..Calibrations::alone(&found)
+    };
+    let background_m = thinned_for_drawing(&reference);
+    let warnings = stages::left_out(project, &samples);
+    let mut content = Content {
+        background_m: &background_m,
         placement: &start.said,
-        ..Content::default()
+        warnings: &warnings,
+        ..page::calibration(project, calibrations, std::slice::from_ref(&drive))
     };
     let verdicts = report::verdicts(&content, &project.acceptance);
+    content.verdicts = verdicts.clone();
+    job.write("calibration.html", &report::render(&content))?;
     let rigid = stages::with_latencies(project, None);
     let calibrated = stages::with_mountings(&rigid, &found.poses());
     let text = result::marked_toml(&calibrated, &verdicts)?;

@@ -56,7 +56,7 @@ impl Inputs {
     /// The files in the order of their names.
     pub fn files(&self) -> Vec<InputFile> {
         let files = self.0.iter().map(|(path, content)| InputFile {
-            path: path.clone(),
+            path: path.display().to_string(),
             bytes: content.as_ref().map_or(0, |content| content.look.0),
             xxh128: content.as_ref().map(|content| content.hash),
         });

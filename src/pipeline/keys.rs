@@ -94,6 +94,14 @@ impl Keys {
     }
 }
 
+/// The digits of [`of_program`].
+///
+/// # Errors
+/// The running program cannot be read.
+pub fn program_digits() -> Result<String> {
+    of_program().map(|key| key.to_string())
+}
+
 /// The content of the running program: what another version finished, or one built otherwise, is not found.
 fn of_program() -> Result<Key> {
     let unknown = |error| Error::io(Path::new("the running program"), error);

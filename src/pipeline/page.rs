@@ -1,12 +1,16 @@
 //! Content of the report: the findings, with title, command and inputs.
 
+use std::path::Path;
+use std::time::SystemTime;
+
 use super::drives::name_of;
 use super::findings::{Extras, Findings};
+use crate::comparison::{Against, Agreement, DistanceMap, M3c2, MountingKind, Statistics};
 use crate::error::Result;
 use crate::project::{Motion, Project};
-use crate::report::content::{Calibrations, Content, Drive, Fact};
+use crate::report::content::{self, Calibrations, Content, Drive, Fact};
 use crate::report::platform::Platform;
-use crate::tiles::peak_memory_bytes;
+use crate::tiles::{Comparison, NormalSource, peak_memory_bytes};
 
 /// Content of the report of a whole run.
 ///
@@ -17,15 +21,11 @@ pub fn content<'a>(
     findings: &'a Findings,
     extras: &Extras,
 ) -> Result<Content<'a>> {
-    Ok(Content {
-        title: format!("Calibration of {}", name_of(project)),
+    let mut content = Content {
         command: extras.command.clone(),
         project: project.path.display().to_string(),
         seed: extras.seed,
-        imprint: project.imprint.clone(),
-        logo: project.imprint.logo_uri()?,
         made_s: Some(findings.made_s),
-        csv: Vec::new(),
         files: &findings.files,
         platform: Some(platform(project, findings.drives.first())),
         inputs: inputs(project, &findings.drives),
@@ -42,7 +42,27 @@ pub fn content<'a>(
         placement: &findings.placement,
         warnings: &findings.warnings,
         verdicts: findings.verdicts.clone(),
-    })
+        ..Content::default()
+    };
+    settings_of(project, &mut content)?;
+    Ok(content)
+}
+
+/// The time of the system's clock, seconds since 1970; 0 if it is before.
+pub fn now_s() -> f64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0.0, |since| since.as_secs_f64())
+}
+
+/// Sets what a project says of the page of a run alone, and no result follows from.
+///
+/// # Errors
+/// The logo cannot be read.
+pub fn settings_of(project: &Project, content: &mut Content) -> Result<()> {
+    content.title = format!("Calibration of {}", name_of(project));
+    content.imprint = project.imprint.clone();
+    content.logo = project.imprint.logo_uri()?;
+    Ok(())
 }
 
 /// Where the sensors are on the body; the fans are those of the points of `drive`.
@@ -85,10 +105,95 @@ pub fn trajectory<'a>(
         project: project.path.display().to_string(),
         imprint: project.imprint.clone(),
         logo: project.imprint.logo_uri()?,
+        made_s: Some(now_s()),
         inputs: log_facts(project),
         drives,
         ..Content::default()
     })
+}
+
+/// Content of the page of a calibration alone.
+///
+/// # Errors
+/// The logo cannot be read.
+pub fn calibration<'a>(
+    project: &Project,
+    calibrations: Calibrations<'a>,
+    drives: &'a [Drive],
+) -> Result<Content<'a>> {
+    let mut content = Content {
+        made_s: Some(now_s()),
+        platform: Some(platform(project, None)),
+        command: format!("boresight calibrate {}", project.path.display()),
+        project: project.path.display().to_string(),
+        inputs: inputs(project, drives),
+        calibrations: Some(calibrations),
+        drives,
+        peak_memory_bytes: peak_memory_bytes(),
+        ..Content::default()
+    };
+    settings_of(project, &mut content)?;
+    Ok(content)
+}
+
+/// Content of the page of two clouds that were compared.
+pub fn comparison(
+    comparison: &Comparison,
+    found: &M3c2,
+    statistics: Statistics,
+) -> Content<'static> {
+    let name = |path: &Path| {
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        name.to_string_lossy().into_owned()
+    };
+    let (cloud, reference) = (name(&comparison.cloud), name(&comparison.reference));
+    let settings = &comparison.settings;
+    let radii: Vec<String> = settings.normal_radii_m.iter().map(f64::to_string).collect();
+    let normals = match &comparison.normals {
+        NormalSource::Core { .. } | NormalSource::Reference { .. } => {
+            format!("radii of {} m", radii.join(", "))
+        }
+        NormalSource::Fixed(direction) => {
+            format!("{}, {}, {} for all", direction.x, direction.y, direction.z)
+        }
+    };
+    let inputs = vec![
+        fact("cloud", comparison.cloud.display().to_string()),
+        fact("reference", comparison.reference.display().to_string()),
+        fact("normals", normals),
+        fact(
+            "radius of the cylinder",
+            format!("{} m", settings.cylinder_radius_m),
+        ),
+        fact("half its length", format!("{} m", settings.max_distance_m)),
+        fact(
+            "registration error",
+            format!("{} m", settings.registration_error_m),
+        ),
+    ];
+    Content {
+        made_s: Some(now_s()),
+        title: format!("{cloud} against {reference}"),
+        command: format!(
+            "boresight compare {} {}",
+            comparison.cloud.display(),
+            comparison.reference.display()
+        ),
+        inputs,
+        comparison: Some(content::Comparison {
+            reference,
+            found: Agreement {
+                scanner: cloud,
+                against: Against::Reference,
+                mounting: MountingKind::Final,
+                statistics,
+                coverage: f64::NAN,
+                distances: DistanceMap::of(found),
+            },
+        }),
+        peak_memory_bytes: peak_memory_bytes(),
+        ..Content::default()
+    }
 }
 
 fn fact(label: &str, value: String) -> Fact {

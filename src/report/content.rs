@@ -3,13 +3,11 @@
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
-use std::path::PathBuf;
-
 use super::imprint::Imprint;
 use super::platform::Platform;
 use super::scene::Scene;
 use crate::calibration::{Calibration, Method, Variant};
-use crate::comparison::{Agreements, MountingKind};
+use crate::comparison::{Agreement, Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::progress::StageSeconds;
@@ -45,6 +43,8 @@ pub struct Content<'a> {
     pub platform: Option<Platform>,
     /// The calibration, and what it is compared with.
     pub calibrations: Option<Calibrations<'a>>,
+    /// Two clouds compared by themselves.
+    pub comparison: Option<Comparison>,
     /// The calibration drive, then the others.
     pub drives: &'a [Drive],
     /// The thinned reference, world frame, metres; higher points are drawn darker.
@@ -119,6 +119,15 @@ impl<'a> Calibrations<'a> {
     }
 }
 
+/// Two clouds compared with each other.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    /// Name of the reference.
+    pub reference: String,
+    /// What was found, under the name of the cloud.
+    pub found: Agreement,
+}
+
 /// Results of one drive.
 #[derive(Debug, Clone, Default)]
 pub struct Drive {
@@ -144,7 +153,7 @@ pub struct Drive {
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputFile {
     /// As named by the project, absolute.
-    pub path: PathBuf,
+    pub path: String,
     /// Its size.
     pub bytes: u64,
     /// XXH128 of its content, as `xxhsum -H2` prints it; `None` where it could not be read.
@@ -160,4 +169,7 @@ pub struct Fact {
     pub value: String,
 }
 
+stored!(struct Comparison { reference, found });
+stored!(struct Fact { label, value });
+stored!(struct InputFile { path, bytes, xxh128 });
 stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts, scene });

@@ -100,7 +100,7 @@ fn scale(limit_m: f64) -> String {
 }
 
 /// East, north and distance of the core points with a distance, metres.
-fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
+pub(super) fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
     let all = found.distances.points();
     all.map(|(point, distance_m)| ([point.x, point.y], distance_m))
 }
@@ -132,7 +132,7 @@ fn cell(
 }
 
 /// A round limit that includes 97 % of the distances, at least 1 mm.
-fn limit_m(found: &Agreement) -> f64 {
+pub(super) fn limit_m(found: &Agreement) -> f64 {
     let mut sizes: Vec<f64> = core(found)
         .map(|(_, distance_m)| distance_m.abs())
         .collect();
@@ -141,7 +141,23 @@ fn limit_m(found: &Agreement) -> f64 {
     number::nice_above(most.max(1e-3))
 }
 
-fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
+pub(super) fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
+    let points: Vec<([f64; 2], f64)> = core(found).collect();
+    map_of(
+        &format!("Map of distances, {name}"),
+        &points,
+        bounds,
+        limit_m,
+    )
+}
+
+/// A map of values at places, coloured to this limit.
+pub(super) fn map_of(
+    title: &str,
+    points: &[([f64; 2], f64)],
+    bounds: Bounds,
+    limit: f64,
+) -> String {
     let [x0, y0] = [shift(bounds.min[0]), shift(bounds.min[1])];
     let local = |p: [f64; 2]| [p[0] - x0, p[1] - y0];
     let (low, high) = (local(bounds.min), local(bounds.max));
@@ -151,15 +167,14 @@ fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f64) -> Stri
         Axis::over(&coordinate_label("east", x0), [low[0], high[0]]),
         Axis::over(&coordinate_label("north", y0), [low[1], high[1]]),
     );
-    let points: Vec<([f64; 2], f64)> = core(found).collect();
-    let image = raster::coloured(&points, limit_m, bounds, PIXELS);
+    let image = raster::coloured(points, limit, bounds, PIXELS);
     plot.image(&image.uri, local(image.extent.min), local(image.extent.max));
-    plot.finish(&format!("Map of distances, {name}"))
+    plot.finish(title)
 }
 
 /// Histogram of the distances within the colour scale, with bars in the colours of the map and the
 /// colour scale below the axis.
-fn histogram(found: &Agreement, limit_m: f64) -> String {
+pub(super) fn histogram(found: &Agreement, limit_m: f64) -> String {
     let distances_m = core(found).map(|(_, distance_m)| distance_m);
     let bins = Histogram::of(distances_m, (-limit_m, limit_m), BINS);
     let n = found.statistics.n;

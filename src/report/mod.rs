@@ -9,6 +9,7 @@ mod agreement;
 mod axis;
 mod bending_figures;
 mod chart;
+mod comparison;
 pub(crate) mod constancy;
 pub mod content;
 mod convergence;

@@ -4,7 +4,7 @@ use super::content::{Calibrations, Content};
 use super::html::{self, escape};
 use super::track::Track;
 use super::{
-    adjustment, convergence, csv, detection, figures, first, joint, joint_figures, maps, mounting,
+    adjustment, comparison, convergence, csv, detection, figures, first, joint, joint_figures, maps, mounting,
     precision, provenance, relative, residual_plots, scene, tables, timeline, verdicts,
 };
 use crate::calibration::Method;
@@ -74,6 +74,15 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             calibrations.map_or_else(String::new, |calibrations| {
                 mounting::tables(calibrations) + &relative::tables(calibrations)
             }),
+        ),
+        (
+            "comparison",
+            "Distances between the clouds",
+            content
+                .comparison
+                .as_ref()
+                .map(comparison::section)
+                .unwrap_or_default(),
         ),
         (
             "distances",

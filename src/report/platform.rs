@@ -4,6 +4,7 @@
 use super::html::{self, escape};
 use super::number;
 use crate::geometry::{BodyAxes, BodyFromScanner, Vec3};
+use crate::stored::stored;
 
 /// Width and height of the oblique view.
 const WIDTH: f64 = 400.0;
@@ -25,6 +26,8 @@ pub struct Platform {
     /// The far end of each scanner's field of view, in its frame, metres; empty where it is no fan.
     pub outlines_m: Vec<Vec<Vec3>>,
 }
+
+stored!(struct Platform { axes, marks, outlines_m });
 
 /// The mounting of a scanner before and after.
 pub struct Fan<'a> {

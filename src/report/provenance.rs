@@ -68,7 +68,7 @@ fn files(files: &[InputFile]) -> String {
         let hash = file.xxh128.map(|hash| format!("{hash:032x}"));
         body.push_str(&format!(
             "<tr><td class=\"text path\">{}</td><td>{}</td><td><code>{}</code></td></tr>\n",
-            escape(&file.path.display().to_string()),
+            escape(&file.path),
             number::count(file.bytes as usize),
             hash.unwrap_or_else(|| DASH.into())
         ));

@@ -220,3 +220,16 @@ rotation_convention = "bonn"
     write("left.csv", &profiles);
     folder
 }
+
+/// Writes a plane of points, this high.
+pub fn plane(path: &Path, up_m: f64) {
+    let mut text = String::from("east_m,north_m,up_m\n");
+    for i in 0..150 {
+        for j in 0..150 {
+            let ripple = 1e-3 * f64::from((7 * i + 3 * j) % 5);
+            let (x, y) = (0.01 * f64::from(i), 0.01 * f64::from(j));
+            text.push_str(&format!("{x},{y},{}\n", up_m + ripple));
+        }
+    }
+    std::fs::write(path, text).unwrap();
+}

@@ -8,12 +8,13 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::{Options, Outcome};
+use super::{Options, Outcome, page};
 use crate::comparison::{Aggregation, ComparisonSettings, Statistics};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format;
 use crate::output::Staging;
 use crate::progress::Progress;
+use crate::report;
 use crate::tiles::{self, Comparison, peak_memory_bytes};
 
 /// Computes M3C2 between two clouds: statistics, a table of the core points (`m3c2.csv`), and a
@@ -28,7 +29,7 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let settings = &comparison.settings;
-    let names = ["m3c2.laz", "m3c2.csv"];
+    let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
     let staging = Staging::new(&options.out, &comparison.inputs(), &names)?;
     let wkt = format::crs_wkt(&comparison.reference)?;
     let work = tiles::compare(comparison, &staging, progress)?;
@@ -36,6 +37,14 @@ pub fn compare(
     let start = Instant::now();
     table::write(&staging.path("m3c2.csv"), &work.found)?;
     cloud::write(&staging.path("m3c2.laz"), &work.found, wkt, progress)?;
+    let page = report::render(&page::comparison(
+        comparison,
+        &work.found,
+        statistics.clone(),
+    ));
+    let path = staging.path("compare.html");
+    std::fs::write(&path, page).map_err(|error| Error::io(&path, error))?;
+    progress.check()?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });
     let mut result = json!(statistics);
