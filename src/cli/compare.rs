@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::context::{Context, out_folder};
+use super::pdf::Pdf;
 use super::values::{direction, not_negative, positive};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
 use crate::error::Result;
@@ -70,10 +71,13 @@ pub(super) struct Compare {
     /// [default: half of the free memory]
     #[arg(long, value_name = "MB")]
     memory_mb: Option<u32>,
+    #[command(flatten)]
+    pdf: Pdf,
 }
 
 impl Compare {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let printer = self.pdf.printer()?;
         let out = out_folder(&self.out, &self.cloud);
         let comparison = Comparison {
             cloud: self.cloud.clone(),
@@ -84,7 +88,8 @@ impl Compare {
             memory_bytes: self.memory_mb.map(|mb| u64::from(mb) * 1_000_000),
         };
         context.logged(&out, &comparison.inputs(), |options| {
-            pipeline::compare(&comparison, options, &context.terminal)
+            let outcome = pipeline::compare(&comparison, options, &context.terminal)?;
+            printer.print(&options.out.join("compare.html"), outcome)
         })
     }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::context::Context;
+use super::pdf::Pdf;
 use super::run::Repeat;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
@@ -15,12 +16,17 @@ pub(super) struct Demo {
     out: PathBuf,
     #[command(flatten)]
     repeat: Repeat,
+    #[command(flatten)]
+    pdf: Pdf,
 }
 
 impl Demo {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let printer = self.pdf.printer()?;
         context.logged(&self.out, &[], |options| {
-            pipeline::demo(&self.repeat.of(options), &context.terminal)
+            let page = options.out.join("report.html");
+            let outcome = pipeline::demo(&self.repeat.of(options), &context.terminal)?;
+            printer.print(&page, outcome)
         })
     }
 }

@@ -2,6 +2,7 @@
 //! arguments than a project have their own files.
 
 mod allan;
+mod calibrate;
 mod compare;
 mod context;
 mod convert;
@@ -12,6 +13,7 @@ mod georeference;
 mod init;
 mod inspect;
 mod interrupt;
+mod pdf;
 mod print;
 mod record;
 mod replay;
@@ -30,9 +32,9 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
-use crate::pipeline::{self, Outcome};
+use crate::pipeline::Outcome;
 use crate::verdict::Headline;
-use context::{Context, ProjectArguments};
+use context::Context;
 use print::{print_error, print_outcome};
 use terminal::Terminal;
 
@@ -79,8 +81,7 @@ enum Command {
     Inspect(inspect::Inspect),
     Salvage(salvage::Salvage),
     Trajectory(trajectory::Trajectory),
-    /// Calibrate the mountings of all scanners of a project
-    Calibrate(ProjectArguments),
+    Calibrate(calibrate::Calibrate),
     Georeference(georeference::Georeference),
     Compare(compare::Compare),
     Convert(convert::Convert),
@@ -161,7 +162,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Demo(command) => command.execute(&context),
             Command::Simulate(command) => command.execute(&context),
             Command::Trajectory(command) => command.execute(&context),
-            Command::Calibrate(on) => context.with_project(&on, pipeline::calibrate),
+            Command::Calibrate(command) => command.execute(&context),
             Command::Georeference(command) => command.execute(&context),
             Command::Compare(command) => command.execute(&context),
             Command::Convert(command) => command.execute(&context),

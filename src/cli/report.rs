@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::context::Context;
+use super::pdf::Pdf;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -15,10 +16,14 @@ pub(super) struct Report {
     /// The folder with the results of `run` or `demo`
     #[arg(value_name = "DIR")]
     folder: PathBuf,
+    #[command(flatten)]
+    pdf: Pdf,
 }
 
 impl Report {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        pipeline::report(&self.folder, &context.terminal)
+        let printer = self.pdf.printer()?;
+        let outcome = pipeline::report(&self.folder, &context.terminal)?;
+        printer.print(&self.folder.join("report.html"), outcome)
     }
 }

@@ -1,6 +1,7 @@
 //! `boresight run`
 
 use super::context::{Context, ProjectArguments};
+use super::pdf::Pdf;
 use crate::error::Result;
 use crate::pipeline::{self, Options, Outcome};
 
@@ -11,6 +12,8 @@ pub(super) struct Run {
     on: ProjectArguments,
     #[command(flatten)]
     repeat: Repeat,
+    #[command(flatten)]
+    pdf: Pdf,
 }
 
 /// Whether stages are run again.
@@ -33,8 +36,11 @@ impl Repeat {
 
 impl Run {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let printer = self.pdf.printer()?;
         context.with_project(&self.on, |project, options, progress| {
-            pipeline::run(project, &self.repeat.of(options), progress)
+            let page = options.out.join("report.html");
+            let outcome = pipeline::run(project, &self.repeat.of(options), progress)?;
+            printer.print(&page, outcome)
         })
     }
 }

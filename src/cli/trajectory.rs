@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::context::{Context, ProjectArguments};
+use super::pdf::Pdf;
 use super::values::seconds;
 use crate::error::Result;
 use crate::pipeline::online::{Source, online};
@@ -13,8 +14,8 @@ use crate::pipeline::{self, Outcome};
 pub(super) struct Trajectory {
     #[command(flatten)]
     on: ProjectArguments,
-    /// Process the logs update by update as if live; writes the newest poses to online.csv
-    #[arg(long)]
+    /// Process the logs update by update as if live; writes the newest poses to online.csv, and no page
+    #[arg(long, conflicts_with = "pdf")]
     online: bool,
     /// The logs may still grow: follow them, and print every update as a line of CSV
     #[arg(long, requires = "online", conflicts_with = "stdin")]
@@ -26,12 +27,18 @@ pub(super) struct Trajectory {
     /// `prism,…`, `heading,…`), and print every update as a line of CSV
     #[arg(long, requires = "online")]
     stdin: bool,
+    #[command(flatten)]
+    pdf: Pdf,
 }
 
 impl Trajectory {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         if !self.online {
-            return context.with_project(&self.on, pipeline::trajectory);
+            let printer = self.pdf.printer()?;
+            return context.with_project(&self.on, |project, options, progress| {
+                let outcome = pipeline::trajectory(project, options, progress)?;
+                printer.print(&options.out.join("trajectory.html"), outcome)
+            });
         }
         let (project, out) = self.on.read()?;
         if !self.stdin {

@@ -1,0 +1,26 @@
+//! `boresight calibrate`
+
+use super::context::{Context, ProjectArguments};
+use super::pdf::Pdf;
+use crate::error::Result;
+use crate::pipeline::{self, Outcome};
+
+/// Calibrate the mountings of all scanners of a project
+#[derive(Debug, clap::Args)]
+pub(super) struct Calibrate {
+    #[command(flatten)]
+    on: ProjectArguments,
+    #[command(flatten)]
+    pdf: Pdf,
+}
+
+impl Calibrate {
+    pub fn execute(&self, context: &Context) -> Result<Outcome> {
+        let printer = self.pdf.printer()?;
+        context.with_project(&self.on, |project, options, progress| {
+            let page = options.out.join("calibration.html");
+            let outcome = pipeline::calibrate(project, options, progress)?;
+            printer.print(&page, outcome)
+        })
+    }
+}

@@ -1,0 +1,299 @@
+//! A page printed by a browser that is on this machine.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::interrupt;
+use crate::error::{Error, Result};
+use crate::output::write_whole;
+use crate::pipeline::Outcome;
+
+/// Names another program than those that are looked for.
+const VARIABLE: &str = "BORESIGHT_CHROMIUM";
+/// Programs that print, in the order in which they are looked for.
+const NAMES: [&str; 8] = [
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "microsoft-edge",
+    "microsoft-edge-stable",
+    "msedge",
+];
+/// A browser that takes longer has stopped for good.
+const TIMEOUT: Duration = Duration::from_secs(180);
+const POLL: Duration = Duration::from_millis(50);
+/// How often its files are removed until they stay away.
+const REMOVALS: usize = 40;
+
+/// Whether the page is printed as well.
+#[derive(Debug, clap::Args)]
+pub(super) struct Pdf {
+    /// Print the page as PDF too, by a Chromium, Chrome or Edge on PATH, or the one that BORESIGHT_CHROMIUM names
+    #[arg(long)]
+    pdf: bool,
+}
+
+impl Pdf {
+    /// The browser, if the page is to be printed.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn printer(&self) -> Result<Printer> {
+        let program = match self.pdf {
+            true => Some(find(
+                std::env::var_os(VARIABLE),
+                std::env::var_os("PATH").unwrap_or_default(),
+            )?),
+            false => None,
+        };
+        Ok(Printer { program })
+    }
+}
+
+/// What prints pages, or leaves them alone.
+pub(super) struct Printer {
+    program: Option<PathBuf>,
+}
+
+impl Printer {
+    /// Prints `page` beside itself, if that was asked for, and adds it to the files of `outcome`.
+    ///
+    /// # Errors
+    /// The browser fails, or takes too long; [`Error::Cancelled`].
+    pub fn print(&self, page: &Path, mut outcome: Outcome) -> Result<Outcome> {
+        if let Some(program) = &self.program {
+            let pdf = page.with_extension("pdf");
+            write_whole(&pdf, &printed(program, page)?)?;
+            outcome.files.push(pdf);
+        }
+        Ok(outcome)
+    }
+}
+
+/// The program that the variable names, or the first one on the path.
+fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
+    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    let on_path = |name: &Path| {
+        let name = name.with_extension(std::env::consts::EXE_EXTENSION);
+        folders
+            .iter()
+            .map(|folder| folder.join(&name))
+            .find(|path| path.is_file())
+    };
+    if let Some(named) = named.filter(|named| !named.is_empty()) {
+        let named = PathBuf::from(named);
+        let found = match named.is_file() {
+            true => Some(named.clone()),
+            false => on_path(&named),
+        };
+        return found.ok_or_else(|| {
+            Error::data(
+                format!(
+                    "--pdf: {VARIABLE} names {}, which is no program",
+                    named.display()
+                ),
+                "set it to the path of a Chromium, Chrome or Edge, or unset it",
+            )
+        });
+    }
+    let found = NAMES.iter().find_map(|name| on_path(Path::new(name)));
+    found.ok_or_else(|| {
+        Error::data(
+            format!("--pdf: no browser that prints; looked on PATH for {}", NAMES.join(", ")),
+            format!("install one of them, or set {VARIABLE} to its path; or print the page from any browser"),
+        )
+    })
+}
+
+/// A folder that is gone afterwards. It is not hidden: browsers in sandboxes see no hidden ones.
+struct Workplace(PathBuf);
+
+impl Drop for Workplace {
+    fn drop(&mut self) {
+        // Processes of the browser may still be writing.
+        for _ in 0..REMOVALS {
+            if fs::remove_dir_all(&self.0).is_ok() || !self.0.exists() {
+                return;
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+}
+
+/// The page as PDF.
+fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
+    let page = page
+        .canonicalize()
+        .map_err(|error| Error::io(page, error))?;
+    let folder = page.with_file_name(format!("printing-{}", std::process::id()));
+    fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
+    let workplace = Workplace(folder);
+    let (pdf, said) = (workplace.0.join("page.pdf"), workplace.0.join("said.txt"));
+    let said_file = File::create(&said).map_err(|error| Error::io(&said, error))?;
+    let mut child = Command::new(program)
+        .args(arguments(&workplace.0, &pdf, &page))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(said_file)
+        .spawn()
+        .map_err(|error| Error::io(program, error))?;
+    let began = Instant::now();
+    let ended = loop {
+        if let Some(status) = child
+            .try_wait()
+            .map_err(|error| Error::io(program, error))?
+        {
+            break Some(status);
+        }
+        if interrupt::is_asked() || began.elapsed() > TIMEOUT {
+            // It may have ended in between.
+            let _ = child.kill();
+            let _ = child.wait();
+            break None;
+        }
+        std::thread::sleep(POLL);
+    };
+    if interrupt::is_asked() {
+        return Err(Error::Cancelled);
+    }
+    let bytes = fs::read(&pdf).unwrap_or_default();
+    if ended.is_some() && is_whole(&bytes) {
+        return Ok(bytes);
+    }
+    let how = match ended {
+        Some(status) => format!("ended with {status} and printed nothing"),
+        None => format!("did not end within {} s", TIMEOUT.as_secs()),
+    };
+    let said = fs::read(&said).unwrap_or_default();
+    let said = String::from_utf8_lossy(&said);
+    let last = said.lines().rfind(|line| !line.trim().is_empty());
+    let last = last.map_or(String::new(), |line| format!("; it said: {}", line.trim()));
+    Err(Error::data(
+        format!("{}: {} {how}{last}", page.display(), program.display()),
+        format!("the page itself is there; name another browser with {VARIABLE}"),
+    ))
+}
+
+/// Whether a PDF has its beginning and its end.
+fn is_whole(bytes: &[u8]) -> bool {
+    let end = &bytes[bytes.len().saturating_sub(32)..];
+    bytes.starts_with(b"%PDF-") && end.windows(5).any(|window| window == b"%%EOF")
+}
+
+/// What makes a browser print a page, without its own files and without network.
+fn arguments(folder: &Path, pdf: &Path, page: &Path) -> Vec<OsString> {
+    let with_path = |option: &str, path: &Path| {
+        let mut argument = OsString::from(option);
+        argument.push(path);
+        argument
+    };
+    let mut all: Vec<OsString> = [
+        "--headless=new",
+        "--disable-gpu",
+        "--no-first-run",
+        "--no-default-browser-check",
+        "--disable-extensions",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        "--no-pings",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        "--no-pdf-header-footer",
+        "--virtual-time-budget=5000",
+    ]
+    .map(OsString::from)
+    .into();
+    if is_root() {
+        // Chromium refuses its sandbox there. The page is our own.
+        all.push("--no-sandbox".into());
+    }
+    all.push(with_path("--user-data-dir=", &folder.join("profile")));
+    all.push(with_path("--print-to-pdf=", pdf));
+    all.push(file_url(page).into());
+    all
+}
+
+#[cfg(unix)]
+fn is_root() -> bool {
+    use std::os::unix::fs::MetadataExt;
+    // On systems without it, nobody runs as root.
+    fs::metadata("/proc/self").is_ok_and(|own| own.uid() == 0)
+}
+
+#[cfg(not(unix))]
+fn is_root() -> bool {
+    false
+}
+
+/// The address of a file, an absolute path.
+fn file_url(path: &Path) -> String {
+    let text = path.to_string_lossy().replace('\\', "/");
+    // As canonical paths begin on Windows.
+    let text = text.strip_prefix("//?/").unwrap_or(&text);
+    let mut url = String::from("file://");
+    if !text.starts_with('/') {
+        url.push('/');
+    }
+    for byte in text.bytes() {
+        match byte {
+            b'/' | b':' | b'.' | b'-' | b'_' | b'~' => url.push(byte as char),
+            byte if byte.is_ascii_alphanumeric() => url.push(byte as char),
+            byte => url.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    url
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_looked_for_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = || folder.path().as_os_str().to_owned();
+        let error = find(None, path()).unwrap_err().to_string();
+        for name in NAMES.iter().chain(&[VARIABLE, "PATH"]) {
+            assert!(error.contains(name), "{name}: {error}");
+        }
+        let error = find(Some("no-such-browser".into()), path()).unwrap_err();
+        assert!(error.to_string().contains("no-such-browser"), "{error}");
+
+        let exe = |name: &str| {
+            folder
+                .path()
+                .join(name)
+                .with_extension(std::env::consts::EXE_EXTENSION)
+        };
+        for name in ["msedge", "chromium"] {
+            fs::write(exe(name), "").unwrap();
+        }
+        assert_eq!(find(None, path()).unwrap(), exe("chromium"));
+        assert_eq!(find(Some("msedge".into()), path()).unwrap(), exe("msedge"));
+        let named = exe("msedge").into_os_string();
+        assert_eq!(find(Some(named), OsString::new()).unwrap(), exe("msedge"));
+        assert_eq!(
+            find(Some(OsString::new()), path()).unwrap(),
+            exe("chromium")
+        );
+    }
+
+    #[test]
+    fn addresses_hold_any_path() {
+        let url = file_url(Path::new("/a b/50 %/grün#1.html"));
+        assert_eq!(url, "file:///a%20b/50%20%25/gr%C3%BCn%231.html");
+    }
+
+    #[test]
+    fn half_a_pdf_is_none() {
+        assert!(is_whole(b"%PDF-1.4 ... %%EOF\n"));
+        for bytes in [&b""[..], b"%PDF-1.4 ...", b"... %%EOF", b"<html>"] {
+            assert!(!is_whole(bytes));
+        }
+    }
+}
