@@ -4,6 +4,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, Result};
 
+/// Calls a function with the number of a cloud and the coordinates of a point in the world, metres, for every
+/// point of all clouds.
+pub type EachPoint<'a> = dyn Fn(&mut dyn FnMut(usize, [f64; 3])) + 'a;
+
 /// Receives progress reports and may cancel the work. The command line draws bars; tests stay
 /// silent.
 ///
@@ -21,6 +25,9 @@ pub trait Progress: Sync {
     fn say(&self, message: &str);
     /// Passes on one line that the user should act on.
     fn warn(&self, message: &str);
+    /// Offers the clouds of these names as they lie at this moment of the work; `points` costs time, and is called
+    /// only by who shows them.
+    fn clouds(&self, _moment: &str, _names: &[&str], _points: &EachPoint<'_>) {}
     /// Whether the work should stop. Called often and from any thread; once true, it must stay
     /// true.
     fn is_cancelled(&self) -> bool {
@@ -137,6 +144,10 @@ impl Progress for Steps<'_> {
 
     fn warn(&self, message: &str) {
         self.progress.warn(message);
+    }
+
+    fn clouds(&self, moment: &str, names: &[&str], points: &EachPoint<'_>) {
+        self.progress.clouds(moment, names, points);
     }
 
     fn is_cancelled(&self) -> bool {

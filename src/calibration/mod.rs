@@ -96,10 +96,17 @@ pub fn calibrate(
             voxel_m * 1e3,
         ));
         scales.push(scale);
+        show(
+            input,
+            &solved.state.mountings,
+            &format!("voxels of {:.0} mm", voxel_m * 1e3),
+            progress,
+        );
         progress.check()?;
         Ok(solved)
     };
     let mut mountings = input.mountings.clone();
+    show(input, &mountings, "start", progress);
     for &voxel_m in coarser_m {
         mountings = match solve(mountings.clone(), voxel_m) {
             Ok(solved) => solved.state.mountings,
@@ -144,6 +151,24 @@ pub fn calibrate(
         observability: solved.observability,
         scales,
     })
+}
+
+/// Offers the clouds with these mountings, and the reference.
+fn show(input: &Input<'_>, mountings: &[Mounting], moment: &str, progress: &dyn Progress) {
+    let names = mountings.iter().map(|mounting| mounting.name.as_str());
+    let names: Vec<&str> = names
+        .chain((!input.reference.is_empty()).then_some("reference"))
+        .collect();
+    progress.clouds(moment, &names, &|each| {
+        input
+            .reference
+            .iter()
+            .for_each(|point| each(mountings.len(), (*point).into()));
+        for (cloud, (mounting, sample)) in mountings.iter().zip(input.samples).enumerate() {
+            let placed = sample.placed(&mounting.body_from_scanner);
+            placed.for_each(|point| each(cloud, point.into()));
+        }
+    });
 }
 
 /// Thins the points, searches their neighbourhoods, and adjusts the mountings in the directions

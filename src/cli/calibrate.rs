@@ -2,6 +2,7 @@
 
 use super::context::{Context, ProjectArguments};
 use super::pdf::Pdf;
+use super::watch::Watch;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -12,6 +13,8 @@ pub(super) struct Calibrate {
     on: ProjectArguments,
     #[command(flatten)]
     pdf: Pdf,
+    #[command(flatten)]
+    watch: Watch,
 }
 
 impl Calibrate {
@@ -19,8 +22,10 @@ impl Calibrate {
         let printer = self.pdf.printer()?;
         context.with_project(&self.on, |project, options, progress| {
             let page = options.out.join("calibration.html");
-            let outcome = pipeline::calibrate(project, options, progress)?;
-            printer.print(&page, outcome)
+            self.watch.over(&context.terminal, &page, || {
+                let outcome = pipeline::calibrate(project, options, progress)?;
+                printer.print(&page, outcome)
+            })
         })
     }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::context::Context;
 use super::pdf::Pdf;
 use super::run::Repeat;
+use super::watch::Watch;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
 
@@ -18,6 +19,8 @@ pub(super) struct Demo {
     repeat: Repeat,
     #[command(flatten)]
     pdf: Pdf,
+    #[command(flatten)]
+    watch: Watch,
 }
 
 impl Demo {
@@ -25,8 +28,10 @@ impl Demo {
         let printer = self.pdf.printer()?;
         context.logged(&self.out, &[], |options| {
             let page = options.out.join("report.html");
-            let outcome = pipeline::demo(&self.repeat.of(options), &context.terminal)?;
-            printer.print(&page, outcome)
+            self.watch.over(&context.terminal, &page, || {
+                let outcome = pipeline::demo(&self.repeat.of(options), &context.terminal)?;
+                printer.print(&page, outcome)
+            })
         })
     }
 }

@@ -14,6 +14,7 @@ mod init;
 mod inspect;
 mod interrupt;
 mod pdf;
+mod picture;
 mod print;
 mod record;
 mod replay;
@@ -26,6 +27,7 @@ mod thin;
 mod tracker;
 mod trajectory;
 mod values;
+mod watch;
 
 use std::process::ExitCode;
 

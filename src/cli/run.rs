@@ -2,6 +2,7 @@
 
 use super::context::{Context, ProjectArguments};
 use super::pdf::Pdf;
+use super::watch::Watch;
 use crate::error::Result;
 use crate::pipeline::{self, Options, Outcome};
 
@@ -14,6 +15,8 @@ pub(super) struct Run {
     repeat: Repeat,
     #[command(flatten)]
     pdf: Pdf,
+    #[command(flatten)]
+    watch: Watch,
 }
 
 /// Whether stages are run again.
@@ -39,8 +42,10 @@ impl Run {
         let printer = self.pdf.printer()?;
         context.with_project(&self.on, |project, options, progress| {
             let page = options.out.join("report.html");
-            let outcome = pipeline::run(project, &self.repeat.of(options), progress)?;
-            printer.print(&page, outcome)
+            self.watch.over(&context.terminal, &page, || {
+                let outcome = pipeline::run(project, &self.repeat.of(options), progress)?;
+                printer.print(&page, outcome)
+            })
         })
     }
 }

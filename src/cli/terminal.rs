@@ -6,10 +6,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
 
+use super::picture::{Gallery, Picture};
 use super::tracker::{Shown, Tracker, duration, line, time_left};
 use crate::error::Result;
-use crate::progress::Progress;
+use crate::progress::{EachPoint, Progress};
 
 /// How often what is shown is looked at again.
 const TICK: Duration = Duration::from_millis(200);
@@ -26,6 +28,7 @@ pub(super) struct Terminal {
     bars: bool,
     start: Instant,
     state: Arc<Mutex<State>>,
+    gallery: Mutex<Gallery>,
 }
 
 /// What the work has said so far.
@@ -40,6 +43,52 @@ pub(super) struct State {
     warned: Vec<String>,
     /// When a line was last shown, seconds since the start.
     shown_s: f64,
+    /// Whether somebody looks at pictures.
+    is_watched: bool,
+    pictures: Vec<Picture>,
+}
+
+/// What a page shows of the work.
+pub(super) struct View {
+    state: Arc<Mutex<State>>,
+    start: Instant,
+}
+
+impl View {
+    /// How far the work is, with what the log has from a place on, and the place where it ends now.
+    pub fn event(&self, log_from: usize) -> (Value, usize) {
+        let mut state = locked(&self.state);
+        let stages = state.tracker.shown(self.start.elapsed().as_secs_f64());
+        let stages = stages.iter().map(|stage| {
+            json!({
+                "name": stage.name,
+                "ran_s": stage.ran_s,
+                "share": stage.share,
+                "left_s": stage.left_s,
+            })
+        });
+        let pictures = state.pictures.iter().map(|picture| {
+            json!({
+                "moment": picture.moment,
+                "legend": picture.legend,
+                "size_m": picture.size_m,
+            })
+        });
+        let event = json!({
+            "stages": stages.collect::<Value>(),
+            "pictures": pictures.collect::<Value>(),
+            "warnings": state.warned,
+            "log_from": log_from,
+            "log": state.log.get(log_from..),
+        });
+        (event, state.log.len())
+    }
+
+    /// A picture of the clouds as a file; `None` where there is none of this number.
+    pub fn picture(&self, number: usize) -> Option<Vec<u8>> {
+        let state = locked(&self.state);
+        Some(state.pictures.get(number)?.png.clone())
+    }
 }
 
 impl Terminal {
@@ -50,6 +99,7 @@ impl Terminal {
             bars: !quiet && std::io::stderr().is_terminal(),
             start: Instant::now(),
             state: Arc::default(),
+            gallery: Mutex::default(),
         };
         if !quiet {
             let (bars, start) = (terminal.bars, terminal.start);
@@ -73,6 +123,15 @@ impl Terminal {
     /// Writes all lines so far.
     pub fn write_log(&self, path: &Path) -> Result<()> {
         crate::output::write_whole(path, self.state().log.as_bytes())
+    }
+
+    /// What pages show. From now on, pictures are made of clouds.
+    pub fn watched(&self) -> View {
+        self.state().is_watched = true;
+        View {
+            state: self.state.clone(),
+            start: self.start,
+        }
     }
 
     fn now_s(&self) -> f64 {
@@ -181,6 +240,20 @@ fn update(bar: &ProgressBar, stages: &[Shown]) {
 impl Progress for Terminal {
     fn is_cancelled(&self) -> bool {
         super::interrupt::is_asked()
+    }
+
+    fn clouds(&self, moment: &str, names: &[&str], points: &EachPoint<'_>) {
+        let state = self.state();
+        // Stages within others calibrate again under other conditions.
+        let shows = state.is_watched && state.tracker.depth() <= 1;
+        drop(state);
+        if !shows {
+            return;
+        }
+        // Pages and the bar go on while it is drawn.
+        let mut gallery = self.gallery.lock().unwrap_or_else(PoisonError::into_inner);
+        let picture = gallery.picture(moment, names, points);
+        self.state().pictures.extend(picture);
     }
 
     fn begin(&self, stage: &str, total: u64) {

@@ -83,6 +83,11 @@ impl Tracker {
         })
     }
 
+    /// Number of stages that run, each within that before.
+    pub fn depth(&self) -> usize {
+        self.stages.len()
+    }
+
     /// All stages that run, innermost last.
     pub fn shown(&mut self, now_s: f64) -> Vec<Shown> {
         let shown = |stage: &mut Stage| Shown {

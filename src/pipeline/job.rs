@@ -8,7 +8,7 @@ use super::finished::{Finished, Stage};
 use super::keys::Key;
 use crate::error::{Error, Result};
 use crate::output::Staging;
-use crate::progress::{Progress, StageSeconds};
+use crate::progress::{EachPoint, Progress, StageSeconds};
 use crate::stored::Stored;
 
 /// A running command. Its results appear with [`Job::commit`], all or none.
@@ -225,6 +225,10 @@ impl Progress for Listener<'_> {
         if let Ok(mut heard) = self.heard.lock() {
             heard.push(message.to_owned());
         }
+    }
+
+    fn clouds(&self, moment: &str, names: &[&str], points: &EachPoint<'_>) {
+        self.progress.clouds(moment, names, points);
     }
 
     fn is_cancelled(&self) -> bool {

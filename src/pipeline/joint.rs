@@ -99,6 +99,9 @@ pub fn report(
             };
             with_late_scanners(input, project, progress)
         });
+    if let Ok((found, _)) = &made {
+        show(own, found, reference, progress);
+    }
     let seconds = begun.elapsed().as_secs_f64();
     Ok(match made {
         Ok((found, late)) => JointReport {
@@ -116,6 +119,49 @@ pub fn report(
             seconds,
         },
     })
+}
+
+/// Offers the clouds of the project's own drive as the adjustment places them, and the reference.
+fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progress) {
+    let (Some(drive), mountings) = (found.drives.first(), found.poses()) else {
+        return;
+    };
+    let names = own
+        .project
+        .scanners
+        .iter()
+        .map(|scanner| scanner.name.as_str());
+    let names: Vec<&str> = names
+        .chain((!reference.is_empty()).then_some("reference"))
+        .collect();
+    progress.clouds("joint adjustment", &names, &|each| {
+        reference
+            .iter()
+            .for_each(|point| each(mountings.len(), (*point).into()));
+        for (cloud, sample) in own.samples.iter().enumerate() {
+            let late_s = found
+                .late_s
+                .get(cloud)
+                .copied()
+                .flatten()
+                .map_or(0.0, |(late_s, _)| late_s);
+            let poses = sample.profiles.iter().map(|profile| {
+                let time_s = profile.time_s - late_s;
+                let body = drive.trajectory.pose_at(time_s)?;
+                let mounting = match drive.bending.get(cloud) {
+                    Some(moved) => moved.offsets.apply(&mountings[cloud], time_s),
+                    None => mountings[cloud],
+                };
+                Some((body, mounting))
+            });
+            let poses: Vec<_> = poses.collect();
+            for point in &sample.points {
+                if let Some((body, mounting)) = &poses[point.profile as usize] {
+                    each(cloud, body.map(&mounting.map(&point.position_m)).into());
+                }
+            }
+        }
+    });
 }
 
 /// Adjusts, and again with the latencies of scanners that the scans contradict: those found are used.
