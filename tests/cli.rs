@@ -4,7 +4,7 @@ mod common;
 
 use std::fs;
 
-use common::{boresight, change_project, on_project, project_of_logs};
+use common::{boresight, change_project, names, on_project, project_of_logs};
 
 /// Commands that write results.
 const WRITING: [&str; 9] = [
@@ -152,4 +152,50 @@ fn a_missing_log_is_named_with_its_key_and_line_and_nothing_is_written() {
         assert!(run.err.contains("prism.csv"), "{}", run.err);
     }
     assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn completions_and_manual_pages_name_every_command() {
+    let help = boresight(&["--help"]).out;
+    let commands = help.split("\nCommands:\n").nth(1).unwrap();
+    let commands = commands.split("\n\n").next().unwrap();
+    let commands: Vec<&str> = commands
+        .lines()
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
+        .map(|line| line.split_whitespace().next().unwrap())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(
+        commands.len() > 15 && commands.contains(&"run"),
+        "{commands:?}"
+    );
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let run = boresight(&["completions", shell]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        for name in &commands {
+            assert!(run.out.contains(name), "{shell}: {name}");
+        }
+        assert!(run.out.contains("watch"), "{shell}");
+    }
+    let wrong = boresight(&["completions", "dos"]);
+    assert_eq!(wrong.code, 2);
+    assert!(wrong.err.contains("bash"), "{}", wrong.err);
+
+    let folder = tempfile::tempdir().unwrap();
+    let man = folder.path().join("man1");
+    let run = boresight(&["man", man.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let first = fs::read_to_string(man.join("boresight.1")).unwrap();
+    let mut expected = vec!["boresight.1".to_owned()];
+    for name in &commands {
+        assert!(
+            first.contains(&format!("boresight\\-{name}(1)")),
+            "{name}: {first}"
+        );
+        let page = fs::read_to_string(man.join(format!("boresight-{name}.1"))).unwrap();
+        assert!(page.contains(".TH"), "{name}");
+        expected.push(format!("boresight-{name}.1"));
+    }
+    expected.sort();
+    assert_eq!(names(&man), expected);
 }

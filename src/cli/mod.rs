@@ -4,6 +4,7 @@
 mod allan;
 mod calibrate;
 mod compare;
+mod completions;
 mod context;
 mod convert;
 mod demo;
@@ -31,7 +32,7 @@ mod watch;
 
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use crate::pipeline::Outcome;
@@ -93,6 +94,8 @@ enum Command {
     Report(report::Report),
     Record(record::Record),
     Replay(replay::Replay),
+    Completions(completions::Completions),
+    Man(completions::Man),
 }
 
 /// Runs the command line and maps the outcome to an exit code.
@@ -152,7 +155,11 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         // What asks nobody whether to go on ends at once, as ever.
         let is_brief = matches!(
             line.command,
-            Command::Inspect(_) | Command::Init(_) | Command::Salvage(_)
+            Command::Inspect(_)
+                | Command::Init(_)
+                | Command::Salvage(_)
+                | Command::Completions(_)
+                | Command::Man(_)
         );
         if !is_brief {
             interrupt::listen();
@@ -174,6 +181,8 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Report(command) => command.execute(&context),
             Command::Record(command) => command.execute(&context),
             Command::Replay(command) => command.execute(&context),
+            Command::Completions(command) => Ok(command.execute(CommandLine::command())),
+            Command::Man(command) => command.execute(CommandLine::command()),
         };
         outcome.map(|outcome| (outcome, true))
     })
@@ -185,7 +194,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        use clap::CommandFactory;
         CommandLine::command().debug_assert();
     }
 }
