@@ -14,6 +14,13 @@ pub enum BodyAxes {
     Flu,
 }
 
+crate::stored::stored!(
+    enum BodyAxes {
+        Frd,
+        Flu,
+    }
+);
+
 impl BodyAxes {
     /// The body's upward direction in body axes.
     pub fn up(self) -> Vec3 {

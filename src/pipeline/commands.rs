@@ -192,7 +192,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
         background_m: &background_m,
         placement: &start.said,
         warnings: &warnings,
-        ..page::calibration(project, calibrations, std::slice::from_ref(&drive))
+        ..page::calibration(project, calibrations, std::slice::from_ref(&drive))?
     };
     let verdicts = report::verdicts(&content, &project.acceptance);
     content.verdicts = verdicts.clone();

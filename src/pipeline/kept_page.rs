@@ -19,9 +19,9 @@ use crate::joint::JointReport;
 use crate::output::write_whole;
 use crate::progress::{Progress, StageSeconds};
 use crate::project::Project;
-use crate::report::{self, Imprint, csv};
 use crate::report::content::{Calibrations, Comparison, Content, Drive, Fact, InputFile};
 use crate::report::platform::Platform;
+use crate::report::{self, Imprint, csv};
 use crate::stored::{Stored, store_all, stored};
 use crate::verdict::Verdict;
 

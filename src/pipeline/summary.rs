@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::findings::Findings;
-use crate::calibration::{Calibration, PARAMETER_NAMES};
+use crate::calibration::Calibration;
 use crate::comparison::MountingKind;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::report::content::Drive;
@@ -63,7 +63,8 @@ pub fn mountings(calibration: &Calibration) -> String {
         .map(|scanner| column(calibration, scanner))
         .collect();
     let mut rows = vec![String::from("mounting")];
-    rows.extend(PARAMETER_NAMES.iter().map(|name| format!("  {name}")));
+    let names = ["tx", "ty", "tz", "α", "β", "γ"];
+    rows.extend(names.map(|name| format!("  {name}")));
     let mut lines = aligned(&rows, &columns);
     for (line, unit) in lines.iter_mut().zip(["", "m", "m", "m", "°", "°", "°"]) {
         let _ = write!(line, "   {unit}"); // writing to a String cannot fail

@@ -4,8 +4,9 @@ use super::content::{Calibrations, Content};
 use super::html::{self, escape};
 use super::track::Track;
 use super::{
-    adjustment, comparison, convergence, csv, detection, figures, first, joint, joint_figures, maps, mounting,
-    precision, provenance, relative, residual_plots, scene, tables, timeline, verdicts,
+    adjustment, comparison, convergence, csv, detection, figures, first, joint, joint_figures,
+    maps, mounting, precision, provenance, relative, residual_plots, scene, tables, timeline,
+    verdicts,
 };
 use crate::calibration::Method;
 
