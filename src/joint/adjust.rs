@@ -164,7 +164,7 @@ pub fn at_rung(
             }
             let found = components_at(&mut problem, &state)?;
             progress.advance(1);
-            let found = conclude(&problem, &state, &found, (stop, steps.iterations))?;
+            let found = conclude(&problem, &state, &found, (stop, steps.iterations), surfel_m)?;
             return Ok(Outcome::Found(Box::new(found)));
         }
         if reference_m.norm() > LEAST_SIGMA_M {

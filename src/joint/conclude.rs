@@ -10,9 +10,10 @@ use super::model::BLOCKS_S;
 use super::pattern::motion_left;
 use super::problem::JointProblem;
 use super::result::{
-    AdjustedDrive, GroupTest, Joint, Jump, MovedMounting, PoseMove, ReferenceError,
+    AdjustedDrive, GroupTest, Joint, Jump, MovedMounting, PoseMove, ReferenceError, SurfelPlane,
 };
 use super::state::State;
+use super::surfel::Surfel;
 use crate::adjustment::StopReason;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Bending, Vec3};
@@ -28,6 +29,7 @@ pub fn conclude(
     state: &State,
     found: &[Component],
     (stop, iterations): (StopReason, usize),
+    surfel_m: f64,
 ) -> Result<Joint> {
     let factor = problem.factor().ok_or_else(not_determined)?;
     let factored = problem.factored().unwrap_or(state);
@@ -177,8 +179,23 @@ pub fn conclude(
         iterations,
         rows: problem.found.drives.iter().map(|d| d.rows.len()).sum(),
         surfels: problem.found.surfels.len(),
+        planes: planes(&problem.found.surfels, &state.shapes, surfel_m),
         unknowns: problem.unknowns(),
     })
+}
+
+/// The planes of surfels with their offsets and slopes (a, b, c): a + b u + c v along the normal.
+fn planes(surfels: &[Surfel], shapes: &[Vec3], size_m: f64) -> Vec<SurfelPlane> {
+    let all = surfels.iter().zip(shapes).map(|(surfel, shape)| {
+        let [normal, u, v] = surfel.axes;
+        SurfelPlane {
+            centre_m: surfel.centre_m + shape.x * normal,
+            normal: (normal - shape.y * u - shape.z * v).normalize(),
+            size_m,
+            roughness_m: surfel.roughness_m,
+        }
+    });
+    all.collect()
 }
 
 /// A jump is one where a component is this many times as large as its standard deviation.

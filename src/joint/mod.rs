@@ -41,7 +41,7 @@ pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{
     AdjustedDrive, Climb, GroupTest, Joint, JointReport, Jump, KnownPoint, LateScanner,
-    MovedMounting, PoseMove, ReferenceError, known_m,
+    MovedMounting, PoseMove, ReferenceError, SurfelPlane, known_m,
 };
 pub use score::Score;
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};

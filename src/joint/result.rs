@@ -61,8 +61,23 @@ pub struct Joint {
     pub rows: usize,
     /// Surfels of the last round.
     pub surfels: usize,
+    /// Where they came to lie.
+    pub planes: Vec<SurfelPlane>,
     /// Unknowns of the last round.
     pub unknowns: usize,
+}
+
+/// A patch of the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfelPlane {
+    /// World, metres.
+    pub centre_m: Vec3,
+    /// Unit vector.
+    pub normal: Vec3,
+    /// Its edge, metres.
+    pub size_m: f64,
+    /// Standard deviation of points about it, metres.
+    pub roughness_m: f64,
 }
 
 /// The trajectory of a drive after the adjustment.
@@ -329,7 +344,7 @@ stored!(struct JointReport { found, refused, others, late, seconds });
 stored!(struct Joint {
     mountings, covariance, late_s, late_scores, height_score, rung, ladder, prior_shares, compliance,
     drives, constants, reference, surface_m, regions, held, groups, stop, iterations, rows, surfels,
-    unknowns,
+    planes, unknowns,
 });
 stored!(struct LateScanner { name, late, time_offset_s });
 stored!(struct Climb { rung, reasons });
@@ -340,5 +355,6 @@ stored!(struct ReferenceError { prior, shift_m, shift_sigma_m, turn_rad, turn_si
 stored!(struct GroupTest { name, rows, chi_square, redundancy, ratio });
 stored!(struct MovedMounting { offsets, sigmas });
 stored!(struct KnownPoint { time_s, in_scanner_m, sigma_m });
+stored!(struct SurfelPlane { centre_m, normal, size_m, roughness_m });
 stored!(struct Jump { scanner, between_s, step, sigma });
 stored!(struct PoseMove { time_s, shift_m, turn_rad });

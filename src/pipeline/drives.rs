@@ -13,7 +13,7 @@ use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreements, MountingKind, agreements};
 use crate::error::Result;
 use crate::geometry::{Bending, BodyFromScanner};
-use crate::joint::{Joint, contradictions};
+use crate::joint::{Joint, SurfelPlane, contradictions};
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
 use crate::report::content::Drive;
@@ -38,6 +38,8 @@ pub struct Adjusted {
     pub trajectory: Trajectory,
     /// How the mountings move on it; empty where they are rigid.
     pub bending: Vec<Bending>,
+    /// The surface that an adjustment found.
+    pub planes: Vec<SurfelPlane>,
 }
 
 impl Adjusted {
@@ -55,6 +57,7 @@ impl Adjusted {
         Ok(Self {
             trajectory,
             bending: bending.map(|moved| moved.offsets.clone()).collect(),
+            planes: joint.map_or_else(Vec::new, |joint| joint.planes.clone()),
         })
     }
 }
@@ -90,7 +93,7 @@ impl Compared<'_> {
                 Some(kept) => kept,
                 None => clouds::stream(project, &adjusted.trajectory, None, progress)?,
             };
-            let placed = (poses, &adjusted.trajectory, adjusted.bending.as_slice());
+            let placed = (poses, &adjusted);
             self.drive((&name_of(project), project), placed, (own, &kept), progress)
         })?;
         let mut drives = vec![first];
@@ -123,21 +126,22 @@ impl Compared<'_> {
         let kept = clouds::stream(&other, estimated.trajectory(), None, progress)?;
         let adjusted = adjusted_alone((name, &other), &estimated, self.calibration, progress)?;
         let poses = estimated.poses;
-        let (trajectory, bending) = adjusted.unwrap_or_else(|| {
-            let bending = clouds::bending(&other, &poses.trajectory);
-            (poses.trajectory.clone(), bending)
+        let adjusted = adjusted.unwrap_or_else(|| Adjusted {
+            bending: clouds::bending(&other, &poses.trajectory),
+            trajectory: poses.trajectory.clone(),
+            planes: Vec::new(),
         });
-        let placed = (poses, &trajectory, bending.as_slice());
-        self.drive((name, &other), placed, (own, &kept), progress)
+        self.drive((name, &other), (poses, &adjusted), (own, &kept), progress)
     }
 
     fn drive(
         &self,
         (name, project): (&str, &Project),
-        (poses, trajectory, bending): (Poses, &Trajectory, &[Bending]),
+        (poses, adjusted): (Poses, &Adjusted),
         (own, kept): (&Own<'_>, &KeptPoints),
         progress: &dyn Progress,
     ) -> Result<Drive> {
+        let (trajectory, bending) = (&adjusted.trajectory, adjusted.bending.as_slice());
         let trajectory_of = |kind| match kind {
             MountingKind::Initial | MountingKind::TwoStep => &poses.trajectory,
             MountingKind::Final | MountingKind::Truth => trajectory,
@@ -172,6 +176,7 @@ impl Compared<'_> {
                 agreements: &agreements,
                 settings,
                 reference,
+                planes: &adjusted.planes,
                 drives: 1 + self.project.evaluations.len(),
             };
             shown.with(views)
@@ -195,7 +200,7 @@ fn adjusted_alone(
     poses: &EstimatedPoses,
     calibration: &Calibration,
     progress: &dyn Progress,
-) -> Result<Option<(Trajectory, Vec<Bending>)>> {
+) -> Result<Option<Adjusted>> {
     let (Method::Joint, Some(covariance)) = (calibration.method, &calibration.covariance) else {
         return Ok(None);
     };
@@ -220,10 +225,11 @@ fn adjusted_alone(
             let drive = found.drives.into_iter().next();
             let placed = drive.map(|drive| {
                 let bending = drive.bending.into_iter().map(|moved| moved.offsets);
-                Ok((
-                    drive.trajectory.with_limits(project.limits)?,
-                    bending.collect(),
-                ))
+                Ok(Adjusted {
+                    trajectory: drive.trajectory.with_limits(project.limits)?,
+                    bending: bending.collect(),
+                    planes: found.planes,
+                })
             });
             placed.transpose()
         }

@@ -3,6 +3,7 @@
 use super::clouds::KeptPoints;
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::Vec3;
+use crate::joint::SurfelPlane;
 use crate::project::Project;
 use crate::report::scene::{Input, Scan, Scene, View, gather};
 
@@ -22,6 +23,8 @@ pub struct Shown<'a> {
     pub settings: &'a ComparisonSettings,
     /// The reference, metres; empty without one.
     pub reference: &'a [Vec3],
+    /// The surface that an adjustment found.
+    pub planes: &'a [SurfelPlane],
     /// Number of drives in the page.
     pub drives: usize,
 }
@@ -45,6 +48,7 @@ impl Shown<'_> {
             agreements: self.agreements,
             settings: self.settings,
             reference: self.reference,
+            planes: self.planes,
             most_points: MOST_OF_DRIVE.min(MOST / self.drives.max(1)),
         })
     }

@@ -112,6 +112,7 @@ fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
         iterations: 9,
         rows: 103_000,
         surfels: 12_345,
+        planes: Vec::new(),
         unknowns: 85_432,
     }
 }

@@ -1,7 +1,7 @@
 // The viewer: what is shown, and the controls that change it.
 
 import { colouring, distanceLimit, limits, namesFor } from './attributes.js';
-import { theme } from './colours.js';
+import { along, table, theme } from './colours.js';
 import { loadDrive } from './data/drive.js';
 import { SectionPanel } from './section/panel.js';
 import { millimetres } from './text.js';
@@ -15,6 +15,7 @@ import { Navigation } from './view/navigation.js';
 import { pick, project } from './view/pick.js';
 import { Reference } from './view/reference.js';
 import { Stage } from './view/stage.js';
+import { SurfelLayer } from './view/surfels.js';
 
 /** How long points take from one mounting to the next, milliseconds. */
 const MOVES_MS = 450;
@@ -29,7 +30,7 @@ export class App {
     Object.assign(this, { root, headers });
     this.theme = theme(root);
     this.hidden = new Set();
-    this.shows = { reference: true, way: true, axes: true };
+    this.shows = { reference: true, way: true, axes: true, surfels: false };
     this.canvas = el('canvas', {
       class: 'scene-canvas',
       tabindex: 0,
@@ -87,6 +88,7 @@ export class App {
     });
     this.stage.clouds = [...this.clouds];
     this.addReference();
+    this.addSurfels();
     this.select(-1);
     this.buildControls();
     this.recolour();
@@ -104,6 +106,20 @@ export class App {
     this.reference.object.visible = this.shows.reference;
     this.stage.scene.add(this.reference.object);
     this.stage.clouds.push(this.reference);
+  }
+
+  addSurfels() {
+    this.surfels?.dispose();
+    this.surfels = null;
+    const { surfels } = this.drive;
+    if (surfels.points === 0) return;
+    this.surfels = new SurfelLayer(surfels, this.roughnessColours());
+    this.surfels.object.visible = this.shows.surfels;
+    this.stage.lines.add(this.surfels.object);
+  }
+
+  roughnessColours() {
+    return table(this.theme.unknown, (t) => along(this.theme.viridis, t));
   }
 
   /** Looks at the middle four fifths of the points. */
@@ -142,6 +158,13 @@ export class App {
       for (const fan of drive.fans) checks.append(checkbox(fan.name, true, (on) => this.showFan(fan, on)));
     }
     if (this.reference) checks.append(checkbox('reference', this.shows.reference, (on) => this.toggle('reference', on)));
+    if (this.surfels) {
+      const { low, high } = drive.surfels;
+      const title = `Patches of the joint adjustment, by the roughness of the surface: ${millimetres(low)} to ${millimetres(high)} mm`;
+      const box = checkbox('surfels', this.shows.surfels, (on) => this.toggle('surfels', on));
+      box.title = title;
+      checks.append(box);
+    }
     checks.append(
       checkbox('trajectory', this.shows.way, (on) => this.toggle('way', on)),
       checkbox('body axes', this.shows.axes, (on) => this.toggle('axes', on)),
@@ -190,6 +213,7 @@ export class App {
     this.theme = theme(this.root);
     if (!this.drive) return;
     this.reference?.colour(this.theme.reference);
+    this.surfels?.colour(this.roughnessColours());
     this.recolour();
     this.showWay();
     this.player.show();
@@ -199,6 +223,7 @@ export class App {
   toggle(name, on) {
     this.shows[name] = on;
     if (name === 'reference') this.reference.object.visible = on;
+    else if (name === 'surfels') this.surfels.object.visible = on;
     else this.showWay();
     this.stage.ask();
   }

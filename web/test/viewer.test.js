@@ -86,12 +86,44 @@ test('another mounting changes clouds and section', async () => {
   await page.close();
 });
 
+test('surfels of the joint adjustment lie on the surface', async () => {
+  const { page, wrong } = await open(run, address);
+  await ready(page);
+  const before = await pixels(page);
+  await page.getByLabel('surfels').check();
+  await settled(page);
+  assert.ok(differing(before, await pixels(page)) > 0.05);
+  // Half of them have a point of a scanner within a millimetre of their plane, somewhere over them.
+  const share = await page.evaluate(() => {
+    const { viewer } = document.getElementById('scene-viewer');
+    const { surfels } = viewer.drive;
+    const points = viewer.drive.positions(viewer.variant);
+    let near = 0;
+    const every = Math.max(1, Math.floor(surfels.points / 50));
+    let all = 0;
+    for (let i = 0; i < surfels.points; i += every) {
+      all++;
+      const c = surfels.positions.subarray(3 * i, 3 * i + 3);
+      const n = surfels.normals.subarray(3 * i, 3 * i + 3);
+      for (let p = 0; p < points.length; p += 3) {
+        const d = [points[p] - c[0], points[p + 1] - c[1], points[p + 2] - c[2]];
+        if (Math.max(...d.map(Math.abs)) > 0.5 * surfels.sizeM) continue;
+        if (Math.abs(d[0] * n[0] + d[1] * n[1] + d[2] * n[2]) < 1e-3) { near++; break; }
+      }
+    }
+    return near / all;
+  });
+  assert.ok(share > 0.5, `${share}`);
+  assert.deepEqual(wrong, []);
+  await page.close();
+});
+
 test('every colour is drawn', async () => {
   const { page, wrong } = await open(run, address);
   await ready(page);
   const colours = page.getByLabel('Colour', { exact: true });
   const names = await colours.locator('option').allTextContents();
-  assert.ok(names.includes('M3C2 distance') && names.includes('time') && names.includes('scanner'), `${names}`);
+  assert.ok(names.includes('M3C2 distance') && names.includes('time') && names.includes('scanner') && names.includes('omnivariance') && names.includes('pose sigma'), `${names}`);
   let before = await pixels(page);
   for (const name of names.slice(1)) {
     await colours.selectOption(name);

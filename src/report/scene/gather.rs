@@ -6,6 +6,7 @@ use super::passes::Passes;
 use super::places::{Place, places};
 use super::quantised::{Range16, Track, step_31};
 use super::select::{Chosen, placed, profiles, reference, select};
+use super::surfels::surfels;
 use super::variant::variant;
 use super::{Fan, PLACE_RADIUS_M, Scene};
 use crate::geometry::Vec3;
@@ -67,6 +68,7 @@ pub fn gather(input: &Input) -> Option<Scene> {
         against: against.into(),
         reference,
         reference_of,
+        surfels: surfels(input.planes, &frame.origin_m),
         places: places.collect(),
         place_radius_m: PLACE_RADIUS_M,
     })

@@ -2,6 +2,7 @@
 
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::joint::SurfelPlane;
 use crate::sensor::ScanPoint;
 use crate::trajectory::Trajectory;
 
@@ -19,6 +20,8 @@ pub struct Input<'a> {
     pub settings: &'a ComparisonSettings,
     /// The reference, metres; empty without one.
     pub reference: &'a [Vec3],
+    /// The surface that an adjustment found.
+    pub planes: &'a [SurfelPlane],
     /// About how many points are taken.
     pub most_points: usize,
 }

@@ -17,6 +17,7 @@ mod places;
 mod quantised;
 mod section;
 mod select;
+mod surfels;
 #[cfg(test)]
 mod tests;
 mod variant;
@@ -55,15 +56,31 @@ pub struct Scene {
     pub reference: Places,
     /// Number of points of the whole reference.
     pub reference_of: u64,
+    /// Patches of the surface that the adjustment found.
+    pub surfels: Surfels,
     /// Places for sections; around them all points are there that were kept for comparison.
     pub places: Vec<Place>,
     /// Radius around a place within which all of them are, metres.
     pub place_radius_m: f64,
 }
 stored!(struct Scene {
-    origin_m, step_m, start_s, step_s, fans, poses, variants, against, reference, reference_of, places,
-    place_radius_m
+    origin_m, step_m, start_s, step_s, fans, poses, variants, against, reference, reference_of, surfels,
+    places, place_radius_m
 });
+
+/// Patches of a surface.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Surfels {
+    /// Their centres from the origin, in steps of 10 µm.
+    pub centres: Places,
+    /// East, north and up of their normals, −1 to 1 in steps of 1/127, as bytes in two's complement.
+    pub normals: [Vec<u8>; 3],
+    /// Standard deviation of points about each, metres.
+    pub roughness: Bytes,
+    /// The edge of all of them, metres.
+    pub size_m: f64,
+}
+stored!(struct Surfels { centres, normals, roughness, size_m });
 
 /// Step of the points of the reference, metres.
 const REFERENCE_STEP_M: f64 = 1e-5;

@@ -100,6 +100,7 @@ impl Case {
             bending,
         };
         gather(&Input {
+            planes: &[],
             origin_m: Vec3::new(364_000.0, 5_620_000.0, 100.0),
             scans: scans.collect(),
             views: vec![
@@ -277,6 +278,7 @@ fn equal_drives_give_equal_bytes_and_are_kept_exactly() {
         bending: &[],
     };
     let scene = gather(&Input {
+        planes: &[],
         origin_m: Vec3::zeros(),
         scans: vec![Scan {
             name: "left",

@@ -48,6 +48,7 @@ export class Drive {
       })),
     }));
     this.reference = readReference(header.reference, get);
+    this.surfels = readSurfels(header.surfels, get);
     this.positionsOf = new Map();
   }
 
@@ -196,4 +197,15 @@ function readReference({ axes, step_m: step, of }, get) {
     positions[3 * i + 2] = z[i] * step;
   }
   return { positions, points: x.length, of };
+}
+
+function readSurfels({ axes, normals, step_m: step, size_m: sizeM, low, high, roughness }, get) {
+  const [x, y, z] = axes.map(get);
+  const parts = normals.map((place) => new Int8Array(get(place)));
+  const [positions, directions] = [new Float64Array(3 * x.length), new Float64Array(3 * x.length)];
+  for (let i = 0; i < x.length; i++) {
+    [x, y, z].forEach((list, axis) => { positions[3 * i + axis] = list[i] * step; });
+    parts.forEach((list, axis) => { directions[3 * i + axis] = list[i] / 127; });
+  }
+  return { positions, normals: directions, points: x.length, sizeM, low, high, roughness: get(roughness) };
 }
