@@ -29,10 +29,11 @@ pub fn maps(drives: &[Drive], background_m: &[Vec3]) -> String {
     if panels.is_empty() {
         return panels;
     }
-    html::figure(
+    let figure = html::figure(
         &format!("<div class=\"panels\">{panels}</div>\n"),
         "Level of detection at 95 % of the M3C2 distances with the mountings found, from above: a smaller distance at a place may be chance. Grey: the reference where there is no distance, for want of points of the scanner.",
-    )
+    );
+    format!("<h3>How small a distance can be seen</h3>\n{figure}")
 }
 
 fn panel(found: &Agreement, background_m: &[Vec3]) -> String {
@@ -55,7 +56,7 @@ fn panel(found: &Agreement, background_m: &[Vec3]) -> String {
     if sizes.is_empty() {
         return String::new();
     }
-    let (median_m, most_m) = (quantile(&sizes, 0.5), quantile(&sizes, 0.97));
+    let (median_m, most_m) = (quantile(&sizes, 0.5), quantile(&sizes, 0.85));
     let limit_m = number::nice_above(most_m.max(1e-4));
     let beyond = known.iter().filter(|k| k.1.abs() > k.2).count();
 

@@ -16,7 +16,7 @@ pub fn screen(content: &Content) -> String {
         .collect();
     let pictures = match pictures.is_empty() {
         true => pictures,
-        false => format!("<div class=\"first\">\n{pictures}</div>\n"),
+        false => format!("<div class=\"screen\">\n{pictures}</div>\n"),
     };
     headline(content) + &pictures + &said(&content.verdicts)
 }

@@ -59,10 +59,7 @@ pub fn figure(calibrations: &Calibrations) -> String {
         (0..one.found.mountings.len()).any(|scanner| sigmas(one.found, scanner).contains(&None))
     });
     if is_open {
-        entries.push((
-            "cross".into(),
-            "fixed, or not determined by the data".into(),
-        ));
+        entries.push(("open".into(), "fixed, or not determined by the data".into()));
     }
     html::figure(
         &format!(
@@ -70,7 +67,7 @@ pub fn figure(calibrations: &Calibrations) -> String {
             html::legend(&entries),
             charts.concat()
         ),
-        "Standard deviations of the mountings, the best determined parameters on the left. Each grid line between powers of ten is 2 or 5 times the one before.",
+        "Standard deviations of the mountings on logarithmic axes: the best determined parameters are on the left.",
     )
 }
 
@@ -119,7 +116,7 @@ fn chart(series: &[Series], (first, label, factor): (usize, &str, f64)) -> Strin
         }
         plot.dots(&format!("dot {}", one.class), 3.6, &dots);
         for cross in open {
-            plot.crosses("cross", &[cross]);
+            plot.crosses("cross open", &[cross]);
         }
     }
     plot.finish(label)

@@ -48,7 +48,7 @@ test('the first screen shows the result, the mounting, the platform and a map', 
     return box.y + box.height;
   };
   await page.evaluate(() => scrollTo(0, 0));
-  for (const selector of ['.headline', '.why', '.mounting.brief', '.first svg', '.first div:last-child svg']) {
+  for (const selector of ['.headline', '.why', '.mounting.brief', '.screen svg', '.screen div:last-child svg']) {
     assert.ok((await bottom(selector)) < 900, `${selector} ends at ${await bottom(selector)}`);
   }
   await page.close();
