@@ -8,8 +8,7 @@ use super::findings::{Extras, Findings};
 use crate::comparison::{Against, Agreement, DistanceMap, M3c2, MountingKind, Statistics};
 use crate::error::Result;
 use crate::project::{Motion, Project};
-use crate::report::content::{self, Calibrations, Content, Drive, Fact};
-use crate::report::platform::Platform;
+use crate::report::content::{self, Calibrations, Content, Drive, Fact, Platform};
 use crate::tiles::{Comparison, NormalSource, peak_memory_bytes};
 
 /// Content of the report of a whole run.

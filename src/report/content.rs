@@ -4,11 +4,10 @@
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
 use super::imprint::Imprint;
-use super::platform::Platform;
 use super::scene::Scene;
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Agreement, Agreements, MountingKind};
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::{BodyAxes, BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::progress::StageSeconds;
 use crate::sensor::{PoseRecord, RejectedRow};
@@ -149,6 +148,17 @@ pub struct Drive {
     pub scene: Option<Scene>,
 }
 
+/// Where the sensors are on the body.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Platform {
+    /// Axes of the body.
+    pub axes: BodyAxes,
+    /// Prisms and antennas, in the body frame, metres.
+    pub marks: Vec<(String, Vec3)>,
+    /// The far end of each scanner's field of view, in its frame, metres; empty where it is no fan.
+    pub outlines_m: Vec<Vec<Vec3>>,
+}
+
 /// A file that was read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputFile {
@@ -171,5 +181,6 @@ pub struct Fact {
 
 stored!(struct Comparison { reference, found });
 stored!(struct Fact { label, value });
+stored!(struct Platform { axes, marks, outlines_m });
 stored!(struct InputFile { path, bytes, xxh128 });
 stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts, scene });

@@ -404,7 +404,7 @@ mod tests {
             compared_count: 10,
         };
         let distances = M3c2 {
-            core: vec![core(0.0, 1e-3), core(1e-4, 3e-3), core(10.0, -1e-3)],
+            core: vec![core(0.0, 1e-3), core(1e-4, 3e-3), core(9.97, -1e-3)],
         };
         let found = Agreement {
             coverage: 1.0,

@@ -377,6 +377,9 @@ mod tests {
         assert_eq!(start, 1_795_440_540.0);
         assert_eq!(time_label(start), "time after 2026-11-23 13:29:00 UTC (s)");
         assert_eq!(time_label(time_shift(51.0)), "time (s)");
-        assert_eq!(time_label(time_shift(313_912.0)), "time − 313 900 s (s)");
+        assert_eq!(
+            time_label(time_shift(313_912.0)),
+            "time − 313\u{202f}900 s (s)"
+        );
     }
 }

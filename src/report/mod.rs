@@ -30,7 +30,7 @@ mod mounting;
 mod moving;
 mod number;
 mod page;
-pub mod platform;
+mod platform;
 mod precision;
 mod provenance;
 mod raster;

@@ -1,10 +1,10 @@
 //! The platform as a drawing: body axes, prism and antennas, and the fans of the scanners before and after the
 //! calibration.
 
+use super::content::Platform;
 use super::html::{self, escape};
 use super::number;
 use crate::geometry::{BodyAxes, BodyFromScanner, Vec3};
-use crate::stored::stored;
 
 /// Width and height of the oblique view.
 const WIDTH: f64 = 400.0;
@@ -15,19 +15,6 @@ const MARGIN: f64 = 30.0;
 const LONGEST: f64 = 2.0;
 /// Smallest size of a platform, metres.
 const LEAST_M: f64 = 0.5;
-
-/// Where the sensors are on the body.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Platform {
-    /// Axes of the body.
-    pub axes: BodyAxes,
-    /// Prisms and antennas, in the body frame, metres.
-    pub marks: Vec<(String, Vec3)>,
-    /// The far end of each scanner's field of view, in its frame, metres; empty where it is no fan.
-    pub outlines_m: Vec<Vec<Vec3>>,
-}
-
-stored!(struct Platform { axes, marks, outlines_m });
 
 /// The mounting of a scanner before and after.
 pub struct Fan<'a> {
