@@ -19,9 +19,9 @@ fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
         "gyro noise              0.15 °/√h = 4.363e-5 rad/s/√Hz",
         "lever arm in the body   0.1, 0.05, -0.55 m",
         "initial rotation        -145, 0, 90 ° (bonn, as in the project)",
-        "voxel sizes             50, 40, 30, 20, 10, 5 mm",
+        "voxel sizes             chosen from the points",
         "1. estimate the trajectory from IMU and prism",
-        "2. calibrate left on 6 scales against its own passes; without a reference its height \
+        "2. calibrate left against its own passes; without a reference its height \
          is unobservable and is held",
         "cloud-left.laz",
     ] {
@@ -48,7 +48,7 @@ fn inspect_tells_what_the_joint_adjustment_assumes() {
                  two steps";
     said(&[
         joint,
-        "  size of surfels         50 mm (ten times the finest voxel)",
+        "  size of surfels         ten times the finest voxel",
         "  iterations              at most 50",
         "  lasting errors          none",
         "  3. adjust trajectory and mountings in one",

@@ -48,7 +48,8 @@ fn run(comparison: &Comparison, out: &Path) -> (Value, String) {
         fresh: false,
     };
     let outcome = compare(comparison, &options, &Silent).unwrap();
-    assert_eq!(outcome.files, [out.join("m3c2.laz"), out.join("m3c2.csv")]);
+    let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
+    assert_eq!(outcome.files, names.map(|name| out.join(name)));
     let table = std::fs::read_to_string(out.join("m3c2.csv")).unwrap();
     (outcome.result, table)
 }

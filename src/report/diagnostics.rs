@@ -14,6 +14,8 @@ const NOISE_SCALE: &str = "imu.noise_scale";
 const CARE_NOISE: f64 = 3.0;
 /// Outages need attention where the standard deviation of the position exceeds this, metres.
 const CARE_OUTAGE_M: f64 = 0.01;
+/// Share of the records of a sensor that are not used from which on that needs attention.
+const CARE_IGNORED: f64 = 0.2;
 /// Outages closer together than this are merged, seconds.
 const SAME_OUTAGE_S: f64 = 1.0;
 /// Residuals this many times larger than expected need attention.
@@ -327,6 +329,17 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             lines.push(verdict.with_value(sensor.rms_normalised, None));
         }
         let all = sensor.count + sensor.rejected;
+        let ignored = sensor.ignored as f64 / (all + sensor.ignored) as f64;
+        if ignored > CARE_IGNORED {
+            let text = format!(
+                "{} of {} records of {name} are not used, as they lie before or after the IMU's log or out of the \
+                 order of time: is a log cut off?",
+                number::count(sensor.ignored),
+                number::count(all + sensor.ignored)
+            );
+            let verdict = Verdict::care(format!("{}.ignored", sensor.name), text);
+            lines.push(verdict.with_value(ignored, None));
+        }
         if sensor.rejected > 0 {
             let text = format!(
                 "{} of {} records of {name} contradict the others and were rejected.",

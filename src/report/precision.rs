@@ -67,7 +67,7 @@ pub fn figure(calibrations: &Calibrations) -> String {
             html::legend(&entries),
             charts.concat()
         ),
-        "Standard deviations of the mountings on logarithmic axes: the best determined parameters are on the left.",
+        "Standard deviations of the mountings on logarithmic axes: what lies further to the left in a panel is known better.",
     )
 }
 

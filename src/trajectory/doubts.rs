@@ -237,12 +237,21 @@ impl Doubt {
         let value = self.values.first().map_or(f64::NAN, |found| found.value);
         match self.constant {
             Constant::LeverArm(_) => {
-                let values = self
-                    .values
-                    .iter()
-                    .map(|found| format!("{:.4}", found.value));
-                let values = values.collect::<Vec<_>>().join(", ");
-                format!("Check it; [{table}] lever_arm_m = [{values}] fits")
+                let list = |values: &[f64]| {
+                    let values = values.iter().map(|value| (1e4 * value).round() / 1e4);
+                    let values = values.map(|value| value.to_string());
+                    values.collect::<Vec<_>>().join(", ")
+                };
+                // What was meant is known better than what the drive finds.
+                if let Some((_, meant)) = self.likely_lever_arm() {
+                    return format!("Then write [{table}] lever_arm_m = [{}]", list(&meant));
+                }
+                let found: Vec<f64> = self.values.iter().map(|found| found.value).collect();
+                format!(
+                    "Measure it again: [{table}] lever_arm_m = [{}] is what the drive finds, and no better \
+                     known than that",
+                    list(&found)
+                )
             }
             Constant::TimeOffset(_) | Constant::HeadingTimeOffset => {
                 format!("Check the clocks; {value:+.4} added to [{table}] time_offset_s fits")
@@ -258,7 +267,7 @@ impl Doubt {
     /// What the mistake is likely to be.
     fn likely(&self) -> Option<String> {
         match self.constant {
-            Constant::LeverArm(_) => self.likely_lever_arm(),
+            Constant::LeverArm(_) => self.likely_lever_arm().map(|(what, _)| what),
             Constant::HeadingOffset => {
                 let found = self.values.first()?;
                 let within = MATCH_RAD.max(MATCH_SIGMAS * found.sigma?);
@@ -278,7 +287,8 @@ impl Doubt {
         }
     }
 
-    fn likely_lever_arm(&self) -> Option<String> {
+    /// The mistake in words, and the lever arm that was meant.
+    fn likely_lever_arm(&self) -> Option<(String, [f64; 3])> {
         let [x, y, z] = self.values.as_slice() else {
             return None;
         };
@@ -286,24 +296,27 @@ impl Doubt {
             let within = MATCH_M.max(MATCH_SIGMAS * found.sigma.unwrap_or(0.0));
             (found.value - value).abs() < within
         };
+        let is_flipped = |found: &EstimatedConstant| {
+            !matches(found, found.start) && matches(found, -found.start)
+        };
         let all = [("x", x), ("y", y), ("z", z)];
-        let flipped: Vec<&str> = all
-            .iter()
-            .filter(|(_, found)| !matches(found, found.start) && matches(found, -found.start))
-            .map(|(axis, _)| *axis)
-            .collect();
-        if all
-            .iter()
-            .all(|(_, f)| matches(f, f.start) || matches(f, -f.start))
-        {
-            return Some(match flipped.as_slice() {
+        let flipped = all.iter().filter(|(_, found)| is_flipped(found));
+        let flipped: Vec<&str> = flipped.map(|(axis, _)| *axis).collect();
+        let is_kept = |(_, found): &(&str, &EstimatedConstant)| matches(found, found.start);
+        if all.iter().all(|one| is_kept(one) || is_flipped(one.1)) {
+            let what = match flipped.as_slice() {
                 [] => return None,
                 ["y", "z"] => "the sign of y and z, as of FLU in the place of FRD".into(),
                 axes => format!("the sign of {}", axes.join(" and ")),
+            };
+            let meant = all.map(|(_, found)| match is_flipped(found) {
+                true => -found.start,
+                false => found.start,
             });
+            return Some((what, meant));
         }
         let exchanged = matches(x, y.start) && matches(y, x.start) && matches(z, z.start);
-        exchanged.then(|| "x and y exchanged".into())
+        exchanged.then(|| ("x and y exchanged".into(), [y.start, x.start, z.start]))
     }
 }
 
@@ -363,6 +376,17 @@ mod tests {
     }
 
     #[test]
+    fn without_a_likely_mistake_the_lever_arm_is_to_be_measured_again() {
+        let text = lever_arm(&[(0.1, 0.3), (0.05, 0.05), (-0.55, -0.55)]).describe();
+        for part in [
+            "Measure it again",
+            "[prism] lever_arm_m = [0.3, 0.05, -0.55] is what the drive finds",
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
+    }
+
+    #[test]
     fn a_doubt_says_what_was_found_and_what_to_write() {
         let text = lever_arm(&[(0.1, -0.101), (0.05, -0.051), (-0.55, -0.549)]).describe();
         for part in [
@@ -370,7 +394,7 @@ mod tests {
             "-0.1010 ± 0.0040, -0.0510 ± 0.0040, -0.5490 ± 0.0040 m",
             "instead of 0.1000, 0.0500, -0.5500",
             "Is it the sign of x and y?",
-            "[prism] lever_arm_m = [-0.1010, -0.0510, -0.5490]",
+            "Then write [prism] lever_arm_m = [-0.1, -0.05, -0.55]",
             "trajectory.estimate = [\"prism.lever_arm\"]",
         ] {
             assert!(text.contains(part), "{text}");

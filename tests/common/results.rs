@@ -25,9 +25,10 @@ pub fn timeless(mut document: Value) -> Value {
     document
 }
 
-/// A page without what differs from run to run: rows with times of stages and of scales, and memory.
+/// A page without what differs from run to run: its date, rows with times of stages and of scales, and memory.
 fn timeless_page(page: &str) -> String {
     let marks = [
+        "class=\"provenance\"",
         "class=\"bar\"",
         "all stages",
         "Peak memory",

@@ -309,9 +309,10 @@ fn an_error_of_many_standard_deviations_needs_attention() {
         mounting.body_from_scanner.translation_m.z += 4e-3;
     }
     let page = render(&full.content());
+    // It is the reason of the headline, and then the first of the list.
     let statement = page
-        .split("The largest errors against the simulated truth")
-        .next()
+        .rsplit("The largest errors against the simulated truth")
+        .nth(1)
         .unwrap();
     let item = statement.rsplit("<li class=\"").next().unwrap();
     assert!(item.starts_with("fault"), "{item}");

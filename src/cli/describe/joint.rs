@@ -8,11 +8,12 @@ pub(super) fn describe(lines: &mut Lines, project: &Project) {
     lines.section("joint adjustment");
     let finest = project.calibration.voxel_sizes_m.last();
     let size = millimetres(settings.surfel_size_m(finest.copied().unwrap_or_default()));
-    let why = match settings.surfel_m {
-        Some(_) => "",
-        None => " (ten times the finest voxel)",
+    let size = match (settings.surfel_m, project.has_auto_scales) {
+        (Some(_), _) => size,
+        (None, true) => "ten times the finest voxel".to_owned(),
+        (None, false) => format!("{size} (ten times the finest voxel)"),
     };
-    lines.value("size of surfels", format!("{size}{why}"));
+    lines.value("size of surfels", size);
     lines.value("iterations", format!("at most {}", settings.max_iterations));
 }
 

@@ -126,11 +126,11 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
             "against each other; without a reference their common height is unobservable and is held"
         }
     };
-    steps.push(format!(
-        "calibrate {} on {} scales {against}",
-        names.join(", "),
-        project.calibration.voxel_sizes_m.len()
-    ));
+    let scales = match project.has_auto_scales {
+        true => String::new(),
+        false => format!(" on {} scales", project.calibration.voxel_sizes_m.len()),
+    };
+    steps.push(format!("calibrate {}{scales} {against}", names.join(", ")));
     steps.extend(joint::step(project));
     let clouds: Vec<String> = names
         .iter()
@@ -201,7 +201,11 @@ fn describe_calibration(lines: &mut Lines, project: &Project) {
         .iter()
         .map(|size| short(size * 1e3))
         .collect();
-    lines.value("voxel sizes", format!("{} mm", sizes.join(", ")));
+    let sizes = match project.has_auto_scales {
+        true => "chosen from the points".to_owned(),
+        false => format!("{} mm", sizes.join(", ")),
+    };
+    lines.value("voxel sizes", sizes);
     lines.value("neighbours", settings.neighbours);
     lines.value(
         "iterations per scale",
