@@ -1,0 +1,129 @@
+"""Reading and writing of every format."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from . import _boresight
+from ._progress import Progress, listener
+from .clouds import Cloud
+from .drives import Trajectory
+from .logs import DTYPES, Log, kind_of, of_rows, rows_of
+
+FilePath: TypeAlias = "str | os.PathLike[str]"
+
+_KINDS = ("cloud", *DTYPES)
+
+
+def detect(path: FilePath) -> tuple[str, list[str]]:
+    """The format of a file in words, and the kinds of data that may be in it: ``cloud``, ``trajectory``, ``imu``,
+    ``positions``, ``heading``, ``profiles``."""
+    return _boresight.detect(os.fspath(path))
+
+
+def read(
+    path: FilePath,
+    kind: str | None = None,
+    *,
+    crs: str | None = None,
+    axes: str = "FRD",
+    progress: Progress = "tqdm",
+    threads: int | None = None,
+) -> Cloud | Log:
+    """Reads a file of any format that the commands read.
+
+    Parameters
+    ----------
+    path
+        The file.
+    kind
+        What to read: ``cloud``, ``trajectory``, ``imu``, ``positions``, ``heading`` or ``profiles``. It must be named where a
+        file holds several kinds; of LAS and LAZ it is the cloud by default.
+    crs
+        The projected system of the world, such as ``"EPSG:25832"``, for files with latitudes and longitudes.
+    axes
+        Body axes of the trajectory read from a file with geographic poses: ``"FRD"`` or ``"FLU"``.
+
+    Returns
+    -------
+    Cloud or numpy.ndarray
+        A `Cloud`, or the structured array of the kind: `TRAJECTORY`, `IMU`, `POSITIONS`, `HEADING`, `PROFILES`. Times of
+        LAS in adjusted GPS time are Unix times.
+    """
+    name = os.fspath(path)
+    if kind is None:
+        kind = _kind_in(name)
+    if kind not in _KINDS:
+        raise ValueError(f"kind={kind!r}, expected one of {', '.join(_KINDS)}")
+    with listener(progress) as told:
+        if kind == "cloud":
+            return Cloud(*_boresight.read_cloud(name, told, threads))
+        return of_rows(_boresight.read_log(name, kind, crs, axes, told, threads), kind)
+
+
+def _kind_in(path: str) -> str:
+    format, kinds = detect(path)
+    if kinds[:1] == ["cloud"] and ("positions" not in kinds):
+        return "cloud"
+    if kinds == ["cloud", "positions"]:
+        return "positions"
+    if len(kinds) != 1:
+        held = ", ".join(kinds) or "neither a cloud nor a log"
+        raise ValueError(f"{path} is {format} and may hold {held}: name what to read with kind=")
+    return kinds[0]
+
+
+def write(
+    path: FilePath,
+    data: Any,
+    kind: str | None = None,
+    *,
+    crs: str | None = None,
+    progress: Progress = "tqdm",
+    threads: int | None = None,
+) -> None:
+    """Writes a file in the format that the end of its name asks for; it appears whole or not at all.
+
+    Parameters
+    ----------
+    path
+        Clouds end in ``.las``, ``.laz``, ``.copc.laz``, ``.e57``, ``.ply``, ``.parquet`` or ``.csv``; trajectories in ``.csv``,
+        ``.parquet``, ``.tum`` or ``.sbet``; other logs in ``.csv`` or ``.parquet``.
+    data
+        A `Cloud` or an (n, 3) array; a `Trajectory`; a structured array, a mapping of names to arrays or a data frame with
+        the fields of a log.
+    kind
+        As of `read`; by default it follows from the fields.
+    crs
+        The projected system of a trajectory that becomes SBET, such as ``"EPSG:25832"``.
+    """
+    name = os.fspath(path)
+    if isinstance(data, Trajectory):
+        data = data.poses
+    if kind is None:
+        kind = "cloud" if isinstance(data, Cloud) else kind_of(data) or "cloud"
+    if kind not in _KINDS:
+        raise ValueError(f"kind={kind!r}, expected one of {', '.join(_KINDS)}")
+    if not Path(name).name:
+        raise ValueError(f"{name!r} is not the name of a file")
+    with listener(progress) as told:
+        if kind == "cloud":
+            cloud = data if isinstance(data, Cloud) else Cloud(data)
+            attributes = [
+                (key, _stored(values), np.ascontiguousarray(values, dtype=np.float64))
+                for key, values in cloud.attributes.items()
+            ]
+            _boresight.write_cloud(name, cloud.points, attributes, cloud.crs_wkt, told, threads)
+        else:
+            _boresight.write_log(name, kind, rows_of(data, kind), crs, told, threads)
+
+
+def _stored(values: Any) -> str:
+    """The type of an attribute in a file."""
+    if values.dtype.kind in "ub" and values.dtype.itemsize <= 4:
+        return "u4"
+    return "f4" if values.dtype == np.float32 else "f8"

@@ -1,0 +1,305 @@
+//! Features, thinning, comparison and georeferencing of points in memory.
+
+use boresight::cloud::shape::{Feature, Shape};
+use boresight::cloud::{NeighbourIndex, Neighbourhood, voxel};
+use boresight::comparison::{
+    Aggregation, ComparisonSettings, CoreDistance, Detection, IndexedClouds, Normals, core_points,
+};
+use boresight::geometry::{BodyFromScanner, Vec3};
+use boresight::georeference::Georeferencer;
+use boresight::progress::Progress;
+use boresight::sensor::{PoseRecord, ScanPoint, check_overlap};
+use boresight::tiles::FeatureSettings;
+use boresight::trajectory::Trajectory;
+use boresight::{Error, Result};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+
+use crate::arrays::{POSE, from_vectors, numbers, quaternion, records, vectors};
+use crate::work::run;
+
+/// Words of a row of features: as many as all features have columns.
+const WORDS: usize = 14;
+/// Points placed at a time.
+const CHUNK: usize = 1 << 16;
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(feature_columns, module)?)?;
+    module.add_function(wrap_pyfunction!(default_features, module)?)?;
+    module.add_function(wrap_pyfunction!(features, module)?)?;
+    module.add_function(wrap_pyfunction!(thin, module)?)?;
+    module.add_function(wrap_pyfunction!(m3c2, module)?)?;
+    module.add_function(wrap_pyfunction!(georeference, module)?)
+}
+
+/// Names of the columns of each feature.
+#[pyfunction]
+fn feature_columns() -> Vec<(&'static str, Vec<&'static str>)> {
+    let columns = |feature: &Feature| feature.columns().iter().map(|column| column.0).collect();
+    let all = Feature::ALL.iter();
+    all.map(|feature| (feature.name(), columns(feature)))
+        .collect()
+}
+
+/// The features that the command writes where none are named.
+#[pyfunction]
+fn default_features() -> Vec<&'static str> {
+    let default = FeatureSettings::default().features;
+    default.iter().map(|feature| feature.name()).collect()
+}
+
+/// A row of 32-bit words a point: the columns of the named features in their order, the rest 0.
+#[pyfunction]
+#[pyo3(signature = (points, names, neighbours, radius_m, listener, threads))]
+fn features<'py>(
+    points: PyReadonlyArray2<'py, f64>,
+    names: Vec<String>,
+    neighbours: usize,
+    radius_m: Option<f64>,
+    listener: &Bound<'py, PyAny>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyArray2<u32>>> {
+    let wanted = names
+        .iter()
+        .map(|name| {
+            let mut all = Feature::ALL.into_iter();
+            let found = all.find(|feature| feature.name() == name);
+            found.ok_or_else(|| PyValueError::new_err(format!("there is no feature {name:?}")))
+        })
+        .collect::<PyResult<Vec<Feature>>>()?;
+    let of = match radius_m {
+        Some(radius_m) => Neighbourhood::Within(radius_m),
+        None => Neighbourhood::Nearest(neighbours),
+    };
+    let points = vectors(&points)?;
+    let found = run(listener, threads, |progress| {
+        check_number(points)?;
+        let stage = progress.stage("features", points.len() as u64);
+        let index = NeighbourIndex::new(points);
+        progress.check()?;
+        let rows = index.surroundings_of_all(&index, of, progress, |_, near| {
+            row(&Shape::of_wanted(near, &wanted), &wanted)
+        });
+        drop(stage);
+        rows
+    })?;
+    let shape = [found.len(), WORDS];
+    PyArray1::from_vec(listener.py(), found.into_flattened()).reshape(shape)
+}
+
+/// The columns of the features, rounded as in the file that the command writes.
+fn row(shape: &Shape, features: &[Feature]) -> [u32; WORDS] {
+    let mut words = [0; WORDS];
+    let mut places = words.iter_mut();
+    for &feature in features {
+        let values = shape.values(feature);
+        // The shorter iterator first: zip must not consume a column without a value for it.
+        for (value, place) in values.iter().take(feature.columns().len()).zip(&mut places) {
+            *place = match feature {
+                Feature::Neighbours => *value as u32,
+                _ => (*value as f32).to_bits(),
+            };
+        }
+    }
+    words
+}
+
+fn check_number(points: &[Vec3]) -> Result<()> {
+    match u32::try_from(points.len()) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(Error::data(
+            format!("a cloud of {} points", points.len()),
+            format!("give {} points at most: thin the cloud", u32::MAX),
+        )),
+    }
+}
+
+/// Indices of the points kept.
+#[pyfunction]
+#[pyo3(signature = (points, voxel_m, listener, threads))]
+fn thin<'py>(
+    points: PyReadonlyArray2<'py, f64>,
+    voxel_m: f64,
+    listener: &Bound<'py, PyAny>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let points = vectors(&points)?;
+    let kept = run(listener, threads, |progress| {
+        check_number(points)?;
+        let is_lost = |point: &Vec3| !point.iter().all(|x| x.is_finite());
+        if let Some(row) = points.par_iter().position_first(is_lost) {
+            return Err(Error::data(
+                format!("point {row} of the cloud is not finite"),
+                "leave out points that are not finite",
+            ));
+        }
+        let _stage = progress.stage("thinning", points.len() as u64);
+        Ok(voxel::thin(points, voxel_m))
+    })?;
+    Ok(PyArray1::from_vec(listener.py(), kept))
+}
+
+/// Settings of a comparison.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Comparing {
+    corepoint_spacing_m: f64,
+    normal_radii: Vec<f64>,
+    cyl_radius: f64,
+    max_distance: f64,
+    registration_error: f64,
+    robust_aggr: bool,
+    student: bool,
+    one_sided: bool,
+    min_points: u32,
+    direction: Option<[f64; 3]>,
+    orientation_vector: [f64; 3],
+}
+
+impl Comparing {
+    fn settings(&self) -> ComparisonSettings {
+        ComparisonSettings {
+            core_spacing_m: self.corepoint_spacing_m,
+            normal_radii_m: self.normal_radii.clone(),
+            cylinder_radius_m: self.cyl_radius,
+            max_distance_m: self.max_distance,
+            registration_error_m: self.registration_error,
+            aggregation: match self.robust_aggr {
+                true => Aggregation::Median,
+                false => Aggregation::Mean,
+            },
+            detection: match self.student {
+                true => Detection::Student,
+                false => Detection::Normal,
+            },
+            one_sided: self.one_sided,
+            min_points: self.min_points,
+        }
+    }
+}
+
+/// One array for each value of the core points.
+#[pyfunction]
+#[pyo3(signature = (reference, compared, core, normals, settings, listener, threads))]
+fn m3c2<'py>(
+    reference: PyReadonlyArray2<'py, f64>,
+    compared: PyReadonlyArray2<'py, f64>,
+    core: Option<PyReadonlyArray2<'py, f64>>,
+    normals: Option<PyReadonlyArray2<'py, f64>>,
+    settings: Comparing,
+    listener: &Bound<'py, PyAny>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (reference, compared) = (vectors(&reference)?, vectors(&compared)?);
+    let core = core.as_ref().map(vectors).transpose()?;
+    let given = normals.as_ref().map(vectors).transpose()?;
+    let found = run(listener, threads, |progress| {
+        check_number(reference)?;
+        check_number(compared)?;
+        let normals = match (given, settings.direction) {
+            (Some(given), _) => Normals::Given(given),
+            (None, Some(direction)) => Normals::Fixed(direction.into()),
+            (None, None) => Normals::MostPlanar {
+                orientation: settings.orientation_vector.into(),
+            },
+        };
+        let settings = settings.settings();
+        let thinned = match core {
+            Some(_) => Vec::new(),
+            None => core_points(reference, &settings),
+        };
+        let core = core.unwrap_or(&thinned);
+        let stage = progress.stage("indexing the clouds", 0);
+        let indexed = IndexedClouds::new(reference, compared, normals, &settings)?;
+        drop(stage);
+        progress.check()?;
+        let _stage = progress.stage("comparing the clouds (M3C2)", core.len() as u64);
+        indexed.distances(core, normals, progress)
+    })?;
+    let py = listener.py();
+    let core = &found.core;
+    let number = |of: fn(&CoreDistance) -> f64| {
+        PyArray1::from_vec(py, core.iter().map(of).collect::<Vec<f64>>())
+    };
+    let count = |of: fn(&CoreDistance) -> u32| {
+        let counts = core.iter().map(|core| i64::from(of(core)));
+        PyArray1::from_vec(py, counts.collect::<Vec<i64>>())
+    };
+    let vector = |of: fn(&CoreDistance) -> Vec3| from_vectors(py, core.iter().map(of).collect());
+    let arrays = PyDict::new(py);
+    arrays.set_item("corepoints", vector(|core| core.point)?)?;
+    arrays.set_item("normals", vector(|core| core.normal)?)?;
+    arrays.set_item("normal_radii", number(|core| core.normal_radius_m))?;
+    arrays.set_item("distances", number(|core| core.distance_m))?;
+    arrays.set_item("lodetection", number(|core| core.level_of_detection_m))?;
+    arrays.set_item("spread1", number(|core| core.reference_spread_m))?;
+    arrays.set_item("num_samples1", count(|core| core.reference_count))?;
+    arrays.set_item("spread2", number(|core| core.compared_spread_m))?;
+    arrays.set_item("num_samples2", count(|core| core.compared_count))?;
+    Ok(arrays)
+}
+
+/// Positions in the world; NaN where there is no pose.
+#[pyfunction]
+#[pyo3(signature = (points, times_s, poses, mounting, time_offset_s, listener, threads))]
+fn georeference<'py>(
+    points: PyReadonlyArray2<'py, f64>,
+    times_s: PyReadonlyArray1<'py, f64>,
+    poses: PyReadonlyArray2<'py, f64>,
+    mounting: ([f64; 4], [f64; 3]),
+    time_offset_s: f64,
+    listener: &Bound<'py, PyAny>,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (points, times_s) = (vectors(&points)?, numbers(&times_s)?);
+    let poses: Vec<PoseRecord> = records::<POSE, _>(&poses)?;
+    let mounting = BodyFromScanner::new(quaternion(mounting.0), mounting.1.into());
+    let placed = run(listener, threads, |progress| {
+        place(points, times_s, poses, mounting, time_offset_s, progress)
+    })?;
+    from_vectors(listener.py(), placed)
+}
+
+fn place(
+    points: &[Vec3],
+    times_s: &[f64],
+    poses: Vec<PoseRecord>,
+    mounting: BodyFromScanner,
+    time_offset_s: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<Vec3>> {
+    let trajectory = Trajectory::new(poses)?;
+    let first_s = times_s.iter().copied().fold(f64::INFINITY, f64::min) + time_offset_s;
+    let last_s = times_s.iter().copied().fold(f64::NEG_INFINITY, f64::max) + time_offset_s;
+    if !times_s.is_empty() {
+        let span_s = trajectory.span_s();
+        check_overlap(
+            ("the points", (first_s, last_s)),
+            ("the trajectory", span_s),
+        )?;
+    }
+    let stage = progress.stage("georeferencing", points.len() as u64);
+    let nowhere = Vec3::repeat(f64::NAN);
+    let mut placed = vec![nowhere; points.len()];
+    let chunks = placed.par_chunks_mut(CHUNK);
+    let given = points.par_chunks(CHUNK).zip(times_s.par_chunks(CHUNK));
+    chunks
+        .zip(given)
+        .try_for_each(|(placed, (points, times_s))| {
+            let mut georeferencer = Georeferencer::new(&trajectory, mounting, time_offset_s);
+            for ((place, &position_m), &time_s) in placed.iter_mut().zip(points).zip(times_s) {
+                let point = ScanPoint {
+                    time_s,
+                    position_m,
+                    intensity: 0.0,
+                };
+                *place = georeferencer.place(&point).unwrap_or(nowhere);
+            }
+            stage.advance(placed.len() as u64)
+        })?;
+    drop(stage);
+    Ok(placed)
+}
