@@ -1,0 +1,84 @@
+"""Trajectories from logs in memory, and their covariances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import boresight
+from boresight import plot
+
+
+def sensor_logs(drive):
+    folder = drive.projects[0].parent
+    return {
+        name: boresight.read(folder / f"{file}.csv", name)
+        for name, file in {"imu": "imu", "positions": "prism", "heading": "heading"}.items()
+    }
+
+
+def of_logs(drive, **changed):
+    import tomllib
+
+    project = tomllib.loads(drive.projects[0].read_text())
+    arguments = {
+        **sensor_logs(drive),
+        "lever_arm_m": project["prism"]["lever_arm_m"],
+        "sigma_position_m": project["prism"]["sigma_m"],
+        "sigma_heading_deg": project["heading"]["sigma_deg"],
+        "progress": None,
+    }
+    return boresight.smooth(**(arguments | changed))
+
+
+def test_logs_give_the_trajectory_of_the_project(drive):
+    ours, theirs = of_logs(drive), boresight.smooth(drive.projects[0], progress=None)
+    for name in ours.poses.dtype.names:
+        assert np.array_equal(ours.poses[name], theirs.poses[name], equal_nan=True), name
+    truth = boresight.read(drive.projects[0].parent / "truth" / "trajectory.csv")
+    at = np.searchsorted(truth["time_s"], ours.times_s[100:-100])
+    off = ours.poses["position_m"][100:-100] - truth["position_m"][at]
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.005
+    # Frames of pandas are logs too.
+    frames = {name: boresight.to_pandas(log) for name, log in sensor_logs(drive).items()}
+    assert np.array_equal(of_logs(drive, **frames).poses, ours.poses) or (
+        of_logs(drive, **frames).poses.tobytes() == ours.poses.tobytes()
+    )
+
+
+def test_large_coordinates_cost_no_digits(drive):
+    shift = np.array([364_000.0, 5_621_000.0, 60.0])
+    positions = sensor_logs(drive)["positions"].copy()
+    positions["position_m"] += shift
+    near, far = of_logs(drive), of_logs(drive, positions=positions)
+    assert np.allclose(far.poses["position_m"] - shift, near.poses["position_m"], rtol=0, atol=1e-6)
+
+
+def test_covariances_belong_to_the_sigmas(drive):
+    trajectory = boresight.smooth(drive.projects[0], progress=None)
+    joint = trajectory.covariance([100, 105, -1])
+    assert joint.shape == (18, 18) and np.allclose(joint, joint.T, rtol=1e-9, atol=1e-18)
+    assert np.linalg.eigvalsh(joint).min() > -1e-15
+    alone = trajectory.covariance(100)
+    assert np.allclose(alone, joint[:6, :6], rtol=1e-9)
+    sigma = trajectory.poses[100]
+    assert np.allclose(np.sqrt(np.diag(alone))[3:], sigma["sigma_position_m"], rtol=0.05)
+    # Neighbours in time are strongly correlated.
+    assert joint[3, 9] / np.sqrt(joint[3, 3] * joint[9, 9]) > 0.9
+    with pytest.raises(IndexError):
+        trajectory.covariance(len(trajectory))
+    assert trajectory.rotations[100].magnitude() >= 0.0
+    assert trajectory.to_dict()["converged"] and "prism" in trajectory._repr_html_()
+
+
+def test_calibrate(drive, tmp_path):
+    found = boresight.calibrate(drive.projects[0], tmp_path, progress=None)
+    assert (tmp_path / "calibration.toml").exists() and found.files == [tmp_path / "calibration.toml"]
+    assert set(found.mountings) == {"left", "right"} and found.covariance is not None
+    assert found.to_dict()["scanners"] and found.verdicts and "scanner" in found._repr_html_()
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    assert plot.correlation(found) is not None
+    assert plot.track(boresight.smooth(drive.projects[0], progress=None)) is not None
+    with pytest.raises(boresight.FormatError, match="force=True"):
+        boresight.simulate("plain", drive.projects[0].parents[1], progress=None)
