@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import warnings
 from collections.abc import Callable
@@ -30,7 +31,12 @@ class Listener:
         _LOGGER.info("%s", text)
 
     def warn(self, text: str) -> None:
-        warnings.warn(text, BoresightWarning, stacklevel=4)
+        # Told of the line outside the package that called it.
+        level, frame = 2, inspect.currentframe()
+        frame = frame.f_back if frame else None
+        while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "boresight":
+            level, frame = level + 1, frame.f_back
+        warnings.warn(text, BoresightWarning, stacklevel=level)
 
     def close(self) -> None:
         pass
@@ -56,7 +62,8 @@ class _Bars(Listener):
             self.close()
             self._name = name
             self._bar = self._tqdm(total=total or None, desc=name, delay=_DELAY_S, unit_scale=True, leave=False)
-        self._bar.update(done - self._bar.n)
+        if done != self._bar.n:
+            self._bar.update(done - self._bar.n)
 
     def close(self) -> None:
         if self._bar is not None:
@@ -71,7 +78,10 @@ def listener(progress: Progress) -> Listener:
     if progress != "tqdm":
         raise ValueError(f"progress={progress!r}, expected a function, 'tqdm' or None")
     try:
-        from tqdm.auto import tqdm
+        with warnings.catch_warnings():
+            # Where a notebook has no widgets, bars are text: no need to say so.
+            warnings.simplefilter("ignore")
+            from tqdm.auto import tqdm
     except ImportError:
         return Listener(None)
     return _Bars(tqdm)

@@ -111,7 +111,7 @@ class Result:
 
     @property
     def headline(self) -> str | None:
-        """``usable``, ``usable with care`` or ``not usable``, where it is judged."""
+        """``usable``, ``care`` or ``unusable``, where it is judged."""
         return self._document.get("headline")
 
     @property
@@ -171,8 +171,10 @@ class Calibration(Result):
 
     def _repr_html_(self) -> str:
         def with_sigma(values: Array, sigmas: Array | None, scale: float, form: str) -> list[str]:
-            known = [""] * 3 if sigmas is None else [f" ± {scale * sigma:{form}}" for sigma in sigmas]
-            return [f"{scale * value:{form}}{sigma}" for value, sigma in zip(values, known)]
+            if sigmas is None:
+                return [f"{scale * value:{form}}" for value in values]
+            known = ["not determined" if np.isnan(sigma) else f"± {scale * sigma:{form}}" for sigma in sigmas]
+            return [f"{scale * value:{form}} {sigma}" for value, sigma in zip(values, known)]
 
         rows = []
         for name, scanner in self._document["scanners"].items():
