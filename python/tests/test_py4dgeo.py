@@ -27,7 +27,9 @@ def moved() -> str:
     return script
 
 
-def test_a_script_moves_by_its_import():
+def test_a_script_moves_by_its_import(tmp_path, monkeypatch):
+    # It writes a log into the current folder when it is imported.
+    monkeypatch.chdir(tmp_path)
     py4dgeo = pytest.importorskip("py4dgeo")
     # With several radii its k-d tree, which it takes by default, counts inner points twice in the normals.
     py4dgeo.Epoch.set_default_radius_search_tree("octree")
