@@ -40,6 +40,14 @@ lint:
 deny:
     cargo deny check
 
+# Builds the Python package into a new environment and tests it (needs Python, pip and the network)
+python:
+    tools/python.sh
+
+# What Python costs against the command on 5 million points (needs the package installed)
+bench-python *ARGS:
+    python3 python/benches/overhead.py --command target/release/boresight {{ARGS}}
+
 # Benchmark of the trajectory against gtsam on the same logs; writes docs/performance.md (needs Python)
 bench-trajectory *ARGS:
     python3 benches/trajectory/run.py {{ARGS}}

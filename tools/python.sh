@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Lints the Python package, builds its wheel, installs it in a new environment and tests it there. Where Python, pip
+# or the packages of the tests cannot be had it says so and is content.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+# Dependencies that the main crate has built are not built again.
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target}"
+cargo clippy --locked --manifest-path python/Cargo.toml --all-targets -- -D warnings
+
+without() {
+    echo "$1: the Python package is not built and not tested"
+    exit 0
+}
+python=$(command -v python3) || without "no python3"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || without "python3 is older than 3.10"
+folder="$CARGO_TARGET_DIR/python"
+rm -rf "$folder"
+mkdir -p "$folder"
+"$python" -m venv "$folder/venv" >/dev/null 2>&1 || without "no module venv with pip"
+python="$folder/venv/bin/python"
+pip=("$python" -m pip --quiet --disable-pip-version-check)
+"${pip[@]}" install 'maturin>=1.7,<2' || without "maturin cannot be had"
+
+"$folder/venv/bin/maturin" build --release --locked --quiet --manifest-path python/Cargo.toml \
+    --interpreter "$python" --out "$folder/wheels"
+wheel=$(echo "$folder"/wheels/*.whl)
+"${pip[@]}" install "$wheel" || without "numpy cannot be had"
+"${pip[@]}" install "$wheel[test]" || without "the packages of the tests cannot be had"
+echo "$(basename "$wheel"), $(($(stat -c %s "$wheel") / 1000)) kB"
+BORESIGHT_WHEEL="$wheel" "$python" -m pytest -p no:cacheprovider python
