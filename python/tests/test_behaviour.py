@@ -201,3 +201,32 @@ def test_points_are_placed_by_the_equation():
     assert np.isnan(outside[-9:]).all() and np.isfinite(outside[:38]).all()
     with pytest.raises(boresight.NoOverlapError, match="the gap is"):
         boresight.georeference(points, at + 100.0, poses, mounting, progress=None)
+
+
+def test_arrays_of_every_kind(tmp_path):
+    points = np.random.default_rng(4).random((2_000, 3))
+    expected = boresight.features(points, progress=None)
+    np.save(tmp_path / "points.npy", points)
+    mapped = np.load(tmp_path / "points.npy", mmap_mode="r")
+    for same in (np.asfortranarray(points), points[::-1][::-1], mapped, points.astype(">f8"), points.tolist()):
+        assert boresight.features(same, progress=None).tobytes() == expected.tobytes()
+    with pytest.warns(boresight.BoresightWarning):
+        assert len(boresight.features(np.zeros((0, 3)), progress=None)) == 0
+    assert len(boresight.thin(np.zeros((0, 3)), 0.1, progress=None)) == 0
+    lost = points.copy()
+    lost[5] = np.nan
+    assert np.isnan(boresight.features(lost, progress=None)["planarity"]).sum() == 1
+
+
+def test_errors_and_results_travel_between_processes(tmp_path):
+    import pickle
+
+    (tmp_path / "a.csv").write_text("what is this\n")
+    with pytest.raises(boresight.FormatError) as raised:
+        boresight.read(tmp_path / "a.csv")
+    copy = pickle.loads(pickle.dumps(raised.value))
+    assert (str(copy), copy.path, copy.line) == (str(raised.value), raised.value.path, raised.value.line)
+    mounting = boresight.Mounting(np.eye(3), [1, 2, 3])
+    assert pickle.loads(pickle.dumps(mounting)).to_dict() == mounting.to_dict()
+    cloud = boresight.Cloud(np.zeros((2, 3)), {"time_s": [1.0, 2.0]})
+    assert pickle.loads(pickle.dumps(cloud)).to_dict() == cloud.to_dict()

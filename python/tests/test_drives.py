@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,10 @@ def test_covariances_belong_to_the_sigmas(drive):
     assert joint[3, 9] / np.sqrt(joint[3, 3] * joint[9, 9]) > 0.9
     with pytest.raises(IndexError):
         trajectory.covariance(len(trajectory))
+    copy = pickle.loads(pickle.dumps(trajectory))
+    assert copy.poses.tobytes() == trajectory.poses.tobytes() and copy.to_dict() == trajectory.to_dict()
+    with pytest.raises(ValueError, match="another process"):
+        copy.covariance(0)
     assert trajectory.rotations[100].magnitude() >= 0.0
     assert trajectory.to_dict()["converged"] and "prism" in trajectory._repr_html_()
 

@@ -32,9 +32,13 @@ class Trajectory:
     poses: Log
 
     def __init__(self, smoothed: _boresight.Smoothed) -> None:
-        self._smoothed = smoothed
+        self._smoothed: _boresight.Smoothed | None = smoothed
         self._result: dict[str, Any] | None = json.loads(smoothed.result())
         self.poses = of_rows(smoothed.poses(), "trajectory")
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The covariance holds the factor of the whole drive: another process gets the poses.
+        return self.__dict__ | {"_smoothed": None}
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -56,15 +60,15 @@ class Trajectory:
         Raises
         ------
         ValueError
-            For poses that came from a file.
+            For poses that came from a file, or from another process.
         """
         chosen = [indices] if isinstance(indices, (int, np.integer)) else list(indices)
         wrapped = [int(index) + len(self) if index < 0 else int(index) for index in chosen]
         if any(index < 0 for index in wrapped):
             raise IndexError(f"a pose of {chosen} in a trajectory of {len(self)} poses")
-        found = self._smoothed.covariance(wrapped)
+        found = None if self._smoothed is None else self._smoothed.covariance(wrapped)
         if found is None:
-            raise ValueError("the poses came from a file: they have no joint covariance")
+            raise ValueError("the poses came from a file or another process: they have no joint covariance")
         return found
 
     def to_dict(self) -> dict[str, Any]:
