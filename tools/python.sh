@@ -13,7 +13,7 @@ without() {
     exit 0
 }
 python=$(command -v python3) || without "no python3"
-"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || without "python3 is older than 3.10"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || without "python3 is older than 3.11, which the tests need"
 folder="$CARGO_TARGET_DIR/python"
 rm -rf "$folder"
 mkdir -p "$folder"
