@@ -137,7 +137,7 @@ def rows_of(data: Any, kind: str, name: str | None = None) -> Array:
 
 
 def to_pandas(log: Log) -> Any:
-    """A log as a data frame: one column for each number, such as ``position_m_x``; `rows` of it go back into any function.
+    """A log as a data frame: one column for each number, such as ``position_m_x``. Every function that takes a log takes it.
 
     Columns that no record has are left out.
     """
