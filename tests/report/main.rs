@@ -50,8 +50,8 @@ fn a_full_page_is_whole_and_small() {
     }
     assert_eq!(
         page.matches("<image").count(),
-        28,
-        "three maps a pair and drive, and the ground"
+        28 + 1 + 3 + 2,
+        "three maps a pair and drive, and the ground; that of the first screen; levels of detection, over the reference"
     );
 }
 
