@@ -32,9 +32,9 @@ pub fn section(id: &str, heading: &str, body: &str) -> String {
     )
 }
 
-/// A figure with its caption (markup).
+/// A figure with its caption (markup); scrolls sideways on narrow screens.
 pub fn figure(body: &str, caption: &str) -> String {
-    format!("<figure>\n{body}<figcaption>{caption}</figcaption>\n</figure>\n")
+    format!("<figure tabindex=\"0\">\n{body}<figcaption>{caption}</figcaption>\n</figure>\n")
 }
 
 /// A table from finished rows; scrolls sideways on narrow screens.
