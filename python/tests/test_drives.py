@@ -79,7 +79,8 @@ def test_covariances_belong_to_the_sigmas(drive):
 
 def test_calibrate(drive, tmp_path):
     found = boresight.calibrate(drive.projects[0], tmp_path, progress=None)
-    assert (tmp_path / "calibration.toml").exists() and found.files == [tmp_path / "calibration.toml"]
+    assert [path.name for path in found.files] == ["calibration.toml", "calibration.html"]
+    assert all(path.exists() for path in found.files)
     assert set(found.mountings) == {"left", "right"} and found.covariance is not None
     assert found.to_dict()["scanners"] and found.verdicts and "scanner" in found._repr_html_()
     matplotlib = pytest.importorskip("matplotlib")

@@ -1,12 +1,12 @@
 //! Detection of file formats: by content, then by name.
 
 use std::io::{Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::file::{extension, file_of, first_bytes, is_parquet, nothing_in, open};
+use super::file::{extension, first_bytes, is_parquet, nothing_in, open};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
-use super::{parquet, recorded};
+use super::parquet;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::{pts, table as cloud_table};
 use crate::format::log::positions;
@@ -40,19 +40,6 @@ pub fn detect(path: &Path) -> Result<Format> {
         Some(kind) => Ok(Format(kind)),
         None => by_text(path).map(Format),
     }
-}
-
-/// The files that are read where this path is named: the file of it, and those that belong to it, of which some may
-/// be missing.
-pub fn files_of(path: &Path) -> Vec<PathBuf> {
-    let file = file_of(path);
-    let beside = detect(&file).ok().and_then(|format| format.0.beside);
-    let others = beside.map_or(Vec::new(), |of| of(&file));
-    let recorded = recorded::beside(&file);
-    std::iter::once(file)
-        .chain(others)
-        .chain(recorded)
-        .collect()
 }
 
 /// The format of a table or of lines of numbers.

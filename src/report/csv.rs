@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use super::content::{Calibrations, Content, Drive};
 use super::diagnostics::component_name;
 use super::number::{nice_above, shortest};
+use super::precision;
 use super::raster::Bounds;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Agreement, MountingKind};
@@ -205,19 +206,18 @@ fn sigmas(all: &Calibrations) -> String {
     }
     out.push('\n');
     for (name, found) in calibrations(all) {
-        let (Some(covariance), Some(correlation)) = (&found.covariance, found.correlation()) else {
+        let Some(correlation) = found.correlation() else {
             continue;
         };
         for (scanner, mounting) in found.mountings.iter().enumerate() {
-            for (i, parameter) in parameters.iter().enumerate() {
+            let sigmas = precision::sigmas(found, scanner);
+            for (i, (parameter, sigma)) in parameters.iter().zip(sigmas).enumerate() {
                 let at = 6 * scanner + i;
-                let sigma = covariance[(at, at)].sqrt();
-                let known = if sigma > 0.0 { sigma } else { f64::NAN };
                 let mut cells = vec![
                     name.to_owned(),
                     quoted(&mounting.name),
                     (*parameter).to_owned(),
-                    cell(known, 9),
+                    cell(sigma.unwrap_or(f64::NAN), 9),
                 ];
                 let columns = 0..correlation.ncols();
                 cells.extend(columns.map(|column| cell(correlation[(at, column)], 4)));
@@ -380,7 +380,7 @@ fn convergence(all: &Calibrations) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::{Against, CoreDistance, DistanceMap, M3c2, Statistics};
+    use crate::report::compared::agreement;
 
     #[test]
     fn cells_are_quoted_where_they_must_and_empty_where_nothing_is_known() {
@@ -392,28 +392,7 @@ mod tests {
 
     #[test]
     fn cells_of_a_map_have_means() {
-        let core = |x: f64, distance_m: f64| CoreDistance {
-            point: Vec3::new(x, 0.0, 0.0),
-            normal: Vec3::z(),
-            normal_radius_m: 0.04,
-            distance_m,
-            level_of_detection_m: 2e-3,
-            reference_spread_m: 1e-3,
-            compared_spread_m: 1e-3,
-            reference_count: 10,
-            compared_count: 10,
-        };
-        let distances = M3c2 {
-            core: vec![core(0.0, 1e-3), core(1e-4, 3e-3), core(9.97, -1e-3)],
-        };
-        let found = Agreement {
-            coverage: 1.0,
-            scanner: "left".into(),
-            against: Against::Reference,
-            mounting: MountingKind::Final,
-            statistics: Statistics::of(&distances).unwrap(),
-            distances: DistanceMap::of(&distances),
-        };
+        let found = agreement(&[[0.0, 1e-3, 2e-3], [1e-4, 3e-3, 2e-3], [9.97, -1e-3, 2e-3]]);
         let mut out = String::new();
         of_pair("drive-1", &[found], &mut out);
         let lines: Vec<&str> = out.lines().collect();

@@ -137,12 +137,11 @@ fn height_range(ground_m: &[Vec3]) -> Option<[f64; 2]> {
 }
 
 fn height_scale(low_m: f64, high_m: f64) -> String {
-    format!(
-        "<div class=\"heights\">reference, height {} <span class=\"ramp\" style=\"background:linear-gradient(to right,{},{})\"></span> {}</div>\n",
-        number::with_unit(number::fixed(low_m, 2), "m"),
-        raster::shade_css(0.0),
-        raster::shade_css(1.0),
-        number::with_unit(number::fixed(high_m, 2), "m")
+    let text = |height_m| number::with_unit(number::fixed(height_m, 2), "m");
+    html::ramp(
+        &format!("reference, height {}", text(low_m)),
+        &[0.0, 1.0].map(raster::shade_css),
+        &text(high_m),
     )
 }
 

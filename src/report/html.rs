@@ -96,6 +96,14 @@ fn statements(class: &str, list: &[Verdict]) -> String {
     out
 }
 
+/// A scale of colours (CSS) between the texts of its ends (markup).
+pub fn ramp(from: &str, colours: &[String], to: &str) -> String {
+    format!(
+        "<div class=\"heights\">{from} <span class=\"ramp\" style=\"background:linear-gradient(to right,{})\"></span> {to}</div>\n",
+        colours.join(",")
+    )
+}
+
 /// A legend: colour class and text of each entry.
 pub fn legend(entries: &[(String, String)]) -> String {
     let mut out = String::from("<ul class=\"legend\">");

@@ -6,13 +6,13 @@ use super::content::Drive;
 use super::figures::{coordinate_label, shift};
 use super::html::{self, escape};
 use super::number;
-use super::raster::{self, Bounds};
+use super::raster::{self, Bounds, Raster};
 use super::tables::mounting_name;
 use crate::comparison::{Agreement, Histogram, MountingKind};
 use crate::verdict::capitalised;
 
 /// Maximum number of pixels of a map in either direction.
-const PIXELS: usize = 420;
+pub(super) const PIXELS: usize = 420;
 /// Width of one of three panels side by side.
 const THIRD: f64 = 310.0;
 /// Bins of a histogram.
@@ -93,10 +93,7 @@ fn scale(limit_m: f64) -> String {
         .map(|i| raster::diverging_css(f64::from(i) / 5.0 - 1.0))
         .collect();
     let limit = number::shortest(1e3 * limit_m);
-    format!(
-        "<div class=\"heights\">−{limit} <span class=\"ramp\" style=\"background:linear-gradient(to right,{})\"></span> +{limit} mm</div>\n",
-        stops.join(",")
-    )
+    html::ramp(&format!("−{limit}"), &stops, &format!("+{limit} mm"))
 }
 
 /// East, north and distance of the core points with a distance, metres.
@@ -158,6 +155,12 @@ pub(super) fn map_of(
     bounds: Bounds,
     limit: f64,
 ) -> String {
+    let image = raster::coloured(points, limit, bounds, PIXELS);
+    plan(title, bounds, &[image])
+}
+
+/// Images of the ground, the first at the back.
+pub(super) fn plan(title: &str, bounds: Bounds, images: &[Raster]) -> String {
     let [x0, y0] = [shift(bounds.min[0]), shift(bounds.min[1])];
     let local = |p: [f64; 2]| [p[0] - x0, p[1] - y0];
     let (low, high) = (local(bounds.min), local(bounds.max));
@@ -167,8 +170,9 @@ pub(super) fn map_of(
         Axis::over(&coordinate_label("east", x0), [low[0], high[0]]),
         Axis::over(&coordinate_label("north", y0), [low[1], high[1]]),
     );
-    let image = raster::coloured(points, limit, bounds, PIXELS);
-    plot.image(&image.uri, local(image.extent.min), local(image.extent.max));
+    for image in images {
+        plot.image(&image.uri, local(image.extent.min), local(image.extent.max));
+    }
     plot.finish(title)
 }
 
@@ -203,32 +207,12 @@ pub(super) fn histogram(found: &Agreement, limit_m: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::{Against, CoreDistance, DistanceMap, M3c2, Statistics};
-    use crate::geometry::Vec3;
+    use crate::report::compared;
 
     fn agreement(distances_m: &[f64]) -> Agreement {
-        let core = distances_m.iter().enumerate().map(|(i, d)| CoreDistance {
-            point: Vec3::new(i as f64, 0.0, 0.0),
-            normal: Vec3::z(),
-            normal_radius_m: 0.04,
-            distance_m: *d,
-            level_of_detection_m: 1e-3,
-            reference_spread_m: 1e-3,
-            compared_spread_m: 1e-3,
-            reference_count: 10,
-            compared_count: 10,
-        });
-        let distances = M3c2 {
-            core: core.collect(),
-        };
-        Agreement {
-            coverage: 1.0,
-            scanner: "left".into(),
-            against: Against::Reference,
-            mounting: MountingKind::Final,
-            statistics: Statistics::of(&distances).unwrap(),
-            distances: DistanceMap::of(&distances),
-        }
+        let core = distances_m.iter().zip(0..);
+        let core = core.map(|(distance_m, i)| [f64::from(i), *distance_m, 1e-3]);
+        compared::agreement(&core.collect::<Vec<_>>())
     }
 
     #[test]

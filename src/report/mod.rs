@@ -9,6 +9,8 @@ mod agreement;
 mod axis;
 mod bending_figures;
 mod chart;
+#[cfg(test)]
+mod compared;
 mod comparison;
 pub(crate) mod constancy;
 pub mod content;

@@ -73,7 +73,7 @@ pub fn figure(calibrations: &Calibrations) -> String {
 
 /// Standard deviations of positions and of rotations about the body's axes, metres and radians; `None` for what is
 /// fixed or not determined.
-fn sigmas(found: &Calibration, scanner: usize) -> [Option<f64>; 6] {
+pub fn sigmas(found: &Calibration, scanner: usize) -> [Option<f64>; 6] {
     let covariance = found.covariance.as_ref();
     std::array::from_fn(|parameter| {
         let row = 6 * scanner + parameter;

@@ -17,7 +17,6 @@ struct Row {
     /// From and to, seconds.
     there: Vec<(f64, f64)>,
     rejected_s: Vec<f64>,
-    count: usize,
 }
 
 /// The time line of a drive; empty if its poses came from a file.
@@ -44,7 +43,7 @@ pub fn figure(drive: &Drive) -> String {
             .collect();
         plot.crosses("cross", &rejected);
     }
-    let rejected: usize = rows.iter().map(|row| row.count).sum();
+    let rejected: usize = rows.iter().map(|row| row.rejected_s.len()).sum();
     let mut entries = vec![("there".to_owned(), "records used".to_owned())];
     if rejected > 0 {
         entries.push(("cross".into(), "rejected".into()));
@@ -69,7 +68,6 @@ fn rows(drive: &Drive) -> Vec<Row> {
         name: "IMU".into(),
         there: between(span, &solution.imu_gaps_s),
         rejected_s: Vec::new(),
-        count: 0,
     }];
     for (sensor, residuals) in measured(solution) {
         let rejected = residuals.iter().filter(|r| r.weight == 0.0);
@@ -77,7 +75,6 @@ fn rows(drive: &Drive) -> Vec<Row> {
         rows.push(Row {
             name: sensor_name(&sensor.name).to_owned(),
             there: between(span, &gaps(used_s(residuals), span)),
-            count: rejected_s.len(),
             rejected_s,
         });
     }
@@ -93,7 +90,6 @@ fn rows(drive: &Drive) -> Vec<Row> {
         name: name.clone(),
         there: between(span, &gaps(times, span)),
         rejected_s: Vec::new(),
-        count: 0,
     }));
     rows
 }
