@@ -173,7 +173,7 @@ test('a click picks the point it was aimed at', async () => {
 test('keys reach every control and move the view', async () => {
   const { page, wrong } = await open(run, address);
   await ready(page);
-  const count = await page.locator('.scene input:not([type=radio]), .scene select, .scene button, .scene canvas[tabindex]').evaluateAll(
+  const count = await page.locator('.scene input:not([type=radio]), .scene select, .scene button, .scene [tabindex="0"]').evaluateAll(
     (all) => all.filter((element) => element.checkVisibility()).length,
   );
   const seen = await page.evaluate(() => {

@@ -21,7 +21,7 @@ export class SectionPanel {
     this.controls = el('div', { class: 'scene-controls' });
     this.canvas = el('canvas', { class: 'scene-section', role: 'img' });
     this.reading = el('p', { class: 'scene-reading', 'aria-live': 'off' });
-    this.table = el('div', { class: 'scroll', tabindex: 0 });
+    this.table = el('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': 'Scanners and passes in the section' });
     this.note = el('p', { class: 'note' });
     this.canvas.addEventListener('pointermove', (event) => this.read(event));
     this.canvas.addEventListener('pointerleave', () => { this.reading.textContent = ''; });
