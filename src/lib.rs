@@ -188,11 +188,13 @@
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
 //! | [`pipeline`] | the stages in order |
+//! | [`campaign`] | many plots and dates as items, a pool of processes, index and page |
 //! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself; live pose, playing again |
 //! | [`cli`] | the command line, one file per command |
 
 pub mod adjustment;
 pub mod calibration;
+pub mod campaign;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod cloud;

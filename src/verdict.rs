@@ -1,7 +1,7 @@
 //! What the program says about its results: statements with a severity and a stable code.
 
 use crate::stored::stored;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Severity of a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -122,7 +122,7 @@ impl Default for Acceptance {
 }
 
 /// What all verdicts come to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Headline {
     /// No fault, and nothing to take care of.

@@ -3,6 +3,7 @@
 
 mod allan;
 mod calibrate;
+mod campaign;
 mod compare;
 mod completions;
 mod context;
@@ -92,6 +93,9 @@ enum Command {
     Thin(thin::Thin),
     Run(run::Run),
     Report(report::Report),
+    Campaign(campaign::Campaign),
+    #[command(hide = true)]
+    CampaignItem(campaign::CampaignItem),
     Record(record::Record),
     Replay(replay::Replay),
     Completions(completions::Completions),
@@ -167,6 +171,10 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         let outcome = match line.command {
             Command::Inspect(command) => return command.execute(),
             Command::Init(command) => command.execute(),
+            Command::Campaign(command) => {
+                return command.execute(&context, rayon::current_num_threads());
+            }
+            Command::CampaignItem(command) => command.execute(),
             Command::Salvage(command) => command.execute(),
             Command::Demo(command) => command.execute(&context),
             Command::Simulate(command) => command.execute(&context),

@@ -23,7 +23,7 @@ pub enum Detection {
 }
 
 /// Settings of the M3C2 comparison.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ComparisonSettings {
     /// Voxel size to which core points are thinned, metres.
     pub core_spacing_m: f64,

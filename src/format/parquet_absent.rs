@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::sink::{CloudShape, CloudSink};
+use crate::format::extents::Extent;
 
 fn absent(path: &Path) -> Error {
     Error::format(
@@ -104,6 +105,14 @@ impl ParquetTable {
     pub fn finish(self) -> Result<()> {
         match self.0 {}
     }
+}
+
+/// Refuses to write an index.
+///
+/// # Errors
+/// Always.
+pub fn write_extents(path: &Path, _: &[Extent], _: Option<&str>) -> Result<()> {
+    Err(unwritable(path))
 }
 
 fn unwritable(path: &Path) -> Error {

@@ -143,8 +143,9 @@ pub fn analyse(
     let mut kept = None;
     let cloud_paths: Vec<PathBuf> = cloud_names.iter().map(|name| job.path(name)).collect();
     job.once_writing("georeference", &cloud_names, &keys.joint, |progress| {
-        let files = Some((mounted, cloud_paths.as_slice()));
-        let points = clouds::stream(&placed, &adjusted.trajectory, files, progress)?;
+        let open = clouds::into_files(&cloud_paths, placed.origin_m);
+        let written = Some((mounted, &*open));
+        let points = clouds::stream(&placed, &adjusted.trajectory, written, progress)?;
         kept = Some(points);
         Ok(())
     })?;

@@ -127,9 +127,39 @@ fn wkt(project: &Project) -> Result<Option<String>> {
     Ok(wkt.transpose()?.flatten())
 }
 
+/// What is known of a drive's clouds before their points are.
+///
+/// # Errors
+/// The reference cannot be read, whose coordinate reference system is theirs.
+pub fn shape(project: &Project, trajectory: &Trajectory) -> Result<CloudShape> {
+    let (first_s, last_s) = trajectory.span_s();
+    Ok(CloudShape {
+        clock: CloudClock::of_span(first_s, last_s),
+        has_time: true,
+        has_intensity: true,
+        dimensions: Values::dimensions(),
+        wkt: wkt(project)?,
+        ..CloudShape::default()
+    })
+}
+
+/// Opens what takes the points of the scanner of this number.
+pub type OpenSink<'a> = dyn Fn(usize, &CloudShape) -> Result<Box<dyn CloudSink + 'a>> + Sync + 'a;
+
+/// Opens LAS or LAZ files, one a scanner.
+pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
+    Box::new(move |index, shape| {
+        Ok(Box::new(CloudWriter::around(
+            &files[index],
+            origin_m,
+            shape,
+        )?))
+    })
+}
+
 /// Reads all profiles of the project once and keeps an even sample of each scanner's points. If
-/// `placed` gives a mounting and a file for each scanner, all points are placed and written as
-/// well.
+/// `placed` gives a mounting and what takes the points of each scanner, all points are placed and
+/// written as well.
 ///
 /// # Errors
 /// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
@@ -137,7 +167,7 @@ fn wkt(project: &Project) -> Result<Option<String>> {
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    placed: Option<(Mounted<'_>, &[PathBuf])>,
+    placed: Option<(Mounted<'_>, &OpenSink<'_>)>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
     let jobs = project
@@ -159,19 +189,13 @@ pub fn stream(
         .flat_map(|job| &job.2)
         .map(|reader| reader.bytes_total())
         .sum();
-    let (first_s, last_s) = trajectory.span_s();
-    let shape = CloudShape {
-        clock: CloudClock::of_span(first_s, last_s),
-        dimensions: Values::dimensions(),
-        wkt: placed.map_or(Ok(None), |_| wkt(project))?,
-        ..CloudShape::default()
-    };
+    let shape = placed.map(|_| shape(project, trajectory)).transpose()?;
     let stage = progress.stage("georeferencing", bytes);
     let found = in_parallel(jobs, |(number, scanner, readers)| {
         let index = usize::from(number);
         let (pose, bending, mut writer) = match placed {
-            Some((mounted, files)) => {
-                let writer = CloudWriter::around(&files[index], project.origin_m, &shape)?;
+            Some((mounted, open)) => {
+                let writer = open(index, shape.as_ref().unwrap_or(&CloudShape::default()))?;
                 let bending = mounted.bending.get(index);
                 (mounted.mountings[index], bending, Some(writer))
             }
@@ -273,6 +297,7 @@ pub fn write(
 ) -> Result<KeptPoints> {
     let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
     job.timed("georeference", |progress| {
-        stream(project, trajectory, Some((mounted, &files)), progress)
+        let open = into_files(&files, project.origin_m);
+        stream(project, trajectory, Some((mounted, &*open)), progress)
     })
 }

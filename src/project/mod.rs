@@ -13,7 +13,9 @@ pub use checked::{
     FrameLogFile, LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference,
     Scanner,
 };
+pub(crate) use resolve::comparison;
 pub(crate) use source::{Source, Step};
+pub(crate) use written::Comparison as WrittenComparison;
 
 #[cfg(test)]
 mod tests;
@@ -51,6 +53,14 @@ impl Project {
     /// nearest known one, missing keys, values out of range, sections that exclude each other.
     pub fn read(path: &Path) -> Result<Self> {
         resolve::read(path)
+    }
+
+    /// Checks the text of a project file as if it stood in the file at `path`, which need not exist.
+    ///
+    /// # Errors
+    /// As for [`Project::read`].
+    pub fn parse(text: String, path: &Path) -> Result<Self> {
+        resolve::project(&Source::of(text, path)?)
     }
 
     /// Checks that every referenced file exists, and that the projects of the other drives can be

@@ -48,8 +48,18 @@ impl Source {
                 "UTF-8 text",
             )
         })?;
+        Self::of(text, path)
+    }
+
+    /// The text as if it stood in the file.
+    pub fn of(text: String, path: &Path) -> Result<Self> {
         let path = std::path::absolute(path).map_err(|source| Error::io(path, source))?;
         Ok(Self { path, text })
+    }
+
+    /// The text.
+    pub fn into_text(self) -> String {
+        self.text
     }
 
     /// The content of the file.

@@ -8,6 +8,7 @@ mod adjustment;
 mod agreement;
 mod axis;
 mod bending_figures;
+pub mod campaign;
 mod chart;
 #[cfg(test)]
 mod compared;

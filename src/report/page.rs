@@ -35,15 +35,26 @@ pub fn render(content: &Content) -> String {
     } else {
         format!("<nav aria-label=\"Contents\"><ul>\n{links}</ul></nav>\n")
     };
+    let header = format!(
+        "{}<h1>{title}</h1>\n{}",
+        provenance::logo(content),
+        provenance::lines(content)
+    );
+    document(
+        &title,
+        &header,
+        &format!("{}{nav}{body}", first::screen(content)),
+    )
+}
+
+/// A self-contained page (all markup).
+pub(super) fn document(title: &str, header: &str, main: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{title}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n{}<h1>{title}</h1>\n{}</header>\n\
-         <main>\n{}{nav}{body}</main>\n</body>\n</html>\n",
-        provenance::logo(content),
-        provenance::lines(content),
-        first::screen(content),
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n{header}</header>\n\
+         <main>\n{main}</main>\n</body>\n</html>\n"
     )
 }
 

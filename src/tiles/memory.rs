@@ -63,8 +63,24 @@ pub fn peak_memory_bytes() -> Option<u64> {
     None
 }
 
+/// Limits the memory of this program to so many bytes: more cannot be allocated, and a program that must have it ends.
+/// Returns whether the system can do that.
+pub fn limit_memory(bytes: u64) -> bool {
+    #[cfg(unix)]
+    {
+        use nix::sys::resource::{Resource, setrlimit};
+        // A limit above that of the system stays as it is.
+        setrlimit(Resource::RLIMIT_DATA, bytes, bytes).is_ok()
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = bytes;
+        false
+    }
+}
+
 /// Available memory, bytes; `None` if the system does not report it.
-fn free_bytes() -> Option<u64> {
+pub fn free_bytes() -> Option<u64> {
     let mut system = sysinfo::System::new();
     system.refresh_memory_specifics(sysinfo::MemoryRefreshKind::nothing().with_ram());
     let free = system.available_memory();

@@ -17,7 +17,7 @@ mod thin;
 
 pub use compare::{Compared, Comparison, NormalSource, compare};
 pub use features::{FeatureSettings, FeatureSummary, features};
-pub use memory::peak_memory_bytes;
+pub use memory::{free_bytes, limit_memory, peak_memory_bytes};
 pub use plane::{Rectangle, Tiles};
 pub use source::CloudSource;
 pub use store::{Stream, TilePoints, TileStore};

@@ -7,6 +7,7 @@
 //! four times its size and 64 MiB.
 
 mod columns;
+mod extents;
 mod footer;
 mod pages;
 mod rows;
@@ -21,6 +22,7 @@ use ::parquet::errors::ParquetError;
 
 use crate::error::{Error, Location, Result};
 pub(crate) use columns::Header;
+pub use extents::write_extents;
 pub(crate) use rows::Rows;
 pub use write::{ParquetTable, parquet_sink};
 

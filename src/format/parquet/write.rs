@@ -22,7 +22,7 @@ use crate::format::las::extra::ExtraKind;
 const GROUP: usize = 100_000;
 
 /// The key of the coordinate reference system, as WKT.
-const CRS_KEY: &str = "crs_wkt";
+pub(super) const CRS_KEY: &str = "crs_wkt";
 
 /// The values of a column that have not been written yet.
 enum Cells {
@@ -182,7 +182,7 @@ fn write_group(
 }
 
 /// What the library says of a file that is being written.
-fn problem(path: &Path, error: ParquetError) -> Error {
+pub(super) fn problem(path: &Path, error: ParquetError) -> Error {
     let source = match error {
         ParquetError::External(source) => match source.downcast::<std::io::Error>() {
             Ok(source) => *source,

@@ -1,5 +1,6 @@
 //! `boresight compare`: distances between two cloud files at core points.
 
+pub mod change;
 mod cloud;
 mod columns;
 mod table;

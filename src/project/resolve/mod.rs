@@ -10,6 +10,7 @@ mod table;
 pub(super) use estimate::AUTO;
 pub(super) use positions::arcsec_to_radians;
 pub(super) use scanners::{TIME_OFFSET, scanners};
+pub(crate) use settings::comparison;
 
 use std::path::Path;
 
@@ -22,7 +23,11 @@ use table::Table;
 
 /// Reads a project file, checks it and converts it to SI units.
 pub(super) fn read(path: &Path) -> Result<Project> {
-    let source = &Source::read(path)?;
+    project(&Source::read(path)?)
+}
+
+/// Checks the text of a project file and converts it to SI units.
+pub(super) fn project(source: &Source) -> Result<Project> {
     let written: &Written = &source.parsed()?;
     let frame = Table::new(source, "frame");
     let (drives, evaluations) = scanners::other_drives(source, written)?;
@@ -43,7 +48,7 @@ pub(super) fn read(path: &Path) -> Result<Project> {
         is_joint: settings::is_joint(source, written)?,
         joint: settings::joint(source, written)?,
         bending: settings::bending(source, written)?,
-        comparison: settings::comparison(source, &written.comparison)?,
+        comparison: comparison(source, &written.comparison)?,
         acceptance: settings::acceptance(source, &written.acceptance)?,
         imprint: settings::imprint(source, &written.report)?,
         drives,

@@ -280,7 +280,7 @@ pub(super) fn imprint(source: &Source, written: &written::Report) -> Result<Impr
 }
 
 /// Lengths above 0.
-pub(super) fn comparison(
+pub(crate) fn comparison(
     source: &Source,
     written: &written::Comparison,
 ) -> Result<ComparisonSettings> {

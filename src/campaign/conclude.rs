@@ -1,0 +1,183 @@
+//! What became of a campaign: the index of its tiles, and its page.
+
+use std::fs;
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+use super::item::{self, Failure, Item, Kind};
+use super::settings::Campaign;
+use crate::error::{Error, Result};
+use crate::format::{self, Extent};
+use crate::output::Staging;
+use crate::pipeline::{self, Outcome, Tile};
+use crate::report::campaign::{self as page, CampaignPage, ChangeLine, DriveLine, FailureLine};
+use crate::verdict::Headline;
+
+/// The page of a campaign.
+pub const PAGE: &str = "campaign.html";
+/// What it shows, for programs.
+pub const LIST: &str = "campaign.json";
+/// The index of the tiles.
+pub const INDEX: &str = "index.parquet";
+
+/// Reads the results of the items from `out` and writes the index, the list and the page there.
+///
+/// # Errors
+/// A result that cannot be read, a file that cannot be written.
+pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outcome> {
+    let names = [PAGE, LIST, INDEX];
+    let staging = Staging::new(out, std::slice::from_ref(&campaign.path), &names)?;
+    let mut page = CampaignPage {
+        title: campaign.title.clone(),
+        made_s: Some(pipeline::now_s()),
+        ..CampaignPage::default()
+    };
+    let (mut extents, mut list, mut wkt) = (Vec::new(), Vec::new(), None);
+    for item in items {
+        let result = document(&item.folder(out).join(item::RESULT))?;
+        let failed = document(&item::failure_of(out, &item.name))?;
+        let state = match (&result, &failed) {
+            (Some(result), _) => {
+                add(item, result, &mut page);
+                let tiles: Vec<Tile> = part(result, "tiles").unwrap_or_default();
+                if let (None, Some(tile)) = (&wkt, tiles.first()) {
+                    wkt = format::crs_wkt(&item.folder(out).join("tiles").join(&tile.file))?;
+                }
+                extents.extend(tiles.into_iter().map(|tile| extent(item, tile)));
+                "finished"
+            }
+            (None, Some(failed)) => {
+                let failure: Option<Failure> = part(failed, "error");
+                page.failures.extend(failure.map(|failure| FailureLine {
+                    item: item.to_string(),
+                    problem: failure.problem,
+                    remedy: failure.remedy,
+                }));
+                "failed"
+            }
+            (None, None) => {
+                page.waiting += 1;
+                "waiting"
+            }
+        };
+        list.push(
+            json!({ "name": item.name, "kind": item.kind, "plot": item.plot, "date": item.date,
+            "before": item.before, "state": state }),
+        );
+    }
+    let mut written = vec![out.join(PAGE), out.join(LIST)];
+    // A program that is built without Parquet has no index.
+    if cfg!(feature = "parquet") {
+        format::write_extents(&staging.path(INDEX), &extents, wkt.as_deref())?;
+        page.index = Some(INDEX.to_owned());
+        written.push(out.join(INDEX));
+    }
+    let result = json!({ "title": campaign.title, "items": list, "failed": page.failures.len(),
+        "waiting": page.waiting, "points": page.drives.iter().map(|drive| drive.points).sum::<u64>() });
+    for (name, text) in [(LIST, format!("{result:#}\n")), (PAGE, page::render(&page))] {
+        let path = staging.path(name);
+        fs::write(&path, text).map_err(|error| Error::io(&path, error))?;
+    }
+    staging.commit()?;
+    Ok(Outcome {
+        result,
+        summary: summary(&page, items),
+        files: written,
+        verdicts: None,
+    })
+}
+
+fn summary(page: &CampaignPage, items: &[Item]) -> String {
+    let mut text = format!("{} items: {} failed", items.len(), page.failures.len());
+    if page.waiting > 0 {
+        text += &format!(", {} not done yet", page.waiting);
+    }
+    for failure in &page.failures {
+        text += &format!("\n  {}: {}", failure.item, failure.problem);
+    }
+    text
+}
+
+/// A document, if the file is there.
+fn document(path: &Path) -> Result<Option<Value>> {
+    let text = match fs::read_to_string(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        other => other.map_err(|error| Error::io(path, error))?,
+    };
+    serde_json::from_str(&text).map(Some).map_err(|error| {
+        let found = format!("no JSON ({error})");
+        Error::format(
+            path,
+            crate::error::Location::Whole,
+            found,
+            "what an item has written",
+        )
+    })
+}
+
+fn part<T: DeserializeOwned>(document: &Value, key: &str) -> Option<T> {
+    serde_json::from_value(document.get(key)?.clone()).ok()
+}
+
+fn extent(item: &Item, tile: Tile) -> Extent {
+    Extent {
+        plot: item.plot.clone().unwrap_or_default(),
+        date: item.date.clone().unwrap_or_default(),
+        path: format!("items/{}/tiles/{}", item.name, tile.file),
+        item: item.name.clone(),
+        points: tile.points,
+        low_m: tile.low_m,
+        high_m: tile.high_m,
+    }
+}
+
+/// Adds what a finished item has found.
+fn add(item: &Item, result: &Value, page: &mut CampaignPage) {
+    let (plot, date) = (
+        item.plot.clone().unwrap_or_default(),
+        item.date.clone().unwrap_or_default(),
+    );
+    let number = |value: &Value, key: &str| value[key].as_f64().unwrap_or(f64::NAN);
+    match item.kind {
+        Kind::Calibration => {}
+        Kind::Drive => {
+            let list = |key: &str| result[key].as_array().cloned().unwrap_or_default();
+            let marked = list("verdicts")
+                .into_iter()
+                .filter(|verdict| matches!(verdict["severity"].as_str(), Some("care" | "fault")));
+            page.drives.push(DriveLine {
+                plot,
+                date,
+                page: format!("items/{}/{}", item.name, pipeline::field::PAGE),
+                points: result["points"].as_u64().unwrap_or_default(),
+                headline: part(result, "headline").unwrap_or(Headline::Unusable),
+                marked: marked
+                    .filter_map(|verdict| verdict["text"].as_str().map(str::to_owned))
+                    .collect(),
+                agreement: list("agreement")
+                    .iter()
+                    .filter_map(|found| {
+                        Some((
+                            found["pair"].as_str()?.to_owned(),
+                            number(found, "m3c2_rmse_m"),
+                        ))
+                    })
+                    .collect(),
+            });
+        }
+        Kind::Change => {
+            let change = &result["change"];
+            page.changes.push(ChangeLine {
+                plot,
+                before: item.before.clone().unwrap_or_default(),
+                date,
+                page: format!("items/{}/{}", item.name, pipeline::compare::change::PAGE),
+                mean_m: number(change, "mean_m"),
+                median_m: number(change, "median_m"),
+                significant_share: number(change, "significant_share"),
+            });
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! The content of the inputs of a campaign, read once.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::pipeline::{hash_of, size};
+use crate::progress::Progress;
+
+/// What was in a file when it looked like this.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Known {
+    bytes: u64,
+    /// The time of its content, nanoseconds since 1970.
+    changed_ns: u128,
+    hash: String,
+}
+
+/// The file in the folder of the results where hashes are kept.
+const FILE: &str = "hashes.json";
+
+/// Hashes of files of a campaign's folder by their names. A file that has the size and the time that it had in an
+/// earlier call is not read again; one that cannot be read has none: the item that needs it says so.
+///
+/// # Errors
+/// The hashes cannot be kept; [`Error::Cancelled`].
+pub fn hashes(
+    files: &[String],
+    root: &Path,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<BTreeMap<String, String>> {
+    let kept_in = out.join(FILE);
+    let kept = fs::read_to_string(&kept_in).ok();
+    // What is no list of hashes is replaced by one.
+    let kept: BTreeMap<String, Known> = kept
+        .and_then(|text| serde_json::from_str(&text).ok())
+        .unwrap_or_default();
+    let looks: Vec<_> = files
+        .iter()
+        .map(|file| (file, look(&root.join(file))))
+        .collect();
+    let as_before = |file: &String, (bytes, changed_ns): (u64, u128)| {
+        kept.get(file)
+            .filter(|known| (known.bytes, known.changed_ns) == (bytes, changed_ns))
+    };
+    let is_new = |(file, look): &&(&String, Option<(u64, u128)>)| {
+        look.is_some_and(|look| as_before(file, look).is_none())
+    };
+    let total = looks
+        .iter()
+        .filter(is_new)
+        .map(|(file, _)| size(&root.join(file)))
+        .sum();
+    let stage = progress.stage("reading inputs", total);
+    let known = looks.par_iter().map(|(file, look)| {
+        let Some(look) = *look else {
+            return Ok(None);
+        };
+        if let Some(known) = as_before(file, look) {
+            return Ok(Some(((*file).clone(), known.clone())));
+        }
+        match hash_of(&root.join(file), &|bytes| stage.advance(bytes)) {
+            Ok(hash) => Ok(Some((
+                (*file).clone(),
+                Known {
+                    bytes: look.0,
+                    changed_ns: look.1,
+                    hash: format!("{hash:032x}"),
+                },
+            ))),
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            Err(_) => Ok(None),
+        }
+    });
+    let known: BTreeMap<String, Known> = known
+        .collect::<Result<Vec<_>>>()?
+        .into_iter()
+        .flatten()
+        .collect();
+    drop(stage);
+    let failed = |error| Error::io(&kept_in, error);
+    let staged = kept_in.with_extension("staged");
+    fs::create_dir_all(out).map_err(failed)?;
+    let text = serde_json::to_string_pretty(&known).unwrap_or_default();
+    fs::write(&staged, text + "\n").map_err(failed)?;
+    fs::rename(&staged, &kept_in).map_err(failed)?;
+    Ok(known
+        .into_iter()
+        .map(|(file, known)| (file, known.hash))
+        .collect())
+}
+
+/// Size and time of a file; `None` if it is not there.
+fn look(path: &Path) -> Option<(u64, u128)> {
+    let metadata = path.metadata().ok().filter(fs::Metadata::is_file)?;
+    let since = metadata
+        .modified()
+        .ok()?
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .ok()?;
+    Some((metadata.len(), since.as_nanos()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    #[test]
+    fn files_are_read_again_where_they_have_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (root, out) = (folder.path(), folder.path().join("out"));
+        fs::write(root.join("a"), "one").unwrap();
+        fs::write(root.join("b"), "two").unwrap();
+        let files = ["a", "b", "missing"].map(str::to_owned);
+        let first = hashes(&files, root, &out, &Silent).unwrap();
+        assert_eq!(first.len(), 2);
+        assert_eq!(first["a"].len(), 32);
+        // What is kept is believed: it was not read again.
+        let kept = fs::read_to_string(out.join(FILE))
+            .unwrap()
+            .replace(&first["a"], "kept");
+        fs::write(out.join(FILE), kept).unwrap();
+        fs::write(root.join("b"), "three").unwrap();
+        let second = hashes(&files, root, &out, &Silent).unwrap();
+        assert_eq!(second["a"], "kept");
+        assert_ne!(second["b"], first["b"]);
+    }
+}

@@ -1,0 +1,121 @@
+//! The files of a campaign's folder.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::pattern::{Pattern, Place};
+use crate::error::{Error, Result};
+
+/// Folders below that of a campaign are looked into this deep.
+const DEEPEST: usize = 8;
+
+/// The files below a folder, relative to it, with `/` between folders.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Listing(BTreeSet<String>);
+
+impl FromIterator<String> for Listing {
+    fn from_iter<T: IntoIterator<Item = String>>(files: T) -> Self {
+        Self(files.into_iter().collect())
+    }
+}
+
+impl Listing {
+    /// Looks into a folder, but not into hidden ones nor into `without`, that of the results.
+    ///
+    /// # Errors
+    /// A folder that cannot be read.
+    pub fn of_folder(folder: &Path, without: &Path) -> Result<Self> {
+        let mut found = Self::default();
+        found.look(folder, "", without, DEEPEST)?;
+        Ok(found)
+    }
+
+    fn look(&mut self, folder: &Path, prefix: &str, without: &Path, depth: usize) -> Result<()> {
+        let failed = |error| Error::io(folder, error);
+        for entry in std::fs::read_dir(folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let (path, name) = (entry.path(), entry.file_name());
+            // Names that are not UTF-8 cannot be written into a pattern.
+            let Some(name) = name.to_str().filter(|name| !name.starts_with('.')) else {
+                continue;
+            };
+            let relative = format!("{prefix}{name}");
+            if path.is_file() {
+                self.0.insert(relative);
+            } else if path.is_dir() && depth > 0 && path != without {
+                self.look(&path, &format!("{relative}/"), without, depth - 1)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the file is there.
+    pub fn has(&self, file: &str) -> bool {
+        self.0.contains(file)
+    }
+
+    /// Files below a folder.
+    pub fn below<'a>(&'a self, folder: &'a str) -> impl Iterator<Item = &'a str> {
+        let prefix = format!("{folder}/");
+        let files = self.0.range(prefix.clone()..);
+        files
+            .map(String::as_str)
+            .take_while(move |file| file.starts_with(&prefix))
+    }
+
+    /// Files and folders that fit the pattern, in order.
+    pub fn matching(&self, pattern: &Pattern) -> Vec<(Place, String)> {
+        let depth = pattern.depth();
+        let mut paths: Vec<&str> = Vec::new();
+        for file in &self.0 {
+            let mut ends = file
+                .match_indices('/')
+                .map(|(at, _)| at)
+                .chain([file.len()]);
+            let path = ends.nth(depth - 1).map(|end| &file[..end]);
+            // Files of one folder follow each other.
+            if path.is_some() && path != paths.last().copied() {
+                paths.extend(path);
+            }
+        }
+        let places = paths.into_iter();
+        places
+            .filter_map(|path| Some((pattern.place_of(path)?, path.to_owned())))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_and_folders_match() {
+        let files = [
+            "a/2025-05-01/l.bin",
+            "a/2025-05-01/r.bin",
+            "a/2025-05-02/l.bin",
+            "a/notes.txt",
+            "b/x",
+        ];
+        let listing: Listing = files.map(str::to_owned).into_iter().collect();
+        let found = listing.matching(&Pattern::new("{plot}/{date}").unwrap());
+        let paths: Vec<&str> = found.iter().map(|(_, path)| path.as_str()).collect();
+        assert_eq!(paths, ["a/2025-05-01", "a/2025-05-02"]);
+        let found = listing.matching(&Pattern::new("a/*.txt").unwrap());
+        assert_eq!(found.len(), 1);
+        assert_eq!(listing.below("a/2025-05-01").count(), 2);
+    }
+
+    #[test]
+    fn hidden_files_and_results_are_no_inputs() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a/x.bin", ".hidden/y.bin", "out/z.bin", "a/.w"] {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "x").unwrap();
+        }
+        let listing = Listing::of_folder(folder.path(), &folder.path().join("out")).unwrap();
+        assert_eq!(listing, ["a/x.bin".to_owned()].into_iter().collect());
+    }
+}

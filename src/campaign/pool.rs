@@ -1,0 +1,316 @@
+//! All items on one machine: a pool of processes, one an item, so that none takes another with it.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::item::{Failure, Item, failure_of};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// Time between two looks at a process.
+const LOOK: Duration = Duration::from_millis(10);
+/// A process that is asked to stop has this long to clean up.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// How items are done on one machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pool {
+    /// Items at the same time.
+    pub workers: usize,
+    /// The program that does one: it reads the item as a line of JSON, does it, and ends when its standard input is
+    /// closed. If it fails it prints a [`Failure`] as JSON.
+    pub program: PathBuf,
+    /// Its arguments.
+    pub arguments: Vec<OsString>,
+    /// Memory of each, for messages, bytes.
+    pub memory_bytes: u64,
+}
+
+/// What became of the items.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Done now.
+    pub done: usize,
+    /// Finished in an earlier call.
+    pub kept: usize,
+    /// Failed now.
+    pub failed: usize,
+}
+
+/// Where an item stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Waiting,
+    Running,
+    Finished,
+    Failed,
+}
+
+struct Shared<'a> {
+    items: &'a [Item],
+    by_name: BTreeMap<&'a str, usize>,
+    states: Mutex<Vec<State>>,
+    changed: Condvar,
+}
+
+/// What a worker does next.
+enum Next {
+    Do(usize),
+    /// An item that it needs failed: both.
+    Skip(usize, usize),
+    Nothing,
+}
+
+impl Pool {
+    /// Does all items that are not finished, those first that others need. Failures are written to files and counted;
+    /// what failed in an earlier call is tried again. `root` is the campaign's folder.
+    ///
+    /// # Errors
+    /// The program cannot be started, a failure cannot be written, [`Error::Cancelled`].
+    pub fn run(&self, items: &[Item], out: &Path, progress: &dyn Progress) -> Result<Tally> {
+        let states: Vec<State> = items
+            .iter()
+            .map(|item| match item.is_finished(out) {
+                true => State::Finished,
+                false => State::Waiting,
+            })
+            .collect();
+        let kept = states
+            .iter()
+            .filter(|state| **state == State::Finished)
+            .count();
+        let shared = Shared {
+            items,
+            by_name: items
+                .iter()
+                .enumerate()
+                .map(|(at, item)| (item.name.as_str(), at))
+                .collect(),
+            states: Mutex::new(states),
+            changed: Condvar::new(),
+        };
+        let stage = progress.stage("items", (items.len() - kept) as u64);
+        let ends: Vec<Result<()>> = thread::scope(|scope| {
+            let workers: Vec<_> = (0..self.workers.max(1))
+                .map(|_| {
+                    scope.spawn(|| {
+                        let end = self.worker(&shared, out, progress);
+                        // The others do not wait for what this one would have done.
+                        if end.is_err() {
+                            shared.stop();
+                        }
+                        end
+                    })
+                })
+                .collect();
+            let join = |worker: thread::ScopedJoinHandle<'_, Result<()>>| {
+                worker.join().unwrap_or(Err(Error::Cancelled))
+            };
+            workers.into_iter().map(join).collect()
+        });
+        drop(stage);
+        // An error of one cancels the others.
+        let is_cause = |end: &Result<()>| !matches!(end, Ok(()) | Err(Error::Cancelled));
+        if let Some(cause) = ends.iter().position(is_cause) {
+            return ends
+                .into_iter()
+                .nth(cause)
+                .unwrap_or(Ok(()))
+                .map(|()| Tally::default());
+        }
+        ends.into_iter().collect::<Result<()>>()?;
+        let states = shared
+            .states
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
+        let count = |state| states.iter().filter(|other| **other == state).count();
+        Ok(Tally {
+            done: count(State::Finished) - kept,
+            kept,
+            failed: count(State::Failed),
+        })
+    }
+
+    fn worker(&self, shared: &Shared<'_>, out: &Path, progress: &dyn Progress) -> Result<()> {
+        loop {
+            progress.check()?;
+            let (at, failure) = match shared.next(progress)? {
+                Next::Nothing => return Ok(()),
+                Next::Skip(at, needed) => (at, Some(not_tried(&shared.items[needed]))),
+                Next::Do(at) => (at, self.one(&shared.items[at], out, progress)?),
+            };
+            let item = &shared.items[at];
+            let state = match failure {
+                None => State::Finished,
+                Some(failure) => {
+                    progress.warn(&format!("{item}: {}", failure.problem));
+                    keep_failure(item, &failure, out)?;
+                    State::Failed
+                }
+            };
+            shared.lock()[at] = state;
+            shared.changed.notify_all();
+            progress.advance(1);
+        }
+    }
+
+    /// Does one item in a process of its own; a failure is why it is not finished.
+    fn one(&self, item: &Item, out: &Path, progress: &dyn Progress) -> Result<Option<Failure>> {
+        let failed = |error| Error::io(&self.program, error);
+        let mut child = Command::new(&self.program)
+            .args(&self.arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(failed)?;
+        let line = serde_json::to_string(item).unwrap_or_default() + "\n";
+        let mut input = child.stdin.take();
+        if let Some(input) = &mut input {
+            // One that has ended already says why.
+            let _ = input.write_all(line.as_bytes());
+        }
+        let status = loop {
+            if let Some(status) = child.try_wait().map_err(failed)? {
+                break status;
+            }
+            if progress.is_cancelled() {
+                drop(input.take());
+                end(&mut child);
+                return Err(Error::Cancelled);
+            }
+            thread::sleep(LOOK);
+        };
+        if status.success() && item.is_finished(out) {
+            return Ok(None);
+        }
+        let mut texts = [String::new(), String::new()];
+        // What it printed only explains how it ended.
+        let _ = child
+            .stdout
+            .take()
+            .map(|mut text| text.read_to_string(&mut texts[0]));
+        let _ = child
+            .stderr
+            .take()
+            .map(|mut text| text.read_to_string(&mut texts[1]));
+        let said = serde_json::from_str(&texts[0]).ok();
+        Ok(Some(said.unwrap_or_else(|| self.ended(status, &texts[1]))))
+    }
+
+    /// Why a process that said nothing has ended.
+    fn ended(&self, status: ExitStatus, said: &str) -> Failure {
+        let last = said
+            .lines()
+            .map(str::trim)
+            .rfind(|line| !line.is_empty())
+            .unwrap_or_default();
+        let megabytes = self.memory_bytes / 1_000_000;
+        match said.contains("memory allocation") {
+            true => Failure {
+                problem: format!("out of memory: {megabytes} MB are not enough ({last})"),
+                remedy: Some("give each item more with --memory-mb, or do fewer at a time with --workers".into()),
+            },
+            false => Failure {
+                problem: format!("its process ended: {status} {last}").trim_end().to_owned(),
+                remedy: Some("run the campaign again; if it repeats, this drive has met a fault of boresight".into()),
+            },
+        }
+    }
+}
+
+/// Why an item is not tried whose need failed.
+pub fn not_tried(needed: &Item) -> Failure {
+    Failure {
+        problem: format!("not tried, as it needs {needed}, which failed"),
+        remedy: None,
+    }
+}
+
+/// Writes why an item failed.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn keep_failure(item: &Item, failure: &Failure, out: &Path) -> Result<()> {
+    let path = failure_of(out, &item.name);
+    let failed = |error| Error::io(&path, error);
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(failed)?;
+    }
+    let document = serde_json::json!({ "name": item.name, "kind": item.kind, "plot": item.plot, "date": item.date,
+        "error": failure });
+    let staged = path.with_extension("staged");
+    fs::write(&staged, format!("{document:#}\n")).map_err(failed)?;
+    fs::rename(&staged, &path).map_err(failed)
+}
+
+/// Waits for a process that was asked to stop, and then no longer.
+fn end(child: &mut Child) {
+    let asked = Instant::now();
+    while asked.elapsed() < PATIENCE && matches!(child.try_wait(), Ok(None)) {
+        thread::sleep(LOOK);
+    }
+    // It may have ended in between.
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+impl Shared<'_> {
+    fn lock(&self) -> MutexGuard<'_, Vec<State>> {
+        self.states.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes the first item whose needs are finished; waits where items that others need are running.
+    fn next(&self, progress: &dyn Progress) -> Result<Next> {
+        let mut states = self.lock();
+        loop {
+            let mut is_over = true;
+            for (at, item) in self.items.iter().enumerate() {
+                if states[at] != State::Waiting {
+                    continue;
+                }
+                is_over = false;
+                let needs = || {
+                    item.needs
+                        .iter()
+                        .filter_map(|name| self.by_name.get(name.as_str()).copied())
+                };
+                if let Some(failed) = needs().find(|need| states[*need] == State::Failed) {
+                    states[at] = State::Running;
+                    return Ok(Next::Skip(at, failed));
+                }
+                if needs().all(|need| states[need] == State::Finished) {
+                    states[at] = State::Running;
+                    return Ok(Next::Do(at));
+                }
+            }
+            if is_over {
+                return Ok(Next::Nothing);
+            }
+            progress.check()?;
+            let waited = self
+                .changed
+                .wait_timeout(states, Duration::from_millis(100));
+            states = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    /// Leaves what waits undone.
+    fn stop(&self) {
+        for state in self
+            .lock()
+            .iter_mut()
+            .filter(|state| **state == State::Waiting)
+        {
+            *state = State::Running;
+        }
+        self.changed.notify_all();
+    }
+}

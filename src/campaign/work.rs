@@ -1,0 +1,173 @@
+//! One item.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::item::{self, Failure, Item, MountingsFrom, ProjectText, Task};
+use crate::comparison::ComparisonSettings;
+use crate::error::{Error, Location, Result};
+use crate::output::Staging;
+use crate::pipeline::{self, Options, Tile};
+use crate::progress::Progress;
+use crate::project::{Project, Reference};
+use crate::tiles::peak_memory_bytes;
+
+/// Does an item: its results appear in its folder below `out`, [`item::RESULT`] last. `root` is the campaign's folder.
+/// One that is finished is left as it is. `memory_bytes` is what it may use where it can do with less.
+///
+/// # Errors
+/// Errors of the stages; what planning has found.
+pub fn work(
+    item: &Item,
+    root: &Path,
+    out: &Path,
+    memory_bytes: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<()> {
+    if item.is_finished(out) {
+        return Ok(());
+    }
+    let started = Instant::now();
+    let folder = item.folder(out);
+    let options = Options {
+        out: folder.clone(),
+        seed: None,
+        fresh: false,
+    };
+    let mut result = match &item.task {
+        Task::Calibration { project } => {
+            let project = project.project(root)?;
+            project.check_files()?;
+            pipeline::calibrate(&project, &options, progress)?.result
+        }
+        Task::Drive {
+            project,
+            mountings,
+            reference,
+            tile_m,
+        } => {
+            let project = placed(project, mountings, reference.as_deref(), root, out)?;
+            let name = item.to_string();
+            pipeline::field(&project, (&name, *tile_m), &options, progress)?.result
+        }
+        Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
+        Task::Refused(Failure { problem, remedy }) => {
+            return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
+        }
+    };
+    strip_times(&mut result);
+    result["item"] = json!({ "kind": item.kind, "plot": item.plot, "date": item.date, "before": item.before,
+        "inputs": item.inputs, "needs": item.needs });
+    let work = json!({
+        "seconds": started.elapsed().as_secs_f64(),
+        "peak_memory_bytes": peak_memory_bytes(),
+        "host": sysinfo::System::host_name(),
+    });
+    let staging = Staging::new(&folder, &[], &[item::RESULT, item::WORK])?;
+    for (name, document) in [(item::RESULT, result), (item::WORK, work)] {
+        let path = staging.path(name);
+        fs::write(&path, format!("{document:#}\n")).map_err(|error| Error::io(&path, error))?;
+    }
+    staging.commit()?;
+    remove_failure(item, out)
+}
+
+/// Removes what an earlier try of the item left.
+///
+/// # Errors
+/// The file cannot be removed.
+fn remove_failure(item: &Item, out: &Path) -> Result<()> {
+    let path = item::failure_of(out, &item.name);
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&path, error)),
+        _ => Ok(()),
+    }
+}
+
+/// Times and memory differ between runs: they stand in [`item::WORK`].
+fn strip_times(result: &mut Value) {
+    match result {
+        Value::Object(map) => {
+            map.retain(|key, _| {
+                !matches!(key.as_str(), "seconds" | "stages" | "peak_memory_bytes")
+            });
+            map.values_mut().for_each(strip_times);
+        }
+        Value::Array(list) => list.iter_mut().for_each(strip_times),
+        _ => {}
+    }
+}
+
+/// The project of a drive with its mountings and its reference.
+fn placed(
+    project: &ProjectText,
+    mountings: &MountingsFrom,
+    reference: Option<&str>,
+    root: &Path,
+    out: &Path,
+) -> Result<Project> {
+    let mut project = project.project(root)?;
+    let calibration = match mountings {
+        MountingsFrom::Project => None,
+        MountingsFrom::File(path) => Some(root.join(path)),
+        MountingsFrom::Item(name) => Some(item::folder_of(out, name).join("calibration.toml")),
+    };
+    if let Some(path) = calibration {
+        project = project.with_calibration(&path)?;
+    }
+    if let Some(path) = reference {
+        project.reference = Some(Reference {
+            path: root.join(path),
+        });
+    }
+    project.check_files()?;
+    Ok(project)
+}
+
+/// Compares the tiles of two drives.
+fn change(
+    item: &Item,
+    settings: (&ComparisonSettings, Option<u64>),
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Value> {
+    let [earlier, later] = item.needs.as_slice() else {
+        return Err(Error::data(
+            "a change without two drives",
+            "plan the campaign again",
+        ));
+    };
+    let [earlier, later] = [earlier, later].map(|name| tiles_of(out, name));
+    let tiles = [earlier?, later?];
+    let dates = [&item.before, &item.date].map(|date| date.as_deref().unwrap_or_default());
+    let plot = item.plot.as_deref().unwrap_or_default();
+    let statistics = pipeline::compare::change::change(
+        [&tiles[0], &tiles[1]],
+        (plot, dates),
+        settings,
+        &item.folder(out),
+        progress,
+    )?;
+    Ok(json!({ "change": statistics }))
+}
+
+/// The files of a drive's tiles.
+fn tiles_of(out: &Path, name: &str) -> Result<Vec<PathBuf>> {
+    let folder = item::folder_of(out, name);
+    let path = folder.join(item::RESULT);
+    let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
+    let found: Option<Vec<Tile>> = serde_json::from_str::<Value>(&text)
+        .ok()
+        .and_then(|mut result| serde_json::from_value(result["tiles"].take()).ok());
+    let tiles = found.ok_or_else(|| {
+        let (found, expected) = ("no list of tiles", "the result of a drive");
+        Error::format(&path, Location::Whole, found, expected)
+    })?;
+    let files = tiles
+        .iter()
+        .map(|tile| folder.join("tiles").join(&tile.file));
+    Ok(files.collect())
+}

@@ -1,0 +1,173 @@
+//! `boresight campaign`, and the process that does one item of it.
+
+use std::io::{BufRead, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::context::{Context, out_folder};
+use crate::campaign::{Campaign as Settings, Failure, Item, Listing, Pool, conclude, hashes, work};
+use crate::error::{Error, Location, Result};
+use crate::pipeline::Outcome;
+use crate::progress::Progress;
+use crate::tiles::{free_bytes, limit_memory};
+
+/// Share of the free memory that items use.
+const SHARE: f64 = 0.9;
+/// Memory of an item where the system does not say how much is free, MB.
+const UNKNOWN_MB: u64 = 2000;
+/// Least memory of an item for which another worker is started, MB.
+const LEAST_MB: u64 = 500;
+
+/// Process many plots and dates: place points, tile clouds, compare with references and dates before
+///
+/// What is finished is kept and not done again, however the last call ended. Exits with 1 if an item failed; the page
+/// says which and why.
+#[derive(Debug, clap::Args)]
+pub(super) struct Campaign {
+    /// The campaign file
+    campaign: PathBuf,
+    /// Folder for the results [default: `out` next to the campaign file]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Items at the same time [default: one per core, as far as memory allows]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    workers: Option<u16>,
+    /// Memory of each item; one that needs more fails [default: an even share of what is free]
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
+    memory_mb: Option<u64>,
+}
+
+impl Campaign {
+    /// The outcome, and whether all items are finished.
+    pub fn execute(&self, context: &Context, threads: usize) -> Result<(Outcome, bool)> {
+        let campaign = Settings::read(&self.campaign)?;
+        let out = out_folder(&self.out, &campaign.path);
+        let out = std::path::absolute(&out).map_err(|error| Error::io(&out, error))?;
+        let mut is_complete = true;
+        let outcome = context.logged(&out, std::slice::from_ref(&campaign.path), |_| {
+            let progress: &dyn Progress = &context.terminal;
+            let listing = Listing::of_folder(campaign.folder(), &out)?;
+            let plan = campaign.plan(&listing)?;
+            let items = plan.items(&hashes(&plan.files(), campaign.folder(), &out, progress)?);
+            let pool = self.pool(campaign.folder(), &out, threads)?;
+            progress.say(&format!(
+                "{} items, {} at a time, {} MB each",
+                items.len(),
+                pool.workers,
+                pool.memory_bytes / 1_000_000
+            ));
+            let tally = pool.run(&items, &out, progress)?;
+            is_complete = tally.failed == 0;
+            let mut outcome = conclude(&campaign, &items, &out)?;
+            outcome.summary = format!(
+                "{} done, {} kept from before; {}",
+                tally.done, tally.kept, outcome.summary
+            );
+            Ok(outcome)
+        })?;
+        Ok((outcome, is_complete))
+    }
+
+    fn pool(&self, root: &Path, out: &Path, threads: usize) -> Result<Pool> {
+        let free_mb = free_bytes().map(|bytes| (SHARE * bytes as f64) as u64 / 1_000_000);
+        let fitting = free_mb.map_or(1, |free_mb| {
+            (free_mb / self.memory_mb.unwrap_or(LEAST_MB)).max(1)
+        });
+        let workers = self
+            .workers
+            .map_or(threads.min(fitting as usize), usize::from);
+        let memory_mb = self
+            .memory_mb
+            .unwrap_or(free_mb.map_or(UNKNOWN_MB, |free_mb| free_mb / workers as u64));
+        let program =
+            std::env::current_exe().map_err(|error| Error::io("the running program", error))?;
+        let threads_each = (threads / workers).max(1).to_string();
+        let mut arguments = vec![
+            "--threads".into(),
+            threads_each.into(),
+            "campaign-item".into(),
+        ];
+        arguments.extend([root.into(), out.into(), memory_mb.to_string().into()]);
+        Ok(Pool {
+            workers,
+            program,
+            arguments,
+            memory_bytes: 1_000_000 * memory_mb,
+        })
+    }
+}
+
+/// Does the item of a campaign that comes as JSON on standard input, and stops when that is closed
+#[derive(Debug, clap::Args)]
+pub(super) struct CampaignItem {
+    /// The campaign's folder
+    root: PathBuf,
+    /// Folder of the results
+    out: PathBuf,
+    /// Memory limit
+    memory_mb: u64,
+}
+
+impl CampaignItem {
+    pub fn execute(&self) -> Result<Outcome> {
+        let mut line = String::new();
+        let read = std::io::stdin().lock().read_line(&mut line);
+        read.map_err(|error| Error::io("stdin", error))?;
+        let item: Item = serde_json::from_str(&line).map_err(|error| {
+            Error::format(
+                "stdin",
+                Location::Whole,
+                error.to_string(),
+                "an item of a campaign",
+            )
+        })?;
+        let memory_bytes = 1_000_000 * self.memory_mb;
+        limit_memory(memory_bytes);
+        // A comparison shares its limit with what it does not count.
+        let done = work(
+            &item,
+            &self.root,
+            &self.out,
+            Some(memory_bytes / 2),
+            &Parent::watch(),
+        );
+        done.inspect_err(|error| {
+            let failure = Failure::from(error).relative_to(&self.root);
+            let text = serde_json::to_string(&failure).unwrap_or_default();
+            // Who reads it has gone.
+            let _ = writeln!(std::io::stdout(), "{text}");
+        })?;
+        Ok(Outcome::default())
+    }
+}
+
+/// The process that has started this one: when it is gone, the work stops.
+struct Parent {
+    is_gone: Arc<AtomicBool>,
+}
+
+impl Parent {
+    fn watch() -> Self {
+        let is_gone = Arc::new(AtomicBool::new(false));
+        let seen = Arc::clone(&is_gone);
+        std::thread::spawn(move || {
+            // It sends nothing more, and the system closes what it leaves open.
+            let _ = std::io::stdin().read(&mut [0]);
+            seen.store(true, Ordering::Relaxed);
+        });
+        Self { is_gone }
+    }
+}
+
+impl Progress for Parent {
+    fn begin(&self, _: &str, _: u64) {}
+    fn advance(&self, _: u64) {}
+    fn end(&self) {}
+    fn say(&self, _: &str) {}
+    fn warn(&self, _: &str) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.is_gone.load(Ordering::Relaxed)
+    }
+}

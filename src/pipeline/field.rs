@@ -1,0 +1,105 @@
+//! A drive of a campaign: its points in tiles, held against the reference and one scanner against the other.
+
+use serde_json::json;
+
+use super::clouds::{self, Mounted};
+use super::job::Job;
+use super::outcome::{Options, Outcome};
+use super::result::judge;
+use super::tiled::Tiling;
+use super::{drives, stages};
+use crate::comparison::{Against, Agreement, MountingKind, agreements};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::project::Project;
+use crate::report;
+use crate::report::content::Content;
+
+/// The page of a drive.
+pub const PAGE: &str = "drive.html";
+
+/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them.
+/// The same inputs give the same bytes wherever they lie.
+///
+/// # Errors
+/// Errors of the stages.
+pub fn field(
+    project: &Project,
+    (name, tile_m): (&str, f64),
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
+    let mut job = Job::new(&options.out, &project.inputs(), &[PAGE], progress)?;
+    let poses = stages::poses(project, progress)?.poses;
+    let mountings = stages::initial_poses(project);
+    let bending = clouds::bending(project, &poses.trajectory);
+    let mounted = Mounted {
+        mountings: &mountings,
+        bending: &bending,
+    };
+    let tiling = Tiling::new(job.path("spool"), tile_m)?;
+    let kept = job.timed("georeference", |progress| {
+        let open: Box<clouds::OpenSink<'_>> = Box::new(|scanner, _| Ok(tiling.sink(scanner)));
+        clouds::stream(
+            project,
+            &poses.trajectory,
+            Some((mounted, &*open)),
+            progress,
+        )
+    })?;
+    let folder = job.path("tiles");
+    std::fs::create_dir_all(&folder).map_err(|error| crate::Error::io(&folder, error))?;
+    let shape = clouds::shape(project, &poses.trajectory)?;
+    let tiles = job.timed("tiles", |progress| tiling.write(&folder, &shape, progress))?;
+    let reference = stages::reference(project, progress)?;
+    let placed = clouds::place(project, &poses.trajectory, mounted, &kept);
+    let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
+    let placed = [(MountingKind::Final, placed)];
+    let found = job.timed("compare", |progress| {
+        agreements(
+            name,
+            &scanners,
+            &reference,
+            &placed,
+            &project.comparison,
+            progress,
+        )
+    })?;
+    let drive = drives::drive(name, poses, found);
+    let warnings = job.warnings().to_vec();
+    let mut content = Content {
+        title: name.to_owned(),
+        imprint: project.imprint.clone(),
+        drives: std::slice::from_ref(&drive),
+        warnings: &warnings,
+        ..Content::default()
+    };
+    let verdicts = report::verdicts(&content, &project.acceptance);
+    content.verdicts.clone_from(&verdicts);
+    job.write(PAGE, &report::render(&content))?;
+    job.commit()?;
+    let mut result = json!({
+        "points": tiles.iter().map(|tile| tile.points).sum::<u64>(),
+        "span_s": [drive.poses.first().map(|pose| pose.time_s), drive.poses.last().map(|pose| pose.time_s)],
+        "tiles": tiles,
+        "agreement": drive.agreements.found.iter().map(agreement).collect::<Vec<_>>(),
+    });
+    judge(&mut result, &verdicts);
+    Ok(Outcome {
+        result,
+        verdicts: Some(verdicts),
+        ..Outcome::default()
+    })
+}
+
+fn agreement(found: &Agreement) -> serde_json::Value {
+    let against = match &found.against {
+        Against::Reference => None,
+        Against::Scanner(name) => Some(name),
+    };
+    let mut value = json!(found.statistics);
+    value["scanner"] = json!(found.scanner);
+    value["against"] = json!(against);
+    value["pair"] = json!(found.pair());
+    value
+}
