@@ -313,7 +313,10 @@ impl Campaign {
 
     /// Adds the files of the project to the inputs.
     fn name_inputs(&self, project: &ProjectText, draft: &mut Draft) -> Result<()> {
-        let project = project.project(self.folder())?;
+        let mut project = project.project(self.folder())?;
+        if draft.kind == Kind::Drive && self.reference.is_some() {
+            project.reference = None;
+        }
         let files = project.files().into_iter();
         draft
             .inputs

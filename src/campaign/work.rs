@@ -10,7 +10,7 @@ use super::item::{self, Failure, Item, MountingsFrom, ProjectText, Task};
 use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Location, Result};
 use crate::output::Staging;
-use crate::pipeline::{self, Options, Tile};
+use crate::pipeline::{self, Options, Tile, hash_of};
 use crate::progress::Progress;
 use crate::project::{Project, Reference};
 use crate::tiles::peak_memory_bytes;
@@ -31,33 +31,18 @@ pub fn work(
         return Ok(());
     }
     let started = Instant::now();
+    check_inputs(item, root)?;
     let folder = item.folder(out);
     let options = Options {
         out: folder.clone(),
         seed: None,
         fresh: false,
     };
-    let mut result = match &item.task {
-        Task::Calibration { project } => {
-            let project = project.project(root)?;
-            project.check_files()?;
-            pipeline::calibrate(&project, &options, progress)?.result
-        }
-        Task::Drive {
-            project,
-            mountings,
-            reference,
-            tile_m,
-        } => {
-            let project = placed(project, mountings, reference.as_deref(), root, out)?;
-            let name = item.to_string();
-            pipeline::field(&project, (&name, *tile_m), &options, progress)?.result
-        }
-        Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
-        Task::Refused(Failure { problem, remedy }) => {
-            return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
-        }
-    };
+    let done = results(item, root, (out, &options), memory_bytes, progress);
+    let mut result = done.inspect_err(|_| {
+        // Only where nothing is in it.
+        let _ = fs::remove_dir(&folder);
+    })?;
     strip_times(&mut result);
     result["item"] = json!({ "kind": item.kind, "plot": item.plot, "date": item.date, "before": item.before,
         "inputs": item.inputs, "needs": item.needs });
@@ -73,6 +58,61 @@ pub fn work(
     }
     staging.commit()?;
     remove_failure(item, out)
+}
+
+/// Writes the results of an item but for the two files that come last, and returns what they say.
+fn results(
+    item: &Item,
+    root: &Path,
+    (out, options): (&Path, &Options),
+    memory_bytes: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Value> {
+    Ok(match &item.task {
+        Task::Calibration { project } => {
+            let project = project.project(root)?;
+            project.check_files()?;
+            pipeline::calibrate(&project, options, progress)?.result
+        }
+        Task::Drive {
+            project,
+            mountings,
+            reference,
+            tile_m,
+        } => {
+            let project = placed(project, mountings, reference.as_deref(), root, out)?;
+            let name = item.to_string();
+            pipeline::field(&project, (&name, *tile_m), options, progress)?.result
+        }
+        Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
+        Task::Refused(Failure { problem, remedy }) => {
+            return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
+        }
+    })
+}
+
+/// Checks that inputs are what they were when the item was named.
+///
+/// # Errors
+/// The file that has changed.
+fn check_inputs(item: &Item, root: &Path) -> Result<()> {
+    for input in &item.inputs {
+        let path = root.join(&input.path);
+        // Of one that cannot be read, the stage that needs it says so.
+        let (Some(known), Ok(now)) = (&input.hash, hash_of(&path, &|_| Ok(()))) else {
+            continue;
+        };
+        if *known != format!("{now:032x}") {
+            return Err(Error::data(
+                format!(
+                    "{} has changed since the campaign was planned",
+                    path.display()
+                ),
+                "run the campaign again: the changed drive is then another item",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Removes what an earlier try of the item left.
@@ -110,6 +150,9 @@ fn placed(
     out: &Path,
 ) -> Result<Project> {
     let mut project = project.project(root)?;
+    // A calibration is not evaluated here.
+    project.drives.clear();
+    project.evaluations.clear();
     let calibration = match mountings {
         MountingsFrom::Project => None,
         MountingsFrom::File(path) => Some(root.join(path)),

@@ -74,7 +74,12 @@ pub fn field(
         warnings: &warnings,
         ..Content::default()
     };
-    let verdicts = report::verdicts(&content, &project.acceptance);
+    let mut verdicts = report::verdicts(&content, &project.acceptance);
+    verdicts.extend(report::agreement_verdicts(
+        content.drives,
+        &project.acceptance,
+    ));
+    verdicts.sort_by_key(|verdict| std::cmp::Reverse(verdict.severity));
     content.verdicts.clone_from(&verdicts);
     job.write(PAGE, &report::render(&content))?;
     job.commit()?;

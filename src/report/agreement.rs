@@ -12,7 +12,7 @@ const WORSE_THAN_TWO_STEPS: f64 = 1.2;
 const FAULT_FACTOR: f64 = 4.0;
 
 /// The agreement of the clouds of each drive with the final mounting, held against what is accepted: each
-/// pair of the first drive, which is that of the calibration, and one line for each of the others.
+/// pair of the first drive, which is that of the calibration or the only one, and one line for each of the others.
 pub fn verdicts(drives: &[Drive], acceptance: &Acceptance) -> Vec<Verdict> {
     let mut all = Vec::new();
     for (number, drive) in drives.iter().enumerate() {

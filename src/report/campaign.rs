@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::axis::Axis;
 use super::chart::Plot;
-use super::figures::{HALF, series};
+use super::figures::{FULL, series};
 use super::html::{self, escape};
 use super::number::{self, DASH};
 use super::page::document;
@@ -123,7 +123,7 @@ fn summary(page: &CampaignPage) -> String {
     let class = if page.failures.is_empty() {
         "good"
     } else {
-        "care"
+        "attention"
     };
     let failed = match (page.failures.len(), page.waiting) {
         (0, 0) => "none failed".to_owned(),
@@ -160,7 +160,7 @@ fn failures(all: &[FailureLine]) -> String {
     }
     let row = |line: &FailureLine| {
         format!(
-            "<tr><th scope=\"row\">{}</th><td class=\"text\">{}</td><td class=\"text\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td class=\"said\">{}</td><td class=\"said\">{}</td></tr>\n",
             escape(&line.item),
             escape(&line.problem),
             escape(line.remedy.as_deref().unwrap_or(DASH))
@@ -168,7 +168,7 @@ fn failures(all: &[FailureLine]) -> String {
     };
     let rows: String = all.iter().map(row).collect();
     html::table(
-        "failures",
+        "numbers",
         &html::head(&["item", "problem", "remedy"]),
         &rows,
     )
@@ -207,7 +207,7 @@ fn over_time(label: &str, series_of: &[(String, Vec<Value<'_>>)]) -> String {
         all().map(|(_, date, _)| day(date) - start),
     );
     let y = Axis::rounded(label, all().map(|(_, _, value)| *value).chain([0.0]));
-    let mut plot = Plot::new(HALF, 260.0, x.clone(), y);
+    let mut plot = Plot::new(FULL, 300.0, x.clone(), y);
     plot.line("zero", &[[x.min, 0.0], [x.max, 0.0]]);
     let mut entries = Vec::new();
     for (i, (name, values)) in series_of.iter().enumerate() {
@@ -270,7 +270,7 @@ fn quality(drives: &[DriveLine]) -> String {
         .into_iter()
         .map(|(pair, values)| (pair.to_owned(), values))
         .collect();
-    html::table("quality", &head, &rows)
+    html::table("numbers", &head, &rows)
         + &html::figure(
             &over_time("M3C2 RMSE (mm)", &owned),
             "Distances between the clouds of each drive: a dot is a plot, the line goes through the medians of a date.",
@@ -316,7 +316,7 @@ fn changes(all: &[ChangeLine]) -> String {
         "median (mm)",
         "beyond the level of detection",
     ]);
-    figure + &html::details("Every plot and date", &html::table("changes", &head, &rows))
+    figure + &html::details("Every plot and date", &html::table("numbers", &head, &rows))
 }
 
 /// A table of plots by dates; every cell leads to the page of the drive.
@@ -359,7 +359,7 @@ fn plots(page: &CampaignPage) -> String {
         .collect();
     let mut heads = vec!["plot"];
     heads.extend(&dates);
-    let table = html::table("plots", &html::head(&heads), &body);
+    let table = html::table("numbers", &html::head(&heads), &body);
     let note = "<p class=\"note\">✓ usable, ! take care, ✗ not usable, – none or failed. Each leads to the page of the drive.</p>\n";
     match rows.len() <= FEW_PLOTS {
         true => table + note,
@@ -389,13 +389,13 @@ fn care(drives: &[DriveLine]) -> String {
             n => format!(" and {} more", n - 1),
         };
         format!(
-            "<tr><th scope=\"row\">{}{more}</th><td class=\"text\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}{more}</th><td class=\"said\">{}</td></tr>\n",
             escape(&names[0]),
             escape(text)
         )
     };
     let rows: String = said.iter().map(row).collect();
-    let table = html::table("care", &html::head(&["drive", "what is said"]), &rows);
+    let table = html::table("numbers", &html::head(&["drive", "what is said"]), &rows);
     match said.len() <= FEW_PLOTS {
         true => table,
         false => html::details(&count(said.len(), "statement"), &table),

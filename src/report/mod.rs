@@ -45,6 +45,7 @@ mod timeline;
 mod track;
 pub(crate) mod verdicts;
 
+pub use agreement::verdicts as agreement_verdicts;
 pub use content::Content;
 pub use imprint::Imprint;
 pub use page::render;
