@@ -1,5 +1,6 @@
 //! What became of a campaign: the index of its tiles, and its page.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -22,7 +23,8 @@ pub const LIST: &str = "campaign.json";
 /// The index of the tiles.
 pub const INDEX: &str = "index.parquet";
 
-/// Reads the results of the items from `out` and writes the index, the list and the page there.
+/// Reads the results of the items from `out` and writes the index, the list and the page there. Failures of items that
+/// are no longer planned, as their inputs have changed, are removed.
 ///
 /// # Errors
 /// A result that cannot be read, a file that cannot be written.
@@ -81,12 +83,31 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         fs::write(&path, text).map_err(|error| Error::io(&path, error))?;
     }
     staging.commit()?;
+    forget_failures(items, out)?;
     Ok(Outcome {
         result,
         summary: summary(&page, items),
         files: written,
         verdicts: None,
     })
+}
+
+/// Removes the failures of all but these items.
+fn forget_failures(items: &[Item], out: &Path) -> Result<()> {
+    let folder = out.join("failed");
+    let Ok(entries) = fs::read_dir(&folder) else {
+        return Ok(());
+    };
+    let planned: BTreeSet<&str> = items.iter().map(|item| item.name.as_str()).collect();
+    for path in entries.flatten().map(|entry| entry.path()) {
+        let name = path.file_stem().and_then(|name| name.to_str());
+        if name.is_none_or(|name| !planned.contains(name)) {
+            fs::remove_file(&path).map_err(|error| Error::io(&path, error))?;
+        }
+    }
+    // It goes when it is empty.
+    let _ = fs::remove_dir(&folder);
+    Ok(())
 }
 
 fn summary(page: &CampaignPage, items: &[Item]) -> String {

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use boresight::campaign::Campaign;
 use boresight::project::Project;
 use boresight::record::Field;
 use boresight::simulation::Scenario;
@@ -37,6 +38,11 @@ fn read(block: &Block, folder: &Path) -> bool {
     if table.contains_key("source") {
         fs::write(&path, &block.text).unwrap();
         Field::read(&path).unwrap_or_else(|error| panic!("{at}: {error}"));
+        return false;
+    }
+    if table.contains_key("campaign") {
+        fs::write(&path, &block.text).unwrap();
+        Campaign::read(&path).unwrap_or_else(|error| panic!("{at}: {error}"));
         return false;
     }
     if table.contains_key("drives") {
