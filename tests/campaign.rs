@@ -282,7 +282,7 @@ fn mistakes_of_one_drive_are_its_own_and_those_of_the_campaign_are_named() {
         .unwrap();
     fs::write(
         root.join("2025-05-01.toml"),
-        format!("[[scanner]]{scanners}"),
+        format!("# not usable\n[[scanner]]{scanners}"),
     )
     .unwrap();
     let mistyped = root.join(DATES[0]).join("p2/project.toml");
@@ -290,6 +290,10 @@ fn mistakes_of_one_drive_are_its_own_and_those_of_the_campaign_are_named() {
     let run = run(&path, &out, &[]);
     assert_eq!(run.code, 1, "{}", run.err);
     assert!(run.out.contains("1 done"), "{}", run.out);
+    // With mountings that were marked as not usable, its result is not either.
+    let result = fs::read(folder_of(&out, "drive_p1").join("result.json")).unwrap();
+    let result: Value = serde_json::from_slice(&result).unwrap();
+    assert_eq!(result["headline"], "unusable");
     assert!(
         run.out.contains("2025-05-01/p2/project.toml, line"),
         "{}",

@@ -14,6 +14,7 @@ use crate::pipeline::{self, Options, Tile, hash_of};
 use crate::progress::Progress;
 use crate::project::{Project, Reference};
 use crate::tiles::peak_memory_bytes;
+use crate::verdict::Verdict;
 
 /// Does an item: its results appear in its folder below `out`, [`item::RESULT`] last. `root` is the campaign's folder.
 /// One that is finished is left as it is. `memory_bytes` is what it may use where it can do with less.
@@ -80,9 +81,9 @@ fn results(
             reference,
             tile_m,
         } => {
-            let project = placed(project, mountings, reference.as_deref(), root, out)?;
+            let (project, said) = placed(project, mountings, reference.as_deref(), root, out)?;
             let name = item.to_string();
-            pipeline::field(&project, (&name, *tile_m), options, progress)?.result
+            pipeline::field(&project, (&name, *tile_m, said), options, progress)?.result
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
         Task::Refused(Failure { problem, remedy }) => {
@@ -141,14 +142,14 @@ fn strip_times(result: &mut Value) {
     }
 }
 
-/// The project of a drive with its mountings and its reference.
+/// The project of a drive with its mountings and its reference, and what is to be said of them.
 fn placed(
     project: &ProjectText,
     mountings: &MountingsFrom,
     reference: Option<&str>,
     root: &Path,
     out: &Path,
-) -> Result<Project> {
+) -> Result<(Project, Option<Verdict>)> {
     let mut project = project.project(root)?;
     // A calibration is not evaluated here.
     project.drives.clear();
@@ -158,8 +159,10 @@ fn placed(
         MountingsFrom::File(path) => Some(root.join(path)),
         MountingsFrom::Item(name) => Some(item::folder_of(out, name).join("calibration.toml")),
     };
+    let mut said = None;
     if let Some(path) = calibration {
         project = project.with_calibration(&path)?;
+        said = pipeline::marked_unusable(&path)?;
     }
     if let Some(path) = reference {
         project.reference = Some(Reference {
@@ -167,7 +170,7 @@ fn placed(
         });
     }
     project.check_files()?;
-    Ok(project)
+    Ok((project, said))
 }
 
 /// Compares the tiles of two drives.

@@ -14,18 +14,20 @@ use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
 use crate::report::content::Content;
+use crate::verdict::Verdict;
 
 /// The page of a drive.
 pub const PAGE: &str = "drive.html";
 
-/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them.
+/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them; `said` is
+/// what is already known of its mountings.
 /// The same inputs give the same bytes wherever they lie.
 ///
 /// # Errors
 /// Errors of the stages.
 pub fn field(
     project: &Project,
-    (name, tile_m): (&str, f64),
+    (name, tile_m, said): (&str, f64, Option<Verdict>),
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
@@ -75,6 +77,7 @@ pub fn field(
         ..Content::default()
     };
     let mut verdicts = report::verdicts(&content, &project.acceptance);
+    verdicts.extend(said);
     verdicts.extend(report::agreement_verdicts(
         content.drives,
         &project.acceptance,

@@ -48,6 +48,6 @@ pub use job::Job;
 pub use kept_page::report;
 pub use outcome::{Options, Outcome};
 pub use page::now_s;
-pub use placement::{Placement, georeference};
+pub use placement::{Placement, georeference, marked_unusable};
 pub use thin::thin;
 pub use tiled::Tile;

@@ -107,6 +107,12 @@ impl Placement {
         })
     }
 
+    /// Says that the mountings come from a calibration that is marked as not usable.
+    fn unusable_calibration(&self) -> Result<Option<Verdict>> {
+        let path = self.calibration.as_deref();
+        Ok(path.map(marked_unusable).transpose()?.flatten())
+    }
+
     /// `placed with the mountings of …, on the poses of …`
     fn description(&self) -> String {
         let [mountings, poses] = self.sources();
@@ -120,6 +126,26 @@ impl Placement {
         };
         format!("placed with {mountings}, on {poses}")
     }
+}
+
+/// Says of a `calibration.toml` that it is marked as not usable, if it is.
+///
+/// # Errors
+/// See [`crate::project::mountings`].
+pub fn marked_unusable(calibration: &Path) -> Result<Option<Verdict>> {
+    let text = || {
+        let name = calibration
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy();
+        format!(
+            "Placed with the mountings of {name}, which is marked as not usable: see what it says at its top."
+        )
+    };
+    let found = crate::project::mountings(calibration)?;
+    Ok(found
+        .is_unusable
+        .then(|| Verdict::fault("georeference.mounting", text())))
 }
 
 /// Checked before the files of the project, as the file is named by no key of it.
@@ -157,9 +183,11 @@ pub fn georeference(
     clouds::write(project, &poses.trajectory, mounted, &mut job)?;
     job.commit()?;
     let files = files_in(&options.out, names);
-    let newer = placement.newer_calibration();
-    if let Some(newer) = &newer {
-        progress.warn(&newer.text);
+    let marked = placement
+        .unusable_calibration()?
+        .or_else(|| placement.newer_calibration());
+    if let Some(marked) = &marked {
+        progress.warn(&marked.text);
     }
     let own = || {
         let text = capitalised(&placement.description()) + ".";
@@ -171,7 +199,10 @@ pub fn georeference(
         ..Content::default()
     };
     let mut verdicts = report::verdicts(&content, &project.acceptance);
-    verdicts.extend(newer.or_else(|| Some(own())));
+    verdicts.push(marked.unwrap_or_else(own));
+    verdicts.sort_by_key(|verdict| {
+        std::cmp::Reverse(verdict.severity.is_marked().then_some(verdict.severity))
+    });
     let [mountings_from, poses_from] = placement.sources();
     let mut result = json!({
         "clouds": files,
