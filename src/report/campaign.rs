@@ -103,8 +103,8 @@ pub fn render(page: &CampaignPage) -> String {
             "What changed from date to date",
             changes(&page.changes),
         ),
-        ("plots", "Plots and dates", plots(page)),
         ("care", "What to take care of", care(&page.drives)),
+        ("plots", "Plots and dates", plots(page)),
     ];
     let body = sections.iter().filter(|(_, _, body)| !body.is_empty());
     let body: String = body
@@ -120,20 +120,34 @@ fn summary(page: &CampaignPage) -> String {
     };
     let (plots, dates) = (distinct(&|d| d.plot.clone()), distinct(&|d| d.date.clone()));
     let points: u64 = page.drives.iter().map(|drive| drive.points).sum();
-    let class = if page.failures.is_empty() {
-        "good"
-    } else {
-        "attention"
+    let of = |headline| {
+        page.drives
+            .iter()
+            .filter(|d| d.headline == headline)
+            .count()
     };
-    let failed = match (page.failures.len(), page.waiting) {
-        (0, 0) => "none failed".to_owned(),
-        (failed, 0) => format!("{} failed", count(failed, "item")),
-        (failed, waiting) => format!(
-            "{} failed, {} not done yet",
-            count(failed, "item"),
-            count(waiting, "item")
-        ),
+    let unusable = of(Headline::Unusable);
+    let class = match (unusable, of(Headline::Care) + page.failures.len()) {
+        (0, 0) => "good",
+        (0, _) => "attention",
+        _ => "fault",
     };
+    let mut marked = String::new();
+    for (number, word) in [
+        (of(Headline::Care), "to take care of"),
+        (unusable, "not usable"),
+    ] {
+        if number > 0 {
+            marked += &format!(", {} {word}", number::count(number));
+        }
+    }
+    let mut items = match page.failures.len() {
+        0 => "no item failed".to_owned(),
+        failed => format!("{} failed", count(failed, "item")),
+    };
+    if page.waiting > 0 {
+        items += &format!(", {} not done yet", number::count(page.waiting));
+    }
     let index = page.index.as_ref().map_or_else(String::new, |index| {
         format!(
             " The tiles and where they are: <a href=\"{0}\">{0}</a> (GeoParquet).",
@@ -141,7 +155,7 @@ fn summary(page: &CampaignPage) -> String {
         )
     });
     format!(
-        "<p class=\"headline {class}\">{} of {} on {}, {failed}.</p>\n<p>{} points.{index}</p>\n",
+        "<p class=\"headline {class}\">{} of {} on {}{marked}; {items}.</p>\n<p>{} points.{index}</p>\n",
         count(page.drives.len(), "drive"),
         count(plots, "plot"),
         count(dates, "date"),
@@ -160,7 +174,7 @@ fn failures(all: &[FailureLine]) -> String {
     }
     let row = |line: &FailureLine| {
         format!(
-            "<tr><th scope=\"row\">{}</th><td class=\"said\">{}</td><td class=\"said\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td></tr>\n",
             escape(&line.item),
             escape(&line.problem),
             escape(line.remedy.as_deref().unwrap_or(DASH))
@@ -168,7 +182,7 @@ fn failures(all: &[FailureLine]) -> String {
     };
     let rows: String = all.iter().map(row).collect();
     html::table(
-        "numbers",
+        "numbers words",
         &html::head(&["item", "problem", "remedy"]),
         &rows,
     )
@@ -389,13 +403,17 @@ fn care(drives: &[DriveLine]) -> String {
             n => format!(" and {} more", n - 1),
         };
         format!(
-            "<tr><th scope=\"row\">{}{more}</th><td class=\"said\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}{more}</th><td>{}</td></tr>\n",
             escape(&names[0]),
             escape(text)
         )
     };
     let rows: String = said.iter().map(row).collect();
-    let table = html::table("numbers", &html::head(&["drive", "what is said"]), &rows);
+    let table = html::table(
+        "numbers words",
+        &html::head(&["drive", "what is said"]),
+        &rows,
+    );
     match said.len() <= FEW_PLOTS {
         true => table,
         false => html::details(&count(said.len(), "statement"), &table),
@@ -439,7 +457,7 @@ mod tests {
         };
         let text = render(&page);
         for part in [
-            "2 drives of 2 plots on 2 dates, 1 item failed",
+            "2 drives of 2 plots on 2 dates; 1 item failed",
             "left.bin, byte 7",
             "items/q/drive.html",
             "3.00 (q 2025-05-08)",
