@@ -60,6 +60,10 @@ montecarlo SEEDS="10":
 joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
+# Simulated campaigns of 20 days, of which day 7 has a knock: the tables of docs/drift.md
+drift SEEDS="3" FIRST="1" *ARGS:
+    cargo run --release --example drift -- {{SEEDS}} {{FIRST}} {{ARGS}}
+
 # Fifty clean drives, of which at most two may raise a `!`
 clean-drives:
     cargo test --release --test mistakes -- --ignored --nocapture

@@ -169,7 +169,7 @@
 //! | [`progress`] | progress of stages, cancellation |
 //! | [`output`] | result files, written completely or not at all |
 //! | [`stored`] | results as bytes, from which they come back exactly |
-//! | [`statistics`] | median, quantiles, χ², Student's t, series in time |
+//! | [`statistics`] | median, quantiles, χ², F, Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`verdict`] | statements about results, with severity and code |
 //! | [`sensor`] | measurements of each sensor, validated |
@@ -182,6 +182,7 @@
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
 //! | [`preflight`] | mistakes that raw logs and the first placement of the scans show |
 //! | [`joint`] | one adjustment of trajectory and mountings: surfels, scan factors, tests of the model |
+//! | [`drift`] | drift watch: one scanner against the other from the field's overlap, control chart |
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`tiles`] | clouds larger than memory: features, M3C2, thinning |
 //! | [`simulation`] | scene, drives and sensors with known truth; does not use the estimators |
@@ -199,6 +200,7 @@ pub mod campaign;
 pub mod cli;
 pub mod cloud;
 pub mod comparison;
+pub mod drift;
 pub mod error;
 pub mod format;
 pub mod geometry;

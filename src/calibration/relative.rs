@@ -49,19 +49,31 @@ impl Calibration {
         relative.collect()
     }
 
-    fn relative_sigmas(&self, scanner: usize) -> [Option<f64>; 6] {
-        let Some(covariance) = &self.covariance else {
-            return [None; 6];
-        };
-        let poses = [0, scanner].map(|i| &self.mountings[i].body_from_scanner);
-        let by = derivatives(poses[0], poses[1]);
-        let mut variance = Matrix6::zeros();
+    /// Covariance of (δp, δφ) of the mounting of a scanner in the frame of the first, along and about the axes of the
+    /// first, metres and radians; `None` where the calibration has none.
+    pub fn relative_covariance(&self, scanner: usize) -> Option<Matrix6<f64>> {
+        let covariance = self.covariance.as_ref()?;
+        let by = self.relative_derivatives(scanner);
+        let mut relative = Matrix6::zeros();
         for (a, left) in [0, scanner].into_iter().zip(&by) {
             for (b, right) in [0, scanner].into_iter().zip(&by) {
                 let block = covariance.fixed_view::<6, 6>(6 * a, 6 * b);
-                variance += left * block * right.transpose();
+                relative += left * block * right.transpose();
             }
         }
+        Some(relative)
+    }
+
+    fn relative_derivatives(&self, scanner: usize) -> [Matrix6<f64>; 2] {
+        let [first, other] = [0, scanner].map(|i| &self.mountings[i].body_from_scanner);
+        derivatives(first, other)
+    }
+
+    fn relative_sigmas(&self, scanner: usize) -> [Option<f64>; 6] {
+        let Some(variance) = self.relative_covariance(scanner) else {
+            return [None; 6];
+        };
+        let by = self.relative_derivatives(scanner);
         let directions = self.observability.unobservable.iter();
         let open: Vec<[bool; 6]> = directions
             .map(|free| moved(&free.direction, scanner, &by))

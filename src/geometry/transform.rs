@@ -196,6 +196,25 @@ impl<To, From> serde::Serialize for Transform<To, From> {
     }
 }
 
+/// From what [`serde::Serialize`] writes; the quaternion is normalised.
+impl<'de, To, From> serde::Deserialize<'de> for Transform<To, From> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        struct Written {
+            translation_m: [f64; 3],
+            quaternion_xyzw: [f64; 4],
+        }
+        let written = Written::deserialize(deserializer)?;
+        let [x, y, z, w] = written.quaternion_xyzw;
+        let quaternion = nalgebra::Quaternion::new(w, x, y, z);
+        let rotation = Rotation::try_new(quaternion, f64::MIN_POSITIVE);
+        let rotation = rotation.ok_or_else(|| {
+            serde::de::Error::custom("quaternion_xyzw = [0, 0, 0, 0], which is no rotation")
+        })?;
+        Ok(Self::new(rotation, written.translation_m.into()))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -224,6 +243,20 @@ mod tests {
             let moved = d[0].cross(&lever) + d[3] + d[2].cross(&arm);
             assert!((numeric - (d[1] + r * moved)).norm() < 1e-9);
         }
+    }
+
+    #[test]
+    fn json_gives_back_what_was_written() {
+        let pose = BodyFromScanner::new(exp(&Vec3::new(-2.1, 0.4, 0.7)), Vec3::new(1.2, -0.5, 0.6));
+        let text = serde_json::to_string(&pose).unwrap();
+        let read: BodyFromScanner = serde_json::from_str(&text).unwrap();
+        let (turn, shift) = read.perturbation_from(&pose);
+        assert!(turn.norm() < 1e-15 && shift == Vec3::zeros());
+        let none = text.replace(
+            "\"quaternion_xyzw\":[",
+            "\"quaternion_xyzw\":[0,0,0,0],\"old\":[",
+        );
+        assert!(serde_json::from_str::<BodyFromScanner>(&none).is_err());
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod convergence;
 pub mod csv;
 mod detection;
 pub mod diagnostics;
+pub mod drift;
 mod figures;
 mod first;
 mod html;

@@ -1,7 +1,8 @@
-//! Statistics of samples, and quantiles of the normal, χ² and Student's t distributions.
+//! Statistics of samples, and quantiles of the normal, χ², F and Student's t distributions.
 
 mod draws;
 mod even;
+mod fisher;
 mod normal;
 mod sample;
 mod series;
@@ -9,6 +10,7 @@ mod student;
 
 pub use draws::{drawn, drawn_sign};
 pub use even::EvenSample;
+pub use fisher::fisher_exceeded;
 pub use normal::{
     CHI_SQUARE_1_MEDIAN, NORMAL_97_5, NORMAL_97_5_ROUNDED, SIGMAS_PER_MAD, chi_square,
     chi_square_bounds_95,

@@ -1,0 +1,226 @@
+//! What two scanners saw of one spot in one pass: the distance between them along the normal, and its derivatives.
+
+use nalgebra::{Matrix3, SymmetricEigen};
+use rayon::prelude::*;
+
+use crate::calibration::{Mounting, ScannerFromScanner, ScannerSample, relative};
+use crate::cloud::voxel::{VoxelKey, voxel_key};
+use crate::geometry::{Bending, Mat3, Vec3};
+
+/// Points of a spot belong to one pass where no more than this lies between two of them, seconds.
+pub const LAG_S: f64 = 10.0;
+/// Fewest points of either scanner on a spot.
+const MIN_POINTS: usize = 4;
+/// Least variance across over that along: points in a line have no plane.
+const MIN_WIDTH: f64 = 0.05;
+/// Largest variance along the normal over that across: leaves have no plane.
+const MAX_THICKNESS: f64 = 0.3;
+/// Least share of the points' information that a plane leaves to the distance: where either scanner saw
+/// another part of the spot, a tilt of the plane and a distance are the same.
+const MIN_SHARED: f64 = 0.2;
+/// Least standard deviation of a distance, metres: spots that happen to fit would decide alone.
+const LEAST_SIGMA_M: f64 = 5e-5;
+
+/// The distance between two scanners on one spot.
+#[derive(Debug, Clone, Copy)]
+pub struct Spot {
+    /// The scanners, in the order of the drive.
+    pub scanners: [usize; 2],
+    /// Mean of the times at which either saw it, seconds.
+    pub time_s: f64,
+    /// Time between these, seconds.
+    pub lag_s: f64,
+    /// The second above the first along the normal, metres.
+    pub distance_m: f64,
+    /// Its standard deviation from the scatter of the points about the plane, metres.
+    pub sigma_m: f64,
+    /// By (δp, δφ) of either scanner in the axes of the first of the drive.
+    pub by: [[f64; 6]; 2],
+    /// Mean of the second one's points: from its own origin, axes of the first scanner of the drive, metres.
+    pub arm_m: Vec3,
+    /// The normal, and up, in these axes.
+    pub normal: Vec3,
+    pub up: Vec3,
+}
+
+/// A point in the world, and what it needs to move with its scanner.
+struct Point {
+    cell: VoxelKey,
+    scanner: usize,
+    time_s: f64,
+    /// Where it comes in its sample: order of points of the same time.
+    number: u32,
+    world_m: Vec3,
+    /// From its scanner to the point, axes of the first scanner.
+    arm_m: Vec3,
+    profile: u32,
+}
+
+/// The points of a drive, to be placed with the scanners anywhere in the frame of the first.
+pub struct Scene<'a> {
+    samples: &'a [ScannerSample],
+    /// World from the frame of the first scanner at each profile of each scanner. Where mountings bend, the
+    /// bending of either scanner is in it.
+    frames: Vec<Vec<(Mat3, Vec3)>>,
+}
+
+impl<'a> Scene<'a> {
+    pub fn new(mountings: &[Mounting], samples: &'a [ScannerSample], bending: &[Bending]) -> Self {
+        let first = &mountings[0].body_from_scanner;
+        let frames = |(number, (mounting, sample)): (usize, (&Mounting, &ScannerSample))| {
+            let mean = &mounting.body_from_scanner;
+            let scanner_from_first = relative(first, mean).inverse();
+            let frame = |profile: &crate::surface::Profile| {
+                let bent = bending.get(number);
+                let now = bent.map_or(*mean, |bending| bending.apply(mean, profile.time_s));
+                let body_from_first = now * scanner_from_first;
+                let rotation = profile.world_from_body.rotation * body_from_first.rotation;
+                let origin_m = profile.world_from_body.map(&body_from_first.translation_m);
+                (*rotation.to_rotation_matrix().matrix(), origin_m)
+            };
+            sample.profiles.iter().map(frame).collect()
+        };
+        let all = mountings.iter().zip(samples).enumerate();
+        Self {
+            samples,
+            frames: all.map(frames).collect(),
+        }
+    }
+
+    /// What two scanners saw in cells of this edge, in the order of cells and passes.
+    pub fn spots(&self, at: &[ScannerFromScanner], cell_m: f64) -> Vec<Spot> {
+        let mut points = self.placed(at, cell_m);
+        points.par_sort_unstable_by(|a, b| {
+            let key = |p: &Point| (p.cell, p.scanner, p.number);
+            let by_cell = a.cell.cmp(&b.cell).then(a.time_s.total_cmp(&b.time_s));
+            by_cell.then_with(|| key(a).cmp(&key(b)))
+        });
+        let cells: Vec<&[Point]> = points.chunk_by(|a, b| a.cell == b.cell).collect();
+        let of_cell = |cell: &&[Point]| {
+            let passes = cell.chunk_by(|a, b| b.time_s - a.time_s <= LAG_S);
+            passes.flat_map(|pass| self.pairs(pass)).collect::<Vec<_>>()
+        };
+        cells.par_iter().flat_map_iter(of_cell).collect()
+    }
+
+    fn placed(&self, at: &[ScannerFromScanner], cell_m: f64) -> Vec<Point> {
+        let samples = self.samples.iter().zip(at).enumerate();
+        let of = |(scanner, (sample, pose)): (usize, (&ScannerSample, &ScannerFromScanner))| {
+            let turn = *pose.rotation.to_rotation_matrix().matrix();
+            let place = move |(number, point): (usize, &crate::surface::ProfilePoint)| {
+                let (rotation, origin_m) = &self.frames[scanner][point.profile as usize];
+                let arm_m = turn * point.position_m;
+                let world_m = origin_m + rotation * (pose.translation_m + arm_m);
+                Point {
+                    cell: voxel_key(&world_m, cell_m),
+                    scanner,
+                    time_s: sample.profiles[point.profile as usize].time_s,
+                    number: number as u32,
+                    world_m,
+                    arm_m,
+                    profile: point.profile,
+                }
+            };
+            let points: Vec<Point> = sample.points.par_iter().enumerate().map(place).collect();
+            points
+        };
+        samples.flat_map(of).collect()
+    }
+
+    /// Each two scanners of one pass over a cell.
+    fn pairs(&self, pass: &[Point]) -> Vec<Spot> {
+        let mut found = Vec::new();
+        for second in 1..self.samples.len() {
+            for first in 0..second {
+                found.extend(self.spot(pass, [first, second]));
+            }
+        }
+        found
+    }
+
+    fn spot(&self, pass: &[Point], scanners: [usize; 2]) -> Option<Spot> {
+        let [a, b] = scanners.map(|scanner| pass.iter().filter(|p| p.scanner == scanner).count());
+        if a < MIN_POINTS || b < MIN_POINTS {
+            return None;
+        }
+        let points: Vec<&Point> = pass
+            .iter()
+            .filter(|point| scanners.contains(&point.scanner))
+            .collect();
+        let origin_m = points[0].world_m;
+        let (count, shares) = (points.len() as f64, [a as f64, b as f64]);
+        let mut means = [Vec3::zeros(); 2];
+        let mut times_s = [0.0; 2];
+        for point in &points {
+            let side = usize::from(point.scanner == scanners[1]);
+            means[side] += (point.world_m - origin_m) / shares[side];
+            times_s[side] += point.time_s / shares[side];
+        }
+        // The plane of what either saw about its own mean: a distance between them does not tilt it.
+        let mut scatter = Matrix3::zeros();
+        for point in &points {
+            let side = usize::from(point.scanner == scanners[1]);
+            let off = point.world_m - origin_m - means[side];
+            scatter += off * off.transpose();
+        }
+        let eigen = SymmetricEigen::new(scatter);
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+        let [along, across, thick] = order.map(|i| eigen.eigenvalues[i].max(0.0));
+        let [u, v, mut normal] = order.map(|i| eigen.eigenvectors.column(i).into_owned());
+        // A spot both of whose axes have the same variance turns the axes, but not what follows.
+        if across < MIN_WIDTH * along || thick > MAX_THICKNESS * across || across <= 0.0 {
+            return None;
+        }
+        if normal.z < 0.0 {
+            normal = -normal;
+        }
+        // Least squares of a + b u + c v + d [second]: with coordinates about the own means, b and c come from
+        // within either scanner, and d = (h̄₂ − h̄₁) − b (ū₂ − ū₁) − c (v̄₂ − v̄₁).
+        let apart = means[1] - means[0];
+        let tilt = [(u, apart.dot(&u) / along), (v, apart.dot(&v) / across)];
+        let plain = 1.0 / shares[0] + 1.0 / shares[1];
+        let tilted = tilt
+            .iter()
+            .map(|(axis, t)| t * apart.dot(axis))
+            .sum::<f64>();
+        if plain < MIN_SHARED * (plain + tilted) {
+            return None;
+        }
+        // The axes are those of the scatter, so that b = c = 0 and d = h̄₂ − h̄₁.
+        let distance_m = normal.dot(&apart);
+        let variance = thick / (count - 4.0).max(1.0) * (plain + tilted);
+        let mut by = [[0.0; 6]; 2];
+        let (mut arm_m, mut turned, mut up) = (Vec3::zeros(), Vec3::zeros(), Vec3::zeros());
+        for point in &points {
+            let side = usize::from(point.scanner == scanners[1]);
+            let sign = [-1.0, 1.0][side];
+            let off = point.world_m - origin_m - means[side];
+            let of_tilt: f64 = tilt.iter().map(|(axis, t)| t * off.dot(axis)).sum();
+            let weight = sign / shares[side] - of_tilt;
+            let (rotation, _) = &self.frames[point.scanner][point.profile as usize];
+            let direction = rotation.tr_mul(&normal);
+            let moment = point.arm_m.cross(&direction);
+            for axis in 0..3 {
+                by[side][axis] += weight * direction[axis];
+                by[side][3 + axis] += weight * moment[axis];
+            }
+            if side == 1 {
+                arm_m += point.arm_m / shares[1];
+                turned = direction;
+                up = rotation.row(2).transpose();
+            }
+        }
+        Some(Spot {
+            scanners,
+            time_s: 0.5 * (times_s[0] + times_s[1]),
+            lag_s: (times_s[1] - times_s[0]).abs(),
+            distance_m,
+            sigma_m: variance.sqrt().hypot(LEAST_SIGMA_M),
+            by,
+            arm_m,
+            normal: turned,
+            up,
+        })
+    }
+}

@@ -1,0 +1,523 @@
+//! The days of a campaign against each other: a control chart of where each scanner sits in the frame of the first.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector6;
+use serde::{Deserialize, Serialize};
+
+use super::base::Base;
+use super::cost::{Cost, Moments};
+use super::estimate::offset;
+use super::limit::{Difference, Estimate, mean};
+use super::overlap::{Overlap, ScannerOverlap};
+use crate::calibration::ScannerFromScanner;
+use crate::error::{Error, Result};
+
+/// How days are judged.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ChartSettings {
+    /// Share of campaigns without any drift in which a day leaves its limits by chance.
+    pub false_alarm_rate: f64,
+    /// Days whose mean the others are held against, where there is no calibration and after an alarm.
+    pub base_days: usize,
+}
+
+impl Default for ChartSettings {
+    fn default() -> Self {
+        Self {
+            false_alarm_rate: 0.01,
+            base_days: 5,
+        }
+    }
+}
+
+/// The control chart of a campaign.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Chart {
+    /// How days were judged.
+    pub settings: ChartSettings,
+    /// Whether the base is a calibration; else it is the mean of the first days.
+    pub from_calibration: bool,
+    /// The first scanner, against which the others are watched.
+    pub first: String,
+    /// The others.
+    pub scanners: Vec<ScannerChart>,
+}
+
+/// The chart of one scanner against the first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScannerChart {
+    /// The scanner.
+    pub name: String,
+    /// Where offsets of the days are counted from: the calibration, or the mounting in use on the first day.
+    pub origin: ScannerFromScanner,
+    /// Days in their order.
+    pub days: Vec<ChartDay>,
+    /// Days on which it left its limits.
+    pub alarms: Vec<Alarm>,
+    /// Present where it now sits elsewhere than in the base.
+    pub off: Option<Off>,
+}
+
+/// A day of one scanner.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChartDay {
+    /// YYYY-MM-DD.
+    pub date: String,
+    /// Drives that were combined.
+    pub drives: usize,
+    /// Off the origin of the chart: position along (metres) and rotation about (radians) the axes of the first
+    /// scanner; `None` where it is not determined.
+    pub offset: [Option<f64>; 6],
+    /// Standard deviations of these.
+    pub sigma: [Option<f64>; 6],
+    /// dᵀ S⁻¹ d against the state before; `None` on the first day of a chart without a calibration, and where nothing
+    /// is determined.
+    pub t2: Option<f64>,
+    /// What T² exceeds by chance at the rate of the chart.
+    pub limit: Option<f64>,
+    /// Whether it is out of its limits.
+    pub is_out: bool,
+    /// How often the scanner has left its limits so far, this day included.
+    pub state: usize,
+}
+
+/// A day on which a scanner left its limits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Alarm {
+    /// The first day out of limits.
+    pub date: String,
+    /// The last day within them; `None` where the first day of the campaign is out already.
+    pub last_within: Option<String>,
+    /// T² of that day.
+    pub t2: f64,
+    /// Its limit.
+    pub limit: f64,
+    /// How far it moved from the state before: metres and radians; `None` where that is not determined.
+    pub change: [Option<f64>; 6],
+    /// Standard deviations of these.
+    pub sigma: [Option<f64>; 6],
+    /// What that does to the points of the scanner.
+    pub cost: Cost,
+}
+
+/// A scanner that sits elsewhere than in the base.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Off {
+    /// The first day from which it does without a break.
+    pub since: String,
+    /// How far, by all days of its present state: metres and radians; `None` where that is not determined.
+    pub offset: [Option<f64>; 6],
+    /// Standard deviations of these.
+    pub sigma: [Option<f64>; 6],
+    /// What that does to the points of the scanner.
+    pub cost: Cost,
+}
+
+/// One scanner on one day.
+struct Day<'a> {
+    date: &'a str,
+    drives: Vec<&'a ScannerOverlap>,
+    estimate: Estimate,
+}
+
+impl Chart {
+    /// The chart of the drives of a campaign, each with its date, in any order; drives of one date are combined. With
+    /// `base`, days are held against a calibration, without (empty), against the mean of the first days.
+    ///
+    /// # Errors
+    /// No drive; a date that is none; drives with other first scanners; a rate that is none.
+    pub fn new(
+        drives: &[(String, Overlap)],
+        base: &[Base],
+        settings: &ChartSettings,
+    ) -> Result<Self> {
+        check(drives, base, settings)?;
+        let mut scanners = BTreeMap::<&str, BTreeMap<&str, Vec<&ScannerOverlap>>>::new();
+        for (date, drive) in drives {
+            for scanner in &drive.scanners {
+                let dates = scanners.entry(&scanner.name).or_default();
+                dates.entry(date).or_default().push(scanner);
+            }
+        }
+        let tests: usize = scanners.values().map(BTreeMap::len).sum();
+        // Šidák: so that the whole chart holds its rate.
+        let probability = -((-settings.false_alarm_rate).ln_1p() / tests as f64).exp_m1();
+        let charts = scanners.into_iter().map(|(name, dates)| {
+            let base = base.iter().find(|base| base.name == name);
+            let first = dates.values().next().and_then(|drives| drives.first());
+            let in_use = first.map_or(ScannerFromScanner::identity(), |first| first.in_use);
+            let origin = base.map_or(in_use, |base| base.first_from_scanner);
+            let days = dates.into_iter().map(|(date, drives)| Day {
+                estimate: combined(&origin, &drives),
+                date,
+                drives,
+            });
+            let days: Vec<Day<'_>> = days.collect();
+            let watch = Watch {
+                base: base.map(Base::estimate),
+                base_days: settings.base_days.max(1),
+                probability,
+            };
+            watch.chart(name, origin, &days)
+        });
+        Ok(Self {
+            settings: *settings,
+            from_calibration: !base.is_empty(),
+            first: drives[0].1.first.clone(),
+            scanners: charts.collect(),
+        })
+    }
+}
+
+fn check(drives: &[(String, Overlap)], base: &[Base], settings: &ChartSettings) -> Result<()> {
+    let Some((_, first)) = drives.first() else {
+        return Err(Error::data(
+            "a control chart of no drives",
+            "give the overlap of one drive or more",
+        ));
+    };
+    if let Some((date, _)) = drives.iter().find(|(date, _)| day_number(date).is_none()) {
+        return Err(Error::data(
+            format!("`{date}` is no date"),
+            "give dates as YYYY-MM-DD",
+        ));
+    }
+    let firsts = drives
+        .iter()
+        .map(|(date, drive)| (&drive.first, date.as_str()));
+    let mut firsts = firsts.chain(base.iter().map(|base| (&base.first, "the calibration")));
+    if let Some((other, place)) = firsts.find(|(name, _)| **name != first.first) {
+        return Err(Error::data(
+            format!(
+                "the first scanner is `{}` on {} and `{other}` on {place}",
+                first.first, drives[0].0
+            ),
+            "name the scanners in the same order in all projects",
+        ));
+    }
+    let rate = settings.false_alarm_rate;
+    if !(rate > 0.0 && rate < 1.0) {
+        return Err(Error::data(
+            format!("a false alarm rate of {rate}"),
+            "give a share between 0 and 1, such as 0.01",
+        ));
+    }
+    Ok(())
+}
+
+/// The drives of one day in one.
+fn combined(origin: &ScannerFromScanner, drives: &[&ScannerOverlap]) -> Estimate {
+    let of = |drive: &&ScannerOverlap| Estimate {
+        offset: offset(origin, &drive.first_from_scanner()),
+        covariance: drive.covariance,
+        determined: drive.determined,
+        degrees: drive.degrees(),
+    };
+    let all: Vec<Estimate> = drives.iter().map(of).collect();
+    mean(&all).unwrap_or(Estimate {
+        determined: [false; 6],
+        ..all[0]
+    })
+}
+
+/// What the days of a scanner are held against.
+struct Watch {
+    /// A calibration, which stays the base until the first alarm.
+    base: Option<Estimate>,
+    base_days: usize,
+    probability: f64,
+}
+
+impl Watch {
+    fn chart(&self, name: &str, origin: ScannerFromScanner, days: &[Day<'_>]) -> ScannerChart {
+        // The days of each state, the present one last.
+        let mut states: Vec<Vec<Estimate>> = vec![Vec::new()];
+        let mut chart = ScannerChart {
+            name: name.into(),
+            origin,
+            days: Vec::new(),
+            alarms: Vec::new(),
+            off: None,
+        };
+        for (number, day) in days.iter().enumerate() {
+            let state = states.len() - 1;
+            let before = self.base_of(&states, state);
+            let found = before.and_then(|before| Difference::of(&day.estimate, &before));
+            let limit = found.as_ref().map(|found| found.limit(self.probability));
+            let out = found
+                .as_ref()
+                .zip(limit)
+                .filter(|(found, limit)| found.t2 > *limit);
+            if let Some((found, limit)) = out {
+                chart.alarms.push(Alarm {
+                    date: day.date.into(),
+                    last_within: number.checked_sub(1).map(|i| days[i].date.into()),
+                    t2: found.t2,
+                    limit,
+                    change: known(&found.offset, &found.determined),
+                    sigma: found.sigma(),
+                    cost: Moments::of(&day.drives).cost(&found.offset, &found.covariance),
+                });
+                states.push(Vec::new());
+            }
+            let state = states.len() - 1;
+            states[state].push(day.estimate);
+            let sigma = day.estimate.covariance.diagonal().map(f64::sqrt);
+            chart.days.push(ChartDay {
+                date: day.date.into(),
+                drives: day.drives.len(),
+                offset: known(&day.estimate.offset, &day.estimate.determined),
+                sigma: known(&sigma, &day.estimate.determined),
+                t2: found.as_ref().map(|found| found.t2),
+                limit,
+                is_out: out.is_some(),
+                state,
+            });
+        }
+        chart.off = self.off(&states, &chart.alarms, days);
+        chart
+    }
+
+    /// What a state is held against: the calibration, or the mean of its first days.
+    fn base_of(&self, states: &[Vec<Estimate>], state: usize) -> Option<Estimate> {
+        let own = self.base.filter(|_| state == 0);
+        let days = &states[state];
+        own.or_else(|| mean(&days[..days.len().min(self.base_days)]))
+    }
+
+    /// Whether the present state is another than the first, and since when.
+    fn off(&self, states: &[Vec<Estimate>], alarms: &[Alarm], days: &[Day<'_>]) -> Option<Off> {
+        let base = self.base_of(states, 0)?;
+        let is_off = |state: usize| {
+            let found = Difference::of(&mean(&states[state])?, &base)?;
+            (found.t2 > found.limit(self.probability)).then_some(found)
+        };
+        let now = is_off(states.len() - 1).filter(|_| states.len() > 1)?;
+        let mut since = states.len() - 1;
+        while since > 1 && is_off(since - 1).is_some() {
+            since -= 1;
+        }
+        Some(Off {
+            since: alarms[since - 1].date.clone(),
+            offset: known(&now.offset, &now.determined),
+            sigma: now.sigma(),
+            cost: Moments::of(&days.last()?.drives).cost(&now.offset, &now.covariance),
+        })
+    }
+}
+
+fn known(all: &Vector6<f64>, determined: &[bool; 6]) -> [Option<f64>; 6] {
+    std::array::from_fn(|i| determined[i].then_some(all[i]))
+}
+
+/// Days from 1970-01-01 to a date YYYY-MM-DD; `None` where it is none.
+pub fn day_number(date: &str) -> Option<i64> {
+    let digits = |range: std::ops::Range<usize>| {
+        let part = date.get(range)?;
+        part.bytes().all(|b| b.is_ascii_digit()).then_some(())?;
+        part.parse::<i64>().ok()
+    };
+    let bytes = date.as_bytes();
+    if bytes.len() != 10 || bytes[4] != b'-' || bytes[7] != b'-' {
+        return None;
+    }
+    let (year, month, day) = (digits(0..4)?, digits(5..7)?, digits(8..10)?);
+    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    let longest = match month {
+        2 => 28 + i64::from(is_leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => return None,
+    };
+    if !(1..=longest).contains(&day) {
+        return None;
+    }
+    // Years from March on, so that the leap day is the last (Hinnant 2013).
+    let (year, month) = match month {
+        1 | 2 => (year - 1, month + 9),
+        _ => (year, month - 3),
+    };
+    let era = year.div_euclid(400);
+    let of_era = year.rem_euclid(400);
+    let of_year = (153 * month + 2) / 5 + day - 1;
+    Some(era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix6;
+
+    const SIGMA: f64 = 1e-4;
+
+    /// A day with this offset.
+    fn day(offset: [f64; 6]) -> Overlap {
+        let scanner = ScannerOverlap {
+            name: "right".into(),
+            in_use: ScannerFromScanner::identity(),
+            offset: offset.into(),
+            covariance: Matrix6::identity() * SIGMA * SIGMA,
+            determined: [true; 6],
+            blocks: 41,
+            spots: 1000,
+            lag_s: 0.1,
+            normal: Matrix6::identity(),
+            vertical: Matrix6::identity() * 0.25,
+            total: Matrix6::identity() * 4.0,
+        };
+        Overlap {
+            first: "left".into(),
+            scanners: vec![scanner],
+        }
+    }
+
+    /// Days of May with offsets along x in sigmas.
+    fn drives(x_sigmas: &[f64]) -> Vec<(String, Overlap)> {
+        let all = x_sigmas.iter().zip(1..);
+        let drive = |(x, number): (&f64, i32)| {
+            let offset = [x * SIGMA, 0.0, 0.0, 0.0, 0.0, 0.0];
+            (format!("2025-05-{number:02}"), day(offset))
+        };
+        all.map(drive).collect()
+    }
+
+    fn chart(x_sigmas: &[f64]) -> ScannerChart {
+        let chart = Chart::new(&drives(x_sigmas), &[], &ChartSettings::default()).unwrap();
+        chart.scanners.into_iter().next().unwrap()
+    }
+
+    fn alarms(chart: &ScannerChart) -> Vec<&str> {
+        chart.alarms.iter().map(|alarm| &alarm.date[8..]).collect()
+    }
+
+    const BEFORE: [f64; 6] = [0.3, -0.5, 0.2, 0.6, -0.4, 0.1];
+
+    #[test]
+    fn it_goes_on_from_the_new_state_and_says_that_it_is_off() {
+        let mut days = BEFORE.to_vec();
+        days.extend([20.2, 19.6, 20.3, 19.9]);
+        let found = chart(&days);
+        assert_eq!(alarms(&found), ["07"]);
+        let alarm = &found.alarms[0];
+        assert_eq!(alarm.last_within.as_deref(), Some("2025-05-06"));
+        // From the mean of the first five days.
+        assert!((alarm.change[0].unwrap() / SIGMA - (20.2 - 0.04)).abs() < 1e-9);
+        let expected = (1.0f64 + 0.2).sqrt();
+        assert!((alarm.sigma[0].unwrap() / SIGMA - expected).abs() < 1e-9);
+        // M = 4 in all, 1 along the normal.
+        assert!((alarm.cost.total_m / SIGMA - 2.0 * 20.16).abs() < 1e-9);
+        assert!((alarm.cost.normal_sigma_m / SIGMA - expected).abs() < 1e-9);
+        assert!((alarm.cost.vertical_m / alarm.cost.normal_m - 0.5).abs() < 1e-12);
+        let off = found.off.as_ref().unwrap();
+        assert_eq!(off.since, "2025-05-07");
+        assert!((off.offset[0].unwrap() / SIGMA - (20.0 - 0.04)).abs() < 1e-9);
+        assert_eq!(found.days[0].t2, None);
+        assert_eq!((found.days[5].state, found.days[6].state), (0, 1));
+    }
+
+    #[test]
+    fn a_day_that_comes_back_is_not_off() {
+        let mut days = BEFORE.to_vec();
+        days.extend([20.0, 0.1, -0.2]);
+        let found = chart(&days);
+        assert_eq!(alarms(&found), ["07", "08"]);
+        assert_eq!(found.off, None);
+        assert_eq!(found.days[8].state, 2);
+    }
+
+    #[test]
+    fn two_knocks_are_off_since_the_first() {
+        let mut days = BEFORE.to_vec();
+        days.extend([20.0, 20.1, 50.0, 50.2]);
+        let found = chart(&days);
+        assert_eq!(alarms(&found), ["07", "09"]);
+        assert_eq!(found.off.unwrap().since, "2025-05-07");
+    }
+
+    #[test]
+    fn a_calibration_is_a_base_from_the_first_day() {
+        let base = Base {
+            first: "left".into(),
+            name: "right".into(),
+            first_from_scanner: ScannerFromScanner::identity(),
+            covariance: Matrix6::identity() * 1e-12,
+            determined: [true; 6],
+        };
+        let settings = ChartSettings::default();
+        let found = Chart::new(&drives(&[20.0, 20.1]), &[base], &settings).unwrap();
+        let found = &found.scanners[0];
+        assert_eq!(
+            (alarms(found), &found.alarms[0].last_within),
+            (vec!["01"], &None)
+        );
+        assert_eq!(found.off.as_ref().unwrap().since, "2025-05-01");
+    }
+
+    #[test]
+    fn drives_of_a_day_are_combined_in_any_order() {
+        let mut all = drives(&[0.0, 0.3, 1.0]);
+        all.push((
+            all[2].0.clone(),
+            day([2.0 * SIGMA, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ));
+        let settings = ChartSettings::default();
+        let found = Chart::new(&all, &[], &settings).unwrap();
+        let last = &found.scanners[0].days[2];
+        assert_eq!(last.drives, 2);
+        assert!((last.offset[0].unwrap() / SIGMA - 1.5).abs() < 1e-9);
+        assert!((last.sigma[0].unwrap() / SIGMA - 0.5f64.sqrt()).abs() < 1e-9);
+        all.swap(0, 2);
+        assert_eq!(Chart::new(&all, &[], &settings).unwrap(), found);
+    }
+
+    #[test]
+    fn json_gives_back_overlaps_and_charts() {
+        let all = drives(&[0.0, 0.3, 30.0, 30.0]);
+        let text = serde_json::to_string(&all).unwrap();
+        let read: Vec<(String, Overlap)> = serde_json::from_str(&text).unwrap();
+        assert_eq!(read, all);
+        let chart = Chart::new(&read, &[], &ChartSettings::default()).unwrap();
+        let text = serde_json::to_string(&chart).unwrap();
+        assert_eq!(serde_json::from_str::<Chart>(&text).unwrap(), chart);
+    }
+
+    #[test]
+    fn what_is_no_campaign_is_refused() {
+        let settings = ChartSettings::default();
+        let refused = |drives: &[(String, Overlap)], settings: &ChartSettings| {
+            Chart::new(drives, &[], settings).unwrap_err().to_string()
+        };
+        assert!(refused(&[], &settings).contains("no drives"));
+        let mut all = drives(&[0.0, 0.0]);
+        all[1].1.first = "right".into();
+        assert!(refused(&all, &settings).contains("`right` on 2025-05-02"));
+        all[1].0 = "2025-02-29".into();
+        assert!(refused(&all, &settings).contains("`2025-02-29` is no date"));
+        let rate = ChartSettings {
+            false_alarm_rate: 0.0,
+            ..settings
+        };
+        assert!(refused(&drives(&[0.0]), &rate).contains("rate of 0"));
+    }
+
+    #[test]
+    fn dates_count_days() {
+        assert_eq!(day_number("1970-01-01"), Some(0));
+        assert_eq!(day_number("2000-03-01"), Some(11_017));
+        assert_eq!(
+            day_number("2024-02-29"),
+            day_number("2024-03-01").map(|d| d - 1)
+        );
+        for wrong in [
+            "2025-02-29",
+            "2025-13-01",
+            "20250501",
+            "2025-5-001",
+            "2025-00-10",
+            "+025-05-01",
+        ] {
+            assert_eq!(day_number(wrong), None, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,463 @@
+//! How the further scanners sit in the frame of the first, by the distances on all spots.
+
+use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
+
+use super::cells::{LAG_S, Scene, Spot};
+use super::overlap::{Overlap, ScannerOverlap};
+use crate::calibration::{Mounting, ScannerFromScanner, ScannerSample, relative};
+use crate::error::{Error, Problem, Result};
+use crate::geometry::{Bending, Vec3, so3};
+use crate::progress::Progress;
+use crate::statistics::{SIGMAS_PER_MAD, median};
+
+/// Edges of cells from coarse to fine, in finest voxels of the samples: a cell of the last holds some 16 points of
+/// either scanner.
+const CELL_VOXELS: [f64; 3] = [16.0, 8.0, 4.0];
+const MAX_ITERATIONS: usize = 12;
+/// A step ends a cell size where it moves points by less than this share of the voxel.
+const CONVERGED_SHARE: f64 = 2e-4;
+
+/// What may be wrong with a mounting at most, metres and radians: a prior, which a component that the ground does
+/// not show keeps.
+pub const PRIOR: [f64; 2] = [0.1, 0.1];
+/// A component is determined where less than this share of the prior is left.
+const DETERMINED_SHARE: f64 = 0.1;
+
+/// Distances count in full up to this many standard deviations (Huber).
+const HUBER: f64 = 2.0;
+/// Blocks of the drive at most and at least: as many degrees of freedom has the covariance, and one more.
+const BLOCKS: usize = 40;
+const MIN_BLOCKS: usize = 8;
+/// A block lasts so many times as long as one scanner comes after the other, so that errors of poses between the two
+/// stay within it.
+const BLOCK_LAGS: f64 = 4.0;
+/// Fewest spots.
+const MIN_SPOTS: usize = 240;
+
+/// A drive in the field.
+pub struct OverlapInput<'a> {
+    /// The mountings in use, one a scanner.
+    pub mountings: &'a [Mounting],
+    /// The points of each scanner on the poses of the drive.
+    pub samples: &'a [ScannerSample],
+    /// How mountings move about those in use; empty where they are rigid.
+    pub bending: &'a [Bending],
+    /// Edge of the voxels that the samples were thinned to, metres.
+    pub voxel_m: f64,
+}
+
+/// How each further scanner sits in the frame of the first, by the ground that both saw in one pass.
+///
+/// Poses are those of the samples. Errors of theirs that both scanners share drop out; the rest is in the covariance,
+/// which comes from how blocks of the drive disagree.
+///
+/// # Errors
+/// Fewer than two scanners; too little ground that two scanners saw; [`Error::Cancelled`].
+pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Overlap> {
+    let mountings = input.mountings;
+    check_scanners(mountings.len())?;
+    if mountings.len() != input.samples.len() || input.voxel_m.is_nan() || input.voxel_m <= 0.0 {
+        return Err(Error::data(
+            format!(
+                "{} mountings for the samples of {} scanners, with voxels of {} m",
+                mountings.len(),
+                input.samples.len(),
+                input.voxel_m
+            ),
+            "give one mounting for each sample, and the voxel size above 0 m that they were thinned to",
+        ));
+    }
+    let (first, others) = (&mountings[0], &mountings[1..]);
+    let scene = Scene::new(mountings, input.samples, input.bending);
+    let in_use: Vec<ScannerFromScanner> = mountings
+        .iter()
+        .map(|other| relative(&first.body_from_scanner, &other.body_from_scanner))
+        .collect();
+    let stage = progress.stage("overlap", CELL_VOXELS.len() as u64);
+    let mut step = DVector::zeros(6 * others.len());
+    let mut at = in_use.clone();
+    for cell_voxels in CELL_VOXELS {
+        let cell_m = cell_voxels * input.voxel_m;
+        for _ in 0..MAX_ITERATIONS {
+            progress.check()?;
+            let seen = scene.spots(&at, cell_m);
+            if seen.len() < MIN_SPOTS {
+                return Err(too_little(seen.len()));
+            }
+            let normal = Normal::of(&seen, others.len(), blocks(&seen)?);
+            let next = normal.solved(&step)?;
+            let moved_m = normal.moved_m(&(&next - &step));
+            step = next;
+            at = in_use.clone();
+            for (pose, delta) in at[1..].iter_mut().zip(step.as_slice().chunks_exact(6)) {
+                *pose = perturbed(pose, delta);
+            }
+            if moved_m < CONVERGED_SHARE * input.voxel_m {
+                break;
+            }
+        }
+        progress.advance(1);
+    }
+    drop(stage);
+    let seen = scene.spots(&at, CELL_VOXELS[CELL_VOXELS.len() - 1] * input.voxel_m);
+    if seen.len() < MIN_SPOTS {
+        return Err(too_little(seen.len()));
+    }
+    let normal = Normal::of(&seen, others.len(), blocks(&seen)?);
+    let (covariance, blocks) = normal.covariance()?;
+    let scanners = others.iter().enumerate().map(|(i, other)| {
+        let own: Vec<&Spot> = seen.iter().filter(|s| s.scanners[1] == i + 1).collect();
+        let offset: Vector6<f64> = step.fixed_rows::<6>(6 * i).into_owned();
+        let covariance: Matrix6<f64> = covariance.fixed_view::<6, 6>(6 * i, 6 * i).into_owned();
+        let prior = |k: usize| DETERMINED_SHARE * PRIOR[k / 3];
+        let determined = std::array::from_fn(|k| covariance[(k, k)].sqrt() < prior(k));
+        let [along_normal, upwards, in_all] = moments(&own);
+        ScannerOverlap {
+            name: other.name.clone(),
+            in_use: in_use[i + 1],
+            offset,
+            covariance,
+            determined,
+            blocks,
+            spots: own.len(),
+            lag_s: median(own.iter().map(|spot| spot.lag_s)).unwrap_or(f64::NAN),
+            normal: along_normal,
+            vertical: upwards,
+            total: in_all,
+        }
+    });
+    Ok(Overlap {
+        first: first.name.clone(),
+        scanners: scanners.collect(),
+    })
+}
+
+/// # Errors
+/// Fewer than two scanners.
+pub fn check_scanners(count: usize) -> Result<()> {
+    if count > 1 {
+        return Ok(());
+    }
+    Err(Error::of(
+        Problem::TooFew,
+        format!("{count} scanners: one against the other needs two"),
+        "give a project with two or more scanners",
+    ))
+}
+
+fn too_little(spots: usize) -> Error {
+    Error::of(
+        Problem::TooFew,
+        format!("the scanners saw only {spots} spots of the ground together within {LAG_S} s"),
+        "the drift watch needs scanners whose fans overlap on the ground, and a drive of some metres",
+    )
+}
+
+/// Exp(δφ) R, t + δp.
+pub fn perturbed(pose: &ScannerFromScanner, delta: &[f64]) -> ScannerFromScanner {
+    let [shift, turn] = [&delta[..3], &delta[3..]].map(Vec3::from_column_slice);
+    ScannerFromScanner::new(so3::exp(&turn) * pose.rotation, pose.translation_m + shift)
+}
+
+/// (δp, δφ) that lead from one to the other.
+pub fn offset(from: &ScannerFromScanner, to: &ScannerFromScanner) -> Vector6<f64> {
+    let shift = to.translation_m - from.translation_m;
+    let turn = so3::log(&(to.rotation * from.rotation.inverse()));
+    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+}
+
+/// Mean squares of how far points move along the normal, upwards, and in all: δᵀ M δ.
+fn moments(spots: &[&Spot]) -> [Matrix6<f64>; 3] {
+    let mut sums = [Matrix6::zeros(); 3];
+    for spot in spots {
+        let along = |direction: &Vec3| {
+            let moment = spot.arm_m.cross(direction);
+            Vector6::new(
+                direction.x,
+                direction.y,
+                direction.z,
+                moment.x,
+                moment.y,
+                moment.z,
+            )
+        };
+        let mut add = |sum: usize, direction: &Vec3| {
+            let row = along(direction);
+            sums[sum] += row * row.transpose() / spots.len() as f64;
+        };
+        add(0, &spot.normal);
+        add(1, &spot.up);
+        [Vec3::x(), Vec3::y(), Vec3::z()]
+            .iter()
+            .for_each(|axis| add(2, axis));
+    }
+    sums
+}
+
+/// Normal equations of the spots, block by block.
+struct Normal {
+    /// JᵀWJ and JᵀWe of each block.
+    blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
+    /// Mean square of JᵀJ: how far a step moves points along the normal.
+    metric: DMatrix<f64>,
+    prior: DVector<f64>,
+}
+
+impl Normal {
+    fn of(spots: &[Spot], others: usize, count: usize) -> Self {
+        let size = 6 * others;
+        let ratios = || spots.iter().map(|spot| spot.distance_m / spot.sigma_m);
+        let middle = median(ratios()).unwrap_or(0.0);
+        let scatter = median(ratios().map(|ratio| (ratio - middle).abs()));
+        let scale = (SIGMAS_PER_MAD * scatter.unwrap_or(1.0)).max(1.0);
+        let mut blocks = Vec::new();
+        let mut metric = DMatrix::zeros(size, size);
+        for range in split(spots, count) {
+            let (mut matrix, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
+            for spot in range {
+                let mut row = DVector::zeros(size);
+                for (scanner, by) in spot.scanners.iter().zip(&spot.by) {
+                    if *scanner > 0 {
+                        let own = Vector6::from_column_slice(by);
+                        row.fixed_rows_mut::<6>(6 * (scanner - 1)).copy_from(&own);
+                    }
+                }
+                let sigma_m = scale * spot.sigma_m;
+                let ratio = (spot.distance_m / sigma_m).abs();
+                let weight = (HUBER / ratio).min(1.0) / (sigma_m * sigma_m);
+                matrix.ger(weight, &row, &row, 1.0);
+                gradient.axpy(weight * spot.distance_m, &row, 1.0);
+                metric.ger(1.0 / spots.len() as f64, &row, &row, 1.0);
+            }
+            blocks.push((matrix, gradient));
+        }
+        Self {
+            blocks,
+            metric,
+            prior: DVector::from_fn(size, |i, _| PRIOR[i % 6 / 3].powi(-2)),
+        }
+    }
+
+    /// The offset from the mountings in use after a step from this one.
+    fn solved(&self, now: &DVector<f64>) -> Result<DVector<f64>> {
+        let (matrix, gradient) = self.all();
+        let pull = self.prior.component_mul(now);
+        let factor = matrix.cholesky().ok_or_else(singular)?;
+        Ok(now - factor.solve(&(gradient + pull)))
+    }
+
+    fn all(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let mut matrix = DMatrix::from_diagonal(&self.prior);
+        let mut gradient = DVector::zeros(self.prior.len());
+        for (of_block, own) in &self.blocks {
+            matrix += of_block;
+            gradient += own;
+        }
+        (matrix, gradient)
+    }
+
+    /// Root mean square of how far a step moves points along the normal, metres.
+    fn moved_m(&self, step: &DVector<f64>) -> f64 {
+        (&self.metric * step).dot(step).max(0.0).sqrt()
+    }
+
+    /// From what the drive without each of its blocks says (the jackknife): whatever errors neighbouring spots have in
+    /// common, of poses or of the ground, blocks do not. And the number of blocks.
+    fn covariance(&self) -> Result<(DMatrix<f64>, usize)> {
+        let (matrix, _) = self.all();
+        let count = self.blocks.len() as f64;
+        let without = |(of_block, own): &(DMatrix<f64>, DVector<f64>)| {
+            let factor = (&matrix - of_block).cholesky().ok_or_else(singular)?;
+            Ok(factor.solve(own))
+        };
+        let moved: Result<Vec<DVector<f64>>> = self.blocks.iter().map(without).collect();
+        let moved = moved?;
+        let mean = moved.iter().sum::<DVector<f64>>() / count;
+        let inverse = matrix.cholesky().ok_or_else(singular)?.inverse();
+        let mut covariance = &inverse * DMatrix::from_diagonal(&self.prior) * &inverse;
+        for moved in &moved {
+            let off = moved - &mean;
+            covariance.ger((count - 1.0) / count, &off, &off, 1.0);
+        }
+        Ok((covariance, self.blocks.len()))
+    }
+}
+
+fn singular() -> Error {
+    Error::of(
+        Problem::NotDetermined,
+        "the distances between the scanners do not determine how one sits on the other",
+        "check that the poses and the points of the drive are those of one recording",
+    )
+}
+
+/// How many blocks the drive has.
+fn blocks(spots: &[Spot]) -> Result<usize> {
+    let lag_s = median(spots.iter().map(|spot| spot.lag_s)).unwrap_or(0.0);
+    let mut seconds: Vec<i64> = spots.iter().map(|s| s.time_s.floor() as i64).collect();
+    seconds.sort_unstable();
+    seconds.dedup();
+    let count = seconds.len() as f64 / (BLOCK_LAGS * lag_s);
+    if count < MIN_BLOCKS as f64 {
+        return Err(Error::of(
+            Problem::TooFew,
+            format!(
+                "one scanner sees a spot {lag_s:.1} s after the other, and both saw ground for {} s only: {count:.0} \
+                 stretches that are independent, of {MIN_BLOCKS} that standard deviations need",
+                seconds.len()
+            ),
+            "use a longer drive",
+        ));
+    }
+    Ok((count as usize).min(BLOCKS))
+}
+
+/// Spots in blocks of equally many, in the order of time.
+fn split(spots: &[Spot], count: usize) -> Vec<Vec<&Spot>> {
+    let mut order: Vec<&Spot> = spots.iter().collect();
+    order.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let each = order.len().div_ceil(count).max(1);
+    order.chunks(each).map(<[_]>::to_vec).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+    use crate::geometry::{BodyFromScanner, Rotation, WorldFromBody};
+    use crate::progress::Silent;
+    use crate::surface::{Profile, ProfilePoint};
+
+    const VOXEL_M: f64 = 0.01;
+    const NOISE_M: f64 = 2e-4;
+
+    fn mountings() -> Vec<Mounting> {
+        let at = |side: f64| {
+            let turn = so3::exp(&Vec3::new(0.3 * side, 0.05, 0.4));
+            BodyFromScanner::new(turn, Vec3::new(0.2, 0.5 * side, 0.1))
+        };
+        vec![
+            Mounting::new("left", at(1.0)),
+            Mounting::new("right", at(-1.0)),
+        ]
+    }
+
+    /// Points of a strip of ground, two metres long and one wide, on which the second scanner truly sits `off` its
+    /// mounting in use, in the frame of the first.
+    fn samples(height: impl Fn(f64, f64) -> f64, off: &[f64; 6]) -> Vec<ScannerSample> {
+        let mountings = mountings();
+        let [first, second] = [0, 1].map(|i| mountings[i].body_from_scanner);
+        let moved = perturbed(&relative(&first, &second), off);
+        let truth = [first, first * moved];
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let sample = |mounting: &BodyFromScanner| {
+            let mut sample = ScannerSample::default();
+            for number in 0..400 {
+                let along = f64::from(number) * 0.005;
+                let turn = Rotation::from_euler_angles(0.02 * along.sin(), 0.01, 0.0);
+                let world_from_body = WorldFromBody::new(turn, Vec3::new(along, 0.0, 1.5));
+                let pose = world_from_body * *mounting;
+                sample.profiles.push(Profile {
+                    time_s: 0.05 * f64::from(number),
+                    world_from_body,
+                });
+                for _ in 0..200 {
+                    let (x, y) = (
+                        along + 0.005 * rng.random::<f64>(),
+                        rng.random::<f64>() - 0.5,
+                    );
+                    let noise: f64 = StandardNormal.sample(&mut rng);
+                    let world = Vec3::new(x, y, height(x, y) + NOISE_M * noise);
+                    sample.points.push(ProfilePoint {
+                        profile: number as u32,
+                        position_m: pose.map_back(&world),
+                        count: 1,
+                    });
+                }
+            }
+            sample
+        };
+        truth.iter().map(sample).collect()
+    }
+
+    fn found(samples: &[ScannerSample]) -> Result<Overlap> {
+        let input = OverlapInput {
+            mountings: &mountings(),
+            samples,
+            bending: &[],
+            voxel_m: VOXEL_M,
+        };
+        overlap(&input, &Silent)
+    }
+
+    fn waves(x: f64, y: f64) -> f64 {
+        0.05 * (9.0 * x + 2.0 * y).sin() + 0.05 * (8.0 * y - 3.0 * x).cos()
+    }
+
+    #[test]
+    fn a_knock_is_found_within_its_sigmas() {
+        let off = [2e-3, -1e-3, 1.5e-3, 1e-3, -2e-3, 1.5e-3];
+        let right = found(&samples(waves, &off)).unwrap().scanners.remove(0);
+        let sigma = right.sigma();
+        let mut chi = 0.0;
+        for i in 0..6 {
+            let sigma = sigma[i].unwrap();
+            // 0.2 mm of noise on 80,000 points.
+            assert!(sigma < 5e-5, "{i}: {sigma}");
+            chi += ((right.offset[i] - off[i]) / sigma).powi(2) / 6.0;
+        }
+        assert!(chi < 3.0, "{chi} {right:?}");
+        assert!(right.undetermined().is_empty() && right.blocks == BLOCKS);
+        // Points move along the normal as this says: the same as the part of the knock that shows.
+        let knock = Vector6::from(off);
+        let normal_m = knock.dot(&(right.normal * knock)).sqrt();
+        let total_m = knock.dot(&(right.total * knock)).sqrt();
+        assert!(normal_m < total_m && total_m < 6e-3 && normal_m > 1e-3);
+    }
+
+    #[test]
+    fn flat_ground_names_what_it_does_not_show() {
+        let off = [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0];
+        let right = found(&samples(|_, _| 0.0, &off))
+            .unwrap()
+            .scanners
+            .remove(0);
+        // In axes that are turned by half a radian against the ground, no position and no rotation alone is left.
+        assert!(!right.undetermined().is_empty(), "{right:?}");
+        for (i, sigma) in right.sigma().iter().enumerate() {
+            if let Some(sigma) = sigma {
+                assert!(
+                    (right.offset[i] - off[i]).abs() < 4.0 * sigma + 1e-4,
+                    "{i} {right:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn scanners_that_see_nothing_together_are_refused() {
+        let mut apart = samples(waves, &[0.0; 6]);
+        for profile in &mut apart[1].profiles {
+            profile.time_s += 100.0;
+        }
+        let problem = found(&apart).unwrap_err().to_string();
+        assert!(
+            problem.contains("saw only 0 spots of the ground together"),
+            "{problem}"
+        );
+        let input = OverlapInput {
+            mountings: &mountings()[..1],
+            samples: &apart[..1],
+            bending: &[],
+            voxel_m: VOXEL_M,
+        };
+        let problem = overlap(&input, &Silent).unwrap_err().to_string();
+        assert!(
+            problem.contains("one against the other needs two"),
+            "{problem}"
+        );
+    }
+}

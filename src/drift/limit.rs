@@ -1,0 +1,204 @@
+//! When a difference is more than chance: Hotelling's T² and its limit.
+
+use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
+
+use crate::statistics::fisher_exceeded;
+
+/// Degrees of freedom that stand for a covariance that is known.
+pub const KNOWN: f64 = 1e6;
+
+/// An offset with a covariance that was estimated with so many degrees of freedom.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    pub offset: Vector6<f64>,
+    pub covariance: Matrix6<f64>,
+    pub determined: [bool; 6],
+    pub degrees: f64,
+}
+
+/// One estimate against another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// The one less the other; zero where either is not determined.
+    pub offset: Vector6<f64>,
+    /// Its covariance; zero there as well.
+    pub covariance: Matrix6<f64>,
+    /// What both determine.
+    pub determined: [bool; 6],
+    /// dᵀ S⁻¹ d.
+    pub t2: f64,
+    /// Degrees of freedom of S.
+    pub degrees: f64,
+}
+
+impl Difference {
+    /// `None` where nothing is determined by both.
+    pub fn of(one: &Estimate, other: &Estimate) -> Option<Self> {
+        let determined = std::array::from_fn(|i| one.determined[i] && other.determined[i]);
+        let kept: Vec<usize> = (0..6).filter(|&i| determined[i]).collect();
+        let size = kept.len();
+        let part = |c: &Matrix6<f64>| DMatrix::from_fn(size, size, |i, j| c[(kept[i], kept[j])]);
+        let parts = [part(&one.covariance), part(&other.covariance)];
+        let factor = (&parts[0] + &parts[1]).cholesky()?;
+        let d = DVector::from_fn(size, |i, _| one.offset[kept[i]] - other.offset[kept[i]]);
+        if size == 0 {
+            return None;
+        }
+        let t2 = d.dot(&factor.solve(&d));
+        // Krishnamoorthy and Yu (2004): as if S were one Wishart matrix.
+        let p = size as f64;
+        let spread = |(c, degrees): (&DMatrix<f64>, f64)| {
+            let share = factor.solve(c);
+            ((&share * &share).trace() + share.trace().powi(2)) / degrees
+        };
+        let spreads = parts.iter().zip([one.degrees, other.degrees]).map(spread);
+        let degrees = (p + p * p) / spreads.sum::<f64>();
+        let (mut offset, mut covariance) = (Vector6::zeros(), Matrix6::zeros());
+        for (i, &row) in kept.iter().enumerate() {
+            offset[row] = d[i];
+            for (j, &column) in kept.iter().enumerate() {
+                covariance[(row, column)] = parts[0][(i, j)] + parts[1][(i, j)];
+            }
+        }
+        Some(Self {
+            offset,
+            covariance,
+            determined,
+            t2,
+            degrees: degrees.min(KNOWN),
+        })
+    }
+
+    /// What T² exceeds by chance with this probability.
+    pub fn limit(&self, probability: f64) -> f64 {
+        let p = self.determined.iter().filter(|known| **known).count() as f64;
+        let below = (self.degrees - p + 1.0).max(1.0);
+        p * self.degrees.max(p) / below * fisher_exceeded(p, below, probability)
+    }
+
+    /// Standard deviations; `None` where it is not determined.
+    pub fn sigma(&self) -> [Option<f64>; 6] {
+        std::array::from_fn(|i| self.determined[i].then(|| self.covariance[(i, i)].sqrt()))
+    }
+}
+
+/// The mean of estimates of the same, by their covariances; `None` without any.
+pub fn mean(all: &[Estimate]) -> Option<Estimate> {
+    let [first, others @ ..] = all else {
+        return None;
+    };
+    if others.is_empty() {
+        return Some(*first);
+    }
+    let (mut information, mut weighted) = (Matrix6::zeros(), Vector6::zeros());
+    for one in all {
+        let own = one.covariance.cholesky()?.inverse();
+        information += own;
+        weighted += own * one.offset;
+    }
+    let covariance = information.cholesky()?.inverse();
+    Some(Estimate {
+        offset: covariance * weighted,
+        covariance,
+        determined: std::array::from_fn(|i| all.iter().any(|one| one.determined[i])),
+        degrees: all.iter().map(|one| one.degrees).sum(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(offset: [f64; 6], sigma: f64, degrees: f64) -> Estimate {
+        Estimate {
+            offset: offset.into(),
+            covariance: Matrix6::identity() * sigma * sigma,
+            determined: [true; 6],
+            degrees,
+        }
+    }
+
+    #[test]
+    fn t_square_of_known_covariances() {
+        let one = estimate([3e-3, 0.0, 0.0, 0.0, 4e-3, 0.0], 6e-4, KNOWN);
+        let other = estimate([0.0; 6], 8e-4, KNOWN);
+        let found = Difference::of(&one, &other).unwrap();
+        // σ² = 0.36 + 0.64, d² = 9 + 16.
+        assert!((found.t2 - 25.0).abs() < 1e-9);
+        assert!((found.sigma()[0].unwrap() - 1e-3).abs() < 1e-15);
+        // χ² with six degrees of freedom exceeds 16.812 by 1 %.
+        assert!((found.limit(0.01) - 16.812).abs() < 2e-3);
+    }
+
+    #[test]
+    fn what_is_not_determined_is_left_out() {
+        let mut one = estimate([3e-3, 1.0, 0.0, 0.0, 4e-3, 2.0], 1e-3, KNOWN);
+        one.determined[1] = false;
+        let mut other = estimate([0.0; 6], 1e-9, KNOWN);
+        other.determined[5] = false;
+        let found = Difference::of(&one, &other).unwrap();
+        assert!((found.t2 - 25.0).abs() < 1e-6, "{}", found.t2);
+        assert_eq!((found.offset[1], found.sigma()[5]), (0.0, None));
+        // Four degrees: 13.277.
+        assert!((found.limit(0.01) - 13.277).abs() < 2e-3);
+        one.determined = [false; 6];
+        assert!(Difference::of(&one, &other).is_none());
+    }
+
+    #[test]
+    fn degrees_are_those_of_the_part_that_counts() {
+        let one = estimate([0.0; 6], 1e-3, 30.0);
+        let with = |sigma, degrees| {
+            Difference::of(&one, &estimate([0.0; 6], sigma, degrees))
+                .unwrap()
+                .degrees
+        };
+        assert!((with(1e-9, 5.0) - 30.0).abs() < 1e-3);
+        // Two alike: twice as many.
+        assert!((with(1e-3, 30.0) - 60.0).abs() < 1e-9);
+        assert!((with(1e-3, KNOWN) - 120.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn limits_hold_at_their_rate_for_estimated_covariances() {
+        // Offsets and covariances of 20 draws each: 1 % of 4000 differences of nothing exceed the limit.
+        use rand::SeedableRng;
+        use rand_distr::{Distribution, StandardNormal};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        const DRAWS: usize = 20;
+        let mut drawn = || {
+            let all: Vec<Vector6<f64>> = (0..DRAWS)
+                .map(|_| Vector6::from_fn(|_, _| StandardNormal.sample(&mut rng)))
+                .collect();
+            let offset = all.iter().sum::<Vector6<f64>>() / DRAWS as f64;
+            let scatter = all.iter().map(|x| (x - offset) * (x - offset).transpose());
+            let degrees = (DRAWS - 1) as f64;
+            Estimate {
+                offset,
+                covariance: scatter.sum::<Matrix6<f64>>() / degrees / DRAWS as f64,
+                determined: [true; 6],
+                degrees,
+            }
+        };
+        let exceeded = (0..4000).filter(|_| {
+            let found = Difference::of(&drawn(), &drawn()).unwrap();
+            found.t2 > found.limit(0.01)
+        });
+        // 40 expected, with a standard deviation of 6.
+        let count = exceeded.count();
+        assert!((22..=60).contains(&count), "{count}");
+    }
+
+    #[test]
+    fn a_mean_weighs_by_covariance() {
+        let one = estimate([1.0; 6], 1e-3, 10.0);
+        let other = estimate([4.0; 6], 2e-3, 20.0);
+        let found = mean(&[one, other]).unwrap();
+        // Weights 4 : 1.
+        assert!((found.offset - Vector6::repeat(1.6)).norm() < 1e-9);
+        assert!((found.covariance[(2, 2)] - 0.8e-6).abs() < 1e-15);
+        assert_eq!(found.degrees, 30.0);
+        assert_eq!(mean(&[one]), Some(one));
+        assert_eq!(mean(&[]), None);
+    }
+}
