@@ -49,9 +49,10 @@ fn a_knock_is_found_on_its_day_within_its_sigmas() {
     assert_eq!(right.alarms[0].last_within.as_deref(), Some("2025-05-03"));
     let off = right.off.as_ref().unwrap();
     assert_eq!(off.since, "2025-05-04");
-    for i in 0..6 {
+    let (before, after) = (truths[0], truths[KNOCKED as usize]);
+    for (i, (before, after)) in before.iter().zip(&after).enumerate() {
         let (found, sigma) = (off.offset[i].unwrap(), off.sigma[i].unwrap());
-        let truth = truths[KNOCKED as usize][i] - truths[0][i];
+        let truth = after - before;
         assert!(
             (found - truth).abs() < 4.0 * sigma,
             "{i}: {found} ± {sigma}, true {truth}"

@@ -20,6 +20,11 @@ pub struct ChartSettings {
     pub false_alarm_rate: f64,
     /// Days whose mean the others are held against, where there is no calibration and after an alarm.
     pub base_days: usize,
+    /// What a mounting does from day to day without having been knocked, one standard deviation along each axis,
+    /// metres: it warms up and cools down.
+    pub day_sigma_m: f64,
+    /// The same about each axis, radians.
+    pub day_sigma_rad: f64,
 }
 
 impl Default for ChartSettings {
@@ -27,7 +32,20 @@ impl Default for ChartSettings {
         Self {
             false_alarm_rate: 0.01,
             base_days: 5,
+            // A metre of aluminium over 5 K.
+            day_sigma_m: 1e-4,
+            day_sigma_rad: 1e-4,
         }
+    }
+}
+
+impl ChartSettings {
+    /// With what mountings do from day to day.
+    fn loosened(&self, mut estimate: Estimate) -> Estimate {
+        for i in 0..6 {
+            estimate.covariance[(i, i)] += [self.day_sigma_m, self.day_sigma_rad][i / 3].powi(2);
+        }
+        estimate
     }
 }
 
@@ -118,7 +136,10 @@ pub struct Off {
 struct Day<'a> {
     date: &'a str,
     drives: Vec<&'a ScannerOverlap>,
+    /// With what mountings do from day to day.
     estimate: Estimate,
+    /// Standard deviations without that.
+    sigma: Vector6<f64>,
 }
 
 impl Chart {
@@ -148,14 +169,18 @@ impl Chart {
             let first = dates.values().next().and_then(|drives| drives.first());
             let in_use = first.map_or(ScannerFromScanner::identity(), |first| first.in_use);
             let origin = base.map_or(in_use, |base| base.first_from_scanner);
-            let days = dates.into_iter().map(|(date, drives)| Day {
-                estimate: combined(&origin, &drives),
-                date,
-                drives,
+            let days = dates.into_iter().map(|(date, drives)| {
+                let estimate = combined(&origin, &drives);
+                Day {
+                    sigma: estimate.covariance.diagonal().map(f64::sqrt),
+                    estimate: settings.loosened(estimate),
+                    date,
+                    drives,
+                }
             });
             let days: Vec<Day<'_>> = days.collect();
             let watch = Watch {
-                base: base.map(Base::estimate),
+                base: base.map(|base| settings.loosened(base.estimate())),
                 base_days: settings.base_days.max(1),
                 probability,
             };
@@ -201,6 +226,13 @@ fn check(drives: &[(String, Overlap)], base: &[Base], settings: &ChartSettings) 
         return Err(Error::data(
             format!("a false alarm rate of {rate}"),
             "give a share between 0 and 1, such as 0.01",
+        ));
+    }
+    let (shift_m, turn_rad) = (settings.day_sigma_m, settings.day_sigma_rad);
+    if !(shift_m.min(turn_rad) >= 0.0 && shift_m.max(turn_rad).is_finite()) {
+        return Err(Error::data(
+            format!("what mountings do from day to day: {shift_m} m and {turn_rad} rad"),
+            "give standard deviations of 0 or more",
         ));
     }
     Ok(())
@@ -263,12 +295,11 @@ impl Watch {
             }
             let state = states.len() - 1;
             states[state].push(day.estimate);
-            let sigma = day.estimate.covariance.diagonal().map(f64::sqrt);
             chart.days.push(ChartDay {
                 date: day.date.into(),
                 drives: day.drives.len(),
                 offset: known(&day.estimate.offset, &day.estimate.determined),
-                sigma: known(&sigma, &day.estimate.determined),
+                sigma: known(&day.sigma, &day.estimate.determined),
                 t2: found.as_ref().map(|found| found.t2),
                 limit,
                 is_out: out.is_some(),
@@ -351,6 +382,14 @@ mod tests {
 
     const SIGMA: f64 = 1e-4;
 
+    fn strict() -> ChartSettings {
+        ChartSettings {
+            day_sigma_m: 0.0,
+            day_sigma_rad: 0.0,
+            ..ChartSettings::default()
+        }
+    }
+
     /// A day with this offset.
     fn day(offset: [f64; 6]) -> Overlap {
         let scanner = ScannerOverlap {
@@ -383,7 +422,7 @@ mod tests {
     }
 
     fn chart(x_sigmas: &[f64]) -> ScannerChart {
-        let chart = Chart::new(&drives(x_sigmas), &[], &ChartSettings::default()).unwrap();
+        let chart = Chart::new(&drives(x_sigmas), &[], &strict()).unwrap();
         chart.scanners.into_iter().next().unwrap()
     }
 
@@ -444,7 +483,7 @@ mod tests {
             covariance: Matrix6::identity() * 1e-12,
             determined: [true; 6],
         };
-        let settings = ChartSettings::default();
+        let settings = strict();
         let found = Chart::new(&drives(&[20.0, 20.1]), &[base], &settings).unwrap();
         let found = &found.scanners[0];
         assert_eq!(
@@ -455,13 +494,31 @@ mod tests {
     }
 
     #[test]
+    fn what_mountings_do_from_day_to_day_is_no_alarm() {
+        // A sigma of days of ten sigmas of a day: 20 are one and a half.
+        let loose = ChartSettings {
+            day_sigma_m: 10.0 * SIGMA,
+            ..strict()
+        };
+        let mut days = BEFORE.to_vec();
+        days.extend([20.0, 19.0, -11.0]);
+        let found = Chart::new(&drives(&days), &[], &loose).unwrap();
+        let found = &found.scanners[0];
+        assert_eq!(alarms(found), Vec::<&str>::new());
+        // (20 − 0.04)² over (100 + 1) (1 + 1/5).
+        let expected = 19.96_f64.powi(2) / (101.0 * 1.2);
+        assert!((found.days[6].t2.unwrap() - expected).abs() < 1e-9);
+        assert!((found.days[6].sigma[0].unwrap() / SIGMA - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
     fn drives_of_a_day_are_combined_in_any_order() {
         let mut all = drives(&[0.0, 0.3, 1.0]);
         all.push((
             all[2].0.clone(),
             day([2.0 * SIGMA, 0.0, 0.0, 0.0, 0.0, 0.0]),
         ));
-        let settings = ChartSettings::default();
+        let settings = strict();
         let found = Chart::new(&all, &[], &settings).unwrap();
         let last = &found.scanners[0].days[2];
         assert_eq!(last.drives, 2);
@@ -477,14 +534,14 @@ mod tests {
         let text = serde_json::to_string(&all).unwrap();
         let read: Vec<(String, Overlap)> = serde_json::from_str(&text).unwrap();
         assert_eq!(read, all);
-        let chart = Chart::new(&read, &[], &ChartSettings::default()).unwrap();
+        let chart = Chart::new(&read, &[], &strict()).unwrap();
         let text = serde_json::to_string(&chart).unwrap();
         assert_eq!(serde_json::from_str::<Chart>(&text).unwrap(), chart);
     }
 
     #[test]
     fn what_is_no_campaign_is_refused() {
-        let settings = ChartSettings::default();
+        let settings = strict();
         let refused = |drives: &[(String, Overlap)], settings: &ChartSettings| {
             Chart::new(drives, &[], settings).unwrap_err().to_string()
         };

@@ -218,7 +218,7 @@ fn t_squares(chart: &Chart, scanner: &ScannerChart) -> String {
         &format!(
             "How far each day lies from the state before, T² = dᵀ S⁻¹ d, with the limit that a campaign without drift \
              exceeds by chance on any of its days with a probability of {}. Held against {}; after an alarm, against \
-             the days from it on.{}",
+             the days from it on. What mountings do from day to day counts as no drift: {} mm and {}° (one sigma).{}",
             number::with_unit(
                 number::shortest(100.0 * chart.settings.false_alarm_rate),
                 "%"
@@ -227,6 +227,8 @@ fn t_squares(chart: &Chart, scanner: &ScannerChart) -> String {
                 true => "the calibration".to_owned(),
                 false => format!("the mean of the first {} days", chart.settings.base_days),
             },
+            number::shortest(1e3 * chart.settings.day_sigma_m),
+            number::significant(chart.settings.day_sigma_rad.to_degrees(), 2),
             first.map_or(String::new(), |alarm| format!(
                 " First out of limits: {}.",
                 alarm.date
@@ -312,7 +314,12 @@ mod tests {
             (format!("2025-05-{number:02}"), overlap)
         };
         let days: Vec<_> = (1..10).map(day).collect();
-        Chart::new(&days, &[], &ChartSettings::default()).unwrap()
+        let settings = ChartSettings {
+            day_sigma_m: 0.0,
+            day_sigma_rad: 0.0,
+            ..ChartSettings::default()
+        };
+        Chart::new(&days, &[], &settings).unwrap()
     }
 
     #[test]
