@@ -9,11 +9,13 @@ use serde_json::{Value, json};
 
 use super::item::{self, Failure, Item, Kind};
 use super::settings::Campaign;
+use crate::drift::{Chart, ChartSettings, Overlap};
 use crate::error::{Error, Result};
 use crate::format::{self, Extent};
 use crate::output::Staging;
 use crate::pipeline::{self, Outcome, Tile};
 use crate::report::campaign::{self as page, CampaignPage, ChangeLine, DriveLine, FailureLine};
+use crate::report::drift;
 use crate::verdict::Headline;
 
 /// The page of a campaign.
@@ -37,6 +39,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         ..CampaignPage::default()
     };
     let (mut extents, mut list, mut wkt) = (Vec::new(), Vec::new(), None);
+    let mut overlaps = Vec::new();
     for item in items {
         let result = document(&item.folder(out).join(item::RESULT))?;
         let failed = document(&item::failure_of(out, &item.name))?;
@@ -47,6 +50,9 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
                 if let (None, Some(tile)) = (&wkt, tiles.first()) {
                     wkt = format::crs_wkt(&item.folder(out).join("tiles").join(&tile.file))?;
                 }
+                let overlap: Option<Overlap> = part(result, "overlap");
+                overlaps
+                    .extend(overlap.map(|found| (item.date.clone().unwrap_or_default(), found)));
                 extents.extend(tiles.into_iter().map(|tile| extent(item, tile)));
                 "finished"
             }
@@ -69,6 +75,9 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
             "before": item.before, "state": state }),
         );
     }
+    if !overlaps.is_empty() {
+        page.drift = Some(Chart::new(&overlaps, &[], &ChartSettings::default())?);
+    }
     let mut written = vec![out.join(PAGE), out.join(LIST)];
     // A program that is built without Parquet has no index.
     if cfg!(feature = "parquet") {
@@ -77,7 +86,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         written.push(out.join(INDEX));
     }
     let result = json!({ "title": campaign.title, "items": list, "failed": page.failures.len(),
-        "waiting": page.waiting, "points": page.drives.iter().map(|drive| drive.points).sum::<u64>() });
+        "waiting": page.waiting, "drift": page.drift, "points": page.drives.iter().map(|drive| drive.points).sum::<u64>() });
     for (name, text) in [(LIST, format!("{result:#}\n")), (PAGE, page::render(&page))] {
         let path = staging.path(name);
         fs::write(&path, text).map_err(|error| Error::io(&path, error))?;
@@ -114,6 +123,11 @@ fn summary(page: &CampaignPage, items: &[Item]) -> String {
     let mut text = format!("{} items: {} failed", items.len(), page.failures.len());
     if page.waiting > 0 {
         text += &format!(", {} not done yet", page.waiting);
+    }
+    for verdict in page.drift.iter().flat_map(drift::verdicts) {
+        if verdict.severity.is_marked() {
+            text += &format!("\n! {}", verdict.text);
+        }
     }
     for failure in &page.failures {
         text += &format!("\n  {}: {}", failure.item, failure.problem);
@@ -162,7 +176,7 @@ fn add(item: &Item, result: &Value, page: &mut CampaignPage) {
     );
     let number = |value: &Value, key: &str| value[key].as_f64().unwrap_or(f64::NAN);
     match item.kind {
-        Kind::Calibration => {}
+        Kind::Calibration | Kind::Overlap => {}
         Kind::Drive => {
             let list = |key: &str| result[key].as_array().cloned().unwrap_or_default();
             let marked = list("verdicts")

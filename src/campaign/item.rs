@@ -23,6 +23,8 @@ pub enum Kind {
     Drive,
     /// Compares a plot with its date before.
     Change,
+    /// Holds one scanner against the other on the ground that both saw.
+    Overlap,
 }
 
 impl Kind {
@@ -32,6 +34,7 @@ impl Kind {
             Self::Calibration => "calibration",
             Self::Drive => "drive",
             Self::Change => "change",
+            Self::Overlap => "overlap",
         }
     }
 }
@@ -101,12 +104,19 @@ pub enum Task {
         /// How they are compared.
         comparison: ComparisonSettings,
     },
+    /// See [`Kind::Overlap`].
+    Overlap {
+        /// The project.
+        project: ProjectText,
+        /// Its mountings.
+        mountings: MountingsFrom,
+    },
     /// Nothing: planning has shown that it cannot be done.
     Refused(Failure),
 }
 
 /// Why an item failed.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
     /// What is wrong, with names and numbers.
     pub problem: String,

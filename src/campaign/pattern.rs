@@ -1,5 +1,7 @@
 //! Patterns of paths in which `{plot}` and `{date}` stand for the names of plots and for dates.
 
+use crate::format::day_number;
+
 /// The plot and the date that a path names.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Place {
@@ -157,14 +159,8 @@ fn iso_date(text: &str) -> Option<String> {
         6 => format!("20{text}"),
         _ => return None,
     };
-    let is_number = digits.bytes().all(|b| b.is_ascii_digit());
-    let number = |from: usize, to: usize| digits.get(from..to)?.parse::<u32>().ok();
-    let (year, month, day) = (number(0, 4)?, number(4, 6)?, number(6, 8)?);
-    let exists = is_number
-        && (1970..2100).contains(&year)
-        && (1..=12).contains(&month)
-        && (1..=31).contains(&day);
-    exists.then(|| format!("{year:04}-{month:02}-{day:02}"))
+    let date = [digits.get(..4)?, digits.get(4..6)?, digits.get(6..)?].join("-");
+    day_number(&date).map(|_| date)
 }
 
 #[cfg(test)]
@@ -209,7 +205,7 @@ mod tests {
                 found("p", "2025-05-01"),
             ),
             ("{plot}/{date}/{plot}.laz", "p/2025_05_01/q.laz", None),
-            ("{date}/{plot}", "2025-13-01/p", None),
+            ("{date}/{plot}", "2025-02-29/p", None),
             ("{date}/{plot}", "2025-05-01/p/q", None),
             ("tls.laz", "tls.laz", found("", "")),
         ];

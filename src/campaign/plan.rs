@@ -35,9 +35,25 @@ struct Draft {
 }
 
 impl Draft {
-    fn refused(mut self, error: &Error, root: &Path) -> Self {
-        self.inputs.clear();
-        self.task = Task::Refused(Failure::from(error).relative_to(root));
+    fn new(kind: Kind, plot: Option<String>, date: Option<String>) -> Self {
+        Self {
+            kind,
+            plot,
+            date,
+            before: None,
+            inputs: Vec::new(),
+            needs: Vec::new(),
+            task: Task::Refused(Failure::default()),
+        }
+    }
+
+    /// With its task, or with why it has none.
+    fn of(mut self, task: Result<Task>, root: &Path) -> Self {
+        self.task = task.unwrap_or_else(|error| {
+            self.inputs.clear();
+            self.needs.clear();
+            Task::Refused(Failure::from(&error).relative_to(root))
+        });
         self
     }
 }
@@ -50,17 +66,18 @@ struct Named<'a> {
 }
 
 impl<'a> Named<'a> {
-    fn new(key: &'static str, pattern: &'a Pattern, listing: &Listing) -> Self {
-        let mut found = listing.matching(pattern);
+    fn new(key: &'static str, pattern: &'a Option<Pattern>, listing: &Listing) -> Option<Self> {
+        let pattern = pattern.as_ref()?;
         // One path need not be below the folder.
-        if !pattern.is_open() {
-            found = vec![(Place::default(), pattern.text())];
-        }
-        Self {
+        let found = match pattern.is_open() {
+            true => listing.matching(pattern),
+            false => vec![(Place::default(), pattern.text())],
+        };
+        Some(Self {
             key,
             pattern,
             found,
-        }
+        })
     }
 
     fn of(&self, plot: &str, date: &str) -> Result<&(Place, String)> {
@@ -98,14 +115,9 @@ impl Campaign {
         for (_, path) in self.drives(listing)? {
             texts.extend(listing.has(&path).then_some(path));
         }
-        if let Some(pattern) = &self.calibration_project {
-            texts.extend(
-                Named::new("calibration_project", pattern, listing)
-                    .found
-                    .into_iter()
-                    .map(|(_, path)| path),
-            );
-        }
+        let calibrated = Named::new("calibration_project", &self.calibration_project, listing);
+        let calibrated = calibrated.into_iter().flat_map(|named| named.found);
+        texts.extend(calibrated.map(|(_, path)| path));
         if let Some(template) = &self.template {
             texts.insert(relative(template, self.folder()));
         }
@@ -142,186 +154,176 @@ impl Campaign {
     /// No drive; the template cannot be read.
     pub fn plan(&self, listing: &Listing) -> Result<Plan> {
         let drives = self.drives(listing)?;
-        let template = self
-            .template
-            .as_deref()
-            .map(Source::read)
-            .transpose()?
-            .map(Source::into_text);
-        let mut plan = Plan { drafts: Vec::new() };
-        let calibrated = self
-            .calibration_project
-            .as_ref()
-            .map(|pattern| Named::new("calibration_project", pattern, listing));
-        let places: BTreeMap<Place, usize> = calibrated
-            .iter()
-            .flat_map(|named| &named.found)
-            .enumerate()
-            .map(|(number, (place, path))| {
-                plan.drafts.push(self.calibration(place, path));
-                (place.clone(), number)
-            })
-            .collect();
-        let files = self
-            .calibration
-            .as_ref()
-            .map(|pattern| Named::new("calibration", pattern, listing));
-        let references = self
-            .reference
-            .as_ref()
-            .map(|pattern| Named::new("reference", pattern, listing));
+        let mut planner = Planner {
+            campaign: self,
+            listing,
+            template: self.template.as_deref().map(text_of).transpose()?,
+            calibrated: Named::new("calibration_project", &self.calibration_project, listing),
+            files: Named::new("calibration", &self.calibration, listing),
+            references: Named::new("reference", &self.reference, listing),
+            drafts: Vec::new(),
+        };
+        planner.calibrations();
         let mut before: Option<(String, usize)> = None;
         for (place, path) in drives {
             let plot = place.plot.unwrap_or_else(|| ONLY_PLOT.to_owned());
             let date = place.date.unwrap_or_default();
-            let mut draft = Draft {
-                kind: Kind::Drive,
-                plot: Some(plot.clone()),
-                date: Some(date.clone()),
-                before: None,
-                inputs: Vec::new(),
-                needs: Vec::new(),
-                task: Task::Refused(Failure {
-                    problem: String::new(),
-                    remedy: None,
-                }),
-            };
-            let made = self
-                .drive(&path, template.as_deref(), listing, &mut draft)
-                .and_then(|project| {
-                    let mut mountings = MountingsFrom::Project;
-                    if let Some(named) = &files {
-                        let file = named.of(&plot, &date)?.1.clone();
-                        draft.inputs.push(file.clone());
-                        mountings = MountingsFrom::File(file);
-                    }
-                    if let Some(named) = &calibrated {
-                        draft.needs.push(places[&named.of(&plot, &date)?.0]);
-                        // Its name is known once its inputs are.
-                        mountings = MountingsFrom::Item(String::new());
-                    }
-                    let reference = references
-                        .as_ref()
-                        .map(|named| named.of(&plot, &date).map(|found| found.1.clone()));
-                    let reference = reference.transpose()?;
-                    draft.inputs.extend(reference.clone());
-                    Ok(Task::Drive {
-                        project,
-                        mountings,
-                        reference,
-                        tile_m: self.tile_m,
-                    })
-                });
-            let draft = match made {
-                Ok(task) => Draft { task, ..draft },
-                Err(error) => draft.refused(&error, self.folder()),
-            };
-            plan.drafts.push(draft);
-            let number = plan.drafts.len() - 1;
-            if let Some((_, earlier)) =
-                before.filter(|(other, _)| self.compare_with_before && *other == plot)
-            {
-                let earlier_date = plan.drafts[earlier].date.clone();
-                plan.drafts.push(Draft {
-                    kind: Kind::Change,
-                    plot: Some(plot.clone()),
-                    date: Some(date),
-                    before: earlier_date,
-                    inputs: Vec::new(),
-                    needs: vec![earlier, number],
-                    task: Task::Change {
-                        comparison: self.comparison.clone(),
-                    },
-                });
+            let number = planner.drafts.len();
+            planner.drive(&plot, &date, &path);
+            let earlier = before.filter(|(other, _)| self.compare_with_before && *other == plot);
+            if let Some((_, earlier)) = earlier {
+                planner.change(earlier, number);
             }
             before = Some((plot, number));
         }
-        Ok(plan)
+        Ok(Plan {
+            drafts: planner.drafts,
+        })
+    }
+}
+
+fn text_of(path: &Path) -> Result<String> {
+    Source::read(path).map(Source::into_text)
+}
+
+/// A plan that is being made.
+struct Planner<'a> {
+    campaign: &'a Campaign,
+    listing: &'a Listing,
+    template: Option<String>,
+    calibrated: Option<Named<'a>>,
+    files: Option<Named<'a>>,
+    references: Option<Named<'a>>,
+    drafts: Vec<Draft>,
+}
+
+impl Planner<'_> {
+    /// The projects that are calibrated: the first drafts, in the order of their paths.
+    fn calibrations(&mut self) {
+        let found = self.calibrated.iter().flat_map(|named| &named.found);
+        let drafts = found.map(|(place, path)| {
+            let mut draft = Draft::new(Kind::Calibration, place.plot.clone(), place.date.clone());
+            let task = self.written(path).and_then(|project| {
+                let files = self.files_of(&project, true)?;
+                draft.inputs.extend(files);
+                Ok(Task::Calibration { project })
+            });
+            draft.of(task, self.campaign.folder())
+        });
+        self.drafts = drafts.collect();
     }
 
-    /// A project that is calibrated.
-    fn calibration(&self, place: &Place, path: &str) -> Draft {
-        let mut draft = Draft {
-            kind: Kind::Calibration,
-            plot: place.plot.clone(),
-            date: place.date.clone(),
-            before: None,
-            inputs: Vec::new(),
-            needs: Vec::new(),
-            task: Task::Refused(Failure {
-                problem: String::new(),
-                remedy: None,
-            }),
-        };
-        let read = self.written(path).and_then(|project| {
-            self.name_inputs(&project, &mut draft)?;
-            Ok(project)
+    /// A drive, and the overlap of its scanners.
+    fn drive(&mut self, plot: &str, date: &str, path: &str) {
+        let root = self.campaign.folder();
+        let draft = |kind| Draft::new(kind, Some(plot.to_owned()), Some(date.to_owned()));
+        let (mut drive, mut overlap) = (draft(Kind::Drive), draft(Kind::Overlap));
+        let made = self.project(path).and_then(|project| {
+            let reference = self.references.as_ref();
+            let reference = reference.map(|named| named.of(plot, date)).transpose()?;
+            let reference = reference.map(|(_, path)| path.clone());
+            let mountings = self.mountings(plot, date, &mut overlap)?;
+            drive.needs.clone_from(&overlap.needs);
+            drive.inputs.clone_from(&overlap.inputs);
+            drive
+                .inputs
+                .extend(self.files_of(&project, reference.is_none())?);
+            drive.inputs.extend(reference.clone());
+            overlap.inputs.extend(self.files_of(&project, false)?);
+            let tile_m = self.campaign.tile_m;
+            let watched = Task::Overlap {
+                project: project.clone(),
+                mountings: mountings.clone(),
+            };
+            let placed = Task::Drive {
+                project,
+                mountings,
+                reference,
+                tile_m,
+            };
+            Ok((placed, watched))
         });
-        match read {
-            Ok(project) => Draft {
-                task: Task::Calibration { project },
-                ..draft
-            },
-            Err(error) => draft.refused(&error, self.folder()),
+        match made {
+            Ok((placed, watched)) => {
+                self.drafts.push(drive.of(Ok(placed), root));
+                if self.campaign.drift {
+                    self.drafts.push(overlap.of(Ok(watched), root));
+                }
+            }
+            // Once is enough.
+            Err(error) => self.drafts.push(drive.of(Err(error), root)),
         }
+    }
+
+    /// The change between two drafts of drives.
+    fn change(&mut self, earlier: usize, later: usize) {
+        let (plot, date) = (&self.drafts[later].plot, &self.drafts[later].date);
+        let mut draft = Draft::new(Kind::Change, plot.clone(), date.clone());
+        draft.before.clone_from(&self.drafts[earlier].date);
+        draft.needs = vec![earlier, later];
+        draft.task = Task::Change {
+            comparison: self.campaign.comparison.clone(),
+        };
+        self.drafts.push(draft);
+    }
+
+    /// Where the mountings of a drive come from; its draft then reads that.
+    fn mountings(&self, plot: &str, date: &str, draft: &mut Draft) -> Result<MountingsFrom> {
+        if let Some(named) = &self.calibrated {
+            let (place, _) = named.of(plot, date)?;
+            let number = named.found.iter().position(|(other, _)| other == place);
+            draft.needs.extend(number);
+            // Its name is known once its inputs are.
+            return Ok(MountingsFrom::Item(String::new()));
+        }
+        let Some(named) = &self.files else {
+            return Ok(MountingsFrom::Project);
+        };
+        let (_, file) = named.of(plot, date)?;
+        draft.inputs.push(file.clone());
+        Ok(MountingsFrom::File(file.clone()))
     }
 
     /// The project of a drive: its own, from the template, or made from the files of its folder.
-    fn drive(
-        &self,
-        path: &str,
-        template: Option<&str>,
-        listing: &Listing,
-        draft: &mut Draft,
-    ) -> Result<ProjectText> {
-        let folder = self.folder().join(path);
-        let project = match (listing.has(path), template, &self.template) {
-            (true, _, _) => self.written(path)?,
-            (false, Some(text), Some(file)) => ProjectText {
-                path: format!(
-                    "{path}/{}",
-                    file.file_name().unwrap_or_default().to_string_lossy()
-                ),
-                text: template::filled(text, file, path, listing)?,
-            },
-            _ => {
-                let made = pipeline::init(&folder)?;
-                if !made.missing.is_empty() {
-                    return Err(Error::of(
-                        Problem::TooFew,
-                        format!("the files of {path} do not say {}", made.missing.join(", ")),
-                        "name a project as a template in `campaign.project`",
-                    ));
-                }
-                ProjectText {
-                    path: format!("{path}/project.toml"),
-                    text: made.text,
-                }
-            }
-        };
-        self.name_inputs(&project, draft)?;
-        Ok(project)
-    }
-
-    fn written(&self, path: &str) -> Result<ProjectText> {
-        let text = Source::read(&self.folder().join(path))?.into_text();
+    fn project(&self, path: &str) -> Result<ProjectText> {
+        if self.listing.has(path) {
+            return self.written(path);
+        }
+        if let (Some(text), Some(file)) = (&self.template, &self.campaign.template) {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            return Ok(ProjectText {
+                path: format!("{path}/{name}"),
+                text: template::filled(text, file, path, self.listing)?,
+            });
+        }
+        let made = pipeline::init(&self.campaign.folder().join(path))?;
+        if !made.missing.is_empty() {
+            return Err(Error::of(
+                Problem::TooFew,
+                format!("the files of {path} do not say {}", made.missing.join(", ")),
+                "name a project as a template in `campaign.project`",
+            ));
+        }
         Ok(ProjectText {
-            path: path.to_owned(),
-            text,
+            path: format!("{path}/project.toml"),
+            text: made.text,
         })
     }
 
-    /// Adds the files of the project to the inputs.
-    fn name_inputs(&self, project: &ProjectText, draft: &mut Draft) -> Result<()> {
-        let mut project = project.project(self.folder())?;
-        if draft.kind == Kind::Drive && self.reference.is_some() {
-            project.reference = None;
-        }
+    fn written(&self, path: &str) -> Result<ProjectText> {
+        Ok(ProjectText {
+            path: path.to_owned(),
+            text: text_of(&self.campaign.folder().join(path))?,
+        })
+    }
+
+    /// The files that a project names, with its reference or without.
+    fn files_of(&self, project: &ProjectText, with_reference: bool) -> Result<Vec<String>> {
+        let root = self.campaign.folder();
+        let mut project = project.project(root)?;
+        project.reference = project.reference.filter(|_| with_reference);
         let files = project.files().into_iter();
-        draft
-            .inputs
-            .extend(files.map(|file| relative(&file, self.folder())));
-        Ok(())
+        Ok(files.map(|file| relative(&file, root)).collect())
     }
 }
 
@@ -342,13 +344,8 @@ impl Plan {
                 .map(|at| items[*at].name.clone())
                 .collect();
             let mut task = draft.task.clone();
-            if let (
-                Task::Drive {
-                    mountings: MountingsFrom::Item(name),
-                    ..
-                },
-                Some(calibration),
-            ) = (&mut task, needs.first())
+            if let Task::Drive { mountings, .. } | Task::Overlap { mountings, .. } = &mut task
+                && let (MountingsFrom::Item(name), Some(calibration)) = (mountings, needs.first())
             {
                 name.clone_from(calibration);
             }

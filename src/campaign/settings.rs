@@ -33,6 +33,7 @@ struct Table {
     reference: Option<String>,
     compare_with_before: Option<bool>,
     tile_m: Option<f64>,
+    drift: Option<bool>,
 }
 
 /// What a campaign consists of and what is done with each drive.
@@ -56,6 +57,8 @@ pub struct Campaign {
     pub compare_with_before: bool,
     /// Side of the tiles of the clouds, metres.
     pub tile_m: f64,
+    /// Whether the mountings are watched by what scanners see of the same ground.
+    pub drift: bool,
     /// Settings of the comparisons between dates.
     pub comparison: ComparisonSettings,
 }
@@ -119,6 +122,7 @@ impl Campaign {
             reference: optional("reference", &table.reference)?,
             compare_with_before: table.compare_with_before.unwrap_or(true),
             tile_m,
+            drift: table.drift.unwrap_or(false),
             comparison: project::comparison(source, &comparison)?,
             path: source.path.clone(),
         })

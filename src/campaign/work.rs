@@ -81,11 +81,23 @@ fn results(
             reference,
             tile_m,
         } => {
-            let (project, said) = placed(project, mountings, reference.as_deref(), root, out)?;
+            let (mut project, said) = placed(project, mountings, root, out)?;
+            if let Some(path) = reference {
+                project.reference = Some(Reference {
+                    path: root.join(path),
+                });
+            }
+            project.check_files()?;
             let name = item.to_string();
             pipeline::field(&project, (&name, *tile_m, said), options, progress)?.result
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
+        Task::Overlap { project, mountings } => {
+            let (mut project, _) = placed(project, mountings, root, out)?;
+            project.reference = None;
+            project.check_files()?;
+            json!({ "overlap": pipeline::overlap(&project, progress)? })
+        }
         Task::Refused(Failure { problem, remedy }) => {
             return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
         }
@@ -142,11 +154,10 @@ fn strip_times(result: &mut Value) {
     }
 }
 
-/// The project of a drive with its mountings and its reference, and what is to be said of them.
+/// The project of a drive with its mountings, and what is to be said of them.
 fn placed(
     project: &ProjectText,
     mountings: &MountingsFrom,
-    reference: Option<&str>,
     root: &Path,
     out: &Path,
 ) -> Result<(Project, Option<Verdict>)> {
@@ -164,12 +175,6 @@ fn placed(
         project = project.with_calibration(&path)?;
         said = pipeline::marked_unusable(&path)?;
     }
-    if let Some(path) = reference {
-        project.reference = Some(Reference {
-            path: root.join(path),
-        });
-    }
-    project.check_files()?;
     Ok((project, said))
 }
 

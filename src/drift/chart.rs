@@ -12,6 +12,7 @@ use super::limit::{Difference, Estimate, mean};
 use super::overlap::{Overlap, ScannerOverlap};
 use crate::calibration::ScannerFromScanner;
 use crate::error::{Error, Result};
+use crate::format::day_number;
 
 /// How days are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -342,39 +343,6 @@ fn known(all: &Vector6<f64>, determined: &[bool; 6]) -> [Option<f64>; 6] {
     std::array::from_fn(|i| determined[i].then_some(all[i]))
 }
 
-/// Days from 1970-01-01 to a date YYYY-MM-DD; `None` where it is none.
-pub fn day_number(date: &str) -> Option<i64> {
-    let digits = |range: std::ops::Range<usize>| {
-        let part = date.get(range)?;
-        part.bytes().all(|b| b.is_ascii_digit()).then_some(())?;
-        part.parse::<i64>().ok()
-    };
-    let bytes = date.as_bytes();
-    if bytes.len() != 10 || bytes[4] != b'-' || bytes[7] != b'-' {
-        return None;
-    }
-    let (year, month, day) = (digits(0..4)?, digits(5..7)?, digits(8..10)?);
-    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    let longest = match month {
-        2 => 28 + i64::from(is_leap),
-        4 | 6 | 9 | 11 => 30,
-        1..=12 => 31,
-        _ => return None,
-    };
-    if !(1..=longest).contains(&day) {
-        return None;
-    }
-    // Years from March on, so that the leap day is the last (Hinnant 2013).
-    let (year, month) = match month {
-        1 | 2 => (year - 1, month + 9),
-        _ => (year, month - 3),
-    };
-    let era = year.div_euclid(400);
-    let of_era = year.rem_euclid(400);
-    let of_year = (153 * month + 2) / 5 + day - 1;
-    Some(era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -556,25 +524,5 @@ mod tests {
             ..settings
         };
         assert!(refused(&drives(&[0.0]), &rate).contains("rate of 0"));
-    }
-
-    #[test]
-    fn dates_count_days() {
-        assert_eq!(day_number("1970-01-01"), Some(0));
-        assert_eq!(day_number("2000-03-01"), Some(11_017));
-        assert_eq!(
-            day_number("2024-02-29"),
-            day_number("2024-03-01").map(|d| d - 1)
-        );
-        for wrong in [
-            "2025-02-29",
-            "2025-13-01",
-            "20250501",
-            "2025-5-001",
-            "2025-00-10",
-            "+025-05-01",
-        ] {
-            assert_eq!(day_number(wrong), None, "{wrong}");
-        }
     }
 }

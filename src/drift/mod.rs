@@ -14,7 +14,7 @@ mod limit;
 mod overlap;
 
 pub use base::Base;
-pub use chart::{Alarm, Chart, ChartDay, ChartSettings, Off, ScannerChart, day_number};
+pub use chart::{Alarm, Chart, ChartDay, ChartSettings, Off, ScannerChart};
 pub use cost::Cost;
 pub use estimate::{OverlapInput, check_scanners, overlap};
 pub use overlap::{COMPONENTS, Overlap, ScannerOverlap};

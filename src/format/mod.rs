@@ -72,4 +72,4 @@ pub use recorded::{
     Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,
 };
 pub use salvage::{Salvaged, salvage};
-pub(crate) use text::civil::{civil_time, utc};
+pub(crate) use text::civil::{civil_time, day_number, utc};

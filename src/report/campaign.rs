@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::axis::Axis;
 use super::chart::Plot;
+use super::drift;
 use super::figures::{FULL, series};
 use super::html::{self, escape};
 use super::number::{self, DASH};
 use super::page::document;
-use crate::format::civil_time;
+use crate::drift::Chart;
+use crate::format::{civil_time, day_number};
 use crate::statistics::median;
 use crate::verdict::Headline;
 
@@ -32,6 +34,8 @@ pub struct CampaignPage {
     pub failures: Vec<FailureLine>,
     /// Items that were not tried yet.
     pub waiting: usize,
+    /// The drift watch, where it was asked for.
+    pub drift: Option<Chart>,
     /// The index of the tiles, relative to the page, if it was written.
     pub index: Option<String>,
 }
@@ -110,7 +114,9 @@ pub fn render(page: &CampaignPage) -> String {
     let body: String = body
         .map(|(id, heading, body)| html::section(id, heading, body))
         .collect();
-    document(&title, &header, &(summary(page) + &body))
+    let drift = page.drift.as_ref().map(drift::section);
+    let body = summary(page) + &drift.unwrap_or_default() + &body;
+    document(&title, &header, &body)
 }
 
 /// How much was done, in one line of words.
@@ -127,7 +133,12 @@ fn summary(page: &CampaignPage) -> String {
             .count()
     };
     let unusable = of(Headline::Unusable);
-    let class = match (unusable, of(Headline::Care) + page.failures.len()) {
+    let drifted = page.drift.iter().flat_map(drift::verdicts);
+    let drifted = drifted
+        .filter(|verdict| verdict.severity.is_marked())
+        .count();
+    let attention = of(Headline::Care) + page.failures.len() + drifted;
+    let class = match (unusable, attention) {
         (0, 0) => "good",
         (0, _) => "attention",
         _ => "fault",
@@ -190,20 +201,7 @@ fn failures(all: &[FailureLine]) -> String {
 
 /// Days since 1970 of a date.
 fn day(date: &str) -> f64 {
-    let part = |from: usize, to: usize| {
-        date.get(from..to)
-            .and_then(|text| text.parse::<i64>().ok())
-            .unwrap_or(1)
-    };
-    let (year, month, day) = (part(0, 4), part(5, 7), part(8, 10));
-    // Years from March on, so that leap days come last.
-    let (y, m) = if month > 2 {
-        (year, month - 3)
-    } else {
-        (year - 1, month + 9)
-    };
-    (365 * y + y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400) + (153 * m + 2) / 5 + day
-        - 719_469) as f64
+    day_number(date).map_or(f64::NAN, |day| day as f64)
 }
 
 /// A value of a plot on a date.
@@ -423,13 +421,6 @@ fn care(drives: &[DriveLine]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn days_are_counted_across_leap_years() {
-        assert_eq!(day("1970-01-01"), 0.0);
-        assert_eq!(day("2000-03-01") - day("2000-02-28"), 2.0);
-        assert_eq!(day("2025-05-01"), 20_209.0);
-    }
 
     #[test]
     fn the_page_names_what_failed_and_links_what_did_not() {

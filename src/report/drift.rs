@@ -5,7 +5,8 @@ use super::chart::Plot;
 use super::figures::{FULL, HALF, series};
 use super::html::{self, escape};
 use super::number;
-use crate::drift::{Alarm, COMPONENTS, Chart, ChartDay, Cost, Off, ScannerChart, day_number};
+use crate::drift::{Alarm, COMPONENTS, Chart, ChartDay, Cost, Off, ScannerChart};
+use crate::format::day_number;
 use crate::verdict::Verdict;
 
 const HEIGHT: f64 = 240.0;

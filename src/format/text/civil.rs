@@ -25,6 +25,19 @@ pub(crate) fn days_since_1970(year: i64, month: i64, day: i64) -> Option<i64> {
     Some(365 * year + leap_days + day_of_year - 719_468)
 }
 
+/// The days from 1970-01-01 to a date YYYY-MM-DD; `None` if there is no such date.
+pub fn day_number(date: &str) -> Option<i64> {
+    let bytes = date.as_bytes();
+    let has_marks = bytes.len() == 10 && (bytes[4], bytes[7]) == (b'-', b'-');
+    let number = |range: std::ops::Range<usize>| -> Option<i64> {
+        let digits = date.get(range)?;
+        let are_digits = digits.bytes().all(|b| b.is_ascii_digit());
+        are_digits.then(|| digits.parse().ok()).flatten()
+    };
+    let day = days_since_1970(number(0..4)?, number(5..7)?, number(8..10)?);
+    day.filter(|_| has_marks)
+}
+
 /// Year, month and day of so many days since 1970-01-01: the last one that is not later.
 pub(crate) fn civil_date(days: i64) -> (i64, i64, i64) {
     // Not earlier than the year before, as years have 365.2425 days.
@@ -163,6 +176,26 @@ mod tests {
         assert_eq!(gps_from_unix_s(unix_s), 2238.0 * 7.0 * DAY_S);
         for unix_s in [unix_s, 1_483_228_799.25, 1_483_228_800.0, 4e8] {
             assert_eq!(unix_from_gps_s(gps_from_unix_s(unix_s)), unix_s);
+        }
+    }
+
+    #[test]
+    fn dates_count_days() {
+        assert_eq!(day_number("1970-01-01"), Some(0));
+        assert_eq!(day_number("2000-03-01"), Some(11_017));
+        assert_eq!(
+            day_number("2024-02-29"),
+            day_number("2024-03-01").map(|d| d - 1)
+        );
+        for wrong in [
+            "2025-02-29",
+            "2025-13-01",
+            "20250501",
+            "2025-5-001",
+            "2025-00-10",
+            "+025-05-01",
+        ] {
+            assert_eq!(day_number(wrong), None, "{wrong}");
         }
     }
 }
