@@ -38,8 +38,8 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         made_s: Some(pipeline::now_s()),
         ..CampaignPage::default()
     };
-    let (mut extents, mut list, mut wkt) = (Vec::new(), Vec::new(), None);
-    let mut overlaps = Vec::new();
+    let (mut extents, mut list, mut overlaps) = (Vec::new(), Vec::new(), Vec::new());
+    let mut wkt: Option<String> = None;
     for item in items {
         let result = document(&item.folder(out).join(item::RESULT))?;
         let failed = document(&item::failure_of(out, &item.name))?;
@@ -47,9 +47,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
             (Some(result), _) => {
                 add(item, result, &mut page);
                 let tiles: Vec<Tile> = part(result, "tiles").unwrap_or_default();
-                if let (None, Some(tile)) = (&wkt, tiles.first()) {
-                    wkt = format::crs_wkt(&item.folder(out).join("tiles").join(&tile.file))?;
-                }
+                wkt = wkt.or_else(|| result["crs_wkt"].as_str().map(str::to_owned));
                 let overlap: Option<Overlap> = part(result, "overlap");
                 overlaps
                     .extend(overlap.map(|found| (item.date.clone().unwrap_or_default(), found)));
