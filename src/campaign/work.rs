@@ -73,7 +73,9 @@ fn results(
         Task::Calibration { project } => {
             let project = project.project(root)?;
             project.check_files()?;
-            pipeline::calibrate(&project, options, progress)?.result
+            let done = pipeline::calibrate(&project, options, progress)?;
+            move_paths(&done.files, root, &options.out)?;
+            done.result
         }
         Task::Drive {
             project,
@@ -102,6 +104,19 @@ fn results(
             return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
         }
     })
+}
+
+/// Makes the paths in texts relative to a campaign's folder: items are done in copies of it, too.
+fn move_paths(texts: &[PathBuf], root: &Path, folder: &Path) -> Result<()> {
+    let staging = Staging::new(folder, &[], &[] as &[&str])?;
+    let prefix = format!("{}/", root.display());
+    for path in texts {
+        let text = fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let staged = staging.path(&name);
+        fs::write(&staged, text.replace(&prefix, "")).map_err(|error| Error::io(&staged, error))?;
+    }
+    staging.commit()
 }
 
 /// Checks that inputs are what they were when the item was named.
