@@ -23,4 +23,4 @@ pub use pattern::{Pattern, Place};
 pub use plan::Plan;
 pub use pool::{Pool, Tally, keep_failure, not_tried};
 pub use settings::Campaign;
-pub use work::work;
+pub use work::{clean, work};

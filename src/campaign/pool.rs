@@ -11,6 +11,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::item::{Failure, Item, failure_of};
+use super::work::clean;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
@@ -202,23 +203,23 @@ impl Pool {
             .take()
             .map(|mut text| text.read_to_string(&mut texts[1]));
         let said = serde_json::from_str(&texts[0]).ok();
+        clean(item, out);
         Ok(Some(said.unwrap_or_else(|| self.ended(status, &texts[1]))))
     }
 
     /// Why a process that said nothing has ended.
     fn ended(&self, status: ExitStatus, said: &str) -> Failure {
-        let last = said
-            .lines()
-            .map(str::trim)
-            .rfind(|line| !line.is_empty())
-            .unwrap_or_default();
+        let lines = || said.lines().map(str::trim).filter(|line| !line.is_empty());
+        // What is printed about the ending itself comes behind it.
+        let lack = lines().find(|line| line.contains("memory allocation"));
+        let last = lines().next_back().unwrap_or_default();
         let megabytes = self.memory_bytes / 1_000_000;
-        match said.contains("memory allocation") {
-            true => Failure {
-                problem: format!("out of memory: {megabytes} MB are not enough ({last})"),
+        match lack {
+            Some(lack) => Failure {
+                problem: format!("out of memory: {megabytes} MB are not enough ({lack})"),
                 remedy: Some("give each item more with --memory-mb, or do fewer at a time with --workers".into()),
             },
-            false => Failure {
+            None => Failure {
                 problem: format!("its process ended: {status} {last}").trim_end().to_owned(),
                 remedy: Some("run the campaign again; if it repeats, this drive has met a fault of boresight".into()),
             },

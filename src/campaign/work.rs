@@ -143,6 +143,16 @@ fn check_inputs(item: &Item, root: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Removes what a process that ended in the middle of the item left in its folder.
+pub fn clean(item: &Item, out: &Path) {
+    let folder = item.folder(out);
+    if folder.is_dir() && !item.is_finished(out) {
+        // Another process that does the same item keeps what it holds; what stays is removed by the next try.
+        drop(Staging::new(&folder, &[], &[] as &[&str]));
+        let _ = fs::remove_dir(&folder);
+    }
+}
+
 /// Removes what an earlier try of the item left.
 ///
 /// # Errors
