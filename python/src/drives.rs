@@ -211,9 +211,9 @@ fn smooth_logs<'py>(
 }
 
 /// A result as JSON, its summary, and the files written.
-type Told = (String, String, Vec<PathBuf>);
+pub(crate) type Told = (String, String, Vec<PathBuf>);
 
-fn told(outcome: Outcome) -> Told {
+pub(crate) fn told(outcome: Outcome) -> Told {
     (outcome.result.to_string(), outcome.summary, outcome.files)
 }
 

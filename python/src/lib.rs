@@ -4,6 +4,7 @@
 //! errors. Names, defaults, classes and documentation are in the Python files of `python/package/boresight`.
 
 mod arrays;
+mod campaign;
 mod clouds;
 mod drives;
 mod errors;
@@ -19,5 +20,6 @@ fn _boresight(module: &Bound<'_, PyModule>) -> PyResult<()> {
     kernels::register(module)?;
     clouds::register(module)?;
     files::register(module)?;
-    drives::register(module)
+    drives::register(module)?;
+    campaign::register(module)
 }

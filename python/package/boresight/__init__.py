@@ -14,6 +14,7 @@ Every function that may take long has two arguments besides its own:
 """
 
 from ._boresight import __version__
+from .campaigns import CampaignResult, campaign
 from .clouds import (
     DEFAULT_FEATURES,
     FEATURES,
@@ -63,6 +64,7 @@ __all__ = [
     "TRAJECTORY",
     "BoresightWarning",
     "Calibration",
+    "CampaignResult",
     "Cloud",
     "DataError",
     "Error",
@@ -82,6 +84,7 @@ __all__ = [
     "WouldReplaceInputError",
     "__version__",
     "calibrate",
+    "campaign",
     "detect",
     "features",
     "georeference",

@@ -12,13 +12,22 @@ _Path = str | PathLike[str]
 _Told = tuple[str, str, list[Path]]
 
 __all__ = [
+    "CampaignPlan",
+    "ContentHash",
     "Smoothed",
     "__version__",
+    "campaign_clean",
+    "campaign_conclude",
+    "campaign_hashes",
+    "campaign_pool",
+    "campaign_texts",
+    "campaign_work",
     "command",
     "default_features",
     "detect",
     "feature_columns",
     "features",
+    "free_bytes",
     "georeference",
     "m3c2",
     "read_cloud",
@@ -106,3 +115,29 @@ def command(
 def simulate(
     scenario: str, out: _Path, seed: int | None, force: bool, listener: Listener, threads: int | None
 ) -> _Told: ...
+
+@final
+class ContentHash:
+    def __new__(cls) -> ContentHash: ...
+    def update(self, bytes: bytes) -> None: ...
+    def digits(self) -> str: ...
+
+@final
+class CampaignPlan:
+    def __new__(cls, path: _Path, listing: list[str] | None, out: _Path | None) -> CampaignPlan: ...
+    def files(self) -> list[str]: ...
+    def items(self, hashes: dict[str, str]) -> list[str]: ...
+
+def free_bytes() -> int: ...
+def campaign_texts(path: _Path, listing: list[str]) -> list[str]: ...
+def campaign_hashes(
+    files: list[str], root: _Path, out: _Path, listener: Listener, threads: int | None
+) -> dict[str, str]: ...
+def campaign_work(
+    text: str, root: _Path, out: _Path, memory_bytes: int | None, listener: Listener, threads: int | None
+) -> str | None: ...
+def campaign_clean(text: str, out: _Path) -> None: ...
+def campaign_pool(
+    texts: list[str], out: _Path, workers: int, memory_bytes: int, command: list[str], listener: Listener
+) -> tuple[int, int, int]: ...
+def campaign_conclude(path: _Path, texts: list[str], out: _Path) -> _Told: ...

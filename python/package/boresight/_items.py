@@ -1,0 +1,93 @@
+"""Items of campaigns, each done by a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from typing import Any, TypedDict
+
+from . import _boresight
+
+# With the paths of this process, and without threads of numpy that nobody needs: each counts as memory of the item.
+_CODE = """\
+import os, sys
+os.environ |= {{"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}}
+sys.path[:] = {path!r}
+from boresight._item import main
+main()
+"""
+
+
+class Failure(TypedDict):
+    """Why an item failed."""
+
+    problem: str
+    remedy: str | None
+
+
+def command(root: str, out: str, memory_bytes: int | None, threads: int | None) -> list[str]:
+    """The program that does an item, which it reads as a line of JSON, and prints the failure if it fails."""
+    code = _CODE.format(path=sys.path)
+    return [sys.executable, "-c", code, root, out, *(str(limit or 0) for limit in (memory_bytes, threads))]
+
+
+def run(item: str, root: str, out: str, memory_bytes: int | None, threads: int | None) -> Failure | None:
+    """Does an item, as JSON; its results are below `out`, or it says why it failed."""
+    with (
+        tempfile.TemporaryFile() as complaints,
+        subprocess.Popen(
+            command(root, out, memory_bytes, threads),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=complaints,
+            # Signals of the terminal are for this process.
+            start_new_session=True,
+        ) as child,
+    ):
+        assert child.stdin is not None and child.stdout is not None
+        said = b""
+        try:
+            child.stdin.write(item.encode() + b"\n")
+            # Its input stays open: it ends with this process.
+            child.stdin.flush()
+            said = child.stdout.read()
+        except BrokenPipeError:
+            # It has ended, and is asked why.
+            pass
+        except BaseException:
+            child.kill()
+            raise
+        code = child.wait()
+        complaints.seek(0)
+        complained = complaints.read().decode(errors="replace")
+    if said:
+        failure: Failure = json.loads(said)
+        return failure
+    if code == 0:
+        return None
+    _boresight.campaign_clean(item, out)
+    return _ended(code, complained, memory_bytes)
+
+
+def _ended(code: int, complained: str, memory_bytes: int | None) -> Failure:
+    """Why a process that said nothing has ended."""
+    lines = [line.strip() for line in complained.splitlines() if line.strip()]
+    last = lines[-1] if lines else ""
+    for lack in (line for line in lines if "memory allocation" in line or "MemoryError" in line):
+        most = "its memory" if memory_bytes is None else f"{memory_bytes // 1_000_000} MB"
+        return {
+            "problem": f"out of memory: {most} are not enough ({lack})",
+            "remedy": "give each item more with memory_mb, or do fewer at a time",
+        }
+    how = f"signal {-code}" if code < 0 else f"code {code}"
+    return {
+        "problem": f"its process ended: {how} {last}".rstrip(),
+        "remedy": "run the campaign again; if it repeats, this drive has met a fault of boresight",
+    }
+
+
+def title(item: dict[str, Any]) -> str:
+    """An item in words."""
+    return " ".join(item[key] for key in ("kind", "plot", "date") if item.get(key))

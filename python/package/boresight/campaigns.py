@@ -1,0 +1,127 @@
+"""Campaigns: many plots on many dates. `boresight.dask` does them on a cluster."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from . import _boresight
+from ._items import command
+from ._progress import Progress, listener
+from .mounting import table
+
+FilePath: TypeAlias = "str | os.PathLike[str]"
+
+# Share of the free memory that items use, and least memory of an item for which another worker is started, bytes.
+_SHARE, _LEAST_BYTES = 0.9, 500_000_000
+# Memory of an item where the system does not say how much is free, bytes.
+_UNKNOWN_BYTES = 2_000_000_000
+# Failures that a notebook shows.
+_ROWS = 30
+
+
+class CampaignResult:
+    """What became of a campaign.
+
+    Attributes
+    ----------
+    summary
+        A few lines of text.
+    out
+        The folder of the results: a path or a URL.
+    items
+        All items: ``name``, ``kind``, ``plot``, ``date``, ``before`` and ``state``, which is ``finished``, ``failed`` or
+        ``waiting``. The results of a finished one are in ``items/<name>`` below `out`.
+    failed
+        Those that failed, also with ``problem`` and ``remedy``.
+    """
+
+    summary: str
+    out: str
+    items: list[dict[str, Any]]
+    failed: list[dict[str, Any]]
+
+    def __init__(self, document: dict[str, Any], summary: str, out: str, failures: dict[str, dict[str, Any]]) -> None:
+        self._document = document
+        self.summary = summary
+        self.out = out
+        self.items = document["items"]
+        self.failed = [item | failures[item["name"]] for item in self.items if item["state"] == "failed"]
+
+    @property
+    def page(self) -> str:
+        """The page: quality over time, what changed, what failed."""
+        return f"{self.out}/campaign.html"
+
+    @property
+    def index(self) -> str:
+        """The index of all tiles, GeoParquet."""
+        return f"{self.out}/index.parquet"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The whole result, as in `campaign.json`."""
+        return self._document
+
+    def __repr__(self) -> str:
+        return f"<CampaignResult: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (item["kind"], item["plot"] or "", item["date"] or "", item["problem"], item["remedy"] or "")
+            for item in self.failed[:_ROWS]
+        ]
+        head = [("item", "plot", "date", "what is wrong", "what can be done")] if rows else []
+        return table(head, rows, f"{self.summary.splitlines()[0]}: {self.page}")
+
+
+def conclude(path: str, items: list[str], out: str, shown: str) -> tuple[CampaignResult, list[str]]:
+    """Writes index and page into the folder `out`, which the result calls `shown`; returns also the names of the files."""
+    document, summary, files = _boresight.campaign_conclude(path, items, out)
+    found = json.loads(document)
+    failures = {}
+    for item in found["items"]:
+        if item["state"] == "failed":
+            text = Path(out, "failed", f"{item['name']}.json").read_text(encoding="utf-8")
+            failures[item["name"]] = json.loads(text)["error"]
+    return CampaignResult(found, summary, shown, failures), [os.path.relpath(file, out) for file in files]
+
+
+def campaign(
+    path: FilePath,
+    out: FilePath | None = None,
+    *,
+    workers: int | None = None,
+    memory_mb: int | None = None,
+    progress: Progress = "tqdm",
+) -> CampaignResult:
+    """All items of a campaign on this machine, as the command `boresight campaign`; those that are finished are not done
+    again.
+
+    Parameters
+    ----------
+    path
+        A `campaign.toml`.
+    out
+        Folder of the results; by default `out` beside the campaign file.
+    workers
+        Items at the same time; by default one per core, as far as memory allows.
+    memory_mb
+        Memory of an item, MB: one that needs more fails and disturbs no other. By default an even share of what is free.
+    """
+    toml = os.path.abspath(path)
+    root = os.path.dirname(toml)
+    target = os.path.join(root, "out") if out is None else os.path.abspath(out)
+    free, cores = _boresight.free_bytes(), os.cpu_count() or 1
+    least = _LEAST_BYTES if memory_mb is None else 1_000_000 * memory_mb
+    usable = int(_SHARE * free) or cores * _UNKNOWN_BYTES
+    wanted = workers or max(1, min(cores, usable // least))
+    limit = usable // wanted if memory_mb is None else 1_000_000 * memory_mb
+    with listener(progress) as told:
+        plan = _boresight.CampaignPlan(toml, None, target)
+        hashes = _boresight.campaign_hashes(plan.files(), root, target, told, None)
+        items = plan.items(hashes)
+        program = command(root, target, limit, max(1, cores // wanted))
+        _boresight.campaign_pool(items, target, wanted, limit, program, told)
+        return conclude(toml, items, target, target)[0]
