@@ -10,7 +10,6 @@ use super::tiled::Tiling;
 use super::{drives, stages};
 use crate::comparison::{Against, Agreement, MountingKind, agreements};
 use crate::error::Result;
-use crate::format;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
@@ -54,8 +53,6 @@ pub fn field(
     std::fs::create_dir_all(&folder).map_err(|error| crate::Error::io(&folder, error))?;
     let shape = clouds::shape(project, &poses.trajectory)?;
     let tiles = job.timed("tiles", |progress| tiling.write(&folder, &shape, progress))?;
-    let first = tiles.first().map(|tile| folder.join(&tile.file));
-    let crs_wkt = first.map(|tile| format::crs_wkt(&tile)).transpose()?;
     let reference = stages::reference(project, progress)?;
     let placed = clouds::place(project, &poses.trajectory, mounted, &kept);
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
@@ -93,7 +90,7 @@ pub fn field(
         "points": tiles.iter().map(|tile| tile.points).sum::<u64>(),
         "span_s": [drive.poses.first().map(|pose| pose.time_s), drive.poses.last().map(|pose| pose.time_s)],
         "tiles": tiles,
-        "crs_wkt": crs_wkt.flatten(),
+        "crs_wkt": shape.wkt,
         "agreement": drive.agreements.found.iter().map(agreement).collect::<Vec<_>>(),
     });
     judge(&mut result, &verdicts);
