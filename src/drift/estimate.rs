@@ -4,18 +4,22 @@ use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
 use super::cells::{LAG_S, Scene, Spot};
 use super::overlap::{Overlap, ScannerOverlap};
-use crate::calibration::{Mounting, ScannerFromScanner, ScannerSample, relative};
+use super::step::perturbed;
+use crate::calibration::{
+    Mounting, POSE_CORRELATION_S, ScannerFromScanner, ScannerSample, relative,
+};
 use crate::error::{Error, Problem, Result};
-use crate::geometry::{Bending, Vec3, so3};
+use crate::geometry::{Bending, Vec3};
 use crate::progress::Progress;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// Edges of cells from coarse to fine, in finest voxels of the samples: a cell of the last holds some 16 points of
 /// either scanner.
 const CELL_VOXELS: [f64; 3] = [16.0, 8.0, 4.0];
-const MAX_ITERATIONS: usize = 12;
-/// A step ends a cell size where it moves points by less than this share of the voxel.
-const CONVERGED_SHARE: f64 = 2e-4;
+const MAX_ITERATIONS: usize = 10;
+/// A step ends a cell size where its square, by the information of the spots, is less than this: a tenth of a standard
+/// deviation on the last, one on those before.
+const CONVERGED: [f64; 3] = [1.0, 1.0, 0.01];
 
 /// What may be wrong with a mounting at most, metres and radians: a prior, which a component that the ground does
 /// not show keeps.
@@ -31,6 +35,9 @@ const MIN_BLOCKS: usize = 8;
 /// A block lasts so many times as long as one scanner comes after the other, so that errors of poses between the two
 /// stay within it.
 const BLOCK_LAGS: f64 = 4.0;
+/// A block lasts at least this long, seconds: positions of the body drift against themselves while one scanner follows
+/// the other, and errors of its speed last about as long as those of its positions.
+const LEAST_BLOCK_S: f64 = POSE_CORRELATION_S;
 /// Fewest spots.
 const MIN_SPOTS: usize = 240;
 
@@ -76,26 +83,36 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
     let stage = progress.stage("overlap", CELL_VOXELS.len() as u64);
     let mut step = DVector::zeros(6 * others.len());
     let mut at = in_use.clone();
-    for cell_voxels in CELL_VOXELS {
+    for (number, (cell_voxels, converged)) in CELL_VOXELS.into_iter().zip(CONVERGED).enumerate() {
         let cell_m = cell_voxels * input.voxel_m;
-        for _ in 0..MAX_ITERATIONS {
+        let mut iterations = 0;
+        let spots = loop {
             progress.check()?;
             let seen = scene.spots(&at, cell_m);
             if seen.len() < MIN_SPOTS {
-                return Err(too_little(seen.len()));
+                // Cells that are too coarse for the ground leave more to the next.
+                match number + 1 < CELL_VOXELS.len() {
+                    true => break seen.len(),
+                    false => return Err(too_little(seen.len())),
+                }
             }
             let normal = Normal::of(&seen, others.len(), blocks(&seen)?);
             let next = normal.solved(&step)?;
-            let moved_m = normal.moved_m(&(&next - &step));
+            let squared = normal.information(&(&next - &step));
             step = next;
             at = in_use.clone();
             for (pose, delta) in at[1..].iter_mut().zip(step.as_slice().chunks_exact(6)) {
                 *pose = perturbed(pose, delta);
             }
-            if moved_m < CONVERGED_SHARE * input.voxel_m {
-                break;
+            iterations += 1;
+            if squared < converged || iterations == MAX_ITERATIONS {
+                break seen.len();
             }
-        }
+        };
+        progress.say(&format!(
+            "cells of {:.0} mm: {spots} spots, {iterations} iterations",
+            1e3 * cell_m
+        ));
         progress.advance(1);
     }
     drop(stage);
@@ -153,19 +170,6 @@ fn too_little(spots: usize) -> Error {
     )
 }
 
-/// Exp(δφ) R, t + δp.
-pub fn perturbed(pose: &ScannerFromScanner, delta: &[f64]) -> ScannerFromScanner {
-    let [shift, turn] = [&delta[..3], &delta[3..]].map(Vec3::from_column_slice);
-    ScannerFromScanner::new(so3::exp(&turn) * pose.rotation, pose.translation_m + shift)
-}
-
-/// (δp, δφ) that lead from one to the other.
-pub fn offset(from: &ScannerFromScanner, to: &ScannerFromScanner) -> Vector6<f64> {
-    let shift = to.translation_m - from.translation_m;
-    let turn = so3::log(&(to.rotation * from.rotation.inverse()));
-    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
-}
-
 /// Mean squares of how far points move along the normal, upwards, and in all: δᵀ M δ.
 fn moments(spots: &[&Spot]) -> [Matrix6<f64>; 3] {
     let mut sums = [Matrix6::zeros(); 3];
@@ -198,8 +202,6 @@ fn moments(spots: &[&Spot]) -> [Matrix6<f64>; 3] {
 struct Normal {
     /// JᵀWJ and JᵀWe of each block.
     blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
-    /// Mean square of JᵀJ: how far a step moves points along the normal.
-    metric: DMatrix<f64>,
     prior: DVector<f64>,
 }
 
@@ -211,7 +213,6 @@ impl Normal {
         let scatter = median(ratios().map(|ratio| (ratio - middle).abs()));
         let scale = (SIGMAS_PER_MAD * scatter.unwrap_or(1.0)).max(1.0);
         let mut blocks = Vec::new();
-        let mut metric = DMatrix::zeros(size, size);
         for range in split(spots, count) {
             let (mut matrix, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
             for spot in range {
@@ -227,13 +228,11 @@ impl Normal {
                 let weight = (HUBER / ratio).min(1.0) / (sigma_m * sigma_m);
                 matrix.ger(weight, &row, &row, 1.0);
                 gradient.axpy(weight * spot.distance_m, &row, 1.0);
-                metric.ger(1.0 / spots.len() as f64, &row, &row, 1.0);
             }
             blocks.push((matrix, gradient));
         }
         Self {
             blocks,
-            metric,
             prior: DVector::from_fn(size, |i, _| PRIOR[i % 6 / 3].powi(-2)),
         }
     }
@@ -256,9 +255,9 @@ impl Normal {
         (matrix, gradient)
     }
 
-    /// Root mean square of how far a step moves points along the normal, metres.
-    fn moved_m(&self, step: &DVector<f64>) -> f64 {
-        (&self.metric * step).dot(step).max(0.0).sqrt()
+    /// Square of a step in standard deviations of spots that are independent.
+    fn information(&self, step: &DVector<f64>) -> f64 {
+        (self.all().0 * step).dot(step)
     }
 
     /// From what the drive without each of its blocks says (the jackknife): whatever errors neighbouring spots have in
@@ -294,17 +293,18 @@ fn singular() -> Error {
 /// How many blocks the drive has.
 fn blocks(spots: &[Spot]) -> Result<usize> {
     let lag_s = median(spots.iter().map(|spot| spot.lag_s)).unwrap_or(0.0);
-    let mut seconds: Vec<i64> = spots.iter().map(|s| s.time_s.floor() as i64).collect();
-    seconds.sort_unstable();
-    seconds.dedup();
-    let count = seconds.len() as f64 / (BLOCK_LAGS * lag_s);
+    let mut times_s: Vec<f64> = spots.iter().map(|spot| spot.time_s).collect();
+    times_s.sort_by(f64::total_cmp);
+    let gaps = times_s.windows(2).map(|pair| pair[1] - pair[0]);
+    let seconds: f64 = gaps.filter(|gap_s| *gap_s < LAG_S).sum();
+    let block_s = (BLOCK_LAGS * lag_s).max(LEAST_BLOCK_S);
+    let count = seconds / block_s;
     if count < MIN_BLOCKS as f64 {
         return Err(Error::of(
             Problem::TooFew,
             format!(
-                "one scanner sees a spot {lag_s:.1} s after the other, and both saw ground for {} s only: {count:.0} \
-                 stretches that are independent, of {MIN_BLOCKS} that standard deviations need",
-                seconds.len()
+                "both scanners saw the same ground for {seconds:.0} s only: {count:.1} stretches of {block_s:.1} s, which are \
+                 independent, of {MIN_BLOCKS} that standard deviations need"
             ),
             "use a longer drive",
         ));
@@ -327,7 +327,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
-    use crate::geometry::{BodyFromScanner, Rotation, WorldFromBody};
+    use crate::geometry::{BodyFromScanner, Rotation, WorldFromBody, so3};
     use crate::progress::Silent;
     use crate::surface::{Profile, ProfilePoint};
 
@@ -361,7 +361,7 @@ mod tests {
                 let world_from_body = WorldFromBody::new(turn, Vec3::new(along, 0.0, 1.5));
                 let pose = world_from_body * *mounting;
                 sample.profiles.push(Profile {
-                    time_s: 0.05 * f64::from(number),
+                    time_s: 0.25 * f64::from(number),
                     world_from_body,
                 });
                 for _ in 0..200 {
@@ -405,12 +405,12 @@ mod tests {
         let mut chi = 0.0;
         for i in 0..6 {
             let sigma = sigma[i].unwrap();
-            // 0.2 mm of noise on 80,000 points.
-            assert!(sigma < 5e-5, "{i}: {sigma}");
+            // 0.2 mm of noise on 80,000 points, on cells that are not quite flat.
+            assert!(sigma < 2e-4, "{i}: {sigma}");
             chi += ((right.offset[i] - off[i]) / sigma).powi(2) / 6.0;
         }
         assert!(chi < 3.0, "{chi} {right:?}");
-        assert!(right.undetermined().is_empty() && right.blocks == BLOCKS);
+        assert!(right.undetermined().is_empty() && (15..=20).contains(&right.blocks));
         // Points move along the normal as this says: the same as the part of the knock that shows.
         let knock = Vector6::from(off);
         let normal_m = knock.dot(&(right.normal * knock)).sqrt();
@@ -441,7 +441,7 @@ mod tests {
     fn scanners_that_see_nothing_together_are_refused() {
         let mut apart = samples(waves, &[0.0; 6]);
         for profile in &mut apart[1].profiles {
-            profile.time_s += 100.0;
+            profile.time_s += 200.0;
         }
         let problem = found(&apart).unwrap_err().to_string();
         assert!(

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::estimate::perturbed;
+use super::step::perturbed;
 use crate::calibration::ScannerFromScanner;
 
 /// Names of the components: the position of a scanner along, and its rotation about, the axes of the first scanner.

@@ -251,7 +251,7 @@ fn components(chart: &Chart, scanner: &ScannerChart) -> String {
             escape(&chart.first),
             match chart.from_calibration {
                 true => "the calibration",
-                false => "the mounting in use on the first day",
+                false => "the project's mounting on the first day",
             },
         ),
     )
@@ -332,7 +332,7 @@ mod tests {
         assert!(text.contains("between 2025-05-06 and 2025-05-07"), "{text}");
         assert!(text.contains("+2.00 ± 0.110 mm x"), "{text}");
         assert!(
-            text.contains("move by 2.00 ± 0.11 mm (root mean square), 1.10"),
+            text.contains("move by 2.00 ± 0.11 mm (root mean square), 1.09"),
             "{text}"
         );
         assert!(
