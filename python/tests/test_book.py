@@ -29,4 +29,4 @@ def test_the_chapter_runs(drive, field, tmp_path, monkeypatch):
     assert boresight.read("thinned.laz").attributes["label"].dtype == np.uint32
     # Every name that the chapter uses is there.
     for name in set(re.findall(r"boresight\.(\w+)", text)) - {"toml"}:
-        assert hasattr(boresight, name) or name in ("plot", "py4dgeo"), name
+        assert hasattr(boresight, name) or name in ("dask", "plot", "py4dgeo"), name

@@ -32,8 +32,8 @@ class CampaignResult:
     out
         The folder of the results: a path or a URL.
     items
-        All items: ``name``, ``kind``, ``plot``, ``date``, ``before`` and ``state``, which is ``finished``, ``failed`` or
-        ``waiting``. The results of a finished one are in ``items/<name>`` below `out`.
+        All items: ``name``, ``kind``, ``plot``, ``date``, ``before`` and ``state``, which is ``finished``, ``failed``
+        or ``waiting``. The results of a finished one are in ``items/<name>`` below `out`.
     failed
         Those that failed, also with ``problem`` and ``remedy``.
     """
@@ -77,7 +77,7 @@ class CampaignResult:
 
 
 def conclude(path: str, items: list[str], out: str, shown: str) -> tuple[CampaignResult, list[str]]:
-    """Writes index and page into the folder `out`, which the result calls `shown`; returns also the names of the files."""
+    """Writes index and page into the folder `out`, which the result calls `shown`; returns also the files' names."""
     document, summary, files = _boresight.campaign_conclude(path, items, out)
     found = json.loads(document)
     failures = {}
@@ -96,8 +96,8 @@ def campaign(
     memory_mb: int | None = None,
     progress: Progress = "tqdm",
 ) -> CampaignResult:
-    """All items of a campaign on this machine, as the command `boresight campaign`; those that are finished are not done
-    again.
+    """All items of a campaign on this machine, as the command `boresight campaign`; those that are finished are not
+    done again.
 
     Parameters
     ----------
@@ -108,7 +108,8 @@ def campaign(
     workers
         Items at the same time; by default one per core, as far as memory allows.
     memory_mb
-        Memory of an item, MB: one that needs more fails and disturbs no other. By default an even share of what is free.
+        Memory of an item, MB: one that needs more fails and disturbs no other. By default an even share of what is
+        free.
     """
     toml = os.path.abspath(path)
     root = os.path.dirname(toml)
