@@ -48,6 +48,10 @@ python:
 bench-python *ARGS:
     python3 python/benches/overhead.py --command target/release/boresight {{ARGS}}
 
+# A campaign of 200 items on Dask: killed processes, failures, S3, scaling (needs the package with its group `test`)
+campaign-dask *ARGS:
+    python3 python/benches/campaign.py {{ARGS}}
+
 # Benchmark of the trajectory against gtsam on the same logs; writes docs/performance.md (needs Python)
 bench-trajectory *ARGS:
     python3 benches/trajectory/run.py {{ARGS}}
