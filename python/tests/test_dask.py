@@ -138,3 +138,5 @@ def test_inputs_and_outputs_in_s3(client, made, by_pool, store, tmp_path):
     assert all(fs.info(path)["LastModified"] == changed for path, changed in kept.items())
     assert "reading inputs" not in asked
     assert json.loads(fs.cat_file("campaigns/beets/out/campaign.json")) == found.to_dict()
+    with pytest.raises(FileNotFoundError, match="s3://campaigns/beans/campaign.toml"):
+        boresight.dask.campaign("s3://campaigns/beans/campaign.toml", client, storage_options=store, progress=None)

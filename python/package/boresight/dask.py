@@ -7,6 +7,7 @@ goes on from there. Needs the packages `distributed` and `fsspec`, ``pip install
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import tempfile
@@ -115,6 +116,8 @@ class _Planned:
         if root is None:
             root = str(scratch / "root")
             self._listed = place.root.files(without=place.out.url.removeprefix(f"{place.root.url}/"))
+            if name not in self._listed:
+                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), f"{place.root.url}/{name}")
             place.root.fetch([name], Path(root))
         self._toml = os.path.join(root, name)
         listing = None if self._listed is None else list(self._listed)
