@@ -214,3 +214,81 @@ fn add(item: &Item, result: &Value, page: &mut CampaignPage) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::ScannerFromScanner;
+    use crate::campaign::{MountingsFrom, ProjectText, Task};
+    use crate::drift::ScannerOverlap;
+    use nalgebra::{Matrix6, Vector6};
+
+    fn overlap(x_m: f64) -> Overlap {
+        let scanner = ScannerOverlap {
+            name: "right".into(),
+            in_use: ScannerFromScanner::identity(),
+            offset: Vector6::new(x_m, 0.0, 0.0, 0.0, 0.0, 0.0),
+            covariance: Matrix6::identity() * 1e-8,
+            determined: [true; 6],
+            blocks: 40,
+            spots: 1000,
+            lag_s: 0.1,
+            normal: Matrix6::identity(),
+            vertical: Matrix6::identity(),
+            total: Matrix6::identity(),
+        };
+        Overlap {
+            first: "left".into(),
+            scanners: vec![scanner],
+        }
+    }
+
+    fn item(day: u32) -> Item {
+        let project = ProjectText {
+            path: format!("{day}/project.toml"),
+            text: String::new(),
+        };
+        let item = Item {
+            name: String::new(),
+            kind: Kind::Overlap,
+            plot: Some("p".into()),
+            date: Some(format!("2025-05-{day:02}")),
+            before: None,
+            inputs: Vec::new(),
+            needs: Vec::new(),
+            task: Task::Overlap {
+                project,
+                mountings: MountingsFrom::Project,
+            },
+        };
+        item.named()
+    }
+
+    #[test]
+    fn a_knock_in_the_results_is_on_the_page_and_in_the_list() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let path = out.join("campaign.toml");
+        fs::write(&path, "[campaign]\ndrives = \"{date}\"\ndrift = true\n").unwrap();
+        let campaign = Campaign::read(&path).unwrap();
+        let items: Vec<Item> = (1..=9).map(item).collect();
+        for (item, day) in items.iter().zip(1..) {
+            let result = json!({ "overlap": overlap(if day < 7 { 0.0 } else { 2e-3 }) });
+            fs::create_dir_all(item.folder(out)).unwrap();
+            fs::write(item.folder(out).join(item::RESULT), result.to_string()).unwrap();
+        }
+        let outcome = conclude(&campaign, &items, &out.join("")).unwrap();
+        let alarms = &outcome.result["drift"]["scanners"][0]["alarms"];
+        assert_eq!(alarms.as_array().map(Vec::len), Some(1));
+        assert_eq!(alarms[0]["date"], "2025-05-07");
+        assert!(
+            outcome.summary.contains("2025-05-07"),
+            "{}",
+            outcome.summary
+        );
+        let page = fs::read_to_string(out.join(PAGE)).unwrap();
+        assert!(page.contains("Drift watch") && page.contains("between 2025-05-06 and 2025-05-07"));
+        // Without the day of the knock's results there is no page of them.
+        assert!(!page.contains("id=\"quality\""));
+    }
+}
