@@ -288,7 +288,7 @@ mod tests {
         );
         let page = fs::read_to_string(out.join(PAGE)).unwrap();
         assert!(page.contains("Drift watch") && page.contains("between 2025-05-06 and 2025-05-07"));
-        // Without the day of the knock's results there is no page of them.
+        // There is no drive whose quality could be shown.
         assert!(!page.contains("id=\"quality\""));
     }
 }
