@@ -16,7 +16,7 @@ use crate::project::{Project, Reference};
 use crate::tiles::peak_memory_bytes;
 use crate::verdict::Verdict;
 
-/// Does an item: its results appear in its folder below `out`, [`item::RESULT`] last. `root` is the campaign's folder.
+/// Does an item: its results appear in its folder below `out`, `result.json` last. `root` is the campaign's folder.
 /// One that is finished is left as it is. `memory_bytes` is what it may use where it can do with less.
 ///
 /// # Errors
