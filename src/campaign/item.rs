@@ -142,7 +142,7 @@ impl From<&Error> for Failure {
                 problem, remedy, ..
             } => Self {
                 problem: problem.clone(),
-                remedy: Some(remedy.clone()),
+                remedy: Some(remedy.clone()).filter(|remedy| !remedy.is_empty()),
             },
             other => Self {
                 problem: other.to_string(),

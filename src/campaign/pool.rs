@@ -54,19 +54,18 @@ enum State {
     Failed,
 }
 
+/// Where all items stand.
+struct States {
+    of: Vec<State>,
+    /// No item before this one waits.
+    first: usize,
+}
+
 struct Shared<'a> {
     items: &'a [Item],
     by_name: BTreeMap<&'a str, usize>,
-    states: Mutex<Vec<State>>,
+    states: Mutex<States>,
     changed: Condvar,
-}
-
-/// What a worker does next.
-enum Next {
-    Do(usize),
-    /// An item that it needs failed: both.
-    Skip(usize, usize),
-    Nothing,
 }
 
 impl Pool {
@@ -94,7 +93,10 @@ impl Pool {
                 .enumerate()
                 .map(|(at, item)| (item.name.as_str(), at))
                 .collect(),
-            states: Mutex::new(states),
+            states: Mutex::new(States {
+                of: states,
+                first: 0,
+            }),
             changed: Condvar::new(),
         };
         let stage = progress.stage("items", (items.len() - kept) as u64);
@@ -131,7 +133,7 @@ impl Pool {
             .states
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner);
-        let count = |state| states.iter().filter(|other| **other == state).count();
+        let count = |state| states.of.iter().filter(|other| **other == state).count();
         Ok(Tally {
             done: count(State::Finished) - kept,
             kept,
@@ -142,10 +144,12 @@ impl Pool {
     fn worker(&self, shared: &Shared<'_>, out: &Path, progress: &dyn Progress) -> Result<()> {
         loop {
             progress.check()?;
-            let (at, failure) = match shared.next(progress)? {
-                Next::Nothing => return Ok(()),
-                Next::Skip(at, needed) => (at, Some(not_tried(&shared.items[needed]))),
-                Next::Do(at) => (at, self.one(&shared.items[at], out, progress)?),
+            let Some((at, failed)) = shared.next(progress)? else {
+                return Ok(());
+            };
+            let failure = match failed {
+                Some(needed) => Some(not_tried(&shared.items[needed])),
+                None => self.one(&shared.items[at], out, progress)?,
             };
             let item = &shared.items[at];
             let state = match failure {
@@ -156,7 +160,7 @@ impl Pool {
                     State::Failed
                 }
             };
-            shared.lock()[at] = state;
+            shared.lock().of[at] = state;
             shared.changed.notify_all();
             progress.advance(1);
         }
@@ -173,6 +177,11 @@ impl Pool {
             .spawn()
             .map_err(failed)?;
         let line = serde_json::to_string(item).unwrap_or_default() + "\n";
+        // A full pipe would stop it.
+        let texts = [
+            in_background(child.stdout.take()),
+            in_background(child.stderr.take()),
+        ];
         let mut input = child.stdin.take();
         if let Some(input) = &mut input {
             // One that has ended already says why.
@@ -192,16 +201,8 @@ impl Pool {
         if status.success() && item.is_finished(out) {
             return Ok(None);
         }
-        let mut texts = [String::new(), String::new()];
         // What it printed only explains how it ended.
-        let _ = child
-            .stdout
-            .take()
-            .map(|mut text| text.read_to_string(&mut texts[0]));
-        let _ = child
-            .stderr
-            .take()
-            .map(|mut text| text.read_to_string(&mut texts[1]));
+        let texts = texts.map(|text| text.join().unwrap_or_default());
         let said = serde_json::from_str(&texts[0]).ok();
         clean(item, out);
         Ok(Some(said.unwrap_or_else(|| self.ended(status, &texts[1]))))
@@ -252,6 +253,16 @@ pub fn keep_failure(item: &Item, failure: &Failure, out: &Path) -> Result<()> {
     fs::rename(&staged, &path).map_err(failed)
 }
 
+/// Reads a pipe to its end in a thread of its own.
+fn in_background(pipe: Option<impl Read + Send + 'static>) -> thread::JoinHandle<String> {
+    thread::spawn(move || {
+        let mut bytes = Vec::new();
+        // What was read until it breaks is what there is.
+        let _ = pipe.map(|mut pipe| pipe.read_to_end(&mut bytes));
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}
+
 /// Waits for a process that was asked to stop, and then no longer.
 fn end(child: &mut Child) {
     let asked = Instant::now();
@@ -264,36 +275,25 @@ fn end(child: &mut Child) {
 }
 
 impl Shared<'_> {
-    fn lock(&self) -> MutexGuard<'_, Vec<State>> {
+    fn lock(&self) -> MutexGuard<'_, States> {
         self.states.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the first item whose needs are finished; waits where items that others need are running.
-    fn next(&self, progress: &dyn Progress) -> Result<Next> {
+    /// Takes the first item whose needs are finished, or one of which failed: the item, and that need. Waits where items
+    /// that others need are running; `None` when nothing is left.
+    fn next(&self, progress: &dyn Progress) -> Result<Option<(usize, Option<usize>)>> {
         let mut states = self.lock();
         loop {
-            let mut is_over = true;
-            for (at, item) in self.items.iter().enumerate() {
-                if states[at] != State::Waiting {
-                    continue;
-                }
-                is_over = false;
-                let needs = || {
-                    item.needs
-                        .iter()
-                        .filter_map(|name| self.by_name.get(name.as_str()).copied())
-                };
-                if let Some(failed) = needs().find(|need| states[*need] == State::Failed) {
-                    states[at] = State::Running;
-                    return Ok(Next::Skip(at, failed));
-                }
-                if needs().all(|need| states[need] == State::Finished) {
-                    states[at] = State::Running;
-                    return Ok(Next::Do(at));
-                }
+            let left = states.of[states.first..].iter();
+            let past = left.take_while(|state| **state != State::Waiting).count();
+            states.first += past;
+            if states.first == self.items.len() {
+                return Ok(None);
             }
-            if is_over {
-                return Ok(Next::Nothing);
+            let found = (states.first..self.items.len()).find_map(|at| self.tried(at, &states.of));
+            if let Some((at, _)) = found {
+                states.of[at] = State::Running;
+                return Ok(found);
             }
             progress.check()?;
             let waited = self
@@ -303,15 +303,28 @@ impl Shared<'_> {
         }
     }
 
+    /// An item, and the one that it needs and that failed; `None` where it cannot be done yet.
+    fn tried(&self, at: usize, states: &[State]) -> Option<(usize, Option<usize>)> {
+        if states[at] != State::Waiting {
+            return None;
+        }
+        let needs = self.items[at].needs.iter();
+        let mut needs = needs.filter_map(|name| self.by_name.get(name.as_str()).copied());
+        match needs.find(|need| states[*need] != State::Finished) {
+            None => Some((at, None)),
+            Some(need) if states[need] == State::Failed => Some((at, Some(need))),
+            Some(_) => None,
+        }
+    }
+
     /// Leaves what waits undone.
     fn stop(&self) {
-        for state in self
-            .lock()
-            .iter_mut()
+        let mut states = self.lock();
+        let waiting = states.of.iter_mut();
+        waiting
             .filter(|state| **state == State::Waiting)
-        {
-            *state = State::Running;
-        }
+            .for_each(|state| *state = State::Running);
+        drop(states);
         self.changed.notify_all();
     }
 }
