@@ -24,9 +24,8 @@ const CONVERGED: [f64; 3] = [1.0, 1.0, 0.01];
 /// What may be wrong with a mounting at most, metres and radians: a prior, which a component that the ground does
 /// not show keeps.
 pub const PRIOR: [f64; 2] = [0.1, 0.1];
-/// A component is determined where less than this share of the prior is left: 1 mm and 1 mrad. On flat ground, noise of
-/// the normals alone makes several of either.
-const DETERMINED_SHARE: f64 = 0.01;
+/// A component is determined where less than this share of the prior is left.
+const DETERMINED_SHARE: f64 = 0.1;
 
 /// Distances count in full up to this many standard deviations (Huber).
 const HUBER: f64 = 2.0;
