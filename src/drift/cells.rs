@@ -36,6 +36,8 @@ pub struct Spot {
     pub sigma_m: f64,
     /// By (δp, δφ) of either scanner in the axes of the first of the drive.
     pub by: [[f64; 6]; 2],
+    /// What noise of the points does to these by tilting the plane about either of its axes, one standard deviation.
+    pub by_noise: [[[f64; 6]; 2]; 2],
     /// Mean of the second one's points: from its own origin, axes of the first scanner of the drive, metres.
     pub arm_m: Vec3,
     /// The normal, and up, in these axes.
@@ -190,7 +192,14 @@ impl<'a> Scene<'a> {
         // The axes are those of the scatter, so that b = c = 0 and d = h̄₂ − h̄₁.
         let distance_m = normal.dot(&apart);
         let variance = thick / (count - 4.0).max(1.0) * (plain + tilted);
-        let mut by = [[0.0; 6]; 2];
+        // By how much noise tilts the plane along its axes.
+        let noise = (thick / (count - 4.0).max(1.0)).sqrt();
+        let directions = [
+            normal,
+            u * (noise / along.sqrt()),
+            v * (noise / across.sqrt()),
+        ];
+        let mut rows = [[[0.0; 6]; 2]; 3];
         let (mut arm_m, mut turned, mut up) = (Vec3::zeros(), Vec3::zeros(), Vec3::zeros());
         for point in &points {
             let side = usize::from(point.scanner == scanners[1]);
@@ -199,18 +208,21 @@ impl<'a> Scene<'a> {
             let of_tilt: f64 = tilt.iter().map(|(axis, t)| t * off.dot(axis)).sum();
             let weight = sign / shares[side] - of_tilt;
             let (rotation, _) = &self.frames[point.scanner][point.profile as usize];
-            let direction = rotation.tr_mul(&normal);
-            let moment = point.arm_m.cross(&direction);
-            for axis in 0..3 {
-                by[side][axis] += weight * direction[axis];
-                by[side][3 + axis] += weight * moment[axis];
+            for (row, direction) in rows.iter_mut().zip(&directions) {
+                let direction = rotation.tr_mul(direction);
+                let moment = point.arm_m.cross(&direction);
+                for axis in 0..3 {
+                    row[side][axis] += weight * direction[axis];
+                    row[side][3 + axis] += weight * moment[axis];
+                }
             }
             if side == 1 {
                 arm_m += point.arm_m / shares[1];
-                turned = direction;
+                turned = rotation.tr_mul(&normal);
                 up = rotation.row(2).transpose();
             }
         }
+        let [by, by_noise @ ..] = rows;
         Some(Spot {
             scanners,
             time_s: 0.5 * (times_s[0] + times_s[1]),
@@ -218,6 +230,7 @@ impl<'a> Scene<'a> {
             distance_m,
             sigma_m: variance.sqrt().hypot(LEAST_SIGMA_M),
             by,
+            by_noise,
             arm_m,
             normal: turned,
             up,

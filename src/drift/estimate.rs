@@ -1,17 +1,16 @@
 //! How the further scanners sit in the frame of the first, by the distances on all spots.
 
-use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
+use nalgebra::{DVector, Matrix6, Vector6};
 
 use super::cells::{LAG_S, Scene, Spot};
+use super::normal::{Normal, PRIOR, blocks};
 use super::overlap::{Overlap, ScannerOverlap};
 use super::step::perturbed;
-use crate::calibration::{
-    Mounting, POSE_CORRELATION_S, ScannerFromScanner, ScannerSample, relative,
-};
+use crate::calibration::{Mounting, ScannerFromScanner, ScannerSample, relative};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Bending, Vec3};
 use crate::progress::Progress;
-use crate::statistics::{SIGMAS_PER_MAD, median};
+use crate::statistics::median;
 
 /// Edges of cells from coarse to fine, in finest voxels of the samples: a cell of the last holds some 16 points of
 /// either scanner.
@@ -21,23 +20,9 @@ const MAX_ITERATIONS: usize = 10;
 /// deviation on the last, one on those before.
 const CONVERGED: [f64; 3] = [1.0, 1.0, 0.01];
 
-/// What may be wrong with a mounting at most, metres and radians: a prior, which a component that the ground does
-/// not show keeps.
-pub const PRIOR: [f64; 2] = [0.1, 0.1];
 /// A component is determined where less than this share of the prior is left.
 const DETERMINED_SHARE: f64 = 0.1;
 
-/// Distances count in full up to this many standard deviations (Huber).
-const HUBER: f64 = 2.0;
-/// Blocks of the drive at most and at least: as many degrees of freedom has the covariance, and one more.
-const BLOCKS: usize = 40;
-const MIN_BLOCKS: usize = 8;
-/// A block lasts so many times as long as one scanner comes after the other, so that errors of poses between the two
-/// stay within it.
-const BLOCK_LAGS: f64 = 4.0;
-/// A block lasts at least this long, seconds: positions of the body drift against themselves while one scanner follows
-/// the other, and errors of its speed last about as long as those of its positions.
-const LEAST_BLOCK_S: f64 = POSE_CORRELATION_S;
 /// Fewest spots.
 const MIN_SPOTS: usize = 240;
 
@@ -96,8 +81,8 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
                     false => return Err(too_little(seen.len())),
                 }
             }
-            let normal = Normal::of(&seen, others.len(), blocks(&seen)?);
-            let next = normal.solved(&step)?;
+            let normal = Normal::of(&seen, others.len(), blocks(&seen)?)?;
+            let next = normal.solved(&step);
             let squared = normal.information(&(&next - &step));
             step = next;
             at = in_use.clone();
@@ -120,7 +105,7 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
     if seen.len() < MIN_SPOTS {
         return Err(too_little(seen.len()));
     }
-    let normal = Normal::of(&seen, others.len(), blocks(&seen)?);
+    let normal = Normal::of(&seen, others.len(), blocks(&seen)?)?;
     let (covariance, blocks) = normal.covariance()?;
     let scanners = others.iter().enumerate().map(|(i, other)| {
         let own: Vec<&Spot> = seen.iter().filter(|s| s.scanners[1] == i + 1).collect();
@@ -137,7 +122,7 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
             determined,
             blocks,
             spots: own.len(),
-            lag_s: median(own.iter().map(|spot| spot.lag_s)).unwrap_or(f64::NAN),
+            lag_s: median(own.iter().map(|spot| spot.lag_s)).unwrap_or(0.0),
             normal: along_normal,
             vertical: upwards,
             total: in_all,
@@ -196,128 +181,6 @@ fn moments(spots: &[&Spot]) -> [Matrix6<f64>; 3] {
             .for_each(|axis| add(2, axis));
     }
     sums
-}
-
-/// Normal equations of the spots, block by block.
-struct Normal {
-    /// JᵀWJ and JᵀWe of each block.
-    blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
-    prior: DVector<f64>,
-}
-
-impl Normal {
-    fn of(spots: &[Spot], others: usize, count: usize) -> Self {
-        let size = 6 * others;
-        let ratios = || spots.iter().map(|spot| spot.distance_m / spot.sigma_m);
-        let middle = median(ratios()).unwrap_or(0.0);
-        let scatter = median(ratios().map(|ratio| (ratio - middle).abs()));
-        let scale = (SIGMAS_PER_MAD * scatter.unwrap_or(1.0)).max(1.0);
-        let mut blocks = Vec::new();
-        for range in split(spots, count) {
-            let (mut matrix, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
-            for spot in range {
-                let mut row = DVector::zeros(size);
-                for (scanner, by) in spot.scanners.iter().zip(&spot.by) {
-                    if *scanner > 0 {
-                        let own = Vector6::from_column_slice(by);
-                        row.fixed_rows_mut::<6>(6 * (scanner - 1)).copy_from(&own);
-                    }
-                }
-                let sigma_m = scale * spot.sigma_m;
-                let ratio = (spot.distance_m / sigma_m).abs();
-                let weight = (HUBER / ratio).min(1.0) / (sigma_m * sigma_m);
-                matrix.ger(weight, &row, &row, 1.0);
-                gradient.axpy(weight * spot.distance_m, &row, 1.0);
-            }
-            blocks.push((matrix, gradient));
-        }
-        Self {
-            blocks,
-            prior: DVector::from_fn(size, |i, _| PRIOR[i % 6 / 3].powi(-2)),
-        }
-    }
-
-    /// The offset from the mountings in use after a step from this one.
-    fn solved(&self, now: &DVector<f64>) -> Result<DVector<f64>> {
-        let (matrix, gradient) = self.all();
-        let pull = self.prior.component_mul(now);
-        let factor = matrix.cholesky().ok_or_else(singular)?;
-        Ok(now - factor.solve(&(gradient + pull)))
-    }
-
-    fn all(&self) -> (DMatrix<f64>, DVector<f64>) {
-        let mut matrix = DMatrix::from_diagonal(&self.prior);
-        let mut gradient = DVector::zeros(self.prior.len());
-        for (of_block, own) in &self.blocks {
-            matrix += of_block;
-            gradient += own;
-        }
-        (matrix, gradient)
-    }
-
-    /// Square of a step in standard deviations of spots that are independent.
-    fn information(&self, step: &DVector<f64>) -> f64 {
-        (self.all().0 * step).dot(step)
-    }
-
-    /// From what the drive without each of its blocks says (the jackknife): whatever errors neighbouring spots have in
-    /// common, of poses or of the ground, blocks do not. And the number of blocks.
-    fn covariance(&self) -> Result<(DMatrix<f64>, usize)> {
-        let (matrix, _) = self.all();
-        let count = self.blocks.len() as f64;
-        let without = |(of_block, own): &(DMatrix<f64>, DVector<f64>)| {
-            let factor = (&matrix - of_block).cholesky().ok_or_else(singular)?;
-            Ok(factor.solve(own))
-        };
-        let moved: Result<Vec<DVector<f64>>> = self.blocks.iter().map(without).collect();
-        let moved = moved?;
-        let mean = moved.iter().sum::<DVector<f64>>() / count;
-        let inverse = matrix.cholesky().ok_or_else(singular)?.inverse();
-        let mut covariance = &inverse * DMatrix::from_diagonal(&self.prior) * &inverse;
-        for moved in &moved {
-            let off = moved - &mean;
-            covariance.ger((count - 1.0) / count, &off, &off, 1.0);
-        }
-        Ok((covariance, self.blocks.len()))
-    }
-}
-
-fn singular() -> Error {
-    Error::of(
-        Problem::NotDetermined,
-        "the distances between the scanners do not determine how one sits on the other",
-        "check that the poses and the points of the drive are those of one recording",
-    )
-}
-
-/// How many blocks the drive has.
-fn blocks(spots: &[Spot]) -> Result<usize> {
-    let lag_s = median(spots.iter().map(|spot| spot.lag_s)).unwrap_or(0.0);
-    let mut times_s: Vec<f64> = spots.iter().map(|spot| spot.time_s).collect();
-    times_s.sort_by(f64::total_cmp);
-    let gaps = times_s.windows(2).map(|pair| pair[1] - pair[0]);
-    let seconds: f64 = gaps.filter(|gap_s| *gap_s < LAG_S).sum();
-    let block_s = (BLOCK_LAGS * lag_s).max(LEAST_BLOCK_S);
-    let count = seconds / block_s;
-    if count < MIN_BLOCKS as f64 {
-        return Err(Error::of(
-            Problem::TooFew,
-            format!(
-                "both scanners saw the same ground for {seconds:.0} s only: {count:.1} stretches of {block_s:.1} s, which are \
-                 independent, of {MIN_BLOCKS} that standard deviations need"
-            ),
-            "use a longer drive",
-        ));
-    }
-    Ok((count as usize).min(BLOCKS))
-}
-
-/// Spots in blocks of equally many, in the order of time.
-fn split(spots: &[Spot], count: usize) -> Vec<Vec<&Spot>> {
-    let mut order: Vec<&Spot> = spots.iter().collect();
-    order.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    let each = order.len().div_ceil(count).max(1);
-    order.chunks(each).map(<[_]>::to_vec).collect()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! [`Overlap`] is what one drive in the field shows, without boards and without a reference: how each further scanner
 //! sits in the frame of the first, less the mounting in use. [`Chart`] holds the days of a campaign against each
 //! other. What all scanners do together does not show. Start with [`overlap`]; then see `cells.rs` (what both saw of
-//! one spot), `estimate.rs` (the mounting and its covariance), `watch.rs` (the days) and `limit.rs` (its limits).
+//! one spot), `estimate.rs` and `normal.rs` (the mounting and its covariance), `watch.rs` (the days) and `limit.rs` (its limits).
 
 mod base;
 mod cells;
@@ -11,6 +11,7 @@ mod chart;
 mod cost;
 mod estimate;
 mod limit;
+mod normal;
 mod overlap;
 mod result;
 mod step;
