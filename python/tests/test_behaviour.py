@@ -92,8 +92,12 @@ def test_an_exception_of_the_function_cancels(many):
         boresight.features(many, progress=stop)
 
 
-def test_bars_are_those_of_tqdm(many, capsys):
-    boresight.features(many, neighbours=100)
+def test_bars_are_those_of_tqdm(many, capsys, monkeypatch):
+    boresight.features(many[:1000])
+    assert capsys.readouterr().err == "", "short work has no bar"
+    # Without the delay every bar is drawn, however fast the machine is.
+    monkeypatch.setattr("boresight._progress._DELAY_S", 0.0)
+    boresight.features(many[:300_000])
     told = capsys.readouterr()
     assert "features" in told.err and told.out == ""
     boresight.features(many[:1000], progress=None)
