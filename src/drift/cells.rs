@@ -21,6 +21,14 @@ const MIN_SHARED: f64 = 0.2;
 /// Least standard deviation of a distance, metres: spots that happen to fit would decide alone.
 const LEAST_SIGMA_M: f64 = 5e-5;
 
+/// Where grids of cells begin, in cells: centres of each lie between those of the others.
+pub const GRIDS: [[f64; 3]; 4] = [
+    [0.0, 0.0, 0.0],
+    [0.5, 0.5, 0.0],
+    [0.5, 0.0, 0.5],
+    [0.0, 0.5, 0.5],
+];
+
 /// The distance between two scanners on one spot.
 #[derive(Debug, Clone, Copy)]
 pub struct Spot {
@@ -89,9 +97,16 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// What two scanners saw in cells of this edge, in the order of cells and passes.
-    pub fn spots(&self, at: &[ScannerFromScanner], cell_m: f64) -> Vec<Spot> {
-        let mut points = self.placed(at, cell_m);
+    /// What two scanners saw in cells of this edge, in the order of grids, cells and passes. Which points share a cell
+    /// is chance: several [grids](GRIDS) average it out.
+    pub fn spots(&self, at: &[ScannerFromScanner], cell_m: f64, grids: usize) -> Vec<Spot> {
+        let grids = GRIDS.iter().take(grids);
+        let of = |shift: &[f64; 3]| self.spots_of(at, cell_m, &(cell_m * Vec3::from(*shift)));
+        grids.flat_map(of).collect()
+    }
+
+    fn spots_of(&self, at: &[ScannerFromScanner], cell_m: f64, shift_m: &Vec3) -> Vec<Spot> {
+        let mut points = self.placed(at, cell_m, shift_m);
         points.par_sort_unstable_by(|a, b| {
             let key = |p: &Point| (p.cell, p.scanner, p.number);
             let by_cell = a.cell.cmp(&b.cell).then(a.time_s.total_cmp(&b.time_s));
@@ -105,7 +120,7 @@ impl<'a> Scene<'a> {
         cells.par_iter().flat_map_iter(of_cell).collect()
     }
 
-    fn placed(&self, at: &[ScannerFromScanner], cell_m: f64) -> Vec<Point> {
+    fn placed(&self, at: &[ScannerFromScanner], cell_m: f64, shift_m: &Vec3) -> Vec<Point> {
         let samples = self.samples.iter().zip(at).enumerate();
         let of = |(scanner, (sample, pose)): (usize, (&ScannerSample, &ScannerFromScanner))| {
             let turn = *pose.rotation.to_rotation_matrix().matrix();
@@ -114,7 +129,7 @@ impl<'a> Scene<'a> {
                 let arm_m = turn * point.position_m;
                 let world_m = origin_m + rotation * (pose.translation_m + arm_m);
                 Point {
-                    cell: voxel_key(&world_m, cell_m),
+                    cell: voxel_key(&(world_m + shift_m), cell_m),
                     scanner,
                     time_s: sample.profiles[point.profile as usize].time_s,
                     number: number as u32,

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix6, Vector6};
 
-use super::cells::{LAG_S, Scene, Spot};
+use super::cells::{GRIDS, LAG_S, Scene, Spot};
 use super::normal::{Normal, PRIOR, blocks};
 use super::overlap::{Overlap, ScannerOverlap};
 use super::step::perturbed;
@@ -12,13 +12,33 @@ use crate::geometry::{Bending, Vec3};
 use crate::progress::Progress;
 use crate::statistics::median;
 
-/// Edges of cells from coarse to fine, in finest voxels of the samples: a cell of the last holds some 16 points of
-/// either scanner.
-const CELL_VOXELS: [f64; 3] = [16.0, 8.0, 4.0];
+/// A look at the ground.
+struct Look {
+    /// Edge of the cells in finest voxels of the samples.
+    cell_voxels: f64,
+    grids: usize,
+    /// It ends where the square of a step, by the information of the spots, is less than this.
+    converged: f64,
+}
+
+impl Look {
+    const fn new(cell_voxels: f64, grids: usize, converged: f64) -> Self {
+        Self {
+            cell_voxels,
+            grids,
+            converged,
+        }
+    }
+}
+
+/// From coarse to fine: cells of the last hold some 16 points of either scanner.
+const LOOKS: [Look; 4] = [
+    Look::new(16.0, 1, 1.0),
+    Look::new(8.0, 1, 1.0),
+    Look::new(4.0, 1, 1.0),
+    Look::new(4.0, GRIDS.len(), 0.01),
+];
 const MAX_ITERATIONS: usize = 10;
-/// A step ends a cell size where its square, by the information of the spots, is less than this: a tenth of a standard
-/// deviation on the last, one on those before.
-const CONVERGED: [f64; 3] = [1.0, 1.0, 0.01];
 
 /// A component is determined where less than this share of the prior is left.
 const DETERMINED_SHARE: f64 = 0.1;
@@ -65,21 +85,19 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
         .iter()
         .map(|other| relative(&first.body_from_scanner, &other.body_from_scanner))
         .collect();
-    let stage = progress.stage("overlap", CELL_VOXELS.len() as u64);
+    let stage = progress.stage("overlap", LOOKS.len() as u64);
     let mut step = DVector::zeros(6 * others.len());
     let mut at = in_use.clone();
-    for (number, (cell_voxels, converged)) in CELL_VOXELS.into_iter().zip(CONVERGED).enumerate() {
-        let cell_m = cell_voxels * input.voxel_m;
+    let mut last = Err(too_little(0));
+    for look in &LOOKS {
+        let cell_m = look.cell_voxels * input.voxel_m;
         let mut iterations = 0;
-        let spots = loop {
+        last = loop {
             progress.check()?;
-            let seen = scene.spots(&at, cell_m);
-            if seen.len() < MIN_SPOTS {
-                // Cells that are too coarse for the ground leave more to the next.
-                match number + 1 < CELL_VOXELS.len() {
-                    true => break seen.len(),
-                    false => return Err(too_little(seen.len())),
-                }
+            let seen = scene.spots(&at, cell_m, look.grids);
+            // Cells that are too coarse for the ground leave more to the next.
+            if seen.len() < MIN_SPOTS * look.grids {
+                break Err(too_little(seen.len()));
             }
             let normal = Normal::of(&seen, others.len(), blocks(&seen)?)?;
             let next = normal.solved(&step);
@@ -90,22 +108,19 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
                 *pose = perturbed(pose, delta);
             }
             iterations += 1;
-            if squared < converged || iterations == MAX_ITERATIONS {
-                break seen.len();
+            if squared < look.converged || iterations == MAX_ITERATIONS {
+                progress.say(&format!(
+                    "cells of {:.0} mm: {} spots, {iterations} iterations",
+                    1e3 * cell_m,
+                    seen.len()
+                ));
+                break Ok((seen, normal));
             }
         };
-        progress.say(&format!(
-            "cells of {:.0} mm: {spots} spots, {iterations} iterations",
-            1e3 * cell_m
-        ));
         progress.advance(1);
     }
     drop(stage);
-    let seen = scene.spots(&at, CELL_VOXELS[CELL_VOXELS.len() - 1] * input.voxel_m);
-    if seen.len() < MIN_SPOTS {
-        return Err(too_little(seen.len()));
-    }
-    let normal = Normal::of(&seen, others.len(), blocks(&seen)?)?;
+    let (seen, normal) = last?;
     let (covariance, blocks) = normal.covariance()?;
     let scanners = others.iter().enumerate().map(|(i, other)| {
         let own: Vec<&Spot> = seen.iter().filter(|s| s.scanners[1] == i + 1).collect();

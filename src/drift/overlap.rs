@@ -34,7 +34,7 @@ pub struct ScannerOverlap {
     pub determined: [bool; 6],
     /// Blocks of the drive whose disagreement made the covariance.
     pub blocks: usize,
-    /// Spots of the ground that it saw together with another.
+    /// Spots of the ground that it saw together with another, in all grids of cells.
     pub spots: usize,
     /// Time from one scanner to the other on a spot, median, seconds.
     pub lag_s: f64,
