@@ -135,6 +135,11 @@ mod tests {
 
     const SIGMA: f64 = 1e-4;
 
+    /// The variance of a mean of so many days, in variances of a day with 40 degrees of freedom and six components.
+    fn of_mean(days: f64) -> f64 {
+        (1.0 + 2.0 * 7.0 / 40.0 * (1.0 - 1.0 / days)) / days
+    }
+
     fn strict() -> ChartSettings {
         ChartSettings {
             day_sigma_m: 0.0,
@@ -195,7 +200,7 @@ mod tests {
         assert_eq!(alarm.last_within.as_deref(), Some("2025-05-06"));
         // From the mean of the first five days.
         assert!((alarm.change[0].unwrap() / SIGMA - (20.2 - 0.04)).abs() < 1e-9);
-        let expected = (1.0f64 + 0.2).sqrt();
+        let expected = (1.0 + of_mean(5.0)).sqrt();
         assert!((alarm.sigma[0].unwrap() / SIGMA - expected).abs() < 1e-9);
         // M = 4 in all, 1 along the normal.
         assert!((alarm.cost.total_m / SIGMA - 2.0 * 20.16).abs() < 1e-9);
@@ -258,8 +263,8 @@ mod tests {
         let found = Chart::new(&drives(&days), &[], &loose).unwrap();
         let found = &found.scanners[0];
         assert_eq!(alarms(found), Vec::<&str>::new());
-        // (20 − 0.04)² over (100 + 1) (1 + 1/5).
-        let expected = 19.96_f64.powi(2) / (101.0 * 1.2);
+        // (20 − 0.04)² over (100 + 1) (1 + a mean of five).
+        let expected = 19.96_f64.powi(2) / (101.0 * (1.0 + of_mean(5.0)));
         assert!((found.days[6].t2.unwrap() - expected).abs() < 1e-9);
         assert!((found.days[6].sigma[0].unwrap() / SIGMA - 1.0).abs() < 1e-9);
     }
@@ -276,7 +281,7 @@ mod tests {
         let last = &found.scanners[0].days[2];
         assert_eq!(last.drives, 2);
         assert!((last.offset[0].unwrap() / SIGMA - 1.5).abs() < 1e-9);
-        assert!((last.sigma[0].unwrap() / SIGMA - 0.5f64.sqrt()).abs() < 1e-9);
+        assert!((last.sigma[0].unwrap() / SIGMA - of_mean(2.0).sqrt()).abs() < 1e-9);
         all.swap(0, 2);
         assert_eq!(Chart::new(&all, &[], &settings).unwrap(), found);
     }

@@ -83,6 +83,14 @@ impl Difference {
 }
 
 /// The mean of estimates of the same, by their covariances; `None` without any.
+///
+/// Weights W of estimated covariances are estimates as well: with M = Σ W, the covariance of the mean is
+///
+/// ```text
+/// M⁻¹ + M⁻¹ (Σ 2 (p + 1) / ν · (W − W M⁻¹ W)) M⁻¹
+/// ```
+///
+/// to first order in 1 / ν, which for p = 1 is that of Meier (1953).
 pub fn mean(all: &[Estimate]) -> Option<Estimate> {
     let [first, others @ ..] = all else {
         return None;
@@ -90,16 +98,21 @@ pub fn mean(all: &[Estimate]) -> Option<Estimate> {
     if others.is_empty() {
         return Some(*first);
     }
-    let (mut information, mut weighted) = (Matrix6::zeros(), Vector6::zeros());
-    for one in all {
-        let own = one.covariance.cholesky()?.inverse();
-        information += own;
-        weighted += own * one.offset;
-    }
-    let covariance = information.cholesky()?.inverse();
+    let weights: Option<Vec<Matrix6<f64>>> = all
+        .iter()
+        .map(|one| Some(one.covariance.cholesky()?.inverse()))
+        .collect();
+    let weights = weights?;
+    let pairs = || all.iter().zip(&weights);
+    let least = weights.iter().sum::<Matrix6<f64>>().cholesky()?.inverse();
+    let chance = pairs().map(|(one, weight)| {
+        let known = one.determined.iter().filter(|known| **known).count() as f64;
+        (weight - weight * least * weight) * (2.0 * (known + 1.0) / one.degrees)
+    });
+    let covariance = least + least * chance.sum::<Matrix6<f64>>() * least;
     Some(Estimate {
-        offset: covariance * weighted,
-        covariance,
+        offset: least * pairs().map(|(one, w)| w * one.offset).sum::<Vector6<f64>>(),
+        covariance: 0.5 * (covariance + covariance.transpose()),
         determined: std::array::from_fn(|i| all.iter().any(|one| one.determined[i])),
         degrees: all.iter().map(|one| one.degrees).sum(),
     })
@@ -159,34 +172,53 @@ mod tests {
         assert!((with(1e-3, KNOWN) - 120.0).abs() < 0.1);
     }
 
+    /// An estimate of zero, with the covariance of so many draws.
+    fn drawn(draws: usize, rng: &mut rand_chacha::ChaCha8Rng) -> Estimate {
+        use rand_distr::{Distribution, StandardNormal};
+        let all: Vec<Vector6<f64>> = (0..draws)
+            .map(|_| Vector6::from_fn(|_, _| StandardNormal.sample(rng)))
+            .collect();
+        let offset = all.iter().sum::<Vector6<f64>>() / draws as f64;
+        let scatter = all.iter().map(|x| (x - offset) * (x - offset).transpose());
+        let degrees = (draws - 1) as f64;
+        Estimate {
+            offset,
+            covariance: scatter.sum::<Matrix6<f64>>() / degrees / draws as f64,
+            determined: [true; 6],
+            degrees,
+        }
+    }
+
+    fn seeded() -> rand_chacha::ChaCha8Rng {
+        rand::SeedableRng::seed_from_u64(5)
+    }
+
     #[test]
     fn limits_hold_at_their_rate_for_estimated_covariances() {
-        // Offsets and covariances of 20 draws each: 1 % of 4000 differences of nothing exceed the limit.
-        use rand::SeedableRng;
-        use rand_distr::{Distribution, StandardNormal};
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
-        const DRAWS: usize = 20;
-        let mut drawn = || {
-            let all: Vec<Vector6<f64>> = (0..DRAWS)
-                .map(|_| Vector6::from_fn(|_, _| StandardNormal.sample(&mut rng)))
-                .collect();
-            let offset = all.iter().sum::<Vector6<f64>>() / DRAWS as f64;
-            let scatter = all.iter().map(|x| (x - offset) * (x - offset).transpose());
-            let degrees = (DRAWS - 1) as f64;
-            Estimate {
-                offset,
-                covariance: scatter.sum::<Matrix6<f64>>() / degrees / DRAWS as f64,
-                determined: [true; 6],
-                degrees,
-            }
-        };
+        // 1 % of 4000 differences of nothing exceed the limit: 40, with a standard deviation of 6.
+        let mut rng = seeded();
         let exceeded = (0..4000).filter(|_| {
-            let found = Difference::of(&drawn(), &drawn()).unwrap();
+            let found = Difference::of(&drawn(20, &mut rng), &drawn(20, &mut rng)).unwrap();
             found.t2 > found.limit(0.01)
         });
-        // 40 expected, with a standard deviation of 6.
         let count = exceeded.count();
         assert!((22..=60).contains(&count), "{count}");
+    }
+
+    #[test]
+    fn a_mean_is_as_good_as_it_says() {
+        // Means of six estimates of 40 draws: M⁻¹ alone is 0.73 of their variance. Of 12,000 squares each, the mean
+        // is known to 1.3 %; what is left out is of second order, 0.18².
+        let mut rng = seeded();
+        let (mut squares, mut variances) = (0.0, 0.0);
+        for _ in 0..2000 {
+            let all: Vec<Estimate> = (0..6).map(|_| drawn(40, &mut rng)).collect();
+            let found = mean(&all).unwrap();
+            squares += found.offset.norm_squared();
+            variances += found.covariance.trace();
+        }
+        let ratio = variances / squares;
+        assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
     }
 
     #[test]
@@ -194,9 +226,9 @@ mod tests {
         let one = estimate([1.0; 6], 1e-3, 10.0);
         let other = estimate([4.0; 6], 2e-3, 20.0);
         let found = mean(&[one, other]).unwrap();
-        // Weights 4 : 1.
+        // Weights 4 : 1 of 5, and 2 (6 + 1) (0.8 · 0.2 / 10 + 0.2 · 0.8 / 20) of the variance more.
         assert!((found.offset - Vector6::repeat(1.6)).norm() < 1e-9);
-        assert!((found.covariance[(2, 2)] - 0.8e-6).abs() < 1e-15);
+        assert!((found.covariance[(2, 2)] - 0.8e-6 * 1.336).abs() < 1e-15);
         assert_eq!(found.degrees, 30.0);
         assert_eq!(mean(&[one]), Some(one));
         assert_eq!(mean(&[]), None);

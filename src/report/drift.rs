@@ -330,7 +330,7 @@ mod tests {
         assert_eq!(codes, ["drift.left", "drift.off", "drift.undetermined"]);
         let text = &said[0].text;
         assert!(text.contains("between 2025-05-06 and 2025-05-07"), "{text}");
-        assert!(text.contains("+2.00 ± 0.110 mm x"), "{text}");
+        assert!(text.contains("+2.00 ± 0.112 mm x"), "{text}");
         assert!(
             text.contains("move by 2.00 ± 0.11 mm (root mean square), 1.09"),
             "{text}"
