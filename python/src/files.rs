@@ -37,6 +37,7 @@ fn detect(py: Python<'_>, path: PathBuf) -> PyResult<(String, Vec<&'static str>)
         ("positions", format.has_positions() || is_geographic),
         ("heading", format.has_heading()),
         ("profiles", format.has_profiles()),
+        ("mountings", format.id() == "project"),
     ];
     let held = kinds.into_iter().filter(|kind| kind.1);
     Ok((format.to_string(), held.map(|kind| kind.0).collect()))

@@ -10,6 +10,7 @@ mod drives;
 mod errors;
 mod files;
 mod kernels;
+mod mountings;
 mod work;
 
 use pyo3::prelude::*;
@@ -20,6 +21,7 @@ fn _boresight(module: &Bound<'_, PyModule>) -> PyResult<()> {
     kernels::register(module)?;
     clouds::register(module)?;
     files::register(module)?;
+    mountings::register(module)?;
     drives::register(module)?;
     campaign::register(module)
 }

@@ -113,3 +113,20 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     with pytest.raises(boresight.Error):
         boresight.write(path, np.array([[0.0, 0.0, np.nan]]))
     assert path.read_bytes() == old and [entry.name for entry in tmp_path.iterdir()] == ["a.laz"]
+
+
+def test_mountings_are_those_of_the_command(tmp_path, drive, command):
+    project = drive.projects[0]
+    mountings = boresight.read(project)
+    assert list(mountings) == ["left", "right"]
+    for end in ["urdf", "launch.py", "yaml"]:
+        expected, written = tmp_path / f"command.{end}", tmp_path / f"python.{end}"
+        command("convert", project, expected, "--body", "base_link")
+        boresight.write(written, mountings, body="base_link")
+        assert written.read_text() == expected.read_text()
+    boresight.write(tmp_path / "left.json", {"left": mountings["left"]})
+    with pytest.raises(boresight.DataError, match="one scanner"):
+        boresight.write(tmp_path / "both.json", mountings)
+    with pytest.raises(boresight.FormatError, match="urdf"):
+        boresight.write(tmp_path / "both.txt", mountings)
+    assert not (tmp_path / "both.json").exists() and not (tmp_path / "both.txt").exists()

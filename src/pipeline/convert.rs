@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::Outcome;
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 use crate::format::{self, CloudRows, Format};
 use crate::geometry::{BodyAxes, BodyFromScanner, Projection};
 use crate::output::Staging;
@@ -185,6 +185,27 @@ fn written(
         "write a cloud as .las, .laz, .copc.laz, .e57, .ply, .parquet or .csv; poses as .tum, .sbet, .parquet or \
          .csv; the mountings of a project or a calibration as .urdf, .launch.py, .yaml or .json",
     ))
+}
+
+/// Mountings as the text of a file, in the format that the end of its name asks for: `.urdf`, `.launch.py`, `.yaml`
+/// (ROS 2), `.json` (PDAL). Axes are not turned.
+///
+/// # Errors
+/// A name with another end; names of scanners that the format cannot hold; not one scanner for PDAL.
+pub fn mountings_text(
+    path: &Path,
+    scanners: &[(String, BodyFromScanner)],
+    with: &Conversion,
+) -> Result<String> {
+    let (print, _) = of_end(path, &MOUNTINGS).ok_or_else(|| {
+        Error::format(
+            path,
+            Location::Whole,
+            "a name with another end",
+            "a name that ends in .urdf, .launch.py, .yaml or .json",
+        )
+    })?;
+    print(scanners, with)
 }
 
 /// Turns mountings to the axes that are asked for, and says which they are.

@@ -39,7 +39,7 @@ mod tiled;
 pub use analyse::analyse;
 pub use commands::{calibrate, demo, run, simulate, trajectory};
 pub use compare::compare;
-pub use convert::{Conversion, convert};
+pub use convert::{Conversion, convert, mountings_text};
 pub use features::features;
 pub use field::field;
 pub use findings::{Extras, Findings, KeptStages, Truth};

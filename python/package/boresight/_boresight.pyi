@@ -9,6 +9,7 @@ from ._progress import Listener
 
 _Array = npt.NDArray[np.float64]
 _Path = str | PathLike[str]
+_Scanner = tuple[str, list[float], list[float]]
 _Told = tuple[str, str, list[Path]]
 
 __all__ = [
@@ -32,12 +33,14 @@ __all__ = [
     "m3c2",
     "read_cloud",
     "read_log",
+    "read_mountings",
     "simulate",
     "smooth_logs",
     "smooth_project",
     "thin",
     "write_cloud",
     "write_log",
+    "write_mountings",
 ]
 
 __version__: str
@@ -93,6 +96,8 @@ def read_log(path: _Path, kind: str, crs: str | None, axes: str, listener: Liste
 def write_log(
     path: _Path, kind: str, rows: _Array, crs: str | None, listener: Listener, threads: int | None
 ) -> None: ...
+def read_mountings(path: _Path, listener: Listener) -> list[_Scanner]: ...
+def write_mountings(path: _Path, scanners: list[_Scanner], body: str, listener: Listener) -> None: ...
 def smooth_project(project: _Path, listener: Listener, threads: int | None) -> Smoothed: ...
 def smooth_logs(
     imu: _Array,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -13,15 +14,16 @@ from ._progress import Progress, listener
 from .clouds import Cloud
 from .drives import Trajectory
 from .logs import DTYPES, Log, kind_of, of_rows, rows_of
+from .mounting import Mounting
 
 FilePath: TypeAlias = "str | os.PathLike[str]"
 
-_KINDS = ("cloud", *DTYPES)
+_KINDS = ("cloud", *DTYPES, "mountings")
 
 
 def detect(path: FilePath) -> tuple[str, list[str]]:
     """The format of a file in words, and the kinds of data that may be in it: ``cloud``, ``trajectory``, ``imu``,
-    ``positions``, ``heading``, ``profiles``."""
+    ``positions``, ``heading``, ``profiles``, ``mountings``."""
     return _boresight.detect(os.fspath(path))
 
 
@@ -33,7 +35,7 @@ def read(
     axes: str = "FRD",
     progress: Progress = "tqdm",
     threads: int | None = None,
-) -> Cloud | Log:
+) -> Cloud | Log | dict[str, Mounting]:
     """Reads a file of any format that the commands read.
 
     Parameters
@@ -41,8 +43,8 @@ def read(
     path
         The file.
     kind
-        What to read: ``cloud``, ``trajectory``, ``imu``, ``positions``, ``heading`` or ``profiles``. It must be named where a
-        file holds several kinds; of LAS and LAZ it is the cloud by default.
+        What to read: ``cloud``, ``trajectory``, ``imu``, ``positions``, ``heading``, ``profiles`` or ``mountings``. It must be
+        named where a file holds several kinds; of LAS and LAZ it is the cloud by default.
     crs
         The projected system of the world, such as ``"EPSG:25832"``, for files with latitudes and longitudes.
     axes
@@ -50,9 +52,10 @@ def read(
 
     Returns
     -------
-    Cloud or numpy.ndarray
-        A `Cloud`, or the structured array of the kind: `TRAJECTORY`, `IMU`, `POSITIONS`, `HEADING`, `PROFILES`. Times of
-        LAS in adjusted GPS time are Unix times.
+    Cloud, numpy.ndarray or dict
+        A `Cloud`; the structured array of the kind: `TRAJECTORY`, `IMU`, `POSITIONS`, `HEADING`, `PROFILES`; or of a
+        project or a ``calibration.toml`` the `Mounting` of each scanner by its name. Times of LAS in adjusted GPS time
+        are Unix times.
     """
     name = os.fspath(path)
     if kind is None:
@@ -62,6 +65,9 @@ def read(
     with listener(progress) as told:
         if kind == "cloud":
             return Cloud(*_boresight.read_cloud(name, told, threads))
+        if kind == "mountings":
+            scanners = _boresight.read_mountings(name, told)
+            return {scanner: Mounting(turn, place) for scanner, turn, place in scanners}
         return of_rows(_boresight.read_log(name, kind, crs, axes, told, threads), kind)
 
 
@@ -83,6 +89,7 @@ def write(
     kind: str | None = None,
     *,
     crs: str | None = None,
+    body: str = "body",
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> None:
@@ -92,20 +99,23 @@ def write(
     ----------
     path
         Clouds end in ``.las``, ``.laz``, ``.copc.laz``, ``.e57``, ``.ply``, ``.parquet`` or ``.csv``; trajectories in ``.csv``,
-        ``.parquet``, ``.tum`` or ``.sbet``; other logs in ``.csv`` or ``.parquet``.
+        ``.parquet``, ``.tum`` or ``.sbet``; other logs in ``.csv`` or ``.parquet``; mountings in ``.urdf``, ``.launch.py`` and
+        ``.yaml`` (ROS 2) or ``.json`` (PDAL, of one scanner).
     data
         A `Cloud` or an (n, 3) array; a `Trajectory`; a structured array, a mapping of names to arrays or a data frame with
-        the fields of a log.
+        the fields of a log; a mapping of scanners' names to `Mounting`.
     kind
         As of `read`; by default it follows from the fields.
     crs
         The projected system of a trajectory that becomes SBET, such as ``"EPSG:25832"``.
+    body
+        What the frame of the body is called in URDF and ROS.
     """
     name = os.fspath(path)
     if isinstance(data, Trajectory):
         data = data.poses
     if kind is None:
-        kind = "cloud" if isinstance(data, Cloud) else kind_of(data) or "cloud"
+        kind = _kind_of(data)
     if kind not in _KINDS:
         raise ValueError(f"kind={kind!r}, expected one of {', '.join(_KINDS)}")
     if not Path(name).name:
@@ -118,8 +128,20 @@ def write(
                 for key, values in cloud.attributes.items()
             ]
             _boresight.write_cloud(name, cloud.points, attributes, cloud.crs_wkt, told, threads)
+        elif kind == "mountings":
+            scanners = [
+                (scanner, mounting.quaternion_xyzw.tolist(), mounting.translation_m.tolist())
+                for scanner, mounting in data.items()
+            ]
+            _boresight.write_mountings(name, scanners, body, told)
         else:
             _boresight.write_log(name, kind, rows_of(data, kind), crs, told, threads)
+
+
+def _kind_of(data: Any) -> str:
+    if isinstance(data, Mapping) and data and all(isinstance(value, Mounting) for value in data.values()):
+        return "mountings"
+    return "cloud" if isinstance(data, Cloud) else kind_of(data) or "cloud"
 
 
 def _stored(values: Any) -> str:
