@@ -26,7 +26,7 @@ seed = {seed}
 {no_boards}
 
 [field]
-size_m = [3.0, 2.0]
+size_m = [{length_m}, 2.0]
 margin_m = 2.0
 
 [soil]
@@ -52,7 +52,7 @@ board_spacing_m = 0.008
 
 _STRIP = """\
 [[drives]]
-passes = [{ from_m = [0.5, 1.0], to_m = [2.5, 1.0] }]
+passes = [{{ from_m = [0.5, 1.0], to_m = [{end_m}, 1.0] }}]
 """
 
 _BOARDS = """\
@@ -127,12 +127,17 @@ class Campaign:
         return self.path.parent / "drives" / day / plot
 
 
-def _simulated(folder: Path, seed: int, passes: str, rate_hz: float) -> Path:
-    """The folder of one simulated drive, with `tls.laz` in the folder around it."""
+def _simulated(folder: Path, seed: int, rate_hz: float, length_m: float | None = None) -> Path:
+    """The folder of one simulated drive, with `tls.laz` in the folder around it: a strip of this length, or boards."""
     folder.mkdir(parents=True)
     scenario = folder / "wanted.toml"
-    no_boards = "" if "[[boards]]" in passes else "boards = []"
-    scenario.write_text(_SCENARIO.format(seed=seed, no_boards=no_boards, passes=passes, rate_hz=rate_hz))
+    if length_m is None:
+        no_boards, passes, field_m = "", _BOARDS, 3.0
+    else:
+        no_boards, passes, field_m = "boards = []", _STRIP.format(end_m=0.5 + length_m), 1.0 + length_m
+    scenario.write_text(
+        _SCENARIO.format(seed=seed, no_boards=no_boards, passes=passes, rate_hz=rate_hz, length_m=field_m)
+    )
     return boresight.simulate(str(scenario), folder / "made", progress=None).projects[0].parent
 
 
@@ -147,13 +152,22 @@ def _write_drive(simulated: Path, folder: Path, rng: np.random.Generator, settle
 
 
 def make(
-    folder: Path, plots: int, dates: int, *, boards: bool = True, rate_hz: float = 40.0, many: str | None = None
+    folder: Path,
+    plots: int,
+    dates: int,
+    *,
+    boards: bool = True,
+    rate_hz: float = 40.0,
+    many: str | None = None,
+    drift: bool = False,
 ) -> Campaign:
     """Writes a campaign of plots × dates drives, with a calibration for each date if it has `boards`.
 
     It has dates calibrations, plots × dates drives and plots × (dates - 1) changes: 200 items for 10 × 10. The last
-    drive of the plot `many` has twenty times as many profiles.
+    drive of the plot `many` has twenty times as many profiles. With `drift`, mountings are watched, on strips that are
+    long enough.
     """
+    length_m = 6.0 if drift else 2.0
     days = [(FIRST_DATE + timedelta(days=7 * k)).isoformat() for k in range(dates)]
     names = [f"P{k + 1:02}" for k in range(plots)]
     made = Campaign(folder / "campaign.toml", names, days)
@@ -162,19 +176,19 @@ def make(
     (folder / "tls").mkdir(parents=True)
     for k, plot in enumerate(names):
         rng = np.random.default_rng(k)
-        simulated = _simulated(scratch / plot, k + 1, _STRIP, rate_hz)
+        simulated = _simulated(scratch / plot, k + 1, rate_hz, length_m)
         shutil.copyfile(simulated.parent / "tls.laz", folder / "tls" / f"{plot}.laz")
         for index, day in enumerate(days):
             drive = made.drive(plot, day)
             _write_drive(simulated, drive, rng, index * SETTLED_M)
             (drive / "project.toml").write_text(_PROJECT.format(left=_LEFT))
         if plot == many:
-            simulated = _simulated(scratch / "many", k + 1, _STRIP, 20.0 * rate_hz)
+            simulated = _simulated(scratch / "many", k + 1, 20.0 * rate_hz, length_m)
             shutil.rmtree(drive)
             _write_drive(simulated, drive, rng, SETTLED_M)
             (drive / "project.toml").write_text(_PROJECT.format(left=_LEFT))
     if boards:
-        simulated = _simulated(scratch / "boards", 99, _BOARDS, 40.0)
+        simulated = _simulated(scratch / "boards", 99, 40.0)
         rng = np.random.default_rng(99)
         for day in days:
             drive = folder / "boards" / day
@@ -188,6 +202,7 @@ def make(
         + ('calibration_project = "boards/{date}/project.toml"\n' if boards else "")
         + 'reference = "tls/{plot}.laz"\n'
         + "tile_m = 1.0\n"
+        + ("drift = true\n" if drift else "")
     )
     return made
 
@@ -201,7 +216,7 @@ def make_pheno4d(folder: Path, plots: int, dates: int, rate_hz: float = 40.0) ->
     folder.mkdir(parents=True)
     for k, plot in enumerate(names):
         rng = np.random.default_rng(k)
-        simulated = _simulated(scratch / plot, k + 1, _STRIP, rate_hz)
+        simulated = _simulated(scratch / plot, k + 1, rate_hz, 2.0)
         truth = boresight.read(simulated / "truth" / "trajectory.csv", "trajectory", progress=None)
         for index, day in enumerate(days):
             drive = folder / plot / day

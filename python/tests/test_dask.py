@@ -103,6 +103,18 @@ def test_a_killed_worker_costs_nothing(client, made, by_pool, tmp_path):
     client.wait_for_workers(2)
 
 
+def test_the_drift_watch_is_that_of_the_pool(client, tmp_path):
+    made = simulated_campaign.make(tmp_path / "beets", plots=1, dates=2, boards=False, rate_hz=100.0, drift=True)
+    by_pool = boresight.campaign(made.path, tmp_path / "pool", workers=2, progress=None)
+    found = boresight.dask.campaign(made.path, client, tmp_path / "dask", progress=None)
+    kinds = [(item["kind"], item["state"]) for item in found.items]
+    assert kinds.count(("overlap", "finished")) == 2 and not found.failed
+    assert found.items == by_pool.items
+    assert contents(tmp_path / "dask") == contents(tmp_path / "pool")
+    (right,) = found.to_dict()["drift"]["scanners"]
+    assert (right["name"], len(right["days"]), right["alarms"]) == ("right", 2, [])
+
+
 @pytest.fixture(scope="module")
 def store():
     """An S3 on this machine."""
