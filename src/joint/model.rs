@@ -23,7 +23,8 @@ pub const MAX_MOTION_LEFT: f64 = 3.0;
 /// A contradiction of the IMU this many times as large as the least is evident. Before the noise of scans is
 /// estimated, that of a cloddy field with plants passes for half as much.
 const EVIDENT: f64 = 3.0;
-const EVIDENT_IN_SCANS: f64 = 10.0;
+/// One of the scans is: then, models that are right leave less than what contradicts.
+const EVIDENT_IN_SCANS: f64 = 4.0;
 /// Length of the blocks of positions that decide, seconds.
 pub const DECIDING_BLOCK_S: f64 = 30.0;
 /// All lengths reported.
