@@ -9,7 +9,7 @@ use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
 use super::learn::learn;
-use super::model::{evident_to_imu, evident_to_scans};
+use super::model::{EVIDENT_TO_IMU, EVIDENT_TO_SCANS, imu_against, scans_against};
 use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::result::Joint;
 use super::settings::JointSettings;
@@ -62,7 +62,7 @@ pub const DAMPING: DampingRule = DampingRule {
 pub enum Outcome {
     /// With values.
     Found(Box<Joint>),
-    /// Before it had settled, as mountings evidently move more than they may.
+    /// As mountings move more than they may; where this is evident, before it had settled.
     Contradicted(Vec<String>),
 }
 
@@ -126,7 +126,7 @@ pub fn at_rung(
             problem.fit_shapes(&mut state);
             if may_climb && !again {
                 // Steps of a model that is evidently wrong are many, and may be refused.
-                let reasons = evident_to_scans(&problem, &state);
+                let reasons = scans_against(&problem, &state, EVIDENT_TO_SCANS);
                 if !reasons.is_empty() {
                     return Ok(Outcome::Contradicted(reasons));
                 }
@@ -137,16 +137,12 @@ pub fn at_rung(
         }
         let before = state.clone();
         let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
-        if round == Round::Coarse {
-            // The last step may have been long.
-            problem.forget_factor();
-        }
         if may_climb && !again {
             let found = components_at(&mut problem, &state)?;
             progress.advance(1);
-            let mut reasons = evident_to_imu(&problem, &state, &found);
+            let mut reasons = imu_against(&problem, &state, (&found, EVIDENT_TO_IMU));
             if round == Round::Fine {
-                reasons.extend(evident_to_scans(&problem, &state));
+                reasons.extend(scans_against(&problem, &state, EVIDENT_TO_SCANS));
             }
             if !reasons.is_empty() {
                 return Ok(Outcome::Contradicted(reasons));
@@ -164,6 +160,13 @@ pub fn at_rung(
             }
             let found = components_at(&mut problem, &state)?;
             progress.advance(1);
+            if may_climb {
+                let mut reasons = imu_against(&problem, &state, (&found, 1.0));
+                reasons.extend(scans_against(&problem, &state, 1.0));
+                if !reasons.is_empty() {
+                    return Ok(Outcome::Contradicted(reasons));
+                }
+            }
             let found = conclude(&problem, &state, &found, (stop, steps.iterations), surfel_m)?;
             return Ok(Outcome::Found(Box::new(found)));
         }

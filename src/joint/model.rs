@@ -21,10 +21,11 @@ const CHANCE_SIGMAS: f64 = 2.0;
 /// a rigid mounting leaves on fields of soil, clods and plants.
 pub const MAX_MOTION_LEFT: f64 = 3.0;
 /// A contradiction of the IMU this many times as large as the least is evident. Before the noise of scans is
-/// estimated, that of a cloddy field with plants passes for half as much.
-const EVIDENT: f64 = 3.0;
-/// One of the scans is: then, models that are right leave less than what contradicts.
-const EVIDENT_IN_SCANS: f64 = 4.0;
+/// estimated, that of a cloddy field with plants passes for 1.5 times as much.
+pub const EVIDENT_TO_IMU: f64 = 2.0;
+/// One of the scans is, where points are sorted anew after the coarse round and surfels lie where they are seen:
+/// models that are right leave up to 2.6 then on simulated drives, less than what contradicts.
+pub const EVIDENT_TO_SCANS: f64 = 4.0;
 /// Length of the blocks of positions that decide, seconds.
 pub const DECIDING_BLOCK_S: f64 = 30.0;
 /// All lengths reported.
@@ -74,30 +75,30 @@ pub fn of_imu(
     )
 }
 
-/// Where an IMU contradicts mountings that move so little by far more than chance, before the noise of scans is
-/// estimated, given the component of each group: with that noise, most of what moves them passes as it.
-pub fn evident_to_imu(
+/// Where an IMU contradicts mountings that move so little by so many times the least that does, given the component
+/// of each group. Before the noise of scans is estimated, that shows more: with it, most of what moves mountings
+/// passes as noise.
+pub fn imu_against(
     problem: &JointProblem<'_>,
     state: &State,
-    found: &[Component],
+    (found, times): (&[Component], f64),
 ) -> Vec<String> {
     let said = with_imu(problem).filter_map(|(drive, of_drive)| {
         let group = problem.groups.first_motion[drive];
         let (imu, name) = (&found[group], problem.groups.names[group].as_str());
         let ratio = imu.ratio()?;
-        let is_evident = ratio > EVIDENT * max_imu_ratio(imu.redundancy);
-        is_evident.then(|| of_imu((name, &of_drive), state.rung(), (ratio, imu.redundancy)))
+        let is_against = ratio > times * max_imu_ratio(imu.redundancy);
+        is_against.then(|| of_imu((name, &of_drive), state.rung(), (ratio, imu.redundancy)))
     });
     said.collect()
 }
 
-/// Where scans do, once points are sorted anew after the coarse round and surfels lie where they are seen: models
-/// that are right leave up to 2.6 then on simulated drives.
-pub fn evident_to_scans(problem: &JointProblem<'_>, state: &State) -> Vec<String> {
+/// Where scans do.
+pub fn scans_against(problem: &JointProblem<'_>, state: &State, times: f64) -> Vec<String> {
     let left = motion_left(problem, state);
     let said = with_imu(problem).filter_map(|(drive, of_drive)| {
-        let is_evident = left[drive] > EVIDENT_IN_SCANS * MAX_MOTION_LEFT;
-        is_evident.then(|| of_scans(&of_drive, state.rung(), left[drive]))
+        let is_against = left[drive] > times * MAX_MOTION_LEFT;
+        is_against.then(|| of_scans(&of_drive, state.rung(), left[drive]))
     });
     said.collect()
 }

@@ -8,6 +8,10 @@ use super::row::Row;
 use super::state::State;
 use crate::adjustment::{BlockPattern, LeastSquares, SparseSystem};
 
+/// After a step shorter than this, in standard deviations, derivatives are nearly the same, and the next one takes
+/// the same factor: a chord method, which ends where a new factor would.
+const NEAR_SIGMAS: f64 = 1.0;
+
 impl JointProblem<'_> {
     /// Assembles the normal equations at a state.
     fn assemble(&mut self, state: &State) {
@@ -106,7 +110,11 @@ impl LeastSquares for JointProblem<'_> {
                 .collect(),
             false => Vec::new(),
         };
-        self.factorise_damped(state, &diagonal)?;
+        let is_near = self.factored.is_some() && self.decrement < NEAR_SIGMAS.powi(2);
+        match diagonal.is_empty() && is_near {
+            true => self.assemble(state),
+            false => self.factorise_damped(state, &diagonal)?,
+        }
         let mut step = self.system.gradient().to_vec();
         self.factor.as_ref()?.solve(&mut step, 1);
         let terms = step.iter().zip(self.system.gradient());
