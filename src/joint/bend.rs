@@ -44,12 +44,6 @@ pub const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
 /// Offsets along a drive are given at this step, seconds.
 pub const BENDING_STEP_S: f64 = 0.05;
 
-/// Size of surfels with dense knots, as a share of that with others.
-const DENSE_SURFEL_SHARE: f64 = 0.8;
-/// What the straight lines of dense knots leave out counts so many times: it moves the rows of a step together, and
-/// else half of it passes into the poses, against the IMU.
-const ROWS_LEFT_OUT_TOGETHER: f64 = 6.0;
-
 /// Loads are tabulated at this step, seconds.
 const STEP_S: f64 = 0.1;
 /// Accelerations are second differences over this time to both sides, which smooth over it, seconds.
@@ -108,15 +102,6 @@ impl Rung {
             Self::Compliance => Some(Self::SlowKnots),
             Self::SlowKnots => Some(Self::DenseKnots),
             Self::DenseKnots => None,
-        }
-    }
-
-    /// The size of surfels as a share of that of other rungs. Where mountings move freely, poses are known by how the
-    /// ground slopes from place to place, of which smaller surfels show more.
-    pub fn surfel_share(self) -> f64 {
-        match self {
-            Self::DenseKnots => DENSE_SURFEL_SHARE,
-            _ => 1.0,
         }
     }
 
@@ -270,17 +255,11 @@ impl Bends {
 
     /// Variance of a row that the knots of its scanner leave out, m².
     pub fn left_out(&self, drive: usize, row: &ScanRow) -> f64 {
-        let together = match self.rung {
-            Rung::DenseKnots => ROWS_LEFT_OUT_TOGETHER,
-            _ => 1.0,
-        };
         let scanner = row.scanner as usize;
         let process = self.knots.get(drive).map(|of_drive| &of_drive[scanner]);
         process.map_or(0.0, |process| {
             let [turn, shift] = [0, 3].map(|i| process.sigma[i] * process.sigma[i]);
-            together
-                * process.left_out_share()
-                * (row.by_motion[0] * turn + row.by_motion[1] * shift)
+            process.left_out_share() * (row.by_motion[0] * turn + row.by_motion[1] * shift)
         })
     }
 

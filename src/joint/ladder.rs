@@ -35,7 +35,6 @@ pub fn adjust(
     };
     let most = highest(input, settings).max(least);
     let at = |rung: Rung, may_climb: bool| {
-        let surfel_m = rung.surfel_share() * surfel_m;
         at_rung((input, settings), surfel_m, (rung, may_climb), progress)
     };
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
