@@ -39,7 +39,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         ..CampaignPage::default()
     };
     let (mut extents, mut list, mut overlaps) = (Vec::new(), Vec::new(), Vec::new());
-    let mut wkt: Option<String> = None;
+    let mut wkts: BTreeSet<Option<String>> = BTreeSet::new();
     for item in items {
         let result = document(&item.folder(out).join(item::RESULT))?;
         let failed = document(&item::failure_of(out, &item.name))?;
@@ -47,7 +47,9 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
             (Some(result), _) => {
                 add(item, result, &mut page);
                 let tiles: Vec<Tile> = part(result, "tiles").unwrap_or_default();
-                wkt = wkt.or_else(|| result["crs_wkt"].as_str().map(str::to_owned));
+                if !tiles.is_empty() {
+                    wkts.insert(result["crs_wkt"].as_str().map(str::to_owned));
+                }
                 let overlap: Option<Overlap> = part(result, "overlap");
                 overlaps
                     .extend(overlap.map(|found| (item.date.clone().unwrap_or_default(), found)));
@@ -74,12 +76,25 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         );
     }
     if !overlaps.is_empty() {
-        page.drift = Some(Chart::new(&overlaps, &[], &ChartSettings::default())?);
+        match Chart::new(&overlaps, &[], &ChartSettings::default()) {
+            Ok(chart) => page.drift = Some(chart),
+            // All else has its page.
+            Err(error) => {
+                let Failure { problem, remedy } = Failure::from(&error);
+                page.failures.push(FailureLine {
+                    item: "drift watch".to_owned(),
+                    problem,
+                    remedy,
+                });
+            }
+        }
     }
     let mut written = vec![out.join(PAGE), out.join(LIST)];
     // A program that is built without Parquet has no index.
     if cfg!(feature = "parquet") {
-        format::write_extents(&staging.path(INDEX), &extents, wkt.as_deref())?;
+        let wkt = wkts.first().filter(|_| wkts.len() == 1);
+        let wkt = wkt.and_then(Option::as_deref);
+        format::write_extents(&staging.path(INDEX), &extents, wkt)?;
         page.index = Some(INDEX.to_owned());
         written.push(out.join(INDEX));
     }
@@ -262,6 +277,31 @@ mod tests {
             },
         };
         item.named()
+    }
+
+    #[test]
+    fn days_with_other_scanners_leave_the_rest_of_the_page() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let path = out.join("campaign.toml");
+        fs::write(&path, "[campaign]\ndrives = \"{date}\"\ndrift = true\n").unwrap();
+        let campaign = Campaign::read(&path).unwrap();
+        let items = [item(1), item(2)];
+        for (item, first) in items.iter().zip(["left", "front"]) {
+            let mut overlap = overlap(0.0);
+            overlap.first = first.into();
+            fs::create_dir_all(item.folder(out)).unwrap();
+            let text = json!({ "overlap": overlap }).to_string();
+            fs::write(item.folder(out).join(item::RESULT), text).unwrap();
+        }
+        let outcome = conclude(&campaign, &items, &out.join("")).unwrap();
+        assert!(outcome.result["drift"].is_null());
+        assert_eq!(outcome.result["failed"], 1);
+        let page = fs::read_to_string(out.join(PAGE)).unwrap();
+        assert!(
+            page.contains("drift watch") && page.contains("front"),
+            "{page}"
+        );
     }
 
     #[test]

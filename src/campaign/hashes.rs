@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::output::write_whole;
 use crate::pipeline::{hash_of, size};
 use crate::progress::Progress;
 
@@ -84,12 +85,8 @@ pub fn hashes(
         .flatten()
         .collect();
     drop(stage);
-    let failed = |error| Error::io(&kept_in, error);
-    let staged = kept_in.with_extension("staged");
-    fs::create_dir_all(out).map_err(failed)?;
     let text = serde_json::to_string_pretty(&known).unwrap_or_default();
-    fs::write(&staged, text + "\n").map_err(failed)?;
-    fs::rename(&staged, &kept_in).map_err(failed)?;
+    write_whole(&kept_in, (text + "\n").as_bytes())?;
     Ok(known
         .into_iter()
         .map(|(file, known)| (file, known.hash))

@@ -121,6 +121,14 @@ impl Campaign {
         if let Some(template) = &self.template {
             texts.insert(relative(template, self.folder()));
         }
+        if let Some(outside) = texts.iter().find(|text| Path::new(text).is_absolute()) {
+            return Err(Error::format(
+                &self.path,
+                Location::Whole,
+                format!("{outside} is not below the campaign's folder"),
+                "files below the folder of a campaign behind a URL",
+            ));
+        }
         Ok(texts.into_iter().collect())
     }
 

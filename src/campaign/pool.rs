@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -13,6 +12,7 @@ use std::time::{Duration, Instant};
 use super::item::{Failure, Item, failure_of};
 use super::work::clean;
 use crate::error::{Error, Result};
+use crate::output::write_whole;
 use crate::progress::Progress;
 
 /// Time between two looks at a process.
@@ -70,7 +70,7 @@ struct Shared<'a> {
 
 impl Pool {
     /// Does all items that are not finished, those first that others need. Failures are written to files and counted;
-    /// what failed in an earlier call is tried again. `root` is the campaign's folder.
+    /// what failed in an earlier call is tried again.
     ///
     /// # Errors
     /// The program cannot be started, a failure cannot be written, [`Error::Cancelled`].
@@ -169,7 +169,11 @@ impl Pool {
     /// Does one item in a process of its own; a failure is why it is not finished.
     fn one(&self, item: &Item, out: &Path, progress: &dyn Progress) -> Result<Option<Failure>> {
         let failed = |error| Error::io(&self.program, error);
-        let mut child = Command::new(&self.program)
+        let mut command = Command::new(&self.program);
+        // A terminal interrupts all processes of a group, and this one is to end when its input is closed.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command
             .args(&self.arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -241,16 +245,12 @@ pub fn not_tried(needed: &Item) -> Failure {
 /// # Errors
 /// The file cannot be written.
 pub fn keep_failure(item: &Item, failure: &Failure, out: &Path) -> Result<()> {
-    let path = failure_of(out, &item.name);
-    let failed = |error| Error::io(&path, error);
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(failed)?;
-    }
     let document = serde_json::json!({ "name": item.name, "kind": item.kind, "plot": item.plot, "date": item.date,
         "error": failure });
-    let staged = path.with_extension("staged");
-    fs::write(&staged, format!("{document:#}\n")).map_err(failed)?;
-    fs::rename(&staged, &path).map_err(failed)
+    write_whole(
+        &failure_of(out, &item.name),
+        format!("{document:#}\n").as_bytes(),
+    )
 }
 
 /// Reads a pipe to its end in a thread of its own.

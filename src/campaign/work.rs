@@ -71,7 +71,10 @@ fn results(
 ) -> Result<Value> {
     Ok(match &item.task {
         Task::Calibration { project } => {
-            let project = project.project(root)?;
+            let mut project = project.project(root)?;
+            // Only the main drive counts, and only its files are inputs.
+            project.drives.clear();
+            project.evaluations.clear();
             project.check_files()?;
             let done = pipeline::calibrate(&project, options, progress)?;
             move_paths(&done.files, root, &options.out)?;

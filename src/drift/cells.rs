@@ -46,9 +46,15 @@ pub struct Spot {
     pub by: [[f64; 6]; 2],
     /// What noise of the points does to these by tilting the plane about either of its axes, one standard deviation.
     pub by_noise: [[[f64; 6]; 2]; 2],
-    /// Mean of the second one's points: from its own origin, axes of the first scanner of the drive, metres.
+    /// As either sees it.
+    pub seen: [Side; 2],
+}
+
+/// A spot as one of its scanners sees it, in axes of the first scanner of the drive.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Side {
+    /// Mean of its points from its own origin, metres.
     pub arm_m: Vec3,
-    /// The normal, and up, in these axes.
     pub normal: Vec3,
     pub up: Vec3,
 }
@@ -215,7 +221,7 @@ impl<'a> Scene<'a> {
             v * (noise / across.sqrt()),
         ];
         let mut rows = [[[0.0; 6]; 2]; 3];
-        let (mut arm_m, mut turned, mut up) = (Vec3::zeros(), Vec3::zeros(), Vec3::zeros());
+        let mut seen = [Side::default(); 2];
         for point in &points {
             let side = usize::from(point.scanner == scanners[1]);
             let sign = [-1.0, 1.0][side];
@@ -231,11 +237,11 @@ impl<'a> Scene<'a> {
                     row[side][3 + axis] += weight * moment[axis];
                 }
             }
-            if side == 1 {
-                arm_m += point.arm_m / shares[1];
-                turned = rotation.tr_mul(&normal);
-                up = rotation.row(2).transpose();
-            }
+            seen[side] = Side {
+                arm_m: seen[side].arm_m + point.arm_m / shares[side],
+                normal: rotation.tr_mul(&normal),
+                up: rotation.row(2).transpose(),
+            };
         }
         let [by, by_noise @ ..] = rows;
         Some(Spot {
@@ -246,9 +252,7 @@ impl<'a> Scene<'a> {
             sigma_m: variance.sqrt().hypot(LEAST_SIGMA_M),
             by,
             by_noise,
-            arm_m,
-            normal: turned,
-            up,
+            seen,
         })
     }
 }

@@ -214,6 +214,18 @@ mod tests {
     }
 
     #[test]
+    fn a_day_that_shows_nothing_does_not_say_when() {
+        let mut days = drives(&BEFORE);
+        days[5].1.scanners[0].determined = [false; 6];
+        days.extend(drives(&[0.0; 7]).into_iter().skip(6));
+        days[6].1.scanners[0].offset[0] = 20.0 * SIGMA;
+        let chart = Chart::new(&days, &[], &strict()).unwrap();
+        let alarm = &chart.scanners[0].alarms[0];
+        assert_eq!(alarm.date, "2025-05-07");
+        assert_eq!(alarm.last_within.as_deref(), Some("2025-05-05"));
+    }
+
+    #[test]
     fn a_day_that_comes_back_is_not_off() {
         let mut days = BEFORE.to_vec();
         days.extend([20.0, 0.1, -0.2]);

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix6, Vector6};
 
-use super::cells::{GRIDS, LAG_S, Scene, Spot};
+use super::cells::{GRIDS, LAG_S, Scene, Side};
 use super::normal::{Normal, PRIOR, blocks};
 use super::overlap::{Overlap, ScannerOverlap};
 use super::step::perturbed;
@@ -99,7 +99,10 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
             if seen.len() < MIN_SPOTS * look.grids {
                 break Err(too_little(seen.len()));
             }
-            let normal = Normal::of(&seen, others.len(), blocks(&seen)?)?;
+            let normal = match blocks(&seen).and_then(|of| Normal::of(&seen, others.len(), of)) {
+                Ok(normal) => normal,
+                Err(error) => break Err(error),
+            };
             let next = normal.solved(&step);
             let squared = normal.information(&(&next - &step));
             step = next;
@@ -123,7 +126,12 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
     let (seen, normal) = last?;
     let (covariance, blocks) = normal.covariance()?;
     let scanners = others.iter().enumerate().map(|(i, other)| {
-        let own: Vec<&Spot> = seen.iter().filter(|s| s.scanners[1] == i + 1).collect();
+        // The scanner may be the first or the second on a spot.
+        let sides = seen.iter().filter_map(|spot| {
+            let side = spot.scanners.iter().position(|scanner| *scanner == i + 1)?;
+            Some((&spot.seen[side], spot.lag_s))
+        });
+        let (own, lags_s): (Vec<&Side>, Vec<f64>) = sides.unzip();
         let offset: Vector6<f64> = step.fixed_rows::<6>(6 * i).into_owned();
         let covariance: Matrix6<f64> = covariance.fixed_view::<6, 6>(6 * i, 6 * i).into_owned();
         let prior = |k: usize| DETERMINED_SHARE * PRIOR[k / 3];
@@ -137,7 +145,7 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
             determined,
             blocks,
             spots: own.len(),
-            lag_s: median(own.iter().map(|spot| spot.lag_s)).unwrap_or(0.0),
+            lag_s: median(lags_s).unwrap_or(0.0),
             normal: along_normal,
             vertical: upwards,
             total: in_all,
@@ -171,7 +179,7 @@ fn too_little(spots: usize) -> Error {
 }
 
 /// Mean squares of how far points move along the normal, upwards, and in all: δᵀ M δ.
-fn moments(spots: &[&Spot]) -> [Matrix6<f64>; 3] {
+fn moments(spots: &[&Side]) -> [Matrix6<f64>; 3] {
     let mut sums = [Matrix6::zeros(); 3];
     for spot in spots {
         let along = |direction: &Vec3| {

@@ -98,7 +98,8 @@ pub struct ChartDay {
 pub struct Alarm {
     /// The first day out of limits.
     pub date: String,
-    /// The last day within them; `None` where the first day of the campaign is out already.
+    /// The last day of the state before that shows what has moved; `None` where there is none, as with a calibration
+    /// that the first day is out of.
     pub last_within: Option<String>,
     /// T² of that day.
     pub t2: f64,

@@ -50,7 +50,7 @@ impl Watch {
             if let Some((found, limit)) = out {
                 chart.alarms.push(Alarm {
                     date: day.date.into(),
-                    last_within: number.checked_sub(1).map(|i| days[i].date.into()),
+                    last_within: last_within(&days[..number], &found.determined),
                     t2: found.t2,
                     limit,
                     change: known(&found.offset, &found.determined),
@@ -102,6 +102,12 @@ impl Watch {
             cost: Moments::of(&days.last()?.drives).cost(&now.offset, &now.covariance),
         })
     }
+}
+
+/// The last of these days on which a component of a difference is determined.
+fn last_within(days: &[Day<'_>], determined: &[bool; 6]) -> Option<String> {
+    let shows = |day: &&Day<'_>| (0..6).any(|i| determined[i] && day.estimate.determined[i]);
+    Some(days.iter().rfind(shows)?.date.into())
 }
 
 fn known(all: &Vector6<f64>, determined: &[bool; 6]) -> [Option<f64>; 6] {

@@ -293,7 +293,7 @@ impl Steps<'_> {
 }
 
 /// What the residuals at a state say about the noise of each group; the problem then holds the factor of this
-/// state or of the one before the last step.
+/// state or of one not far from it.
 fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
     problem.factorise_near(state).ok_or_else(not_determined)?;
     Ok(components(problem, state))

@@ -47,7 +47,7 @@ impl JointProblem<'_> {
         self.factorise_damped(state, &[])
     }
 
-    /// The same but where there is a factor already, from before the last step.
+    /// The same but where there is a factor already, from before the last steps.
     pub fn factorise_near(&mut self, state: &State) -> Option<()> {
         match self.factored {
             Some(_) => Some(()),

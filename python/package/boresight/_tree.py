@@ -121,7 +121,7 @@ class Tree:
             return
         for source, target in zip(sources, targets):
             fs.makedirs(target.rpartition("/")[0], exist_ok=True)
-            part = f"{target}.part"
+            part = f"{target}.{uuid.uuid4().hex}.part"
             fs.put_file(source, part)
             fs.mv(part, target)
 

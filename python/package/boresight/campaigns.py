@@ -111,6 +111,8 @@ def campaign(
         Memory of an item, MB: one that needs more fails and disturbs no other. By default an even share of what is
         free.
     """
+    if memory_mb is not None and memory_mb < 1:
+        raise ValueError(f"memory_mb is {memory_mb}, expected 1 or more")
     toml = os.path.abspath(path)
     root = os.path.dirname(toml)
     target = os.path.join(root, "out") if out is None else os.path.abspath(out)

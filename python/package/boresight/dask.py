@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias, TypedDict
 
-from distributed import Client, as_completed, get_worker
+from distributed import Client, KilledWorker, as_completed, get_worker
+from distributed.comm import CommClosedError
 
 from . import _boresight
 from ._items import Failure, run, title
@@ -230,12 +231,13 @@ def _finish(items: list[dict[str, Any]], place: _Place, client: Client, retries:
         submitted = client.map(_do, level, needs, place=place, key=keys, retries=retries)
         futures |= {item["name"]: future for item, future in zip(level, submitted)}
     by_key = {futures[item["name"]].key: item for item in waiting}
+    titles = {item["name"]: title(item) for item in waiting}
     for future, result in as_completed(futures.values(), with_results=True, raise_errors=False):
         item = by_key[future.key]
         if future.status == "cancelled":
             raise ConnectionError("the scheduler has gone; what is finished is kept: call again")
         if future.status == "error":
-            lost = [need for need in item["needs"] if need in futures and futures[need].status == "error"]
+            lost = [titles[need] for need in item["needs"] if need in futures and futures[need].status == "error"]
             _record(item, place.out, _lost(future.exception(), lost))
         elif result["failure"] is None:
             finished.add(item["name"])
@@ -325,4 +327,6 @@ def _blocked(failed: list[str]) -> Failure:
 def _lost(error: BaseException, needs: list[str]) -> Failure:
     if needs:
         return _blocked(needs)
-    return {"problem": f"lost with its worker: {error}", "remedy": "call again"}
+    if isinstance(error, (KilledWorker, CommClosedError)):
+        return {"problem": f"lost with its worker: {error}", "remedy": "call again"}
+    return {"problem": str(error) or type(error).__name__, "remedy": None}
