@@ -15,6 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{from_vectors, numbers, vectors};
+use crate::kernels::check_finite;
 use crate::work::run;
 
 /// Points between two reports of progress.
@@ -160,6 +161,7 @@ fn write_cloud<'py>(
         if points.is_empty() {
             return Err(Error::data("a cloud without points", "give at least one"));
         }
+        check_finite(points, "the cloud")?;
         whole(&path, |staged| {
             let stage = progress.stage("writing the cloud", points.len() as u64);
             let mut sink = create_cloud(staged, &shape)?;

@@ -117,6 +117,23 @@ fn check_number(points: &[Vec3]) -> Result<()> {
     }
 }
 
+/// # Errors
+/// A point that is not finite, as those that `georeference` leaves where there is no pose.
+pub(crate) fn check_finite(points: &[Vec3], what: &str) -> Result<()> {
+    let is_lost = |point: &Vec3| !point.iter().all(|x| x.is_finite());
+    let Some(row) = points.par_iter().position_first(is_lost) else {
+        return Ok(());
+    };
+    let lost = points.par_iter().filter(|point| is_lost(point)).count();
+    Err(Error::data(
+        format!(
+            "{lost} of {} points of {what} are not finite, the first at index {row}",
+            points.len()
+        ),
+        "leave them out: points[np.isfinite(points).all(axis=1)]",
+    ))
+}
+
 /// Indices of the points kept.
 #[pyfunction]
 #[pyo3(signature = (points, voxel_m, listener, threads))]
@@ -129,13 +146,7 @@ fn thin<'py>(
     let points = vectors(&points)?;
     let kept = run(listener, threads, |progress| {
         check_number(points)?;
-        let is_lost = |point: &Vec3| !point.iter().all(|x| x.is_finite());
-        if let Some(row) = points.par_iter().position_first(is_lost) {
-            return Err(Error::data(
-                format!("point {row} of the cloud is not finite"),
-                "leave out points that are not finite",
-            ));
-        }
+        check_finite(points, "the cloud")?;
         let _stage = progress.stage("thinning", points.len() as u64);
         Ok(voxel::thin(points, voxel_m))
     })?;
@@ -198,7 +209,9 @@ fn m3c2<'py>(
     let given = normals.as_ref().map(vectors).transpose()?;
     let found = run(listener, threads, |progress| {
         check_number(reference)?;
+        check_finite(reference, "the first epoch")?;
         check_number(compared)?;
+        check_finite(compared, "the second epoch")?;
         let normals = match (given, settings.direction) {
             (Some(given), _) => Normals::Given(given),
             (None, Some(direction)) => Normals::Fixed(direction.into()),

@@ -48,6 +48,17 @@ def test_logs_give_the_trajectory_of_the_project(drive):
     )
 
 
+def test_headings_may_be_left_out_and_records_out_of_order_are_said(drive):
+    without = of_logs(drive, heading=None)
+    assert len(without) == len(of_logs(drive))
+    imu = sensor_logs(drive)["imu"].copy()
+    imu[[100, 101]] = imu[[101, 100]]
+    with pytest.warns(boresight.BoresightWarning, match="1 records of imu are excluded: time out of order"):
+        of_logs(drive, imu=imu)
+    with pytest.raises(boresight.TooFewError, match="0 samples"):
+        of_logs(drive, imu=imu[:0])
+
+
 def test_large_coordinates_cost_no_digits(drive):
     shift = np.array([364_000.0, 5_621_000.0, 60.0])
     positions = sensor_logs(drive)["positions"].copy()

@@ -134,6 +134,12 @@ fn forget_failures(items: &[Item], out: &Path) -> Result<()> {
 
 fn summary(page: &CampaignPage, items: &[Item]) -> String {
     let mut text = format!("{} items: {} failed", items.len(), page.failures.len());
+    let unusable = page.drives.iter();
+    let unusable = unusable.filter(|drive| drive.headline == Headline::Unusable);
+    let unusable = unusable.count();
+    if unusable > 0 {
+        text += &format!(", {unusable} of {} drives not usable", page.drives.len());
+    }
     if page.waiting > 0 {
         text += &format!(", {} not done yet", page.waiting);
     }

@@ -16,6 +16,8 @@ use crate::tiles::{free_bytes, limit_memory};
 const SHARE: f64 = 0.9;
 /// Memory of an item where the system does not say how much is free, MB.
 const UNKNOWN_MB: u64 = 2000;
+/// Least memory that an item may be given, MB: the stacks of its threads alone take some.
+const SMALLEST_MB: u64 = 100;
 /// Least memory of an item for which another worker is started, MB.
 const LEAST_MB: u64 = 500;
 
@@ -33,8 +35,8 @@ pub(super) struct Campaign {
     /// Items at the same time [default: one per core, as far as memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
-    /// Memory of each item; one that needs more fails [default: an even share of what is free]
-    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
+    /// Memory of each item, 100 or more; one that needs more fails [default: an even share of what is free]
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(SMALLEST_MB..))]
     memory_mb: Option<u64>,
 }
 

@@ -13,6 +13,9 @@ Every function that may take long has two arguments besides its own:
     Number of threads; one per core by default. Results do not depend on it.
 """
 
+from importlib import import_module as _import_module
+from types import ModuleType as _ModuleType
+
 from ._boresight import __version__
 from .campaigns import CampaignResult, campaign
 from .clouds import (
@@ -98,3 +101,10 @@ __all__ = [
     "to_pandas",
     "write",
 ]
+
+
+def __getattr__(name: str) -> _ModuleType:
+    """Modules that need more packages are imported where they are first named."""
+    if name in ("dask", "plot", "py4dgeo"):
+        return _import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -15,6 +15,7 @@ from .mounting import table
 FilePath: TypeAlias = "str | os.PathLike[str]"
 
 # Share of the free memory that items use, and least memory of an item for which another worker is started, bytes.
+_SMALLEST_MB = 100
 _SHARE, _LEAST_BYTES = 0.9, 500_000_000
 # Memory of an item where the system does not say how much is free, bytes.
 _UNKNOWN_BYTES = 2_000_000_000
@@ -88,6 +89,12 @@ def conclude(path: str, items: list[str], out: str, shown: str) -> tuple[Campaig
     return CampaignResult(found, summary, shown, failures), [os.path.relpath(file, out) for file in files]
 
 
+def check_memory(memory_mb: int | None) -> None:
+    """The stacks of the threads of an item alone take some."""
+    if memory_mb is not None and memory_mb < _SMALLEST_MB:
+        raise ValueError(f"memory_mb is {memory_mb}, expected {_SMALLEST_MB} or more")
+
+
 def campaign(
     path: FilePath,
     out: FilePath | None = None,
@@ -108,11 +115,10 @@ def campaign(
     workers
         Items at the same time; by default one per core, as far as memory allows.
     memory_mb
-        Memory of an item, MB: one that needs more fails and disturbs no other. By default an even share of what is
+        Memory of an item, MB, 100 or more: one that needs more fails and disturbs no other. By default an even share of what is
         free.
     """
-    if memory_mb is not None and memory_mb < 1:
-        raise ValueError(f"memory_mb is {memory_mb}, expected 1 or more")
+    check_memory(memory_mb)
     toml = os.path.abspath(path)
     root = os.path.dirname(toml)
     target = os.path.join(root, "out") if out is None else os.path.abspath(out)

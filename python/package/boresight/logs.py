@@ -107,7 +107,7 @@ def rows_of(data: Any, kind: str, name: str | None = None) -> Array:
     dtype = DTYPES[kind]
     name = name or kind
     if isinstance(data, np.ndarray) and data.dtype == dtype and data.ndim == 1:
-        return np.ascontiguousarray(data).view("f8").reshape(len(data), -1)
+        return np.ascontiguousarray(data).view("f8").reshape(len(data), dtype.itemsize // 8)
     names = names_of(data)
     if not names:
         raise ValueError(f"{name} has no named fields, expected {', '.join(_NEEDED[kind])}")
@@ -133,7 +133,7 @@ def rows_of(data: Any, kind: str, name: str | None = None) -> Array:
             )
         filled[field] = values
     assert filled is not None
-    return filled.view("f8").reshape(len(filled), -1)
+    return filled.view("f8").reshape(len(filled), dtype.itemsize // 8)
 
 
 def to_pandas(log: Log) -> Any:

@@ -91,6 +91,8 @@ class Mounting:
 
         self.quaternion_xyzw = np.array(quaternion_of(rotation))
         self.translation_m = np.array(vector_of(translation_m, "translation_m"))
+        if not (np.isfinite(self.quaternion_xyzw).all() and np.isfinite(self.translation_m).all()):
+            raise ValueError("a mounting has values that are not finite")
         self.sigma_translation_m = known(sigma_translation_m, "sigma_translation_m")
         self.sigma_rotation_deg = known(sigma_rotation_deg, "sigma_rotation_deg")
 
