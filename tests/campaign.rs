@@ -264,6 +264,10 @@ fn an_item_without_memory_says_so() {
     );
     let page = fs::read_to_string(out.join("campaign.html")).unwrap();
     assert!(page.contains("--memory-mb"));
+    // With so little, its threads would wait for each other for ever.
+    let run = self::run(&path, &out, &["--memory-mb", "5", "--workers", "1"]);
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("5 MB for an item with"), "{}", run.err);
 }
 
 #[test]

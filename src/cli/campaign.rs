@@ -16,8 +16,10 @@ use crate::tiles::{free_bytes, limit_memory};
 const SHARE: f64 = 0.9;
 /// Memory of an item where the system does not say how much is free, MB.
 const UNKNOWN_MB: u64 = 2000;
-/// Least memory that an item may be given, MB: the stacks of its threads alone take some.
-const SMALLEST_MB: u64 = 100;
+/// Least memory that an item may be given, MB, and that for each of its threads: with less they may not start, and wait
+/// for each other.
+const SMALLEST_MB: u64 = 16;
+const SMALLEST_THREAD_MB: u64 = 8;
 /// Least memory of an item for which another worker is started, MB.
 const LEAST_MB: u64 = 500;
 
@@ -35,8 +37,8 @@ pub(super) struct Campaign {
     /// Items at the same time [default: one per core, as far as memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
-    /// Memory of each item, 100 or more; one that needs more fails [default: an even share of what is free]
-    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(SMALLEST_MB..))]
+    /// Memory of each item; one that needs more fails [default: an even share of what is free]
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
 }
 
@@ -84,10 +86,17 @@ impl Campaign {
             .unwrap_or(free_mb.map_or(UNKNOWN_MB, |free_mb| free_mb / workers as u64));
         let program =
             std::env::current_exe().map_err(|error| Error::io("the running program", error))?;
-        let threads_each = (threads / workers).max(1).to_string();
+        let threads_each = (threads / workers).max(1);
+        let least_mb = SMALLEST_MB + SMALLEST_THREAD_MB * threads_each as u64;
+        if memory_mb < least_mb {
+            return Err(Error::data(
+                format!("{memory_mb} MB for an item with {threads_each} threads"),
+                format!("give {least_mb} MB or more with --memory-mb"),
+            ));
+        }
         let mut arguments = vec![
             "--threads".into(),
-            threads_each.into(),
+            threads_each.to_string().into(),
             "campaign-item".into(),
         ];
         arguments.extend([root.into(), out.into(), memory_mb.to_string().into()]);

@@ -92,7 +92,7 @@ def campaign(
     folder, name = split(path)
     options = storage_options or {}
     target = Tree(f"{folder}/out" if out is None else _absolute(out), options)
-    check_memory(memory_mb)
+    check_memory(memory_mb, threads or 1)
     place = _Place(Tree(folder, options), target, None if memory_mb is None else 1_000_000 * memory_mb, threads)
     with listener(progress) as told, tempfile.TemporaryDirectory(prefix="boresight-") as scratch:
         planned = _Planned(place, name, Path(scratch))
