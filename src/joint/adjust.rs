@@ -27,6 +27,8 @@ const PATCH_SIZES: f64 = 6.0;
 const SETTLED_SCALE: f64 = 0.1;
 /// And where standard deviations of a motion in time do by less than this factor, as a logarithm.
 const SETTLED_MOTION: f64 = 0.3;
+/// A motion whose standard deviations change by more is another one.
+const OTHER_MOTION: f64 = 1.0;
 /// Times that the noise is estimated in the last round.
 const MAX_SCALINGS: usize = 3;
 /// Fewest surfels that the reference knows or that are seen twice.
@@ -148,6 +150,12 @@ pub fn at_rung(
                 return Ok(Outcome::Contradicted(reasons));
             }
         }
+        // Before points are sorted by a motion, how much there is of it.
+        let is_dense = round == Round::Coarse && rung == Rung::DenseKnots;
+        if is_dense && learn(&problem, &mut state) > OTHER_MOTION {
+            steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
+            learn(&problem, &mut state);
+        }
         if round == Round::Fine {
             stop = steps.weigh_and_settle(&mut problem, &mut state)?;
         }
@@ -256,12 +264,10 @@ impl Steps<'_> {
         for scaling in 1.. {
             let found = components_at(problem, state)?;
             self.progress.advance(1);
-            let (mut learned, mut jumped) = (0.0, false);
-            if let Some(bends) = &mut state.bends {
-                learned = learn(problem, bends);
-                // Dense knots follow a jump, and do not tell it from what they do themselves.
-                jumped = bends.rung == Rung::SlowKnots && bends.restart();
-            }
+            let learned = learn(problem, state);
+            // Dense knots follow a jump, and do not tell it from what they do themselves.
+            let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
+            let jumped = slow.is_some_and(Bends::restart);
             self.shared = problem.shared_covariance();
             problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &found);
