@@ -29,7 +29,7 @@ impl JointProblem<'_> {
             let seen = self.seen(drive, state);
             let of_step = |step: usize| {
                 let poses = motion.poses(step);
-                let scans = StepScans::new(&seen, &poses);
+                let scans = StepScans::new(&seen, &poses, step);
                 let rows = seen.rows.of_step(step).iter();
                 let mean = |row| {
                     of(
@@ -160,7 +160,7 @@ impl JointProblem<'_> {
                 let seen = self.seen(drive, state);
                 for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
                     let poses = motion.poses(step);
-                    let scans = StepScans::new(&seen, &poses);
+                    let scans = StepScans::new(&seen, &poses, step);
                     let row = &rows.of_step(step)[0];
                     places.push(scans.first_point_m(row));
                 }
