@@ -14,10 +14,6 @@ use crate::progress::{Progress, Steps};
 /// their progress.
 const STEPS: u64 = 12;
 const PROGRESS_UNITS: u64 = 1000;
-/// Size of the surfels with dense knots, as a share of that of the others: what moves at random along the ground shows
-/// at its slopes alone, and small surfels have steeper ones.
-const DENSE_SHARE: f64 = 0.8;
-
 /// Adjusts mountings and trajectories together.
 ///
 /// # Errors
@@ -38,10 +34,6 @@ pub fn adjust(
     };
     let most = highest(input, settings).max(least);
     let at = |rung: Rung, may_climb: bool| {
-        let surfel_m = match rung {
-            Rung::DenseKnots => DENSE_SHARE * surfel_m,
-            _ => surfel_m,
-        };
         at_rung((input, settings), surfel_m, (rung, may_climb), progress)
     };
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());

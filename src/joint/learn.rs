@@ -24,7 +24,7 @@ const LEAST_REDUNDANCY: f64 = 10.0;
 /// scanners, where the problem holds the factor at a state with these values; sums over their covariance are found by
 /// probes of signs z, as E z_i (P z)_j is P_ij (Hutchinson 1990).
 ///
-/// Returns the largest change, as a logarithm.
+/// Returns the largest change: of a standard deviation, as a logarithm, or of what each scanner does on its own, √(1 − ρ).
 pub fn learn(problem: &JointProblem<'_>, state: &mut State) -> f64 {
     let bends = state.bends.as_mut().filter(|bends| !bends.knots.is_empty());
     let (Some(factor), Some(bends)) = (problem.factor(), bends) else {
@@ -76,18 +76,17 @@ pub fn learn_from(
         let rho = bends.together[class];
         let alike = (1.0 + (n - 1.0) * rho) * within(sums.alike[class].factor());
         let apart = (1.0 - rho) * within(sums.apart[class].factor_beside(&sums.alike[class]));
-        let both = alike + (n - 1.0) * apart;
-        bends.together[class] = ((alike - apart) / both).clamp(0.0, MOST_TOGETHER);
+        let both = (alike + (n - 1.0) * apart) / n;
+        bends.together[class] = ((alike - apart) / (n * both)).clamp(0.0, MOST_TOGETHER);
         for process in bends.knots.iter_mut().flatten() {
             for sigma in &mut process.sigma[3 * class..3 * class + 3] {
                 if *sigma >= LEAST_SIGMA {
-                    *sigma = (*sigma * (both / n).sqrt()).max(LEAST_SIGMA);
+                    *sigma = (*sigma * both.sqrt()).max(LEAST_SIGMA);
                 }
             }
         }
-        let own = (1.0 - bends.together[class]) * both / n / (1.0 - rho);
-        let of_class = (both / n).ln().abs().max(own.ln().abs());
-        change = change.max(0.5 * of_class);
+        let [own, own_before] = [bends.together[class], rho].map(|rho| (1.0 - rho).sqrt());
+        change = change.max((0.5 * both.ln()).abs().max((own - own_before).abs()));
     }
     if let Some((a, elapsed_s)) = sums.kept() {
         for process in bends.knots.iter_mut().flatten() {
