@@ -267,17 +267,21 @@ impl Bends {
 
     /// Variance of a row that the knots of its scanner leave out, m². The rows of a scanner in a step share it, in six
     /// ways, but count as independent: with n of them, each has n/6 times as much. So do the n scanners of a
-    /// drive with the correlation ρ: 1 + (n − 1) ρ times.
+    /// drive with the correlation ρ: 1 + (n − 1) ρ times. Not with slow knots: where these leave out too much, the IMU
+    /// has to contradict them, and not the noise to hide it.
     pub fn left_out(&self, drive: usize, row: &ScanRow) -> f64 {
         let Some(of_drive) = self.knots.get(drive) else {
             return 0.0;
         };
         let process = &of_drive[row.scanner as usize];
+        let is_dense = self.rung == Rung::DenseKnots;
         let of_class = |class: usize| {
-            let alike = 1.0 + (of_drive.len() - 1) as f64 * self.together[class];
+            let others = if is_dense { of_drive.len() - 1 } else { 0 };
+            let alike = 1.0 + others as f64 * self.together[class];
             row.by_motion[class] * process.sigma[3 * class].powi(2) * alike
         };
-        let shared = (f64::from(row.beside) / 6.0).max(1.0);
+        let beside = if is_dense { row.beside } else { 1 };
+        let shared = (f64::from(beside) / 6.0).max(1.0);
         shared * process.left_out_share() * (of_class(0) + of_class(1))
     }
 
