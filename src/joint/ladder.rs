@@ -14,6 +14,7 @@ use crate::progress::{Progress, Steps};
 /// their progress.
 const STEPS: u64 = 12;
 const PROGRESS_UNITS: u64 = 1000;
+
 /// Adjusts mountings and trajectories together.
 ///
 /// # Errors
