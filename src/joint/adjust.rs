@@ -25,8 +25,11 @@ use crate::progress::Progress;
 const PATCH_SIZES: f64 = 6.0;
 /// Scales of noise have settled where they change by less than this share.
 const SETTLED_SCALE: f64 = 0.1;
-/// And where standard deviations of a motion in time do by less than this factor, as a logarithm.
+/// And where those of a motion in time do by less, see [`learn`].
 const SETTLED_MOTION: f64 = 0.3;
+/// Size of the surfels with dense knots, as a share of that of others: what moves at random along the ground shows at
+/// its slopes alone, and small surfels have steeper ones.
+const DENSE_SHARE: f64 = 0.72;
 /// Times that the noise is estimated in the last round.
 const MAX_SCALINGS: usize = 3;
 /// Fewest surfels that the reference knows or that are seen twice.
@@ -94,15 +97,15 @@ pub fn at_rung(
         shared: None,
         progress,
     };
-    let (mut round, mut again) = (Round::Coarse, false);
+    let (mut round, mut again, mut size_m) = (Round::Coarse, false, surfel_m);
     let mut keyframe_steps = vec![1; input.mountings.len()];
     for repeat in 1..=MAX_ROUNDS {
         progress.check()?;
         let mut problem = loop {
             let gates = Gates {
-                size_m: surfel_m,
-                misfit_m: round.misfit_share() * surfel_m,
-                patch_m: PATCH_SIZES * surfel_m,
+                size_m,
+                misfit_m: round.misfit_share() * size_m,
+                patch_m: PATCH_SIZES * size_m,
                 keyframe_steps: keyframe_steps.clone(),
             };
             let (poses, late_s) = (state.poses(), &state.late_s);
@@ -148,6 +151,12 @@ pub fn at_rung(
                 return Ok(Outcome::Contradicted(reasons));
             }
         }
+        // Before points are sorted by a motion, how much there is of it.
+        let is_dense = round == Round::Coarse && rung == Rung::DenseKnots;
+        if is_dense && learn(&problem, &mut state) > SETTLED_MOTION {
+            steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
+            learn(&problem, &mut state);
+        }
         if round == Round::Fine {
             stop = steps.weigh_and_settle(&mut problem, &mut state)?;
         }
@@ -167,16 +176,18 @@ pub fn at_rung(
                     return Ok(Outcome::Contradicted(reasons));
                 }
             }
-            let found = conclude(&problem, &state, &found, (stop, steps.iterations), surfel_m)?;
+            let found = conclude(&problem, &state, &found, (stop, steps.iterations), size_m)?;
             return Ok(Outcome::Found(Box::new(found)));
-        }
-        if reference_m.norm() > LEAST_SIGMA_M {
-            reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
         }
         (groups, held) = (problem.groups, problem.held);
         again = round == Round::Fine;
         if settled {
             round = Round::Fine;
+        }
+        let next_m = round.size_share(rung) * surfel_m;
+        if next_m != size_m || reference_m.norm() > LEAST_SIGMA_M {
+            size_m = next_m;
+            reference = ReferenceCells::new(input.reference, size_m, state.reference);
         }
     }
     Err(not_determined())
@@ -192,6 +203,14 @@ enum Round {
 }
 
 impl Round {
+    /// Size of its surfels, as a share of the usual one.
+    fn size_share(self, rung: Rung) -> f64 {
+        match (self, rung) {
+            (Self::Fine, Rung::DenseKnots) => DENSE_SHARE,
+            _ => 1.0,
+        }
+    }
+
     /// How far scans and reference may lie apart, as a share of a surfel's size.
     fn misfit_share(self) -> f64 {
         match self {
@@ -209,8 +228,8 @@ impl Round {
         }
     }
 
-    /// A round that moves points by more than this share of a surfel is done again: they belong to
-    /// other surfels then.
+    /// A round that moves points by more than this share of the usual size of a surfel is done again: they belong
+    /// to other surfels then.
     fn move_share(self) -> f64 {
         match self {
             Self::Coarse => 0.1,
@@ -256,12 +275,10 @@ impl Steps<'_> {
         for scaling in 1.. {
             let found = components_at(problem, state)?;
             self.progress.advance(1);
-            let (mut learned, mut jumped) = (0.0, false);
-            if let Some(bends) = &mut state.bends {
-                learned = learn(problem, bends);
-                // Dense knots follow a jump, and do not tell it from what they do themselves.
-                jumped = bends.rung == Rung::SlowKnots && bends.restart();
-            }
+            let learned = learn(problem, state);
+            // Dense knots follow a jump, and do not tell it from what they do themselves.
+            let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
+            let jumped = slow.is_some_and(Bends::restart);
             self.shared = problem.shared_covariance();
             problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &found);

@@ -177,6 +177,8 @@ pub struct Bends {
     pub prior: Vec<[[f64; BENDING]; 2]>,
     /// m of each scanner of each drive; empty without knots.
     pub knots: Vec<Vec<GaussMarkov>>,
+    /// Correlation of what two scanners of a drive do from knot to knot, 0 to 1: of rotations and of shifts.
+    pub together: [f64; 2],
 }
 
 impl Bends {
@@ -231,6 +233,7 @@ impl Bends {
             compliance: prior.iter().map(|[value, _]| *value).collect(),
             prior,
             knots: knots.collect(),
+            together: [0.0; 2],
         })
     }
 
@@ -244,23 +247,42 @@ impl Bends {
         6 * self.causes_used
     }
 
-    /// Restarts motions in time where they jumped; returns whether one did.
+    /// Restarts the motion of each drive that jumped by most; returns whether there is one.
     pub fn restart(&mut self) -> bool {
         let mut jumped = false;
-        for process in self.knots.iter_mut().flatten() {
-            jumped |= process.restart();
+        for of_drive in &mut self.knots {
+            let jumps = (0..of_drive.len()).filter_map(|scanner| {
+                let others = of_drive.iter().enumerate().filter(|(s, _)| *s != scanner);
+                let others: Vec<&GaussMarkov> = others.map(|(_, process)| process).collect();
+                let (sigmas, knot) = of_drive[scanner].jump(&others)?;
+                Some((sigmas, scanner, knot))
+            });
+            if let Some((_, scanner, knot)) = jumps.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                of_drive[scanner].restarts.push(knot);
+                jumped = true;
+            }
         }
         jumped
     }
 
-    /// Variance of a row that the knots of its scanner leave out, m².
+    /// Variance of a row that the knots of its scanner leave out, m². The rows of a scanner in a step share it, in six
+    /// ways, but count as independent: with n of them, each has n/6 times as much. So do the n scanners of a
+    /// drive with the correlation ρ: 1 + (n − 1) ρ times. Not with slow knots: where these leave out too much, the IMU
+    /// has to contradict them, and not the noise to hide it.
     pub fn left_out(&self, drive: usize, row: &ScanRow) -> f64 {
-        let scanner = row.scanner as usize;
-        let process = self.knots.get(drive).map(|of_drive| &of_drive[scanner]);
-        process.map_or(0.0, |process| {
-            let [turn, shift] = [0, 3].map(|i| process.sigma[i] * process.sigma[i]);
-            process.left_out_share() * (row.by_motion[0] * turn + row.by_motion[1] * shift)
-        })
+        let Some(of_drive) = self.knots.get(drive) else {
+            return 0.0;
+        };
+        let process = &of_drive[row.scanner as usize];
+        let is_dense = self.rung == Rung::DenseKnots;
+        let of_class = |class: usize| {
+            let others = if is_dense { of_drive.len() - 1 } else { 0 };
+            let alike = 1.0 + others as f64 * self.together[class];
+            row.by_motion[class] * process.sigma[3 * class].powi(2) * alike
+        };
+        let beside = if is_dense { row.beside } else { 1 };
+        let shared = (f64::from(beside) / 6.0).max(1.0);
+        shared * process.left_out_share() * (of_class(0) + of_class(1))
     }
 
     /// (δφ, δp) of a scanner at a time of a drive.

@@ -67,11 +67,10 @@ pub fn conclude(
     let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
     let late_s = layout.late.iter().zip(&state.late_s);
     let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
-    let late_scores = layout.late.iter().enumerate().map(|(scanner, place)| {
-        // Nobody asks by mountings that are known.
-        let is_asked = place.is_none() && problem.input.known.is_none();
-        is_asked.then(|| problem.latency_score(factored, scanner))?
-    });
+    // Nobody asks by mountings that are known.
+    let is_asked = |s: &usize| layout.late[*s].is_none() && problem.input.known.is_none();
+    let asked: Vec<usize> = (0..count).filter(is_asked).collect();
+    let scores = problem.scores(factored, &asked);
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
         let constant = &state.motions[*drive].constants()[*column];
@@ -151,12 +150,12 @@ pub fn conclude(
         mountings: state.mountings.clone(),
         covariance,
         late_s: late_s.collect(),
-        late_scores: late_scores.collect(),
+        late_scores: scores.late,
         rung: state.rung(),
         ladder: Vec::new(),
         prior_shares: prior_shares(problem, state),
         compliance,
-        height_score: problem.height_score(factored),
+        height_score: scores.height,
         drives: drives.collect::<Result<_>>()?,
         constants: constants.collect(),
         reference: layout.reference.and_then(|place| {

@@ -1,97 +1,220 @@
-//! How much mountings move in time, and over how long: what an adjustment says about its own prior.
+//! How much mountings move in time, over how long, and how much together: what an adjustment says about its own
+//! prior.
 
 use super::bend::Bends;
 use super::components::{PROBES, sign};
 use super::motion::GaussMarkov;
 use super::problem::JointProblem;
+use super::state::State;
 
 /// Largest factor on a standard deviation and on the correlation time at a time.
 const MAX_FACTOR: f64 = 4.0;
 /// Least standard deviation, radians and metres: less moves no point by what a scanner sees.
 const LEAST_SIGMA: f64 = 1e-5;
+/// Largest correlation between scanners: one thirtieth of a motion is then their own.
+const MOST_TOGETHER: f64 = 0.999;
+/// Largest exponent of a step of Newton.
+const MAX_EXPONENT: f64 = 2.0;
 /// Knots within a correlation time at least; fewer say nothing of it.
 const LEAST_KNOTS: f64 = 2.0;
 /// Fewest knots' worth of what is known beyond the prior.
 const LEAST_REDUNDANCY: f64 = 10.0;
 
-/// Finds the standard deviations of rotations and shifts, and the correlation time of both, of all scanners
-/// together, where the problem holds the factor at a state with these values.
+/// Finds the standard deviations of rotations and shifts, the correlation time of both, and the correlation between
+/// scanners, where the problem holds the factor at a state with these values; sums over their covariance are found by
+/// probes of signs z, as E z_i (P z)_j is P_ij (Hutchinson 1990).
 ///
-/// With e_k = x_k − a x_(k−1), a = e^(−Δ/τ), and P the covariance of the knots x, the standard deviations
-/// follow Σ e²/(1 − a²) = σ² Σ (1 − E/(σ² (1 − a²))), E the variance of e (Förstner 1979), and
-/// a = Σ (x_k x_(k−1) + P_(k,k−1)) / Σ (x²_(k−1) + P_(k−1,k−1)) (expectation and maximisation, Shumway and
-/// Stoffer 1982). Sums over P are found by probes of signs z: E z_i (P z)_j is P_ij (Hutchinson 1990).
-///
-/// Returns the largest relative change.
-pub fn learn(problem: &JointProblem<'_>, bends: &mut Bends) -> f64 {
-    let (Some(factor), Some(first)) = (problem.factor(), bends.knots.first()) else {
+/// Returns the largest change: of a standard deviation, as a logarithm, or of what each scanner does on its own, √(1 − ρ).
+pub fn learn(problem: &JointProblem<'_>, state: &mut State) -> f64 {
+    let bends = state.bends.as_mut().filter(|bends| !bends.knots.is_empty());
+    let (Some(factor), Some(bends)) = (problem.factor(), bends) else {
         return 0.0;
     };
-    let correlation_s = first[0].correlation_s;
+    let offsets = |of_drive: &Vec<usize>| of_drive.iter().map(|&b| problem.offset(b)).collect();
+    let offsets: Vec<Vec<usize>> = problem.layout.knots.iter().map(offsets).collect();
     let unknowns = problem.unknowns();
-    let mut knots: Vec<(&GaussMarkov, usize, usize)> = Vec::new();
-    let places = problem.layout.knots.iter().flatten();
-    for (process, &place) in bends.knots.iter().flatten().zip(places) {
-        let of_knot = |knot: usize| (process, knot, problem.offset(place + knot));
-        knots.extend((0..process.knot_s.len()).map(of_knot));
-    }
     let mut sides = vec![0.0; unknowns * PROBES];
     for (probe, side) in sides.chunks_exact_mut(unknowns).enumerate() {
-        for (_, _, at) in &knots {
-            (*at..at + 6).for_each(|i| side[i] = sign(probe, i));
+        let processes = bends.knots.iter().flatten();
+        for (process, &first) in processes.zip(offsets.iter().flatten()) {
+            (first..first + process.value.len()).for_each(|i| side[i] = sign(probe, i));
         }
     }
     factor.solve(&mut sides, PROBES);
-    let covariance = |i: usize, j: usize| {
+    learn_from(bends, &offsets, &|i, j| {
         let probes = sides.chunks_exact(unknowns).enumerate();
         let terms =
             probes.map(|(probe, side)| 0.5 * (sign(probe, i) * side[j] + sign(probe, j) * side[i]));
         terms.sum::<f64>() / PROBES as f64
-    };
-    // Of rotations and of shifts: Σ e²/(1 − a²) and redundancy; of both: products and squares.
-    let (mut squares, mut redundancy) = ([0.0; 2], [0.0; 2]);
-    let (mut products, mut before_squares) = (0.0, 0.0);
-    let (mut elapsed_sum_s, mut intervals) = (0.0, 0.0);
-    let tied = |(process, knot, _): &&(&GaussMarkov, usize, usize)| {
-        *knot > 0 && !process.restarts.contains(knot)
-    };
-    for &(process, knot, at) in knots.iter().filter(tied) {
-        let elapsed_s = process.knot_s[knot] - process.knot_s[knot - 1];
-        let a = (-elapsed_s / correlation_s).exp();
-        elapsed_sum_s += elapsed_s;
-        intervals += 1.0;
-        let (x, y) = (process.of_knot(knot), process.of_knot(knot - 1));
-        for i in (0..6).filter(|&i| process.sigma[i] >= LEAST_SIGMA) {
-            let variance = process.sigma[i].powi(2);
-            let (here, before) = (at + i, at + i - 6);
-            let (of_here, of_before) = (covariance(here, here), covariance(before, before));
-            let of_both = covariance(here, before);
-            let e = x[i] - a * y[i];
-            let of_e = of_here - 2.0 * a * of_both + a * a * of_before;
-            squares[i / 3] += e * e / (1.0 - a * a);
-            redundancy[i / 3] += 1.0 - of_e / (variance * (1.0 - a * a));
-            products += (x[i] * y[i] + of_both) / variance;
-            before_squares += (y[i] * y[i] + of_before) / variance;
-        }
+    })
+}
+
+/// The same by the covariance P of all unknowns, among which the first knot of each scanner of each drive has this
+/// place.
+///
+/// With e_k = x_k − a x_(k−1), a = e^(−Δ/τ), over σ √(1 − a²): what n scanners do alike, Σ e over √n, has the variance
+/// λ = 1 + (n − 1) ρ, what each does beside it 1 − ρ. The factors on both are Σ e²/λ over Σ (1 − E/λ), E the
+/// variance of e by P (Förstner 1979), and give σ² and ρ; and
+/// a = Σ (x_k x_(k−1) + P_(k,k−1)) / Σ (x²_(k−1) + P_(k−1,k−1)) (expectation and maximisation, Shumway and
+/// Stoffer 1982).
+pub fn learn_from(
+    bends: &mut Bends,
+    offsets: &[Vec<usize>],
+    covariance: &dyn Fn(usize, usize) -> f64,
+) -> f64 {
+    let mut sums = Sums::default();
+    for (of_drive, offsets) in bends.knots.iter().zip(offsets) {
+        sums.add(of_drive, offsets, bends.together, covariance);
     }
-    let limited = |value: f64, old: f64| value.clamp(old / MAX_FACTOR, old * MAX_FACTOR);
-    let elapsed_s = elapsed_sum_s / f64::max(intervals, 1.0);
-    let a = (products / before_squares).clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
-    let found_s = limited(-elapsed_s / a.ln(), correlation_s);
     let mut change = 0.0_f64;
-    for process in bends.knots.iter_mut().flatten() {
-        for (i, sigma) in process.sigma.iter_mut().enumerate() {
-            if *sigma >= LEAST_SIGMA && redundancy[i / 3] > LEAST_REDUNDANCY {
-                let found = (squares[i / 3] / redundancy[i / 3]).sqrt();
-                let found = limited(found, *sigma).max(LEAST_SIGMA);
-                change = change.max((found / *sigma).ln().abs());
-                *sigma = found;
+    for class in 0..2 {
+        let n = free(&bends.knots[0], 3 * class).len() as f64;
+        if n == 0.0 {
+            continue;
+        }
+        let within = |factor: f64| factor.clamp(MAX_FACTOR.powi(-2), MAX_FACTOR.powi(2));
+        let rho = bends.together[class];
+        let alike = (1.0 + (n - 1.0) * rho) * within(sums.alike[class].factor());
+        let apart = (1.0 - rho) * within(sums.apart[class].factor_beside(&sums.alike[class]));
+        let both = (alike + (n - 1.0) * apart) / n;
+        bends.together[class] = ((alike - apart) / (n * both)).clamp(0.0, MOST_TOGETHER);
+        for process in bends.knots.iter_mut().flatten() {
+            for sigma in &mut process.sigma[3 * class..3 * class + 3] {
+                if *sigma >= LEAST_SIGMA {
+                    *sigma = (*sigma * both.sqrt()).max(LEAST_SIGMA);
+                }
             }
         }
-        if before_squares > 0.0 {
+        let [own, own_before] = [bends.together[class], rho].map(|rho| (1.0 - rho).sqrt());
+        change = change.max((0.5 * both.ln()).abs().max((own - own_before).abs()));
+    }
+    if let Some((a, elapsed_s)) = sums.kept() {
+        for process in bends.knots.iter_mut().flatten() {
+            let old_s = process.correlation_s;
+            let found_s = (-elapsed_s / a.ln()).clamp(old_s / MAX_FACTOR, old_s * MAX_FACTOR);
             let most_s = process.span_s();
             process.correlation_s = found_s.max(LEAST_KNOTS * elapsed_s).min(most_s);
         }
     }
     change
+}
+
+/// Scanners a component of which moves.
+fn free(of_drive: &[GaussMarkov], component: usize) -> Vec<usize> {
+    let is_free = |s: &usize| of_drive[*s].sigma[component] >= LEAST_SIGMA;
+    (0..of_drive.len()).filter(is_free).collect()
+}
+
+/// Of all knots after the first.
+#[derive(Default)]
+struct Sums {
+    /// Of rotations and of shifts.
+    alike: [Mode; 2],
+    apart: [Mode; 2],
+    /// x_k x_(k−1) and x²_(k−1), over σ².
+    products: f64,
+    squares_before: f64,
+    elapsed_s: f64,
+    intervals: f64,
+}
+
+impl Sums {
+    fn add(
+        &mut self,
+        of_drive: &[GaussMarkov],
+        offsets: &[usize],
+        together: [f64; 2],
+        covariance: &dyn Fn(usize, usize) -> f64,
+    ) {
+        let knot_s = &of_drive[0].knot_s;
+        let jumped = |knot: usize| of_drive.iter().any(|p| p.restarts.contains(&knot));
+        let free: Vec<Vec<usize>> = (0..6).map(|component| free(of_drive, component)).collect();
+        for knot in (1..knot_s.len()).filter(|&knot| !jumped(knot)) {
+            let elapsed_s = knot_s[knot] - knot_s[knot - 1];
+            self.elapsed_s += elapsed_s;
+            self.intervals += 1.0;
+            for component in 0..6 {
+                // The square of the sum over all scanners, and the sum of squares; each with its variance.
+                let (mut sum, mut square) = ([0.0; 2], [0.0; 2]);
+                for &s in &free[component] {
+                    let process = &of_drive[s];
+                    let variance = process.sigma[component].powi(2);
+                    let a = (-elapsed_s / process.correlation_s).exp();
+                    let scale = (variance * (1.0 - a * a)).sqrt().recip();
+                    let [x, y] = [knot, knot - 1].map(|k| process.of_knot(k)[component]);
+                    let place = |s: usize, k: usize| offsets[s] + 6 * k + component;
+                    let (p, q) = (place(s, knot), place(s, knot - 1));
+                    let e = (x - a * y) * scale;
+                    sum[0] += e;
+                    square[0] += e * e;
+                    for &t in &free[component] {
+                        let (u, v) = (place(t, knot), place(t, knot - 1));
+                        let covariance = covariance(p, u)
+                            - a * (covariance(p, v) + covariance(q, u))
+                            + a * a * covariance(q, v);
+                        let of_other = process.sigma[component] / of_drive[t].sigma[component];
+                        let covariance = covariance * scale * scale * of_other;
+                        sum[1] += covariance;
+                        if s == t {
+                            square[1] += covariance;
+                        }
+                    }
+                    self.products += (x * y + covariance(p, q)) / variance;
+                    self.squares_before += (y * y + covariance(q, q)) / variance;
+                }
+                let n = free[component].len() as f64;
+                if n > 0.0 {
+                    let (class, rho) = (component / 3, together[component / 3]);
+                    let mean = [sum[0] * sum[0] / n, sum[1] / n];
+                    let lambda = 1.0 + (n - 1.0) * rho;
+                    self.alike[class].add(mean.map(|x| x / lambda), 1.0);
+                    let beside = [square[0] - mean[0], square[1] - mean[1]];
+                    self.apart[class].add(beside.map(|x| x / (1.0 - rho)), n - 1.0);
+                }
+            }
+        }
+    }
+
+    /// a, and the mean interval that it belongs to, seconds.
+    fn kept(&self) -> Option<(f64, f64)> {
+        let a = self.products / self.squares_before;
+        let within = a.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
+        (self.squares_before > 0.0).then(|| (within, self.elapsed_s / self.intervals))
+    }
+}
+
+/// Squares of what processes do from knot to knot, in standard deviations, how many, and how many of them are known
+/// beyond the prior.
+#[derive(Clone, Copy, Default)]
+struct Mode {
+    squares: f64,
+    count: f64,
+    redundancy: f64,
+}
+
+impl Mode {
+    fn add(&mut self, [square, variance]: [f64; 2], count: f64) {
+        self.squares += square;
+        self.count += count;
+        self.redundancy += count - variance;
+    }
+
+    /// The factor on the variance.
+    fn factor(&self) -> f64 {
+        match self.redundancy > LEAST_REDUNDANCY {
+            true => self.squares / self.redundancy,
+            false => 1.0,
+        }
+    }
+
+    /// The same of what processes do beside what they do alike, which may be nothing. Towards zero the variance falls
+    /// slowly, as ever less of it is redundant; a step of Newton is longer.
+    fn factor_beside(&self, alike: &Self) -> f64 {
+        let ratio = self.factor() / alike.factor();
+        let exponent = match ratio < 1.0 && self.redundancy > LEAST_REDUNDANCY {
+            true => (self.count / self.redundancy).min(MAX_EXPONENT),
+            false => 1.0,
+        };
+        alike.factor() * ratio.powf(exponent)
+    }
 }

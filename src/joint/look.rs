@@ -29,7 +29,7 @@ impl JointProblem<'_> {
             let seen = self.seen(drive, state);
             let of_step = |step: usize| {
                 let poses = motion.poses(step);
-                let scans = StepScans::new(&seen, &poses);
+                let scans = StepScans::new(&seen, &poses, step);
                 let rows = seen.rows.of_step(step).iter();
                 let mean = |row| {
                     of(
@@ -46,7 +46,8 @@ impl JointProblem<'_> {
         drives.flat_map(of_drive).flatten().collect()
     }
 
-    /// Finds how far the points of each row lie from their scanner, and how a motion of it would show.
+    /// Finds how far the points of each row lie from their scanner, how a motion of it would show, and how many rows
+    /// show it.
     pub fn find_depths(&mut self, state: &State) {
         let found = self.each_mean(state, |_, _, mean| {
             let square = |by: &[f64]| by.iter().map(|x| x * x).sum::<f64>();
@@ -55,6 +56,9 @@ impl JointProblem<'_> {
         });
         for (row, (depth_m, by_motion)) in self.found.rows_mut().zip(found) {
             (row.depth_m, row.by_motion) = (depth_m, by_motion);
+        }
+        for drive in &mut self.found.drives {
+            drive.count_beside(state.mountings.len());
         }
     }
 
@@ -156,7 +160,7 @@ impl JointProblem<'_> {
                 let seen = self.seen(drive, state);
                 for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
                     let poses = motion.poses(step);
-                    let scans = StepScans::new(&seen, &poses);
+                    let scans = StepScans::new(&seen, &poses, step);
                     let row = &rows.of_step(step)[0];
                     places.push(scans.first_point_m(row));
                 }

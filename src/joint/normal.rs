@@ -11,6 +11,8 @@ use crate::adjustment::{BlockPattern, LeastSquares, SparseSystem};
 /// After a step shorter than this, in standard deviations, derivatives are nearly the same, and the next one takes
 /// the same factor: a chord method, which ends where a new factor would.
 const NEAR_SIGMAS: f64 = 1.0;
+/// Unless its square is not less than this share of that of the step before.
+const CHORD_GAIN: f64 = 0.25;
 
 impl JointProblem<'_> {
     /// Assembles the normal equations at a state.
@@ -53,6 +55,21 @@ impl JointProblem<'_> {
             Some(_) => Some(()),
             None => self.factorise(state),
         }
+    }
+
+    /// The step by the last factor and gradient, whose length is then the decrement.
+    fn solved(&mut self) -> Option<Vec<f64>> {
+        let mut step = self.system.gradient().to_vec();
+        self.factor.as_ref()?.solve(&mut step, 1);
+        let terms = step.iter().zip(self.system.gradient());
+        let all: f64 = terms.map(|(x, g)| x * g).sum();
+        let shared = self.metric.as_ref().map_or(0.0, |metric| {
+            let first = step.len() - metric.nrows();
+            let step = DVector::from_column_slice(&step[first..]);
+            step.dot(&(metric * &step))
+        });
+        self.decrement = shared.max(all / step.len() as f64);
+        Some(step)
     }
 
     /// To be called where rows are weighted anew, which the factor knows nothing of, or where the last step was
@@ -110,21 +127,18 @@ impl LeastSquares for JointProblem<'_> {
                 .collect(),
             false => Vec::new(),
         };
-        let is_near = self.factored.is_some() && self.decrement < NEAR_SIGMAS.powi(2);
-        match diagonal.is_empty() && is_near {
+        let before = self.decrement;
+        let is_near = self.factored.is_some() && before < NEAR_SIGMAS.powi(2);
+        let is_old = diagonal.is_empty() && is_near;
+        match is_old {
             true => self.assemble(state),
             false => self.factorise_damped(state, &diagonal)?,
         }
-        let mut step = self.system.gradient().to_vec();
-        self.factor.as_ref()?.solve(&mut step, 1);
-        let terms = step.iter().zip(self.system.gradient());
-        let all: f64 = terms.map(|(x, g)| x * g).sum();
-        let shared = self.metric.as_ref().map_or(0.0, |metric| {
-            let first = step.len() - metric.nrows();
-            let step = DVector::from_column_slice(&step[first..]);
-            step.dot(&(metric * &step))
-        });
-        self.decrement = shared.max(all / step.len() as f64);
+        let mut step = self.solved()?;
+        if is_old && self.decrement > CHORD_GAIN * before {
+            self.factorise(state)?;
+            step = self.solved()?;
+        }
         Some(self.retracted(state, &step))
     }
 

@@ -3,6 +3,7 @@
 
 use super::bend::BENDING;
 use super::layout::{REFERENCE, UP};
+use super::motion::rows_together;
 use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::row::{HELD_SIGMA, RowBatch};
 use super::state::State;
@@ -124,11 +125,11 @@ impl JointProblem<'_> {
                 batch.touch(block, &by[..unknowns]);
             }
         }
-        let firsts = self.layout.knots.iter().flatten();
-        for (process, &first) in bends.knots.iter().flatten().zip(firsts) {
-            for knot in 0..process.knot_s.len() {
-                process.rows(knot, first, group, batch);
-            }
+        for (processes, firsts) in bends.knots.iter().zip(&self.layout.knots) {
+            let processes: Vec<_> = processes.iter().zip(firsts.iter().copied()).collect();
+            let together = |component: usize| bends.together[component / 3];
+            let knots = processes.first().map_or(0, |(p, _)| p.knot_s.len());
+            (0..knots).for_each(|knot| rows_together(&processes, &together, knot, group, batch));
         }
     }
 

@@ -171,14 +171,14 @@ impl<'a> JointProblem<'a> {
         }
     }
 
-    /// Finds the places of a row's unknowns; a value that is not among them comes after all.
+    /// Finds the places of a row's unknowns; values that are not among them come after all.
     pub fn places(&self, row: &Row<'_>, places: &mut Vec<usize>) {
         places.clear();
         for &block in row.blocks {
             let block = block as usize;
             match self.layout.sizes.get(block) {
                 Some(size) => places.extend(self.offset(block)..self.offset(block) + size),
-                None => places.push(self.unknowns()),
+                None => places.push(self.unknowns() + block - self.layout.sizes.len()),
             }
         }
     }
@@ -249,13 +249,8 @@ impl<'a> JointProblem<'a> {
 
     /// The covariance of the blocks that couple with everything, from the last factor.
     pub fn shared_covariance(&self) -> Option<DMatrix<f64>> {
-        let unknowns = self.unknowns();
-        let count = unknowns - self.offset(self.layout.last());
-        let mut sides = vec![0.0; unknowns * count];
-        for (i, side) in sides.chunks_exact_mut(unknowns).enumerate() {
-            side[unknowns - count + i] = 1.0;
-        }
-        Some(self.factor.as_ref()?.covariance(sides, count))
+        let count = self.unknowns() - self.offset(self.layout.last());
+        Some(self.factor.as_ref()?.last_covariance(count))
     }
 
     /// How all unknowns move with a shift of the reference up, times its standard deviation. It is

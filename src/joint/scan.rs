@@ -1,6 +1,6 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
-use super::bend::{BENDING, Bends};
+use super::bend::{BENDING, Bends, CAUSES};
 use super::motion::{AT_BRIDGE, GaussMarkov, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
@@ -72,24 +72,32 @@ impl Mean {
     }
 }
 
-/// The pose of a profile.
-struct ProfilePose {
+/// Where a profile was taken from.
+struct Profile {
     time_s: f64,
+    /// Of the body in the world.
     rotation: Mat3,
     translation_m: Vec3,
     velocity_m_s: Vec3,
     rate_rad_s: Vec3,
+    /// Of the scanner in the body.
+    scanner_rotation: Mat3,
+    scanner_translation_m: Vec3,
+    /// What moves its mounting, and the share of the knot behind; zero where there is none.
+    causes: [f64; CAUSES],
+    next_share: f64,
 }
 
 fn six(a: Vec3, b: Vec3) -> [f64; 6] {
     [a.x, a.y, a.z, b.x, b.y, b.z]
 }
 
-/// The poses of the profiles of a step, found once each: points come in the order of their profiles.
+/// The profiles of a step.
 pub struct StepScans<'a> {
     seen: &'a Seen<'a>,
     poses: &'a StepPoses,
-    rotations: Vec<Mat3>,
+    /// Of each scanner those from the first to the last one that has points here, and the number of the first.
+    profiles: Vec<(u32, Vec<Profile>)>,
     /// Of each scanner's mounting; empty where there are no knots. A latency may carry a row across a knot: it
     /// stays with those of its step.
     between: Vec<BetweenKnots>,
@@ -124,55 +132,66 @@ impl BetweenKnots {
 }
 
 impl<'a> StepScans<'a> {
-    pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses) -> Self {
-        let rotations = seen.mountings.iter();
+    pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses, step: usize) -> Self {
         let knots = seen.bends.and_then(|bends| bends.knots.get(seen.drive));
         let between = knots.into_iter().flatten();
-        Self {
+        let mut scans = Self {
             seen,
             poses,
             between: between
                 .map(|process| BetweenKnots::new(process, poses))
                 .collect(),
-            rotations: rotations
-                .map(|m| *m.rotation.to_rotation_matrix().matrix())
-                .collect(),
+            profiles: Vec::new(),
+        };
+        let mut ranges = vec![(u32::MAX, 0); seen.mountings.len()];
+        for row in seen.rows.of_step(step) {
+            let (first, last) = &mut ranges[row.scanner as usize];
+            for point in seen.rows.points_of(row) {
+                *first = point.profile.min(*first);
+                *last = point.profile.max(*last);
+            }
         }
+        let profiles = ranges.iter().enumerate().map(|(scanner, &(first, last))| {
+            let profiles = (first..=last).map(|profile| scans.find(scanner, profile));
+            (first, profiles.collect())
+        });
+        scans.profiles = profiles.collect();
+        scans
     }
 
-    fn profile(&self, scanner: usize, profile: u32) -> ProfilePose {
+    fn find(&self, scanner: usize, profile: u32) -> Profile {
         let stamp_s = self.seen.samples[scanner].profiles[profile as usize].time_s;
         let time_s = stamp_s - self.seen.late_s[scanner];
         let pose = self.poses.at(time_s);
-        ProfilePose {
+        let mean = &self.seen.mountings[scanner];
+        let bends = self.seen.bends;
+        let now = bends.map(|bends| bent(mean, &bends.offset(self.seen.drive, scanner, time_s)));
+        let mounting = now.as_ref().unwrap_or(mean);
+        let between = self.between.get(scanner);
+        Profile {
             time_s,
             rotation: *pose.world_from_body.rotation.to_rotation_matrix().matrix(),
             translation_m: pose.world_from_body.translation_m,
             velocity_m_s: pose.velocity_m_s,
             rate_rad_s: pose.rate_rad_s,
+            scanner_rotation: *mounting.rotation.to_rotation_matrix().matrix(),
+            scanner_translation_m: mounting.translation_m,
+            causes: bends.map_or([0.0; _], |bends| bends.causes(self.seen.drive, time_s)),
+            next_share: between.map_or(0.0, |between| between.share(time_s)),
         }
+    }
+
+    fn profile(&self, scanner: usize, profile: u32) -> &Profile {
+        let (first, profiles) = &self.profiles[scanner];
+        &profiles[(profile - first) as usize]
     }
 
     /// The first point of a row in the world.
     pub fn first_point_m(&self, row: &ScanRow) -> Vec3 {
         let point = &self.seen.rows.points_of(row)[0];
-        let scanner = row.scanner as usize;
-        let pose = self.profile(scanner, point.profile);
-        let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
-        pose.translation_m + pose.rotation * (rotation * point.position_m + translation_m)
-    }
-
-    /// Rotation and position of a scanner in the body at a time.
-    fn mounting(&self, scanner: usize, time_s: f64) -> (Mat3, Vec3) {
-        let mean = &self.seen.mountings[scanner];
-        let Some(bends) = self.seen.bends else {
-            return (self.rotations[scanner], mean.translation_m);
-        };
-        let now = bent(mean, &bends.offset(self.seen.drive, scanner, time_s));
-        (
-            *now.rotation.to_rotation_matrix().matrix(),
-            now.translation_m,
-        )
+        let from = self.profile(row.scanner as usize, point.profile);
+        let in_body = from.scanner_rotation * point.position_m + from.scanner_translation_m;
+        from.translation_m + from.rotation * in_body
     }
 
     /// The mean of a row; `depth_m` is d₀.
@@ -222,15 +241,14 @@ impl<'a> StepScans<'a> {
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
             let in_body = pose.rotation.tr_mul(direction);
-            let (rotation, translation_m) = self.mounting(scanner, pose.time_s);
             let mut arms = Vec3::zeros();
             for point in group {
-                arms += rotation * point.position_m * point.weight;
+                arms += pose.scanner_rotation * point.position_m * point.weight;
             }
             // All are linear in the points of one profile.
             let n: f64 = group.iter().map(|point| point.weight).sum();
             times_s += pose.time_s * n;
-            let levers = arms + translation_m * n;
+            let levers = arms + pose.scanner_translation_m * n;
             let offset = pose.translation_m - origin_m;
             sum += pose.rotation * levers + offset * n;
             let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
@@ -240,14 +258,11 @@ impl<'a> StepScans<'a> {
                 *sum += by;
             }
             if let Some(bends) = self.seen.bends {
-                let causes = bends.causes(self.seen.drive, pose.time_s);
                 for (i, sum) in by_compliance[..bends.unknowns()].iter_mut().enumerate() {
-                    *sum += by[i % 6] * causes[i / 6];
+                    *sum += by[i % 6] * pose.causes[i / 6];
                 }
-                let between = self.between.get(scanner);
-                let share = between.map_or(0.0, |between| between.share(pose.time_s));
                 for (sum, by) in by_next_knot.iter_mut().zip(by) {
-                    *sum += by * share;
+                    *sum += by * pose.next_share;
                 }
             }
             all_arms += arms;
@@ -299,7 +314,7 @@ pub fn rows(
         return;
     }
     let poses = motion.poses(step);
-    let scans = StepScans::new(seen, &poses);
+    let scans = StepScans::new(seen, &poses, step);
     for row in rows {
         let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);

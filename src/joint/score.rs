@@ -22,67 +22,98 @@ impl Score {
     }
 }
 
+/// What the data say about all values that are held.
+#[derive(Debug, Clone)]
+pub struct Scores {
+    /// How late each scanner is that is asked about.
+    pub late: Vec<Option<Score>>,
+    /// How far the reference lies above the world of the poses.
+    pub height: Option<Score>,
+}
+
 impl JointProblem<'_> {
-    /// How late a scanner is whose latency is held, by the factor at a state.
-    pub fn latency_score(&self, state: &State, scanner: usize) -> Option<Score> {
+    /// How late these scanners are, whose latencies are held, and how far the reference, whose height is held, lies
+    /// above the world of the poses, by the factor at a state.
+    pub fn scores(&self, state: &State, scanners: &[usize]) -> Scores {
         let mut late = self.layout.late.clone();
-        late[scanner] = Some(self.layout.sizes.len());
-        self.score(self.unknowns(), |visit| {
-            self.visit_with(state, &late, visit)
-        })
+        let mut held = Vec::new();
+        for (extra, &scanner) in scanners.iter().enumerate() {
+            late[scanner] = Some(self.layout.sizes.len() + extra);
+            held.push(self.unknowns() + extra);
+        }
+        let up = self.layout.reference.map(|block| self.offset(block) + UP);
+        held.extend(up);
+        let mut found = self.score(&held, |visit| self.visit_with(state, &late, visit));
+        let height = up.and_then(|_| found.pop()?);
+        let mut scores = Scores {
+            late: vec![None; late.len()],
+            // The unknown is what is taken off the reference.
+            height: height.map(|score| Score {
+                value: -score.value,
+                ..score
+            }),
+        };
+        for (&scanner, score) in scanners.iter().zip(found) {
+            scores.late[scanner] = score;
+        }
+        scores
     }
 
-    /// How far the reference lies above the world of the poses, whose height is held,
-    /// by the factor at a state.
-    pub fn height_score(&self, state: &State) -> Option<Score> {
-        let up = self.offset(self.layout.reference?) + UP;
-        let found = self.score(up, |visit| self.visit(state, visit))?;
-        // The unknown is what is taken off the reference.
-        Some(Score {
-            value: -found.value,
-            ..found
-        })
-    }
-
-    /// Of the value τ at this place, which may come after all unknowns. Rows have derivatives d by τ and J by
-    /// all unknowns x. Unknowns follow τ with x' = −H⁻¹ Jᵀ W d, rows with D = d + J x'. Then
-    /// τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
-    fn score(&self, held: usize, visit: impl Fn(&mut dyn FnMut(&RowBatch))) -> Option<Score> {
+    /// Of the value τ at each of these places, which may come after all unknowns; the others stay held. Rows have
+    /// derivatives d by τ and J by all unknowns x. Unknowns follow τ with x' = −H⁻¹ Jᵀ W d, rows with D = d + J x'.
+    /// Then τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
+    fn score(
+        &self,
+        held: &[usize],
+        visit: impl Fn(&mut dyn FnMut(&RowBatch)),
+    ) -> Vec<Option<Score>> {
+        let Some(factor) = self.factor() else {
+            return vec![None; held.len()];
+        };
         let unknowns = self.unknowns();
         let mut places = Vec::new();
-        let mut follow = vec![0.0; unknowns + 1];
+        let mut follow = vec![vec![0.0; unknowns + held.len()]; held.len()];
         visit(&mut |batch| {
             for row in batch.rows() {
                 self.places(&row, &mut places);
-                let d = derivative(&row, &places, held);
-                if d != 0.0 {
-                    for (place, by) in places.iter().zip(row.by) {
-                        follow[*place] -= row.weight * d * by;
+                for (follow, &held) in follow.iter_mut().zip(held) {
+                    let d = derivative(&row, &places, held);
+                    if d != 0.0 {
+                        for (place, by) in places.iter().zip(row.by) {
+                            follow[*place] -= row.weight * d * by;
+                        }
                     }
                 }
             }
         });
-        // τ itself does not follow.
-        follow[held] = 0.0;
-        self.factor()?.solve(&mut follow[..unknowns], 1);
-        follow[held] = 0.0;
-        let (mut information, mut against) = (0.0, 0.0);
+        for (follow, &held_here) in follow.iter_mut().zip(held) {
+            // What is held does not follow.
+            follow[held_here] = 0.0;
+            factor.solve(&mut follow[..unknowns], 1);
+            held.iter().for_each(|&place| follow[place] = 0.0);
+        }
+        let mut sums = vec![(0.0, 0.0); held.len()];
         visit(&mut |batch| {
             for row in batch.rows() {
                 self.places(&row, &mut places);
-                let followed = places
-                    .iter()
-                    .zip(row.by)
-                    .map(|(place, by)| by * follow[*place]);
-                let all = derivative(&row, &places, held) + followed.sum::<f64>();
-                information += row.weight * all * all;
-                against += row.weight * all * row.residual;
+                for ((follow, &held), sums) in follow.iter().zip(held).zip(&mut sums) {
+                    let followed = places
+                        .iter()
+                        .zip(row.by)
+                        .map(|(place, by)| by * follow[*place]);
+                    let all = derivative(&row, &places, held) + followed.sum::<f64>();
+                    sums.0 += row.weight * all * all;
+                    sums.1 += row.weight * all * row.residual;
+                }
             }
         });
-        (information > 0.0).then(|| Score {
-            value: -against / information,
-            sigma: information.sqrt().recip(),
-        })
+        let scores = sums.into_iter().map(|(information, against)| {
+            (information > 0.0).then(|| Score {
+                value: -against / information,
+                sigma: information.sqrt().recip(),
+            })
+        });
+        scores.collect()
     }
 }
 

@@ -72,9 +72,14 @@ impl SparseFactor {
     /// H⁻¹ times `count` right-hand sides, one after the other.
     pub fn solve(&self, sides: &mut [f64], count: usize) {
         let mut ordered = self.ordered(sides, count);
-        self.with_sides(&mut ordered, count, |l, sides, stack| {
-            l.solve_in_place_with_conj(Conj::No, sides, Par::Seq, stack);
-        });
+        let l = &self.structure.l;
+        let mut memory = MemBuffer::new(l.solve_in_place_scratch::<f64>(count, Par::Seq));
+        SupernodalLltRef::new(l, &self.values).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(&mut ordered, self.unknowns(), count),
+            Par::Seq,
+            MemStack::new(&mut memory),
+        );
         for (side, ordered) in self.columns_mut(sides).zip(self.columns(&ordered)) {
             for (value, &place) in side.iter_mut().zip(&self.structure.place) {
                 *value = ordered[place];
@@ -82,22 +87,34 @@ impl SparseFactor {
         }
     }
 
-    /// L⁻¹ P times `count` right-hand sides F, one after the other: the result Y, in the order of
-    /// elimination, has Yᵀ Y = Fᵀ H⁻¹ F.
-    pub fn half_solve(&self, sides: &mut [f64], count: usize) {
-        let mut ordered = self.ordered(sides, count);
-        self.with_sides(&mut ordered, count, |l, sides, stack| {
-            l.l_solve_with_conj(Conj::No, sides, Par::Seq, stack);
-        });
-        sides.copy_from_slice(&ordered);
-    }
-
-    /// The covariance Gᵀ H⁻¹ G of linear functionals, given the gradients of `count` of them by all
-    /// unknowns, one after the other.
-    pub fn covariance(&self, mut gradients: Vec<f64>, count: usize) -> DMatrix<f64> {
-        self.half_solve(&mut gradients, count);
-        let half = DMatrix::from_vec(self.unknowns(), count, gradients);
-        half.tr_mul(&half)
+    /// The covariance of the last `count` unknowns in the order of elimination, as those that couple with nearly
+    /// everything: the inverse of M Mᵀ, M the last rows and columns of L.
+    pub fn last_covariance(&self, count: usize) -> DMatrix<f64> {
+        let structure = &*self.structure;
+        let first = self.unknowns() - count;
+        let mut last = DMatrix::zeros(count, count);
+        let supernodes = (0..structure.l.n_supernodes()).rev();
+        for supernode in supernodes.take_while(|&s| structure.pivots(s).end > first) {
+            let pivots = structure.pivots(supernode);
+            let values = &self.values[structure.values(supernode)];
+            let height = values.len() / pivots.len();
+            let (front, front_row) = structure.front(supernode);
+            for column in first.max(pivots.start)..pivots.end {
+                let values = &values[(column - pivots.start) * height..][..height];
+                for (&position, &row) in front.iter().zip(front_row) {
+                    let start = structure.start[position as usize];
+                    for i in 0..structure.size(position as usize) {
+                        if start + i >= column {
+                            last[(start + i - first, column - first)] = values[row as usize + i];
+                        }
+                    }
+                }
+            }
+        }
+        let mut inverse = DMatrix::identity(count, count);
+        let is_regular = last.solve_lower_triangular_mut(&mut inverse);
+        debug_assert!(is_regular, "pivots are positive");
+        inverse.tr_mul(&inverse)
     }
 
     /// H⁻¹ where L has entries.
@@ -127,20 +144,5 @@ impl SparseFactor {
             }
         }
         ordered
-    }
-
-    fn with_sides(
-        &self,
-        ordered: &mut [f64],
-        count: usize,
-        solve: impl FnOnce(SupernodalLltRef<'_, u32, f64>, MatMut<'_, f64>, &mut MemStack),
-    ) {
-        let l = &self.structure.l;
-        let mut memory = MemBuffer::new(l.solve_in_place_scratch::<f64>(count, Par::Seq));
-        solve(
-            SupernodalLltRef::new(l, &self.values),
-            MatMut::from_column_major_slice_mut(ordered, self.unknowns(), count),
-            MemStack::new(&mut memory),
-        );
     }
 }

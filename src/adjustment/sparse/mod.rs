@@ -4,6 +4,7 @@
 //! supernode of L (columns of one pattern, kept as one dense matrix) is a run of whole blocks.
 //! One thread; the same bits on every run.
 
+mod dissection;
 mod factor;
 mod inverse;
 mod pattern;

@@ -1,10 +1,8 @@
 //! Which blocks of unknowns are coupled, and the order that eliminates them with little fill.
 
+use super::dissection::nested_dissection;
 use super::structure::Structure;
 use super::system::SparseSystem;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::amd;
 
 /// Collects which blocks of unknowns are coupled.
 #[derive(Debug, Clone)]
@@ -63,7 +61,8 @@ impl BlockPattern {
     /// If H would have 2³² entries or L 2³¹.
     pub fn analyse(self, last: usize) -> SparseSystem {
         let later = self.later_blocks();
-        let mut order = fill_reducing_order(&later, &self.sizes[..last.min(self.sizes.len())]);
+        // What couples with everything does not change the order of the others.
+        let mut order = nested_dissection(&later, &self.sizes[..last.min(self.sizes.len())]);
         order.extend(last..self.sizes.len());
         SparseSystem::new(Structure::new(self.sizes, order, &later))
     }
@@ -103,51 +102,4 @@ impl BlockPattern {
             })
             .collect()
     }
-}
-
-/// Unknowns that count as one in the order of elimination: a surfel has three, a pose fifteen.
-const UNKNOWNS_PER_NODE: usize = 3;
-
-/// Approximate minimum degree (Amestoy, Davis & Duff 1996) of the blocks of these sizes. What
-/// couples with everything does not change the order of the others. A block stands for as many nodes as it is
-/// large, coupled with each other and with the same others: a surfel that couples two poses fills far more than
-/// one that couples two surfels.
-fn fill_reducing_order(later: &[Vec<u32>], sizes: &[usize]) -> Vec<usize> {
-    let last = sizes.len();
-    let nodes = |block: usize| sizes[block].div_ceil(UNKNOWNS_PER_NODE);
-    let mut first = vec![0u32; last + 1];
-    for block in 0..last {
-        first[block + 1] = first[block] + nodes(block) as u32;
-    }
-    let total = first[last] as usize;
-    let (mut ends, mut rows) = (vec![0u32], Vec::new());
-    let mut owner = Vec::with_capacity(total);
-    for (block, later) in later[..last].iter().enumerate() {
-        let before = later.partition_point(|&b| (b as usize) < last);
-        for node in first[block]..first[block + 1] {
-            rows.extend(node + 1..first[block + 1]);
-            for &other in &later[..before] {
-                rows.extend(first[other as usize]..first[other as usize + 1]);
-            }
-            ends.push(rows.len() as u32);
-            owner.push(block);
-        }
-    }
-    let graph = SymbolicSparseColMatRef::new_checked(total, total, &ends, None, &rows);
-    let mut order = vec![0; total];
-    let mut position = vec![0; total];
-    let scratch = amd::order_scratch::<u32>(total, rows.len());
-    amd::order(
-        &mut order,
-        &mut position,
-        graph,
-        amd::Control::default(),
-        MemStack::new(&mut MemBuffer::new(scratch)),
-    )
-    .expect("fewer than 2³¹ pairs of blocks");
-    let mut is_listed = vec![false; last];
-    let blocks = order.into_iter().map(|node| owner[node as usize]);
-    blocks
-        .filter(|block| !std::mem::replace(&mut is_listed[*block], true))
-        .collect()
 }

@@ -86,63 +86,133 @@ impl GaussMarkov {
         self.of_knot(knot)[component] * (1.0 - u) + self.of_knot(knot + 1)[component] * u
     }
 
-    /// Restarts it where it jumped by most; returns whether there is such a knot.
-    pub fn restart(&mut self) -> bool {
-        let (d, knots) = (self.dimension(), self.knot_s.len());
-        let mut worst = (JUMP_SIGMAS, 0);
-        for component in 0..d {
-            let step =
-                |k: usize| (self.of_knot(k)[component] - self.of_knot(k - 1)[component]).abs();
-            // A knot between two jumps would float.
-            let is_near = |k: usize| self.restarts.iter().any(|r| r.abs_diff(k) <= 2);
-            let tied = (1..knots).filter(|&k| !is_near(k));
-            let Some(typical) = median(tied.clone().map(step)) else {
-                continue;
+    /// How far a component moves from knot to knot, by the later knot.
+    fn steps(&self, component: usize) -> Vec<f64> {
+        let value = |k: usize| self.of_knot(k)[component];
+        let steps = (1..self.knot_s.len()).map(|k| value(k) - value(k - 1));
+        std::iter::once(0.0).chain(steps).collect()
+    }
+
+    /// The knot before which it jumped, and how many robust standard deviations of all steps its step there is: by
+    /// itself, or beside another process with the same knots that moves less there. What poses follow is in all
+    /// processes alike, and not in their difference.
+    pub fn jump(&self, others: &[&Self]) -> Option<(f64, usize)> {
+        let knots = 1..self.knot_s.len();
+        let is_asked = |k: usize| {
+            // A knot between two jumps would float, and what is left of one beside it is no other.
+            let is_near = |r: &usize| r.abs_diff(k) <= 2;
+            let is_beside = |r: &usize| *r != k && is_near(r);
+            !self.restarts.iter().any(is_near)
+                && !others
+                    .iter()
+                    .any(|other| other.restarts.iter().any(is_beside))
+        };
+        let asked: Vec<usize> = knots.filter(|&k| is_asked(k)).collect();
+        let mut worst = None;
+        let mut ask = |own: &[f64], other: Option<&[f64]>| {
+            let step = |k: usize| (own[k] - other.map_or(0.0, |other| other[k])).abs();
+            let Some(typical) = median(asked.iter().map(|&k| step(k))) else {
+                return;
             };
-            for k in tied.filter(|&k| step(k) > LEAST_JUMP) {
+            let is_own = |k: usize| other.is_none_or(|other| own[k].abs() > other[k].abs());
+            for &k in asked.iter().filter(|&&k| step(k) > LEAST_JUMP && is_own(k)) {
                 let ratio = step(k) / (SIGMAS_PER_MAD * typical);
-                if ratio > worst.0 {
-                    worst = (ratio, k);
+                if ratio > worst.map_or(JUMP_SIGMAS, |(most, _)| most) {
+                    worst = Some((ratio, k));
                 }
             }
+        };
+        for component in 0..self.dimension() {
+            let own = self.steps(component);
+            ask(&own, None);
+            for other in others {
+                ask(&own, Some(&other.steps(component)));
+            }
         }
-        let jumped = worst.1 > 0;
-        if jumped {
-            self.restarts.push(worst.1);
-        }
-        jumped
+        worst
     }
 
     /// Adds the rows that tie knot `knot` to the one before, the first to zero:
     /// (x_k − e^(−Δ/τ) x_(k−1)) / (σ √(1 − e^(−2Δ/τ))) of each component. `first_block` is the block
     /// of knot 0.
     pub fn rows(&self, knot: usize, first_block: usize, group: usize, batch: &mut RowBatch) {
-        let d = self.dimension();
-        let mut own = vec![0.0; d];
-        for component in 0..d {
-            let here = self.of_knot(knot)[component];
-            let restarts = self.restarts.contains(&knot);
-            let sigma = match restarts {
-                true => RESTART_SIGMA,
-                false => self.sigma[component].max(f64::MIN_POSITIVE),
-            };
-            let Some(before) = knot.checked_sub(1).filter(|_| !restarts) else {
-                own.fill(0.0);
-                own[component] = 1.0 / sigma;
-                batch.begin(group, 1.0, here / sigma);
-                batch.touch(first_block + knot, &own);
-                continue;
-            };
-            let elapsed_s = self.knot_s[knot] - self.knot_s[before];
-            let keep = (-elapsed_s / self.correlation_s).exp();
-            let scale = 1.0 / (sigma * (1.0 - keep * keep).sqrt());
-            let residual = (here - keep * self.of_knot(before)[component]) * scale;
-            batch.begin(group, 1.0, residual);
-            own.fill(0.0);
-            own[component] = -keep * scale;
-            batch.touch(first_block + before, &own);
-            own[component] = scale;
-            batch.touch(first_block + knot, &own);
+        let alone = |_| 0.0;
+        rows_together(&[(self, first_block)], &alone, knot, group, batch);
+    }
+
+    /// What a component does at a knot, in its standard deviations.
+    fn innovation(&self, knot: usize, component: usize) -> Innovation {
+        let here = self.of_knot(knot)[component];
+        let sigma = self.sigma[component].max(f64::MIN_POSITIVE);
+        let of_first = |sigma: f64| Innovation {
+            value: here / sigma,
+            by_here: 1.0 / sigma,
+            by_before: None,
+        };
+        if self.restarts.contains(&knot) {
+            return of_first(RESTART_SIGMA);
+        }
+        let Some(before) = knot.checked_sub(1) else {
+            return of_first(sigma);
+        };
+        let elapsed_s = self.knot_s[knot] - self.knot_s[before];
+        let keep = (-elapsed_s / self.correlation_s).exp();
+        let scale = 1.0 / (sigma * (1.0 - keep * keep).sqrt());
+        Innovation {
+            value: (here - keep * self.of_knot(before)[component]) * scale,
+            by_here: scale,
+            by_before: Some(-keep * scale),
+        }
+    }
+}
+
+/// What a process does at a knot beyond what the knot before says, in standard deviations.
+#[derive(Clone, Copy)]
+struct Innovation {
+    value: f64,
+    by_here: f64,
+    /// `None` where there is none, or the process jumped.
+    by_before: Option<f64>,
+}
+
+/// Adds the rows of processes with the same knots whose innovations z have the correlation ρ with each other, 0 to
+/// 1, given for each component: z_s less what those of the m processes before say of it, c Σ z, over the root of
+/// what that leaves, v, with c = ρ/(1 + (m − 1) ρ) and v = 1 − m ρ c. With each process goes its block of knot 0. A
+/// jump is its own.
+pub fn rows_together(
+    processes: &[(&GaussMarkov, usize)],
+    correlation: &dyn Fn(usize) -> f64,
+    knot: usize,
+    group: usize,
+    batch: &mut RowBatch,
+) {
+    let dimension = processes[0].0.dimension();
+    let mut by = vec![0.0; dimension];
+    for component in 0..dimension {
+        let rho = correlation(component);
+        let mut before: Vec<(Innovation, usize)> = Vec::new();
+        for &(process, first_block) in processes {
+            let own = process.innovation(knot, component);
+            let jumped = process.restarts.contains(&knot);
+            let others = if jumped { &[] } else { before.as_slice() };
+            let m = others.len() as f64;
+            let c = rho / (1.0 + (m - 1.0) * rho);
+            let scale = (1.0 - m * rho * c).sqrt().recip();
+            let said: f64 = others.iter().map(|(other, _)| c * other.value).sum();
+            batch.begin(group, 1.0, (own.value - said) * scale);
+            let of_others = others.iter().map(|&(other, first)| (other, first, -c));
+            for (innovation, first, share) in of_others.chain([(own, first_block, 1.0)]) {
+                if let Some(by_before) = innovation.by_before {
+                    by[component] = share * by_before * scale;
+                    batch.touch(first + knot - 1, &by);
+                }
+                by[component] = share * innovation.by_here * scale;
+                batch.touch(first + knot, &by);
+            }
+            by[component] = 0.0;
+            if !jumped {
+                before.push((own, first_block));
+            }
         }
     }
 }

@@ -235,6 +235,7 @@ fn rows_of(
             coverage: 0,
             depth_m: 0.0,
             by_motion: [0.0; 2],
+            beside: 1,
             trust: 1.0,
         });
         rows.points.extend(group.iter().map(|(.., point, _)| {

@@ -74,6 +74,8 @@ pub struct ScanRow {
     pub depth_m: f64,
     /// Squares of its derivatives by rotations (metres²) and by shifts of the mounting, as it was then.
     pub by_motion: [f64; 2],
+    /// Rows of its scanner within the step.
+    pub beside: u32,
     /// How far it is trusted, 0 to 1.
     pub trust: f64,
 }
@@ -102,6 +104,19 @@ impl DriveRows {
     /// The rows of a step.
     pub fn of_step(&self, step: usize) -> &[ScanRow] {
         &self.rows[self.step_start[step] as usize..self.step_start[step + 1] as usize]
+    }
+
+    /// Counts the rows of each scanner within each step.
+    pub fn count_beside(&mut self, scanners: usize) {
+        for step in 1..self.step_start.len() {
+            let [from, to] = [self.step_start[step - 1], self.step_start[step]];
+            let rows = &mut self.rows[from as usize..to as usize];
+            let mut counts = vec![0; scanners];
+            rows.iter()
+                .for_each(|row| counts[row.scanner as usize] += 1);
+            rows.iter_mut()
+                .for_each(|row| row.beside = counts[row.scanner as usize]);
+        }
     }
 
     /// Keeps the rows for which `surfel` returns one, by its new number, given their step.

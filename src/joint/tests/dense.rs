@@ -212,11 +212,12 @@ fn scores_of_held_values_are_those_of_freed_ones() {
         if let Some(reference) = problem.layout.reference {
             let dense = Dense::new(&problem, &state);
             let (down, sigma) = freed(&dense, problem.offset(reference) + UP);
-            let score = problem.height_score(&state).expect("factorised");
+            let score = problem.scores(&state, &[]).height.expect("factorised");
             near(name, score, (-down, sigma));
         }
         for scanner in 0..2 {
-            let score = problem.latency_score(&state, scanner).expect("factorised");
+            let all: Vec<usize> = (0..state.mountings.len()).collect();
+            let score = problem.scores(&state, &all).late[scanner].expect("factorised");
             let mut free = case.input();
             free.estimate_latency[scanner] = true;
             let (free, _) = case.problem(&free);

@@ -54,6 +54,18 @@ fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
     }
 }
 
+/// How many metres of a surfel's height a unit of a row's residual is; one for rows without a surfel. Weights of scan
+/// rows differ with what knots leave out of them, derivatives of heights do not.
+fn height_per_unit(problem: &JointProblem<'_>, dense: &Dense, row: usize) -> f64 {
+    let layout = &problem.layout;
+    let heights = (layout.first_surfel..layout.first_patch).map(|block| problem.offset(block));
+    let by_height = heights.map(|column| dense.jacobian[(row, column)].abs());
+    match by_height.fold(0.0, f64::max) {
+        0.0 => 1.0,
+        by_height => by_height.recip(),
+    }
+}
+
 /// Largest error of a derivative, as a share of the largest derivative of rows of the same group by
 /// the same component of the same kind of unknown, and both.
 type Worst = BTreeMap<(String, &'static str), (f64, f64, f64)>;
@@ -61,17 +73,24 @@ type Worst = BTreeMap<(String, &'static str), (f64, f64, f64)>;
 fn worst(problem: &JointProblem<'_>, state: &State) -> Worst {
     let dense = Dense::new(problem, state);
     let numeric = differences(problem, state);
+    let units: Vec<f64> = (0..dense.groups.len())
+        .map(|row| height_per_unit(problem, &dense, row))
+        .collect();
     let mut of_component: BTreeMap<(String, &'static str, usize), (f64, f64)> = BTreeMap::new();
     for (block, &size) in problem.layout.sizes.iter().enumerate() {
+        let kind = kind(problem, block);
         for component in 0..size {
             let column = problem.offset(block) + component;
             for (row, &group) in dense.groups.iter().enumerate() {
                 let analytic = dense.jacobian[(row, column)];
                 let error = (analytic - numeric[(row, column)]).abs();
+                // What is left out counts in standard deviations.
+                let unit = if kind == "bias" { 1.0 } else { units[row] };
+                let [error, analytic] = [error, analytic.abs()].map(|x| x * unit);
                 let name = problem.groups.names[group].clone();
-                let entry = of_component.entry((name, kind(problem, block), component));
+                let entry = of_component.entry((name, kind, component));
                 let entry = entry.or_default();
-                *entry = (entry.0.max(error), entry.1.max(analytic.abs()));
+                *entry = (entry.0.max(error), entry.1.max(analytic));
             }
         }
     }
@@ -101,17 +120,15 @@ const ROUNDING: f64 = 1e-8;
 /// poses the correction. Neighbours are off by twice as much, in each of three components, and the
 /// velocities by what positions differ, in a fifth of a second: ten times the offset in all.
 const PER_OFFSET: f64 = 10.0;
-/// Between samples of the IMU, δ = 0.01 s apart, shares of the nodes are straight lines. That of a node's
-/// velocity is some t (1 − t/T)² in a step of T = 0.2 s, at most 4T/27, and off by δ²/8 · 4/T.
-const BETWEEN_SAMPLES: f64 = 9e-3;
+/// Between samples of the IMU, δ = 0.01 s apart, shares of the nodes are straight lines. That of a node's velocity is
+/// some t (1 − t/T)², off by δ²/8 · 4/T: metres of a row per m/s, in the first step, whose T is 0.1037 s. The others
+/// are twice as long.
+const BETWEEN_SAMPLES_M: f64 = 4.9e-4;
 /// Between poses a share of the derivative of each is taken, as if they did not turn. They turn by 0.05
 /// rad from pose to pose of the file, of which there are four in a step.
 const TURNED_IN_FILE: f64 = 1e-2;
 /// What the depth of a row turns with a bending is left out: a residual over the depth, millimetres of decimetres.
 const BENT: f64 = 1e-2;
-/// Rows are compared with the largest of all. Knots leave out more of a row the farther it is, so that weights differ
-/// more between rows than those of rigid mountings.
-const UNEVEN: f64 = 1.25;
 /// Positions between samples of the IMU are on a cubic, while velocities are joined by straight lines.
 const BY_TIME: f64 = 2e-3;
 /// The wide priors of mountings and of the first node, 1 m and 1 rad, take the change from their start as
@@ -136,9 +153,7 @@ fn every_row_meets_finite_differences() {
                 let of_scans = ["left", "lidar"].contains(&group.as_str());
                 let allowed = match (of_scans, kind) {
                     (true, "node" | "error or bridge") => {
-                        let is_rigid = case.settings.mounting.least == Rung::Rigid;
-                        let uneven = if is_rigid { 1.0 } else { UNEVEN };
-                        uneven * BETWEEN_SAMPLES + PER_OFFSET * by
+                        BETWEEN_SAMPLES_M / size + PER_OFFSET * by
                     }
                     (true, "bending") => BENT + PER_OFFSET * by,
                     // Turns of the mean are taken as if it were not bent.

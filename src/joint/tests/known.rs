@@ -19,7 +19,7 @@ fn place(
 ) -> Vec3 {
     let seen = problem.seen(0, state);
     let poses = state.motions[0].poses(step);
-    let scans = StepScans::new(&seen, &poses);
+    let scans = StepScans::new(&seen, &poses, step);
     let (place, ..) = scans.along(scanner, &Vec3::x(), &Vec3::zeros(), &[*point]);
     place
 }

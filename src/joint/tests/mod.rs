@@ -1,6 +1,7 @@
 //! Tests of the joint adjustment on small cases, against slow and dense ways of the same.
 
 mod association;
+mod bends;
 mod case;
 mod columns;
 mod dense;

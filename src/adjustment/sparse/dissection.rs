@@ -1,0 +1,55 @@
+//! An order of elimination with little fill, by METIS.
+
+use std::ptr::null_mut;
+use std::sync::{Mutex, PoisonError};
+
+use metis_sys::{METIS_NodeND, idx_t as Idx, rstatus_et_METIS_OK as METIS_OK};
+
+/// Nested dissection (George 1973; Karypis & Kumar 1998) of the first blocks, of these sizes, given for each the
+/// coupled blocks of higher index, ascending: blocks that part the others into halves come after both. Few surfels
+/// part two passes, where minimum degree would couple the poses of both.
+///
+/// # Panics
+/// With 2³¹ pairs of coupled blocks.
+pub fn nested_dissection(later: &[Vec<u32>], sizes: &[usize]) -> Vec<usize> {
+    let blocks = sizes.len();
+    if blocks < 2 {
+        return (0..blocks).collect();
+    }
+    let mut others: Vec<Vec<Idx>> = vec![Vec::new(); blocks];
+    for (block, later) in later[..blocks].iter().enumerate() {
+        for &other in later.iter().take_while(|&&other| (other as usize) < blocks) {
+            others[block].push(other as Idx);
+            others[other as usize].push(block as Idx);
+        }
+    }
+    let mut ends: Vec<Idx> = vec![0];
+    let mut coupled: Vec<Idx> = Vec::new();
+    for others in &others {
+        coupled.extend(others);
+        ends.push(Idx::try_from(coupled.len()).expect("fewer than 2³¹ pairs of blocks"));
+    }
+    let mut weights: Vec<Idx> = sizes.iter().map(|&size| size as Idx).collect();
+    let mut count = blocks as Idx;
+    let (mut order, mut position) = (vec![0; blocks], vec![0; blocks]);
+    // It draws from the C library's random numbers, which all threads share.
+    static ALONE: Mutex<()> = Mutex::new(());
+    let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    // SAFETY: `ends` has one entry more than there are blocks and ends at the length of `coupled`, whose entries
+    // are blocks; weights, order and position have one for each block. Null options are the defaults.
+    #[allow(unsafe_code)]
+    let status = unsafe {
+        METIS_NodeND(
+            &mut count,
+            ends.as_mut_ptr(),
+            coupled.as_mut_ptr(),
+            weights.as_mut_ptr(),
+            null_mut(),
+            order.as_mut_ptr(),
+            position.as_mut_ptr(),
+        )
+    };
+    drop(alone);
+    assert_eq!(status, METIS_OK, "memory for the order of elimination");
+    order.into_iter().map(|block| block as usize).collect()
+}
