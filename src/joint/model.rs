@@ -26,6 +26,9 @@ pub const EVIDENT_TO_IMU: f64 = 2.0;
 /// One of the scans is, where points are sorted anew after the coarse round and surfels lie where they are seen:
 /// models that are right leave up to 2.6 then on simulated drives, less than what contradicts.
 pub const EVIDENT_TO_SCANS: f64 = 4.0;
+/// Mountings that move farther than this about each axis, root mean square, metres and radians, belong to no
+/// frame: several times what the softest of the simulated ones does.
+const MAX_MOTION: [f64; 2] = [0.05, 0.05];
 /// Length of the blocks of positions that decide, seconds.
 pub const DECIDING_BLOCK_S: f64 = 30.0;
 /// All lengths reported.
@@ -115,6 +118,19 @@ fn with_imu(problem: &JointProblem<'_>) -> impl Iterator<Item = (usize, String)>
 /// What contradicts the model, the gravest first.
 pub fn contradictions(joint: &Joint) -> Vec<String> {
     let mut found = Vec::new();
+    let too_far = joint
+        .motion()
+        .filter(|[shift_m, turn_rad]| *shift_m > MAX_MOTION[0] || *turn_rad > MAX_MOTION[1]);
+    found.extend(too_far.map(|[shift_m, turn_rad]| {
+        format!(
+            "the mountings would have to move by {:.0} mm and {:.1}° about each axis (root mean square), \
+             farther than frames bend (at most {:.0} mm and {:.1}°)",
+            1e3 * shift_m,
+            turn_rad.to_degrees(),
+            1e3 * MAX_MOTION[0],
+            MAX_MOTION[1].to_degrees()
+        )
+    }));
     for drive in &joint.drives {
         let of_drive = of_drive(&drive.name, joint.drives.len());
         if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)

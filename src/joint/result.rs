@@ -1,5 +1,7 @@
 //! What the adjustment found.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::bend::{Compliance, Rung};
@@ -12,6 +14,7 @@ use crate::adjustment::StopReason;
 use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::statistics::rms;
 use crate::stored::stored;
 use crate::trajectory::{EstimatedConstant, Trajectory};
 use crate::verdict::Verdict;
@@ -228,8 +231,8 @@ pub struct JointReport {
     pub found: Option<Joint>,
     /// Why its values are not those of the run, the gravest reason first; empty where they are.
     pub refused: Vec<String>,
-    /// What the logs of the other drives contradict.
-    pub others: Vec<Verdict>,
+    /// What the logs of the other drives contradict, and a reference that does not fit the drives.
+    pub said: Vec<Verdict>,
     /// Scanners whose profiles are later than the project says, and were corrected.
     pub late: Vec<LateScanner>,
     /// Run time, seconds.
@@ -334,13 +337,23 @@ impl Joint {
         })
     }
 
+    /// How far mountings move along the drives, about each axis: root mean square of shifts, metres, and of
+    /// rotations, radians; `None` where they are rigid.
+    pub fn motion(&self) -> Option<[f64; 2]> {
+        let moved = self.drives.iter().flat_map(|drive| &drive.bending);
+        let samples = moved.flat_map(|moved| moved.offsets.samples());
+        let offsets: Vec<&[f64; 6]> = samples.map(|(_, offset)| offset).collect();
+        let of = |part: Range<usize>| rms(offsets.iter().flat_map(|o| &o[part.clone()]).copied());
+        (!offsets.is_empty()).then(|| [of(3..6), of(0..3)])
+    }
+
     /// The test of a group.
     pub fn group(&self, name: &str) -> Option<&GroupTest> {
         self.groups.iter().find(|group| group.name == name)
     }
 }
 
-stored!(struct JointReport { found, refused, others, late, seconds });
+stored!(struct JointReport { found, refused, said, late, seconds });
 stored!(struct Joint {
     mountings, covariance, late_s, late_scores, height_score, rung, ladder, prior_shares, compliance,
     drives, constants, reference, surface_m, regions, held, groups, stop, iterations, rows, surfels,

@@ -5,6 +5,7 @@ use std::time::Instant;
 use nalgebra::DMatrix;
 
 use super::stages::{self, EstimatedPoses};
+use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Mounting, ScannerSample};
 use crate::error::{Error, Problem, Result};
 use crate::format;
@@ -19,6 +20,7 @@ use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::report;
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
+use crate::verdict::Verdict;
 
 /// A scanner is late where the scans say so by more than this many standard deviations, and by more than
 /// matters, seconds.
@@ -85,11 +87,12 @@ pub fn report(
             samples,
         })
     }));
+    let mut fits_alone = false;
     let made = drives
         .into_iter()
         .collect::<Result<Vec<_>>>()
         .and_then(|drives| {
-            let input = JointInput {
+            let mut input = JointInput {
                 mountings: two_steps.mountings.clone(),
                 known: None,
                 compliance: &[],
@@ -97,28 +100,68 @@ pub fn report(
                 drives,
                 reference,
             };
-            with_late_scanners(input, project, progress)
+            let made = with_late_scanners(&mut input, project, progress);
+            if !reference.is_empty() && is_doubtful(&made) {
+                fits_alone = fits_without_reference(input, project, progress)?;
+            }
+            made
         });
     if let Ok((found, _)) = &made {
         show(own, found, reference, progress);
     }
-    let seconds = begun.elapsed().as_secs_f64();
-    Ok(match made {
-        Ok((found, late)) => JointReport {
-            refused: contradictions(&found),
-            found: Some(found),
-            others: said,
-            late,
-            seconds,
-        },
-        Err(error) => JointReport {
-            found: None,
-            refused: vec![reason(error)?],
-            others: said,
-            late: Vec::new(),
-            seconds,
-        },
+    let (found, late, mut refused) = match made {
+        Ok((found, late)) => {
+            let refused = contradictions(&found);
+            (Some(found), late, refused)
+        }
+        Err(error) => (None, Vec::new(), vec![reason(error)?]),
+    };
+    if fits_alone {
+        refused.insert(
+            0,
+            "no mounting makes the drive fit the reference, and it fits together without".into(),
+        );
+        said.push(Verdict::care(
+            "reference.placement",
+            "Without the reference, no sensor contradicts the joint adjustment; with it, none can be made that holds: \
+             is the reference in the coordinates of the total station, and was nothing moved since it was scanned?",
+        ));
+    }
+    Ok(JointReport {
+        found,
+        refused,
+        said,
+        late,
+        seconds: begun.elapsed().as_secs_f64(),
     })
+}
+
+/// Whether an adjustment did not settle, or cannot be trusted.
+fn is_doubtful(made: &Result<(Joint, Vec<LateScanner>)>) -> bool {
+    match made {
+        Ok((found, _)) => found.stop != StopReason::Converged || !contradictions(found).is_empty(),
+        Err(error) => !matches!(error, Error::Cancelled),
+    }
+}
+
+/// Whether no sensor contradicts mountings that move as little as they may, where there is no reference.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+fn fits_without_reference(
+    mut input: JointInput<'_>,
+    project: &Project,
+    progress: &dyn Progress,
+) -> Result<bool> {
+    progress.say("asking whether the drive fits together without the reference");
+    input.reference = &[];
+    let mut settings = project.joint.clone();
+    settings.mounting.most = settings.mounting.least;
+    let made = adjust(&input, &settings, surfel_m(project), progress);
+    match made.map(|found| (found, Vec::new())) {
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        made => Ok(!is_doubtful(&made)),
+    }
 }
 
 /// Offers the clouds of the project's own drive as the adjustment places them, and the reference.
@@ -167,11 +210,11 @@ fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progr
 /// Adjusts, and again with the latencies of scanners that the scans contradict: those found are used.
 /// Held latencies are the default since a free one costs tx a third of its accuracy.
 fn with_late_scanners(
-    mut input: JointInput<'_>,
+    input: &mut JointInput<'_>,
     project: &Project,
     progress: &dyn Progress,
 ) -> Result<(Joint, Vec<LateScanner>)> {
-    let found = adjust(&input, &project.joint, surfel_m(project), progress)?;
+    let found = adjust(input, &project.joint, surfel_m(project), progress)?;
     let is_late = |score: &Option<Score>| {
         score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
     };
@@ -181,7 +224,7 @@ fn with_late_scanners(
     }
     let estimated = input.estimate_latency.iter_mut().zip(&late);
     estimated.for_each(|(estimate, late)| *estimate |= late);
-    let found = match adjust(&input, &project.joint, surfel_m(project), progress) {
+    let found = match adjust(input, &project.joint, surfel_m(project), progress) {
         Ok(freed) => freed,
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         // With latencies held it could be made.

@@ -3,8 +3,7 @@
 use super::number;
 use crate::calibration::PARAMETER_NAMES;
 use crate::geometry::Vec3;
-use crate::joint::{Joint, Rung, known_m};
-use crate::statistics::rms;
+use crate::joint::{Joint, known_m};
 use crate::verdict::Verdict;
 
 /// A parameter of which more of the variance than this rests on the prior of the motion is named.
@@ -21,18 +20,9 @@ pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
 
 /// That the mountings move, by how much, and what of them rests on the prior.
 fn moving(joint: &Joint) -> Option<Verdict> {
-    if joint.rung == Rung::Rigid {
-        return None;
-    }
+    let [shift_m, turn_rad] = joint.motion()?;
     let reason = joint.ladder.last().and_then(|left| left.reasons.first());
     let reason = reason.map_or(String::new(), |reason| format!(": {reason}"));
-    let moved = joint.drives.iter().flat_map(|drive| &drive.bending);
-    let (mut shift_m, mut turn_rad) = (Vec::new(), Vec::new());
-    for (_, offset) in moved.flat_map(|moved| moved.offsets.samples()) {
-        turn_rad.extend_from_slice(&offset[..3]);
-        shift_m.extend_from_slice(&offset[3..]);
-    }
-    let (shift_m, turn_rad) = (rms(shift_m), rms(turn_rad));
     let text = format!(
         "The mountings move along the drive, by {} and {:.3}° about each axis (root mean square){reason}. They are \
          modelled as {}; mounting.csv has them by time. Points are better known than single parameters: a motion \

@@ -104,10 +104,7 @@ fn of_calibration(
         let verdict = Verdict::care("scanner.time_offset", text);
         verdict.with_value(scanner.late.value, Some(scanner.late.sigma))
     }));
-    let others = calibrations
-        .joint
-        .into_iter()
-        .flat_map(|joint| &joint.others);
+    let others = calibrations.joint.into_iter().flat_map(|joint| &joint.said);
     all.extend(others.cloned());
     let joint = calibrations.joint_found();
     all.extend(joint.into_iter().flat_map(disagreements));

@@ -156,7 +156,7 @@ pub const MISTAKES: &[Mistake] = &[
     }),
     mistake(
         "reference: east and north exchanged",
-        &["reference.shift", "placement.misfit"],
+        &["reference.placement", "reference.shift", "placement.misfit"],
         |field| {
             field.reference(|p| (p.x, p.y) = (p.y, p.x));
         },

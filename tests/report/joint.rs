@@ -165,7 +165,7 @@ fn accepted() -> Full {
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
-        others: Vec::new(),
+        said: Vec::new(),
         late: Vec::new(),
         found: Some(found),
         refused: Vec::new(),
@@ -183,7 +183,7 @@ fn refused() -> Full {
     let near = full.variants[1].1.clone();
     let found = found(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
-        others: Vec::new(),
+        said: Vec::new(),
         late: Vec::new(),
         found: Some(found),
         refused: vec![REASON.into()],
@@ -414,7 +414,7 @@ fn the_document_says_why_it_was_refused() {
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
-        others: Vec::new(),
+        said: Vec::new(),
         late: Vec::new(),
         found: None,
         refused: vec!["only 12 patches of the surface are known".into()],
