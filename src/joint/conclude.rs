@@ -34,7 +34,8 @@ pub fn conclude(
     let factor = problem.factor().ok_or_else(not_determined)?;
     let factored = problem.factored().unwrap_or(state);
     let layout = &problem.layout;
-    let inverse = factor.selected_inverse();
+    let surfels = layout.first_surfel..layout.first_patch + state.patches.len();
+    let inverse = factor.selected_inverse(|block| !surfels.contains(&block));
     let side = problem.side_of_height();
     // With the part of the reference's height.
     let block = |a: usize, b: usize| {

@@ -117,9 +117,10 @@ impl SparseFactor {
         inverse.tr_mul(&inverse)
     }
 
-    /// H⁻¹ where L has entries.
-    pub fn selected_inverse(&self) -> SelectedInverse {
-        SelectedInverse::new(&self.structure, &self.values)
+    /// H⁻¹ where L has entries, in the columns of the blocks asked for: what is eliminated first, and seldom asked
+    /// for, is much of the work.
+    pub fn selected_inverse(&self, is_asked: impl Fn(usize) -> bool) -> SelectedInverse {
+        SelectedInverse::new(&self.structure, &self.values, &is_asked)
     }
 
     fn columns<'a>(&self, sides: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {

@@ -20,18 +20,28 @@ pub struct SelectedInverse {
     structure: Arc<Structure>,
     /// As L, supernode by supernode; diagonal parts whole.
     values: Vec<f64>,
+    /// Whether a supernode holds what was asked for, or what that follows from; no other has values.
+    is_found: Vec<bool>,
 }
 
 impl SelectedInverse {
-    /// The recursion of Takahashi, Fagan & Chen (1973) on supernodes from the last to the first.
-    pub(super) fn new(structure: &Arc<Structure>, l: &[f64]) -> Self {
+    /// The recursion of Takahashi, Fagan & Chen (1973) on supernodes from the last to the first, of those that hold
+    /// blocks asked for and of the ones that these follow from.
+    pub(super) fn new(
+        structure: &Arc<Structure>,
+        l: &[f64],
+        is_asked: &dyn Fn(usize) -> bool,
+    ) -> Self {
         let mut inverse = Self {
             structure: Arc::clone(structure),
             values: vec![0.0; l.len()],
+            is_found: needed(structure, is_asked),
         };
         let mut separator = Vec::new();
         let mut workspace = Vec::new();
-        for supernode in (0..structure.l.n_supernodes()).rev() {
+        let supernodes = (0..structure.l.n_supernodes()).rev();
+        let found: Vec<usize> = supernodes.filter(|&s| inverse.is_found[s]).collect();
+        for supernode in found {
             let range = structure.values(supernode);
             let pivots = structure.pivots(supernode).len();
             let height = range.len() / pivots;
@@ -105,12 +115,16 @@ impl SelectedInverse {
         }
     }
 
-    /// The covariance of block a with block b; none where L has no entries for the pair.
+    /// The covariance of block a with block b; none where L has no entries for the pair, or where neither was asked
+    /// for.
     pub fn block(&self, a: usize, b: usize) -> Option<DMatrix<f64>> {
         let structure = &*self.structure;
         let (p, q) = (structure.position[a], structure.position[b]);
         let (column, row) = (p.min(q), p.max(q));
         let supernode = structure.supernode[column];
+        if !self.is_found[supernode] {
+            return None;
+        }
         let (front, front_row) = structure.front(supernode);
         let at = front.binary_search(&(row as u32)).ok()?;
         let range = structure.values(supernode);
@@ -125,6 +139,23 @@ impl SelectedInverse {
             if p < q { entry(j, i) } else { entry(i, j) }
         }))
     }
+}
+
+/// The supernodes of the blocks asked for, and those of the rows of each of them.
+fn needed(structure: &Structure, is_asked: &dyn Fn(usize) -> bool) -> Vec<bool> {
+    let mut needed = vec![false; structure.l.n_supernodes()];
+    for (position, &block) in structure.order.iter().enumerate() {
+        needed[structure.supernode[position]] |= is_asked(block);
+    }
+    for supernode in 0..needed.len() {
+        if needed[supernode] {
+            let (front, _) = structure.front(supernode);
+            for &position in front {
+                needed[structure.supernode[position as usize]] = true;
+            }
+        }
+    }
+    needed
 }
 
 /// The columns Z of the inverse for a supernode L. With J its own unknowns, I its other rows and

@@ -82,7 +82,7 @@ fn step_and_covariances_are_those_of_dense_algebra() {
             off.amax()
         );
 
-        let selected = factor.selected_inverse();
+        let selected = factor.selected_inverse(|_| true);
         let layout = &problem.layout;
         let place = |block: usize| problem.offset(block);
         let mut worst = 0.0_f64;
@@ -247,7 +247,10 @@ fn without_scans_it_is_the_trajectory_alone() {
     let mut state = problem.retracted(&start, &step);
     solve(&mut problem, &mut state);
     problem.factorise(&state).expect("positive definite");
-    let inverse = problem.factor().expect("factorised").selected_inverse();
+    let inverse = problem
+        .factor()
+        .expect("factorised")
+        .selected_inverse(|_| true);
     let of = |a: usize, b: usize| inverse.block(a, b);
     let records = state.motions[0].records(Some(&of));
     let expected = found.trajectory.poses();
