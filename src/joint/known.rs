@@ -39,7 +39,7 @@ pub fn known_points(
         let known = chosen.into_par_iter().filter_map(|(step, row)| {
             let point = &seen.rows.points_of(row)[..1];
             let poses = motion.poses(step);
-            let scans = StepScans::new(&seen, &poses, step);
+            let scans = StepScans::new(&seen, &poses, std::slice::from_ref(row));
             let mut variance = Vec3::zeros();
             let mut time_s = 0.0;
             for axis in 0..3 {

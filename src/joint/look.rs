@@ -29,8 +29,8 @@ impl JointProblem<'_> {
             let seen = self.seen(drive, state);
             let of_step = |step: usize| {
                 let poses = motion.poses(step);
-                let scans = StepScans::new(&seen, &poses, step);
-                let rows = seen.rows.of_step(step).iter();
+                let rows = seen.rows.of_step(step);
+                let scans = StepScans::new(&seen, &poses, rows);
                 let mean = |row| {
                     of(
                         drive,
@@ -38,7 +38,7 @@ impl JointProblem<'_> {
                         &scans.mean(row, seen.rows.points_of(row), row.depth_m),
                     )
                 };
-                rows.map(mean).collect::<Vec<T>>()
+                rows.iter().map(mean).collect::<Vec<T>>()
             };
             let steps = (0..motion.steps()).into_par_iter();
             steps.map(of_step).collect::<Vec<_>>()
@@ -160,8 +160,8 @@ impl JointProblem<'_> {
                 let seen = self.seen(drive, state);
                 for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
                     let poses = motion.poses(step);
-                    let scans = StepScans::new(&seen, &poses, step);
                     let row = &rows.of_step(step)[0];
+                    let scans = StepScans::new(&seen, &poses, std::slice::from_ref(row));
                     places.push(scans.first_point_m(row));
                 }
             }

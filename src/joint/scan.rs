@@ -132,7 +132,8 @@ impl BetweenKnots {
 }
 
 impl<'a> StepScans<'a> {
-    pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses, step: usize) -> Self {
+    /// Those that these rows need.
+    pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses, rows: &[ScanRow]) -> Self {
         let knots = seen.bends.and_then(|bends| bends.knots.get(seen.drive));
         let between = knots.into_iter().flatten();
         let mut scans = Self {
@@ -144,7 +145,7 @@ impl<'a> StepScans<'a> {
             profiles: Vec::new(),
         };
         let mut ranges = vec![(u32::MAX, 0); seen.mountings.len()];
-        for row in seen.rows.of_step(step) {
+        for row in rows {
             let (first, last) = &mut ranges[row.scanner as usize];
             for point in seen.rows.points_of(row) {
                 *first = point.profile.min(*first);
@@ -314,7 +315,7 @@ pub fn rows(
         return;
     }
     let poses = motion.poses(step);
-    let scans = StepScans::new(seen, &poses, step);
+    let scans = StepScans::new(seen, &poses, rows);
     for row in rows {
         let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
