@@ -20,17 +20,18 @@ impl JointProblem<'_> {
         let mut system = std::mem::replace(&mut self.system, BlockPattern::new(vec![1]).analyse(1));
         system.zero();
         let sizes = &self.layout.sizes;
+        let mut sums = Vec::new();
         self.visit(state, |batch| {
-            for row in batch.rows() {
-                scatter(&row, sizes, &mut system);
+            let rows: Vec<Row<'_>> = batch.rows().collect();
+            for rows in rows.chunk_by(are_alike) {
+                scatter(rows, sizes, &mut sums, &mut system);
             }
         });
         self.system = system;
     }
 
-    /// Assembles and factorises at a state, with damping of each unknown or without.
-    fn factorise_damped(&mut self, state: &State, damping: &[f64]) -> Option<()> {
-        self.assemble(state);
+    /// Factorises what was assembled at a state, with damping of each unknown or without.
+    fn factorise_assembled(&mut self, state: &State, damping: &[f64]) -> Option<()> {
         self.factored = None;
         let factor = match self.factor.take() {
             Some(mut factor) => {
@@ -46,7 +47,8 @@ impl JointProblem<'_> {
 
     /// Assembles and factorises at a state, without damping.
     pub fn factorise(&mut self, state: &State) -> Option<()> {
-        self.factorise_damped(state, &[])
+        self.assemble(state);
+        self.factorise_assembled(state, &[])
     }
 
     /// The same but where there is a factor already, from before the last steps.
@@ -79,33 +81,60 @@ impl JointProblem<'_> {
     }
 }
 
-/// Adds a row to the normal equations.
-fn scatter(row: &Row<'_>, sizes: &[usize], system: &mut SparseSystem) {
-    if row.weight == 0.0 {
+/// Whether rows touch the same blocks but for the first, as those of a scanner in a step do: each is of a surfel of
+/// its own.
+fn are_alike(a: &Row<'_>, b: &Row<'_>) -> bool {
+    a.by.len() == b.by.len() && a.blocks.get(1..) == b.blocks.get(1..)
+}
+
+/// Adds rows that are alike to the normal equations; what they share is summed first, and added once.
+fn scatter(rows: &[Row<'_>], sizes: &[usize], sums: &mut Vec<f64>, system: &mut SparseSystem) {
+    let Some((&first, shared)) = rows[0].blocks.split_first() else {
         return;
-    }
-    let mut values = [0.0; BENDING * BENDING];
-    let mut start = 0;
-    for (i, &a) in row.blocks.iter().enumerate() {
-        let a = a as usize;
-        let by_a = &row.by[start..start + sizes[a]];
-        let first = system.offset(a);
-        for (g, j) in system.gradient_mut()[first..].iter_mut().zip(by_a) {
-            *g -= row.weight * j * row.residual;
+    };
+    let size = |block: u32| sizes[block as usize];
+    let width = rows[0].by.len() - size(first);
+    sums.clear();
+    sums.resize(width * width, 0.0);
+    let mut values = Vec::with_capacity(BENDING * BENDING);
+    for row in rows.iter().filter(|row| row.weight != 0.0) {
+        let (by_own, by_shared) = row.by.split_at(size(first));
+        let lines = sums.chunks_exact_mut(width.max(1));
+        for (i, (line, x)) in lines.zip(by_shared).enumerate() {
+            let x = row.weight * x;
+            let line = line[..=i].iter_mut().zip(by_shared);
+            line.for_each(|(sum, y)| *sum += x * y);
         }
-        let mut other = 0;
-        for &b in &row.blocks[..=i] {
-            let b = b as usize;
-            let by_b = &row.by[other..other + sizes[b]];
-            other += sizes[b];
-            let values = &mut values[..by_a.len() * by_b.len()];
-            for (line, x) in values.chunks_exact_mut(by_b.len()).zip(by_a) {
-                let x = row.weight * x;
-                line.iter_mut().zip(by_b).for_each(|(v, y)| *v = x * y);
+        let mut start = 0;
+        for &block in row.blocks {
+            let by = &row.by[start..start + size(block)];
+            start += by.len();
+            let place = system.offset(block as usize);
+            for (g, j) in system.gradient_mut()[place..].iter_mut().zip(by) {
+                *g -= row.weight * j * row.residual;
             }
-            system.add(system.slot(a, b), values);
+            values.clear();
+            let products = by_own.iter().flat_map(|x| by.iter().map(move |y| (x, y)));
+            values.extend(products.map(|(x, y)| row.weight * x * y));
+            system.add(system.slot(row.blocks[0] as usize, block as usize), &values);
         }
-        start += by_a.len();
+    }
+    let mut top = 0;
+    for (i, &a) in shared.iter().enumerate() {
+        let mut left = 0;
+        for &b in &shared[..=i] {
+            values.clear();
+            for row in top..top + size(a) {
+                let line = (left..left + size(b)).map(|column| match column <= row {
+                    true => sums[row * width + column],
+                    false => sums[column * width + row],
+                });
+                values.extend(line);
+            }
+            system.add(system.slot(a as usize, b as usize), &values);
+            left += size(b);
+        }
+        top += size(a);
     }
 }
 
@@ -130,13 +159,13 @@ impl LeastSquares for JointProblem<'_> {
         let before = self.decrement;
         let is_near = self.factored.is_some() && before < NEAR_SIGMAS.powi(2);
         let is_old = diagonal.is_empty() && is_near;
-        match is_old {
-            true => self.assemble(state),
-            false => self.factorise_damped(state, &diagonal)?,
+        self.assemble(state);
+        if !is_old {
+            self.factorise_assembled(state, &diagonal)?;
         }
         let mut step = self.solved()?;
         if is_old && self.decrement > CHORD_GAIN * before {
-            self.factorise(state)?;
+            self.factorise_assembled(state, &[])?;
             step = self.solved()?;
         }
         Some(self.retracted(state, &step))

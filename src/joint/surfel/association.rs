@@ -162,7 +162,7 @@ fn place(
     placed.collect()
 }
 
-/// The rows of a drive: its points sorted by step, surfel and scanner. Adds them to the tallies of the
+/// The rows of a drive: its points sorted by step, scanner and surfel. Adds them to the tallies of the
 /// surfels.
 fn rows_of(
     placed: &[Vec<Placed>],
@@ -172,7 +172,7 @@ fn rows_of(
     gates: &Gates,
     tallies: &mut [Tally],
 ) -> DriveRows {
-    // Step, surfel, scanner, point, and the bits of its distance from the surfel.
+    // Step, scanner, surfel, point, and the bits of its distance from the surfel.
     let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for (scanner, points) in placed.iter().enumerate() {
         let found = points.par_iter().filter_map(|point| {
@@ -181,8 +181,8 @@ fn rows_of(
             let distance_m = of.axes[0].dot(&(point.world_m - of.centre_m));
             (distance_m.abs() < NEAR_SIZES * gates.size_m).then_some((
                 point.step,
-                surfel,
                 scanner as u32,
+                surfel,
                 point.point,
                 (distance_m as f32).to_bits(),
             ))
@@ -199,7 +199,7 @@ fn rows_of(
         .collect();
     let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
-        let (step, surfel, scanner, ..) = near[0];
+        let (step, scanner, surfel, ..) = near[0];
         let of_surfel = &mut tallies[surfel as usize];
         of_surfel.near += near.len() as f64;
         of_surfel.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
@@ -260,9 +260,9 @@ fn distance_m(bits: u32) -> f64 {
 /// By how much the points of a scanner scatter more than the surfels they lie on, metres: its own
 /// noise, if that is larger.
 fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32) -> f64 {
-    let own = || seen.iter().filter(|seen| seen.2 == scanner);
+    let own = || seen.iter().filter(|seen| seen.1 == scanner);
     let distance_m = median(own().map(|seen| distance_m(seen.4).abs()));
-    let roughness_m = median(own().map(|seen| surfels[seen.1 as usize].roughness_m));
+    let roughness_m = median(own().map(|seen| surfels[seen.2 as usize].roughness_m));
     let square = |of: Option<f64>| of.unwrap_or(0.0).powi(2);
     let excess_m2 = SIGMAS_PER_MAD.powi(2) * square(distance_m) - square(roughness_m);
     excess_m2.max(0.0).sqrt()
