@@ -69,8 +69,15 @@ pub enum Outcome {
     Contradicted(Vec<String>),
 }
 
+/// Points as two steps leave them, sorted into surfels: what all rungs begin with.
+pub struct Sorted {
+    keyframe_steps: Vec<usize>,
+    found: Association,
+}
+
 /// Adjusts with mountings that may move as much as a rung lets them; where it may climb, no longer than until
-/// they evidently move more.
+/// they evidently move more. Points are sorted for the first round where `sorted` does not have them yet, and kept
+/// there for the next rung.
 ///
 /// # Errors
 /// Those of [`adjust`](super::adjust).
@@ -78,6 +85,7 @@ pub fn at_rung(
     (input, settings): (&JointInput<'_>, &JointSettings),
     surfel_m: f64,
     (rung, may_climb): (Rung, bool),
+    sorted: &mut Option<Sorted>,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let mut state = start(input);
@@ -110,7 +118,20 @@ pub fn at_rung(
             };
             let (poses, late_s) = (state.poses(), &state.late_s);
             let mounted = (poses.as_slice(), state.bends.as_ref());
-            let found = associate(&scans, &state.motions, mounted, late_s, &reference, &gates);
+            let is_first = repeat == 1;
+            let before = sorted
+                .take()
+                .filter(|before| is_first && before.keyframe_steps == keyframe_steps);
+            let found = before.map_or_else(
+                || associate(&scans, &state.motions, mounted, late_s, &reference, &gates),
+                |before| before.found,
+            );
+            if is_first && may_climb {
+                *sorted = Some(Sorted {
+                    keyframe_steps: keyframe_steps.clone(),
+                    found: found.clone(),
+                });
+            }
             check_overlap(input, &found)?;
             state.shapes = vec![Vec3::zeros(); found.surfels.len()];
             state.patches = vec![0.0; found.patches];

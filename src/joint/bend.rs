@@ -274,15 +274,17 @@ impl Bends {
             return 0.0;
         };
         let process = &of_drive[row.scanner as usize];
-        let is_dense = self.rung == Rung::DenseKnots;
         let of_class = |class: usize| {
-            let others = if is_dense { of_drive.len() - 1 } else { 0 };
-            let alike = 1.0 + others as f64 * self.together[class];
-            row.by_motion[class] * process.sigma[3 * class].powi(2) * alike
+            let shared = match self.rung {
+                Rung::DenseKnots => {
+                    let others = of_drive.len() as f64 - 1.0;
+                    (f64::from(row.beside) / 6.0).max(1.0) * (1.0 + others * self.together[class])
+                }
+                _ => 1.0,
+            };
+            shared * row.by_motion[class] * process.sigma[3 * class].powi(2)
         };
-        let beside = if is_dense { row.beside } else { 1 };
-        let shared = (f64::from(beside) / 6.0).max(1.0);
-        shared * process.left_out_share() * (of_class(0) + of_class(1))
+        process.left_out_share() * (of_class(0) + of_class(1))
     }
 
     /// (δφ, δp) of a scanner at a time of a drive.

@@ -34,8 +34,10 @@ pub fn adjust(
         _ => settings.mounting.least.max(Rung::Compliance),
     };
     let most = highest(input, settings).max(least);
-    let at = |rung: Rung, may_climb: bool| {
-        at_rung((input, settings), surfel_m, (rung, may_climb), progress)
+    let mut sorted = None;
+    let mut at = |rung: Rung, may_climb: bool| {
+        let input = (input, settings);
+        at_rung(input, surfel_m, (rung, may_climb), &mut sorted, progress)
     };
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
     let mut found = loop {
