@@ -42,7 +42,7 @@ impl Watched {
             .unwrap();
         let port = address.trim_end_matches('/').parse().unwrap();
         // Whatever else it says must not fill the pipe.
-        std::thread::spawn(move || std::io::copy(&mut said, &mut std::io::sink()));
+        std::thread::spawn(move || io::copy(&mut said, &mut io::sink()));
         Self { child, port }
     }
 

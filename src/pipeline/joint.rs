@@ -13,7 +13,7 @@ use crate::geometry::Vec3;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
     ChainMotion, Compliance, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput,
-    JointReport, LateScanner, Scans, Score, adjust, contradictions,
+    JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
 };
 use crate::progress::Progress;
 use crate::project::{FrameLogFile, Logs, Motion, Project};
@@ -101,7 +101,11 @@ pub fn report(
                 reference,
             };
             let made = with_late_scanners(&mut input, project, progress);
-            if !reference.is_empty() && is_doubtful(&made) {
+            let is_doubtful = match &made {
+                Ok((found, _)) => is_doubtful(found) || moves_with_reference(found),
+                Err(error) => !matches!(error, Error::Cancelled),
+            };
+            if !reference.is_empty() && is_doubtful {
                 fits_alone = fits_without_reference(input, project, progress)?;
             }
             made
@@ -136,12 +140,15 @@ pub fn report(
     })
 }
 
-/// Whether an adjustment did not settle, or cannot be trusted.
-fn is_doubtful(made: &Result<(Joint, Vec<LateScanner>)>) -> bool {
-    match made {
-        Ok((found, _)) => found.stop != StopReason::Converged || !contradictions(found).is_empty(),
-        Err(error) => !matches!(error, Error::Cancelled),
-    }
+/// Whether an adjustment did not settle, or is contradicted.
+fn is_doubtful(found: &Joint) -> bool {
+    found.stop != StopReason::Converged || !contradictions(found).is_empty()
+}
+
+/// Whether mountings move where the reference lies elsewhere as well: one may be taken for the other.
+fn moves_with_reference(found: &Joint) -> bool {
+    let is_displaced = found.reference.is_some_and(|r| r.describe().is_some());
+    found.rung > Rung::Rigid && is_displaced
 }
 
 /// Whether no sensor contradicts mountings that move as little as they may, where there is no reference.
@@ -157,10 +164,10 @@ fn fits_without_reference(
     input.reference = &[];
     let mut settings = project.joint.clone();
     settings.mounting.most = settings.mounting.least;
-    let made = adjust(&input, &settings, surfel_m(project), progress);
-    match made.map(|found| (found, Vec::new())) {
+    match adjust(&input, &settings, surfel_m(project), progress) {
+        Ok(found) => Ok(!is_doubtful(&found)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
-        made => Ok(!is_doubtful(&made)),
+        Err(_) => Ok(false),
     }
 }
 
