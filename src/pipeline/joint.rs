@@ -123,12 +123,13 @@ pub fn report(
     if fits_alone {
         refused.insert(
             0,
-            "no mounting makes the drive fit the reference, and it fits together without".into(),
+            "the drive fits together without the reference, and not with it".into(),
         );
         said.push(Verdict::care(
             "reference.placement",
-            "Without the reference, no sensor contradicts the joint adjustment; with it, none can be made that holds: \
-             is the reference in the coordinates of the total station, and was nothing moved since it was scanned?",
+            "Without the reference the drive fits together, and no sensor contradicts it; with it, mountings would have \
+             to move, or no adjustment holds: is the reference in the coordinates of the total station, and was \
+             nothing moved since it was scanned?",
         ));
     }
     Ok(JointReport {
