@@ -119,9 +119,8 @@ pub fn at_rung(
             let (poses, late_s) = (state.poses(), &state.late_s);
             let mounted = (poses.as_slice(), state.bends.as_ref());
             let is_first = repeat == 1;
-            let before = sorted
-                .take()
-                .filter(|before| is_first && before.keyframe_steps == keyframe_steps);
+            let before =
+                sorted.take_if(|before| is_first && before.keyframe_steps == keyframe_steps);
             let found = before.map_or_else(
                 || associate(&scans, &state.motions, mounted, late_s, &reference, &gates),
                 |before| before.found,
