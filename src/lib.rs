@@ -193,35 +193,20 @@
 //! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself; live pose, playing again |
 //! | [`cli`] | the command line, one file per command |
 
-pub mod adjustment;
-pub mod calibration;
 pub mod campaign;
 #[cfg(feature = "cli")]
 pub mod cli;
-pub mod cloud;
-pub mod comparison;
-pub mod drift;
-pub mod error;
-pub mod format;
-pub mod geometry;
-pub mod georeference;
-pub mod joint;
-pub mod output;
 pub mod pipeline;
-pub mod preflight;
-pub mod progress;
-pub mod project;
-pub mod record;
-pub mod report;
-pub mod sensor;
-pub mod simulation;
-pub mod statistics;
-pub mod stored;
-pub mod surface;
-pub mod tiles;
-pub mod trajectory;
-pub mod verdict;
 
-pub use error::{Error, Problem, Result};
-/// The linear algebra of the public interface.
-pub use nalgebra;
+pub use boresight_cloud::{Error, Problem, Result, nalgebra};
+pub use boresight_cloud::{
+    cloud, comparison, error, geometry, output, progress, statistics, stored,
+};
+pub use boresight_estimation::{
+    adjustment, calibration, drift, georeference, joint, preflight, surface, trajectory, verdict,
+};
+pub use boresight_format::{format, sensor, tiles};
+pub use boresight_project::project;
+pub use boresight_record::record;
+pub use boresight_report::report;
+pub use boresight_simulation::simulation;

@@ -80,7 +80,7 @@ fn error_json(error: &Error) -> Value {
             problem,
             remedy,
         } => json!({ "kind": kind, "problem": problem, "remedy": remedy }),
-        Error::Cancelled => json!({ "problem": "cancelled" }),
+        other => json!({ "problem": other.to_string() }),
     };
     details["message"] = json!(error.to_string());
     json!({ "error": details })

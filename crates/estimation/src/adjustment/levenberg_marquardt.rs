@@ -1,0 +1,112 @@
+//! Levenberg-Marquardt: every step is accepted or refused on the true cost.
+
+use super::damping::{Damping, DampingRule, Verdict};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::stored::stored;
+use std::fmt;
+
+/// Converged where a step is shorter than this, in posterior standard deviations: it moves no
+/// functional of the unknowns by more than 5 % of its own sigma. The step is still taken, and as
+/// convergence is quadratic, what is left is far less.
+pub const CONVERGED_SIGMAS: f64 = 0.05;
+
+/// Why the adjustment stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// The last step was below 5 % of a posterior standard deviation.
+    Converged,
+    /// The most iterations allowed were used.
+    IterationLimit,
+    /// No step, however small, lowers the cost.
+    NoBetterStep,
+}
+
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::IterationLimit => "stopped at the iteration limit",
+            Self::NoBetterStep => "stopped as no step lowers the cost",
+        })
+    }
+}
+
+/// How one adjustment ended.
+#[derive(Debug, Clone, Copy)]
+pub struct Ended {
+    pub stop: StopReason,
+    /// Steps tried, refused ones included.
+    pub iterations: usize,
+    pub cost_initial: f64,
+    pub cost: f64,
+}
+
+/// A least-squares problem with the solver of its normal equations.
+pub trait LeastSquares {
+    /// Values of all unknowns.
+    type State;
+
+    /// Half the sum of all squared normalised residuals.
+    fn cost(&self, state: &Self::State) -> f64;
+
+    /// The state after the damped step from `state`; `None` where the normal equations are not
+    /// positive definite.
+    fn step(&mut self, state: &Self::State, damping: f64) -> Option<Self::State>;
+
+    /// The squared length of the last step in posterior standard deviations.
+    fn decrement(&self) -> f64;
+}
+
+/// Moves `state` to where the cost is least, with so many iterations at most, until a step is shorter
+/// than so many posterior standard deviations. Where it converged, the last step was undamped.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::error::Error::Cancelled).
+pub fn levenberg_marquardt<P: LeastSquares>(
+    problem: &mut P,
+    state: &mut P::State,
+    rule: DampingRule,
+    (most_iterations, converged_sigmas): (usize, f64),
+    progress: &dyn Progress,
+) -> Result<Ended> {
+    let cost_initial = problem.cost(state);
+    let (mut cost, mut iterations) = (cost_initial, 0);
+    let mut damping = Damping::new(rule);
+    let stop = loop {
+        if iterations == most_iterations {
+            break StopReason::IterationLimit;
+        }
+        iterations += 1;
+        progress.advance(1);
+        progress.check()?;
+        let undamped = damping.value() == 0.0;
+        let trial = problem.step(state, damping.value());
+        let trial_cost = trial.as_ref().map_or(f64::NAN, |trial| problem.cost(trial));
+        match (damping.judge(cost, trial_cost), trial) {
+            (Verdict::Accepted, Some(trial)) => {
+                (*state, cost) = (trial, trial_cost);
+                if undamped && problem.decrement() < converged_sigmas.powi(2) {
+                    break StopReason::Converged;
+                }
+            }
+            (Verdict::GivenUp, _) => break StopReason::NoBetterStep,
+            _ => {}
+        }
+    };
+    Ok(Ended {
+        stop,
+        iterations,
+        cost_initial,
+        cost,
+    })
+}
+
+stored!(
+    enum StopReason {
+        Converged,
+        IterationLimit,
+        NoBetterStep,
+    }
+);

@@ -1,0 +1,135 @@
+//! Whether the minimum that was found is the only one within reach: the mountings are moved away by as much
+//! as the coarsest scale reaches, several times, and have to come back.
+
+use std::sync::Arc;
+
+use nalgebra::DVector;
+
+use super::adjust::minimise;
+use super::input::Input;
+use super::observability::Observability;
+use super::parameters::{Mounting, moved, poses};
+use super::scale::{ScaleProblem, State};
+use super::settings::CalibrationSettings;
+use crate::cloud::voxel::occupied;
+use crate::error::Result;
+use crate::progress::{Progress, Steps};
+use crate::statistics::{drawn_sign, median};
+use crate::stored::stored;
+
+/// Most neighbourhoods: where minima lie, few tell.
+const MAX_CENTRES: usize = 20_000;
+/// Number of times that the mountings are moved away.
+const STARTS: u64 = 4;
+/// Steps from each of them, as most take them.
+const STEPS: u64 = 4;
+/// Two solutions of the coarsest scale are the same where no point lies farther apart than this share of a
+/// voxel.
+const SAME_SHARE: f64 = 0.5;
+/// A minimum is as low as another where the mean ln(λ₃ + s²) is higher by less: a percent of the thickness.
+const AS_LOW: f64 = 0.02;
+/// And where the clouds take up no more voxels than this many times as many: clouds that part are sharp too.
+const AS_SMALL: f64 = 1.02;
+
+/// What became of mountings that were moved away.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Minimum {
+    /// By how much each was moved along each axis, metres.
+    pub shift_m: f64,
+    /// By how much it was turned about each axis, radians.
+    pub turn_rad: f64,
+    /// How many times.
+    pub starts: u64,
+    /// How many times they came back.
+    pub back: u64,
+    /// Where else the coarsest scale fits as well, if it does.
+    #[serde(skip)]
+    pub other: Option<Vec<Mounting>>,
+}
+
+impl Minimum {
+    /// Steps of the search, as most take them.
+    pub(super) const STEPS: u64 = (1 + STARTS) * STEPS;
+
+    /// Whether another one fits as well.
+    pub fn is_doubtful(&self) -> bool {
+        self.other.is_some()
+    }
+
+    /// Moves `found` away and lets the coarsest scale bring it back.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::error::Error::Cancelled).
+    pub(super) fn of(
+        input: &Input<'_>,
+        found: &[Mounting],
+        settings: &CalibrationSettings,
+        progress: &dyn Progress,
+    ) -> Result<Option<Self>> {
+        let Some(&voxel_m) = settings.voxel_sizes_m.first() else {
+            return Ok(None);
+        };
+        let Ok(cloud) = input.thinned(found, voxel_m, settings) else {
+            return Ok(None);
+        };
+        let ranges_m = cloud.movable.iter().map(|point| point.position_m.norm());
+        let Some(range_m) = median(ranges_m) else {
+            return Ok(None);
+        };
+        let problem = ScaleProblem {
+            stride: cloud.movable.len().div_ceil(MAX_CENTRES).max(1),
+            cloud: Arc::new(cloud),
+            voxel_m,
+            floor_m: input.floor_m(voxel_m),
+            k: settings.neighbours,
+            max_iterations: settings.max_iterations,
+        };
+        let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
+        let ended = |mountings: Vec<Mounting>| -> Result<State> {
+            let start = problem.at(mountings);
+            let observability = Observability::of(&start.equations, &start.mountings);
+            Ok(minimise(&problem, start, &observability, progress)?.state)
+        };
+        let own = ended(found.to_vec())?;
+        let (shift_m, turn_rad) = (voxel_m, voxel_m / range_m);
+        let determined =
+            Observability::of(&own.equations, &own.mountings).determined(&own.mountings);
+        let mut minimum = Self {
+            shift_m,
+            turn_rad,
+            starts: STARTS,
+            back: 0,
+            other: None,
+        };
+        for start in 0..STARTS {
+            let entries = 6 * found.len();
+            let away = DVector::from_fn(entries, |i, _| {
+                let length = if i % 6 < 3 { shift_m } else { turn_rad };
+                length * drawn_sign(start * entries as u64 + i as u64)
+            });
+            let away = &determined * (determined.transpose() * away);
+            let there = ended(moved(&own.mountings, &away))?;
+            let apart_m = problem
+                .cloud
+                .largest_displacement(&poses(&own.mountings), &poses(&there.mountings));
+            if apart_m < SAME_SHARE * voxel_m {
+                minimum.back += 1;
+            } else if fits_as_well(&there, &own, voxel_m) {
+                minimum.other = Some(there.mountings);
+            }
+        }
+        Ok(Some(minimum))
+    }
+}
+
+/// Whether a state fits as well as another of the same points, and takes up as little space.
+fn fits_as_well(state: &State, other: &State, voxel_m: f64) -> bool {
+    let planes = other.surface.planes.len() as f64;
+    let space = |state: &State| {
+        let points = state.surface.placed.world.iter().copied();
+        occupied(points, voxel_m).len() as f64
+    };
+    state.cost < other.cost + AS_LOW * planes && space(state) < AS_SMALL * space(other)
+}
+
+stored!(struct Minimum { shift_m, turn_rad, starts, back, other });

@@ -1,0 +1,334 @@
+//! Binary logs of SBG Systems' Ellipse, Ekinox and other devices: the protocol sbgECom, of which IMU
+//! samples, headings and positions of GNSS and UTC are read; all other messages are counted. Layouts,
+//! scales and states are those of the maker's description of sbgECom 5.2; messages of older versions
+//! are shorter at their ends, where nothing is that is needed here.
+//!
+//! The axes of the IMU are the device's, x forward, y right, z down, unless it was set up to turn its
+//! measurements to those of the vehicle; at rest and level it measures −9.8 m/s² along z.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::error::{Error, Location, Result};
+use crate::format::file::nothing_in;
+use crate::format::kind;
+use crate::sensor::{GeographicFix, HeadingFix, ImuSample};
+pub use arriving::Arriving;
+use clock::{DeviceClock, Utc};
+use fields::is_read;
+use frames::{Frames, Start, start_of};
+use message::*;
+
+mod arriving;
+pub(crate) mod clock;
+#[cfg(test)]
+mod damage_tests;
+mod fields;
+mod frames;
+mod message;
+mod names;
+#[cfg(test)]
+mod tests;
+
+pub(crate) const LOG: kind::Kind = kind::Kind {
+    signature: Some(|start| looks_like(start.bytes)),
+    imu: Some(read_imu),
+    heading: Some(read_heading),
+    geographic: Some(read_positions),
+    record_ends: Some(record_ends),
+    contents: Some(|path| Ok(summary(path)?.describe())),
+    frame: kind::Frame::Fixed(
+        "radians or degrees, and m/s² (the format); axes of the device, x forward, y right, z down unless set otherwise; latitude, longitude, height; heading clockwise from north",
+    ),
+    ..kind::Kind::new("sbg", "log of IMU and GNSS (SBG sbgECom)")
+};
+
+/// How often a message is in a log.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct KindCount {
+    /// The maker's name without `SBG_ECOM_LOG_`, or the numbers of class and message.
+    pub(crate) name: String,
+    /// Whole frames.
+    pub(crate) frames: u64,
+    /// Those among them with a measurement, judged by status and values; all of a message that is
+    /// only counted.
+    pub(crate) usable: u64,
+}
+
+/// What a log contains.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Counts {
+    /// Whole frames.
+    pub(crate) frames: u64,
+    /// Those of each kind, ordered by class and message.
+    pub(crate) by_kind: Vec<KindCount>,
+    /// Bytes outside whole frames: damaged, cut off, or of another protocol on the same line (NMEA).
+    pub(crate) damaged_bytes: u64,
+    /// Unbroken runs of such bytes.
+    pub(crate) damaged_places: u64,
+    /// Earliest and latest time, seconds as in [`read_imu`]; `None` without a message that has one.
+    pub(crate) span_s: Option<(f64, f64)>,
+    /// Times are UTC, seconds of the Unix epoch, not of the clock of the device.
+    pub(crate) is_utc: bool,
+}
+
+/// Whether a whole frame with the right CRC is among these first bytes of a file.
+pub(crate) fn looks_like(start: &[u8]) -> bool {
+    (0..start.len()).any(|i| matches!(start_of(&start[i..]), Start::Frame(_)))
+}
+
+/// Reads the samples of the IMU in the order of the log: those of IMU_SHORT, which come at the rate of
+/// the IMU, or else those of IMU_DATA, which the maker advises against (extrapolated to another rate).
+/// FAST_IMU_DATA of old firmware is not read, because its steps of 0.01 m/s² and 1 mrad/s are too coarse.
+/// Samples are left out if the device had lost contact to its IMU; a saturated sample is kept.
+///
+/// Both messages give rates and accelerations, in rad/s and m/s², although the maker's library calls
+/// them delta angles and delta velocities: they are taken as they are, not divided by an interval. A
+/// device whose output is slower than its IMU averages the samples of the interval. Of the two sets in
+/// IMU_DATA, equal according to the maker, the second is taken, like in the maker's own exports.
+///
+/// Times are UTC in seconds of the Unix epoch if the log has UTC_TIME messages with valid UTC, else
+/// seconds of the clock of the device. Each UTC_TIME message gives a time on both clocks; only those of
+/// the best state in the log count (leap seconds known, aligned to the pulse per second), and between
+/// them the difference of the clocks is interpolated, so that times do not step once a second. The
+/// clock of the device counts microseconds in 32 bits since it was switched on; roll-overs are undone.
+/// The maker does not say where in its interval a sample is stamped: this may be an offset of up to an
+/// interval.
+///
+/// # Errors
+/// No frame, no usable sample; a clock that goes back (the device was restarted), UTC that steps.
+pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
+    let expected = "IMU_SHORT or IMU_DATA with contact to the IMU";
+    read(path, [IMU_SHORT, IMU_DATA], expected, |time_s, content| {
+        let Content::Imu {
+            gyro_rad_s,
+            accel_m_s2,
+        } = content
+        else {
+            return None;
+        };
+        Some(ImuSample {
+            time_s,
+            gyro_rad_s,
+            accel_m_s2,
+        })
+    })
+}
+
+/// Reads the true headings of the baseline from the main to the auxiliary antenna, those of the first
+/// receiver (GPS1_HDT) or, if it has none, of the second; times as in [`read_imu`].
+///
+/// Messages without a computed solution, or whose standard deviation is not within 0 to 180 degrees,
+/// are left out, as the maker's library does. The pitch is absent unless its standard deviation is
+/// within 0 to 90 degrees. The maker calls it "from the master to the rover" and does not give its
+/// sign; it is taken as the elevation of the auxiliary antenna above the main one.
+///
+/// # Errors
+/// As [`read_imu`].
+pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
+    let expected = "GPS1_HDT or GPS2_HDT with a solution";
+    read(
+        path,
+        [GPS1_HDT, GPS2_HDT],
+        expected,
+        |time_s, content| match content {
+            Content::Heading(fix) => Some(HeadingFix { time_s, ..fix }),
+            _ => None,
+        },
+    )
+}
+
+/// Reads the positions of the main antenna of the first receiver (GPS1_POS) or, if it has none, of the
+/// second; times as in [`read_imu`]. Messages without a computed solution, or without a standard
+/// deviation (the maker's 9999 m), are left out.
+///
+/// # Errors
+/// As [`read_imu`].
+pub(crate) fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
+    let expected = "GPS1_POS or GPS2_POS with a solution";
+    read(
+        path,
+        [GPS1_POS, GPS2_POS],
+        expected,
+        |time_s, content| match content {
+            Content::Position(fix) => Some(GeographicFix { time_s, ..fix }),
+            _ => None,
+        },
+    )
+}
+
+/// Where each sample of the IMU ends, bytes, and its time as in [`read_imu`].
+fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
+    let overview = Overview::of(path)?;
+    let mut ends = Vec::new();
+    let mut messages = Messages::open(path)?;
+    while let Some(message) = messages.next()? {
+        if let Some((device_us, Content::Imu { .. })) = message.content {
+            ends.push((message.end, overview.utc.time_s(device_us)));
+        }
+    }
+    Ok(ends)
+}
+
+/// Counts what a log contains; a restart of the device is not an error here.
+///
+/// # Errors
+/// No frame.
+pub(crate) fn summary(path: &Path) -> Result<Counts> {
+    Ok(Overview::of(path)?.counts)
+}
+
+/// Reads the usable messages of the first of `kinds` that has any.
+fn read<T>(
+    path: &Path,
+    kinds: [Kind; 2],
+    expected: &str,
+    record: impl Fn(f64, Content) -> Option<T>,
+) -> Result<Vec<T>> {
+    let overview = Overview::of(path)?;
+    let usable = |kind: &Kind| overview.by_kind.get(kind).is_some_and(|count| count[1] > 0);
+    let Some(kind) = kinds.into_iter().find(usable) else {
+        let found = overview.counts.describe();
+        return Err(Error::format(path, Location::Whole, found, expected));
+    };
+    overview.check(path)?;
+    let mut records = Vec::new();
+    let mut messages = Messages::open(path)?;
+    while let Some(message) = messages.next()? {
+        if let (true, Some((device_us, content))) = (message.kind == kind, message.content) {
+            records.extend(record(overview.utc.time_s(device_us), content));
+        }
+    }
+    Ok(records)
+}
+
+impl Counts {
+    /// What a log contains, in a line.
+    fn describe(&self) -> String {
+        let kind = |count: &KindCount| match count.frames - count.usable {
+            0 => format!("{} {}", count.frames, count.name),
+            bad => format!("{} {} ({bad} unusable)", count.frames, count.name),
+        };
+        let mut text = self.by_kind.iter().map(kind).collect::<Vec<_>>().join(", ");
+        if self.damaged_bytes > 0 {
+            let (bytes, places) = (self.damaged_bytes, self.damaged_places);
+            text += &format!(", {bytes} damaged bytes in {places} places");
+        }
+        text
+    }
+}
+
+/// What the first pass over a log finds.
+#[derive(Debug, Default)]
+struct Overview {
+    counts: Counts,
+    /// Frames, and the usable ones among them.
+    by_kind: BTreeMap<Kind, [u64; 2]>,
+    utc: Utc,
+    /// Byte where the clock of the device goes back, and seconds by which it does.
+    restart: Option<(u64, f64)>,
+}
+
+impl Overview {
+    fn of(path: &Path) -> Result<Self> {
+        // Messages of GNSS are late by less.
+        const BACK_US: i64 = 10_000_000;
+        let mut found = Self::default();
+        let mut span_us: Option<(i64, i64)> = None;
+        let mut messages = Messages::open(path)?;
+        loop {
+            let last_us = messages.clock.last_us();
+            let Some(message) = messages.next()? else {
+                break;
+            };
+            found.counts.frames += 1;
+            let count = found.by_kind.entry(message.kind).or_default();
+            count[0] += 1;
+            count[1] += u64::from(message.content.is_some() || !is_read(message.kind));
+            let Some((device_us, content)) = message.content else {
+                continue;
+            };
+            let (first, last) = span_us.unwrap_or((device_us, device_us));
+            span_us = Some((first.min(device_us), last.max(device_us)));
+            if let Some(back_us) = last_us
+                .map(|last| last - device_us)
+                .filter(|b| *b > BACK_US)
+            {
+                let restart = (message.at, clock::seconds(1000 * back_us));
+                found.restart.get_or_insert(restart);
+            }
+            if let Content::Utc { unix_ns, trust } = content {
+                found.utc.add(message.at, device_us, unix_ns, trust);
+            }
+        }
+        if found.counts.frames == 0 {
+            return Err(nothing_in(path, "whole frame of sbgECom"));
+        }
+        let counts = &mut found.counts;
+        counts.damaged_bytes = messages.frames.other_bytes;
+        counts.damaged_places = messages.frames.other_runs;
+        counts.is_utc = found.utc.is_known();
+        counts.span_s = span_us.map(|(a, b)| (found.utc.time_s(a), found.utc.time_s(b)));
+        let named = found.by_kind.iter().map(|(kind, count)| KindCount {
+            name: names::name(*kind),
+            frames: count[0],
+            usable: count[1],
+        });
+        counts.by_kind = named.collect();
+        Ok(found)
+    }
+
+    /// Checks that the times of the log are on one clock.
+    fn check(&self, path: &Path) -> Result<()> {
+        let Some((at, back_s)) = self.restart else {
+            return self.utc.check(path);
+        };
+        Err(Error::format(
+            path,
+            Location::Byte(at),
+            format!("a clock of the device that goes back by {back_s:.3} s"),
+            "a log without a restart of the device: split it there",
+        ))
+    }
+}
+
+/// A message; its content and time on the clock of the device, microseconds, if it has both.
+struct Message {
+    /// Its place in the file, bytes.
+    at: u64,
+    /// That of what follows it.
+    end: u64,
+    kind: Kind,
+    content: Option<(i64, Content)>,
+}
+
+/// The messages of a log one after the other.
+#[derive(Debug)]
+struct Messages {
+    frames: Frames,
+    clock: DeviceClock,
+}
+
+impl Messages {
+    fn open(path: &Path) -> Result<Self> {
+        Ok(Self {
+            frames: Frames::open(path)?,
+            clock: DeviceClock::default(),
+        })
+    }
+
+    fn next(&mut self) -> Result<Option<Message>> {
+        let Some(frame) = self.frames.next()? else {
+            return Ok(None);
+        };
+        // Stamps of messages without a solution may be anything, and must not move the clock.
+        let content = fields::content(&frame)
+            .map(|(stamp_us, content)| (self.clock.unwrapped_us(stamp_us), content));
+        Ok(Some(Message {
+            at: frame.at,
+            end: frame.at + frame.bytes as u64,
+            kind: (frame.class, frame.message),
+            content,
+        }))
+    }
+}

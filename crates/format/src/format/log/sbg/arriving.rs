@@ -1,0 +1,75 @@
+//! Frames as they arrive.
+
+use super::fields::Fields;
+use super::frames::{Start, start_of};
+use super::message::{EKF_EULER, EKF_QUAT, UTC_TIME};
+
+/// What arrives from a device while it is recorded.
+#[derive(Debug, Default)]
+pub struct Arriving {
+    /// What may begin a frame.
+    pending: Vec<u8>,
+    utc: &'static str,
+    solution: &'static str,
+}
+
+impl Arriving {
+    /// Takes the next bytes; how many whole frames they complete, and how many bytes belong to none.
+    pub fn take(&mut self, bytes: &[u8]) -> (u64, u64) {
+        self.pending.extend_from_slice(bytes);
+        let (mut at, mut frames, mut others) = (0, 0, 0);
+        while at < self.pending.len() {
+            match start_of(&self.pending[at..]) {
+                Start::Frame(size) => {
+                    let frame = &self.pending[at..at + size];
+                    let payload = Fields(&frame[6..size - 3]);
+                    match (frame[3], frame[2]) {
+                        UTC_TIME => self.utc = utc_word(payload),
+                        EKF_EULER => self.solution = solution_word(payload, 28),
+                        EKF_QUAT => self.solution = solution_word(payload, 32),
+                        _ => {}
+                    }
+                    frames += 1;
+                    at += size;
+                }
+                Start::Incomplete => break,
+                Start::Other => {
+                    others += 1;
+                    at += 1;
+                }
+            }
+        }
+        self.pending.drain(..at);
+        (frames, others)
+    }
+
+    /// What the device says of its clock and of its solution.
+    pub fn word(&self) -> String {
+        let said = [self.utc, self.solution];
+        let said: Vec<&str> = said.into_iter().filter(|word| !word.is_empty()).collect();
+        said.join(", ")
+    }
+}
+
+/// The state of the clock, from a UTC_TIME message.
+fn utc_word(payload: Fields<'_>) -> &'static str {
+    const ALIGNED: u16 = 1 << 5;
+    let state = payload.u16(4).unwrap_or(0);
+    match ((state >> 6) & 0xf, state & ALIGNED) {
+        (2, 0) => "UTC not aligned to the pulse",
+        (2, _) => "UTC aligned to the pulse",
+        (1, _) => "UTC without leap seconds",
+        _ => "no UTC",
+    }
+}
+
+/// The mode of the filter, the lowest four bits of the state at this place.
+fn solution_word(payload: Fields<'_>, at: usize) -> &'static str {
+    match payload.u32(at).map(|state| state & 0xf) {
+        Some(1) => "filter: vertical gyro",
+        Some(2) => "filter: attitude and heading",
+        Some(3) => "filter: velocity",
+        Some(4) => "filter: position",
+        _ => "filter not started",
+    }
+}

@@ -1,0 +1,75 @@
+//! File formats, one per file, reading and writing; format detection.
+//!
+//! What is read from which format stands in `kinds.rs`, one line each. The readers are sorted by what they give:
+//! clouds, logs, poses, profiles, mountings; LAS, ROS and Parquet give several of these.
+//!
+//! Angles in files are in degrees if the column name says so; records use radians. Every reader
+//! returns data or one [`Error`](crate::error::Error) that names the file, the line or byte, what was
+//! found and what was expected.
+
+mod binary;
+mod cloud;
+mod detect;
+mod extents;
+mod file;
+mod files;
+mod inspect;
+mod kind;
+mod kinds;
+mod las;
+mod log;
+mod mountings;
+#[cfg(test)]
+mod mutation;
+#[cfg_attr(not(feature = "parquet"), path = "parquet_absent.rs")]
+mod parquet;
+mod poses;
+mod profiles;
+mod project_file;
+mod read;
+mod recorded;
+mod ros;
+mod salvage;
+mod text;
+
+pub use cloud::core_points::{CorePoints, read_core_points};
+pub use cloud::create::{create_cloud, is_cloud_name};
+pub use cloud::e57_out::e57_sink;
+pub use cloud::ply_out::ply_sink;
+pub use cloud::rows::CloudRows;
+pub use cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
+pub use cloud::table::write_cloud_table;
+pub use detect::detect;
+pub use extents::Extent;
+pub use file::{file_of, is_parquet};
+pub use files::files_of;
+pub use inspect::{Bounds, Gap, Inspection, inspect};
+pub use kind::Format;
+pub use las::copc::copc_sink;
+pub use las::extra::{ExtraDimension, ExtraKind, Row, cloud_to_las, copy_las};
+pub use las::points::{las_count, stream_las};
+pub use las::writer::{CLOUD_STEP_M, CloudWriter};
+pub use log::frame_log::read_frame_log;
+pub use log::positions::read_new_positions;
+pub use log::positions::write_positions;
+pub use log::sbg::Arriving as ArrivingSbg;
+pub use log::tables::{write_heading, write_imu};
+pub use mountings::bonn_xml::{read_mounting, write_mounting};
+pub use mountings::others::{pdal_pipeline, ros_launch, ros_transforms, urdf};
+pub use parquet::{parquet_sink, write_extents};
+pub use poses::sbet::read_sbet;
+pub use poses::sbet_out::write_sbet;
+pub use poses::table::{write_trajectory, write_tum};
+pub use profiles::bonn::BonnWriter;
+pub use profiles::gocator_stream;
+pub use profiles::reader::ProfileReader;
+pub use profiles::table::write_profiles;
+pub use read::{
+    crs_wkt, describe_frame, open_profiles, read_cloud, read_heading, read_imu, read_positions,
+    read_projected_positions, read_projected_trajectory, read_trajectory,
+};
+pub use recorded::{
+    Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,
+};
+pub use salvage::{Salvaged, salvage};
+pub use text::civil::{civil_time, day_number, utc};

@@ -1,0 +1,118 @@
+//! The frames that the messages of a recording are in, by the names in their headers.
+
+use std::path::Path;
+
+use super::bag::{Messages, Topic, topics};
+use super::messages::{Imu, NavSatFix, ODOMETRY, TRANSFORM};
+use super::wire::{Decoded, Message, Wire};
+use super::{POSES, points};
+use crate::error::Result;
+use crate::format::file::Part;
+
+/// Topics whose frames are looked up, and characters of a name that are shown.
+const MOST_TOPICS: usize = 20;
+const LONGEST_NAME: usize = 60;
+
+fn shown(name: &[u8]) -> String {
+    let name: String = String::from_utf8_lossy(name)
+        .chars()
+        .take(LONGEST_NAME)
+        .collect();
+    match name.is_empty() {
+        true => "(no name)".to_owned(),
+        false => name,
+    }
+}
+
+/// The frame in the header of a message.
+struct InHeader(String);
+
+impl<'a> Message<'a> for InHeader {
+    fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self> {
+        Ok(Self(shown(wire.header()?.1)))
+    }
+}
+
+/// The frame in the header of a message with poses of a child frame.
+struct InHeaderAndChild(String);
+
+impl<'a> Message<'a> for InHeaderAndChild {
+    fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self> {
+        let world = shown(wire.header()?.1);
+        let body = shown(wire.text()?);
+        Ok(Self(format!("{body} in {world}")))
+    }
+}
+
+/// The frame of the first message of a topic; `None` if it cannot be told.
+fn frame_of(path: &Path, topic: &Topic) -> Option<String> {
+    let mut messages = Messages::open(path, topic.clone()).ok()?;
+    if !messages.advance().ok()? {
+        return None;
+    }
+    match topic.message_type.as_str() {
+        ODOMETRY | TRANSFORM => messages.read(|found: InHeaderAndChild| Ok(found.0)),
+        _ => messages.read(|found: InHeader| Ok(found.0)),
+    }
+    .ok()
+}
+
+/// Units and frames of the topics that are read: of the one named behind the file, or of all.
+pub(super) fn describe(path: &Path) -> Result<String> {
+    let part = Part::of(path);
+    let bare = |name: &str| name.trim_start_matches('/').to_owned();
+    let is_read = |topic: &Topic| {
+        let types = [&Imu::TYPES[..], &NavSatFix::TYPES, &points::TYPES, &POSES];
+        types
+            .iter()
+            .any(|types| types.contains(&topic.message_type.as_str()))
+            && topic.count > 0
+            && part
+                .name
+                .as_ref()
+                .is_none_or(|name| bare(name) == bare(&topic.name))
+    };
+    let topics: Vec<Topic> = topics(&part.file)?.into_iter().filter(is_read).collect();
+    let mut frames: Vec<(String, &Topic, usize)> = Vec::new();
+    for topic in topics.iter().take(MOST_TOPICS) {
+        let Some(frame) = frame_of(&part.file, topic) else {
+            continue;
+        };
+        match frames.iter_mut().find(|(other, ..)| *other == frame) {
+            Some((.., count)) => *count += 1,
+            None => frames.push((frame, topic, 1)),
+        }
+    }
+    let name = |(frame, topic, count): &(String, &Topic, usize)| {
+        let topic = shown(topic.name.as_bytes());
+        match count {
+            1 => format!("{frame} ({topic})"),
+            n => format!("{frame} ({topic} and {} more)", n - 1),
+        }
+    };
+    let frames: Vec<String> = frames.iter().map(name).collect();
+    Ok(match frames.is_empty() {
+        true => "metres, radians and seconds (ROS); no frames named".to_owned(),
+        false => format!(
+            "metres, radians and seconds (ROS); frames named in the headers: {}",
+            frames.join(", ")
+        ),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The frames that the program with which the recordings were made gave.
+    #[test]
+    fn frames_are_those_of_the_first_messages() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/ros");
+        for name in ["plain.bag", "plain.mcap"] {
+            let path = folder.join(name);
+            let frames = crate::format::inspect(&path).unwrap().frame;
+            assert!(frames.contains("base_link in odom (/odom)"), "{frames}");
+            assert!(frames.contains("map_frame ("), "{frames}");
+        }
+    }
+}

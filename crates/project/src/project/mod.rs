@@ -1,0 +1,121 @@
+//! The project file: as written, and checked.
+
+mod calibrated;
+mod checked;
+mod files;
+mod print;
+mod resolve;
+mod shapes;
+mod source;
+mod written;
+
+pub use checked::{
+    FrameLogFile, LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference,
+    Scanner,
+};
+pub use resolve::comparison;
+pub use source::{Source, Step};
+pub use written::Comparison as WrittenComparison;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use crate::error::Result;
+use crate::geometry::{BodyAxes, BodyFromScanner};
+
+/// The mountings of a project, or of a `calibration.toml`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mountings {
+    /// Name and mounting of each scanner.
+    pub scanners: Vec<(String, BodyFromScanner)>,
+    /// Axes of the body; `None` for a calibration, which does not say them.
+    pub axes: Option<BodyAxes>,
+    /// Whether the calibration is marked as not usable.
+    pub is_unusable: bool,
+}
+
+/// Reads the mountings of a project, or of a `calibration.toml`.
+///
+/// # Errors
+/// A file that cannot be read, a mistake in it, no scanner.
+pub fn mountings(path: &Path) -> Result<Mountings> {
+    calibrated::mountings(path)
+}
+
+impl Project {
+    /// Reads and checks a project file. Referenced files are not opened; [`Project::check_files`]
+    /// checks that they exist.
+    ///
+    /// # Errors
+    /// Names the file, the line, what was found and what was expected: unknown keys with the
+    /// nearest known one, missing keys, values out of range, sections that exclude each other.
+    pub fn read(path: &Path) -> Result<Self> {
+        resolve::read(path)
+    }
+
+    /// Checks the text of a project file as if it stood in the file at `path`, which need not exist.
+    ///
+    /// # Errors
+    /// As for [`Project::read`].
+    pub fn parse(text: String, path: &Path) -> Result<Self> {
+        resolve::project(&Source::of(text, path)?)
+    }
+
+    /// Checks that every referenced file exists, and that the projects of the other drives can be
+    /// read, that their files exist, and that they contain only scanners of this project with the
+    /// same body axes; and that no drive is adjusted twice, or evaluated after it was adjusted.
+    ///
+    /// # Errors
+    /// Names the first missing file, its key and the line.
+    pub fn check_files(&self) -> Result<()> {
+        files::check(self)
+    }
+
+    /// Every file that the project itself names, but for those of other drives.
+    pub fn files(&self) -> Vec<PathBuf> {
+        files::files(self)
+    }
+
+    /// Every file read for the project: its own, and those of its other drives.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        files::inputs(self)
+    }
+
+    /// The project with the mountings and time offsets of its scanners as in a `calibration.toml`,
+    /// which is what [`Project::scanners_to_toml`] prints. Scanners are matched by name; tables of
+    /// other scanners and the profiles that the file names are ignored, as it may be that of
+    /// another drive.
+    ///
+    /// # Errors
+    /// The file cannot be read, a mistake in it, a scanner that it does not have.
+    pub fn with_calibration(&self, path: &Path) -> Result<Self> {
+        calibrated::with_calibration(self, path)
+    }
+
+    /// The project with the poses of this file in place of its logs or its own poses, as if
+    /// `[trajectory]` had only this `file`. The file is not opened.
+    ///
+    /// # Errors
+    /// A relative path without a current folder.
+    pub fn with_trajectory(&self, path: &Path) -> Result<Self> {
+        calibrated::with_trajectory(self, path)
+    }
+
+    /// The project as a project file with all values in use, which reads back as the same project.
+    ///
+    /// # Errors
+    /// A path that is not valid UTF-8.
+    pub fn to_toml(&self) -> Result<String> {
+        print::project(self)
+    }
+
+    /// Only the `[[scanner]]` tables, for pasting into a project.
+    ///
+    /// # Errors
+    /// A path that is not valid UTF-8.
+    pub fn scanners_to_toml(&self) -> Result<String> {
+        print::scanners(self)
+    }
+}

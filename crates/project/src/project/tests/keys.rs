@@ -1,0 +1,246 @@
+//! The tables of docs/project.md: keys and what they mean from `written.rs`, defaults from what the program prints.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::{Project, folder, read};
+use crate::joint::ReferenceSigma;
+
+/// The project as written, whose doc comments are the chapter's text.
+const WRITTEN: &str = include_str!("../written.rs");
+/// Where the tables stand.
+const MARKS: [&str; 2] = ["<!-- keys: begin -->\n", "<!-- keys: end -->"];
+
+/// Nothing but what is required, and what the other keys depend on.
+const LOGS: &str = r#"
+[imu]
+file = "imu.csv"
+[prism]
+file = "prism.csv"
+lever_arm_m = [0, 0, 1]
+station_m = [0, 0, 0]
+station_orientation_deg = 0
+observations = "polar"
+[gnss]
+file = "gnss.csv"
+lever_arm_m = [0, 0, 1]
+[heading]
+file = "heading.csv"
+[bending]
+file = "bending.csv"
+columns = ["temperature_c"]
+[[scanner]]
+name = "left"
+profiles = "left.bin"
+translation_m = [0, 0, 0]
+rotation_deg = [0, 0, 0]
+[reference]
+file = "tls.laz"
+"#;
+const POSES: &str = "[trajectory]\nfile = \"poses.csv\"\n";
+
+/// A table of the project, and its keys.
+struct Struct<'a> {
+    name: &'a str,
+    fields: Vec<Field<'a>>,
+}
+
+struct Field<'a> {
+    name: &'a str,
+    /// The type as written.
+    kind: &'a str,
+    /// The doc comment, without its last sentence if that is the default.
+    text: String,
+    default: Option<String>,
+}
+
+fn structs() -> Vec<Struct<'static>> {
+    let mut all: Vec<Struct<'static>> = Vec::new();
+    let (mut text, mut is_inside) = (String::new(), false);
+    for line in WRITTEN.lines() {
+        let line = line.trim();
+        if let Some(more) = line.strip_prefix("/// ") {
+            text += if text.is_empty() { "" } else { " " };
+            text += more;
+        } else if let Some(rest) = line.strip_prefix("pub struct ") {
+            let name = rest.trim_end_matches(" {");
+            let fields = Vec::new();
+            all.push(Struct { name, fields });
+            is_inside = true;
+            text.clear();
+        } else if line == "}" {
+            is_inside = false;
+        } else if let Some((name, kind)) =
+            line.strip_prefix("pub ").and_then(|l| l.split_once(": "))
+            && is_inside
+        {
+            all.last_mut()
+                .unwrap()
+                .fields
+                .push(field(name, kind, &text));
+            text.clear();
+        } else if !line.starts_with('#') {
+            text.clear();
+        }
+    }
+    all
+}
+
+fn field<'a>(name: &'a str, kind: &'a str, text: &str) -> Field<'a> {
+    let split = ["Default: ", "Default "].into_iter();
+    let split = split.filter_map(|word| text.rsplit_once(word)).next();
+    let (text, default) = match split {
+        Some((text, default)) => (text, Some(default.trim_end_matches('.').to_owned())),
+        None => (text, None),
+    };
+    Field {
+        name,
+        kind: kind.trim_end_matches(','),
+        text: text.trim().trim_end_matches('.').to_owned(),
+        default,
+    }
+}
+
+/// The type inside `Option<…>`, `Tables<…>`, `Vec<…>`.
+fn inner(kind: &str) -> &str {
+    let inner = kind.split_once('<').map_or(kind, |(_, rest)| rest);
+    inner.trim_end_matches('>')
+}
+
+/// What the program prints for a key that was not given.
+fn printed(text: &str, table: &str, key: &str) -> Option<toml::Value> {
+    let of = |text: &str| -> Option<toml::Value> {
+        let all: toml::Table = text.parse().unwrap();
+        let one = all.get(table)?;
+        let one = one.as_array().map_or(Some(one), |all| all.first())?;
+        one.get(key).cloned()
+    };
+    let project = read(text).unwrap().to_toml().unwrap();
+    of(&project).filter(|_| of(text).is_none())
+}
+
+fn default(table: &str, field: &Field<'_>) -> String {
+    let is_optional = ["Option<", "Tables<"]
+        .iter()
+        .any(|word| field.kind.starts_with(word));
+    let found = [LOGS, POSES]
+        .iter()
+        .find_map(|text| printed(text, table, field.name));
+    match (&field.default, found) {
+        (_, _) if !is_optional => "required".into(),
+        (Some(said), found) => {
+            let again = found.is_some_and(|found| said.trim_matches('`') == found.to_string());
+            assert!(
+                !again,
+                "{table}.{}: the default is printed, and need not be said",
+                field.name
+            );
+            said.clone()
+        }
+        (None, Some(found)) => format!("`{found}`"),
+        (None, None) => "–".into(),
+    }
+}
+
+/// The chapter's tables.
+fn tables() -> String {
+    let structs = structs();
+    let of = |kind: &str| structs.iter().find(|one| one.name == kind).unwrap();
+    let mut page = String::new();
+    for table in &of("Written").fields {
+        let heading = match table.kind.split_once('<') {
+            Some(("Tables", _)) => format!("`[{0}]`, or several `[[{0}]]`", table.name),
+            Some(("Vec", _)) => format!("`[[{}]]`", table.name),
+            _ => format!("`[{}]`", table.name),
+        };
+        writeln!(
+            page,
+            "\n## {heading}\n\n{}.\n\n| key | default | |\n|---|---|---|",
+            table.text
+        )
+        .unwrap();
+        for field in &of(inner(table.kind)).fields {
+            let default = default(table.name, field);
+            writeln!(page, "| `{}` | {default} | {} |", field.name, field.text).unwrap();
+        }
+    }
+    page + "\n"
+}
+
+#[test]
+fn the_chapter_of_the_keys_is_that_of_the_code() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/project.md");
+    let page = std::fs::read_to_string(&path).unwrap();
+    let (before, rest) = page.split_once(MARKS[0]).unwrap();
+    let (found, after) = rest.split_once(MARKS[1]).unwrap();
+    let made = tables();
+    if std::env::var_os("BORESIGHT_WRITE").is_some() {
+        let [begin, end] = MARKS;
+        std::fs::write(&path, format!("{before}{begin}{made}{end}{after}")).unwrap();
+    } else {
+        assert_eq!(
+            found, made,
+            "docs/project.md is not that of the code: `just keys` makes it anew"
+        );
+    }
+}
+
+#[test]
+fn every_key_has_a_text() {
+    let all = structs();
+    let keys: usize = all.iter().map(|one| one.fields.len()).sum();
+    assert!(keys > 100, "{keys} keys were found");
+    for one in &all {
+        for field in &one.fields {
+            assert!(
+                field.text.len() > 5,
+                "{}.{}: `{}`",
+                one.name,
+                field.name,
+                field.text
+            );
+        }
+    }
+}
+
+/// The defaults of the reference are not printed, as what is assumed is marked so.
+#[test]
+fn what_is_assumed_of_the_reference_is_said_so() {
+    let assumed = ReferenceSigma::default();
+    let all = structs();
+    let reference = all.iter().find(|one| one.name == "Reference").unwrap();
+    let said = |name| {
+        let mut fields = reference.fields.iter();
+        fields
+            .find(|field| field.name == name)
+            .unwrap()
+            .default
+            .clone()
+    };
+    assert_eq!(said("sigma_m"), Some(assumed.shift_m.to_string()));
+    assert_eq!(
+        said("sigma_deg"),
+        Some(assumed.tilt_rad.to_degrees().to_string())
+    );
+}
+
+/// The program refuses keys that the tables do not have: that they name all of them is shown by what it prints.
+#[test]
+fn what_a_project_prints_is_in_the_tables() {
+    let made = tables();
+    for text in [
+        super::EXAMPLE,
+        super::UNUSUAL,
+        super::POSES,
+        super::SEVERAL,
+        super::joint::JOINT,
+    ] {
+        let folder = folder();
+        let project = Project::read(&super::write(folder.path(), text)).unwrap();
+        for line in project.to_toml().unwrap().lines() {
+            if let Some((key, _)) = line.split_once(" = ") {
+                assert!(made.contains(&format!("| `{key}` |")), "{key}");
+            }
+        }
+    }
+}
