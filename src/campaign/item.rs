@@ -8,10 +8,8 @@ use twox_hash::xxhash3_128::Hasher;
 
 use crate::comparison::ComparisonSettings;
 use crate::error::Error;
+use crate::pipeline::PROGRAM;
 use crate::project::Project;
-
-/// Raised when items come out otherwise from the same inputs.
-const VERSION: u32 = 1;
 
 /// What an item does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -176,7 +174,7 @@ pub struct Item {
 impl Item {
     /// The item with its name.
     pub fn named(mut self) -> Self {
-        let mut text = format!("{VERSION} {}\n", env!("CARGO_PKG_VERSION"));
+        let mut text = format!("{PROGRAM}\n");
         // Writing to a string cannot fail. `Debug` drops no digit.
         let _ = writeln!(text, "{:?}\n{:?}", self.task, self.needs);
         for input in &self.inputs {

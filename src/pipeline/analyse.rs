@@ -362,7 +362,7 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
     }
     job.write("report.html", &report::render(&content))?;
     let kept = job.path(kept_page::NAME);
-    let bytes = kept_page::bytes_of(&content, &project.path)?;
+    let bytes = kept_page::bytes_of(&content, &project.path);
     std::fs::write(&kept, bytes).map_err(|error| Error::io(&kept, error))?;
     let document = result::document(findings);
     job.write("result.json", &format!("{document:#}\n"))

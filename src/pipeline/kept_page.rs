@@ -8,9 +8,9 @@ use std::path::Path;
 use serde_json::json;
 use twox_hash::xxhash3_128::Hasher;
 
-use super::keys::program_digits;
 use super::outcome::Outcome;
 use super::page;
+use super::program::PROGRAM;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::error::{Error, Location, Result};
@@ -28,7 +28,7 @@ use crate::verdict::Verdict;
 pub const NAME: &str = "report.kept";
 /// Name of the page that is made of it.
 const PAGE: &str = "report.html";
-/// First line of the file; the version of the program and its hash follow, each on a line.
+/// First line of the file; the program follows on the second line.
 const MAGIC: &str = "boresight report\n";
 /// Length of the hash at the end.
 const HASH: usize = 16;
@@ -68,20 +68,17 @@ struct KeptCalibrations {
 stored!(struct KeptCalibrations { mountings, result, joint, variants });
 
 /// The content of a page of the project at `path`, as bytes.
-///
-/// # Errors
-/// The running program cannot be read.
-pub fn bytes_of(content: &Content, path: &Path) -> Result<Vec<u8>> {
+pub fn bytes_of(content: &Content, path: &Path) -> Vec<u8> {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut bytes = header(&program_digits()?).into_bytes();
+    let mut bytes = header(PROGRAM).into_bytes();
     absolute.to_string_lossy().into_owned().store(&mut bytes);
     store(content, &mut bytes);
     Hasher::oneshot(&bytes).store(&mut bytes);
-    Ok(bytes)
+    bytes
 }
 
 fn header(program: &str) -> String {
-    format!("{MAGIC}{}\n{program}\n", env!("CARGO_PKG_VERSION"))
+    format!("{MAGIC}{program}\n")
 }
 
 /// Makes the page in the folder of a run again, of what that run kept, without computing.
@@ -128,7 +125,7 @@ fn read(folder: &Path) -> Result<Kept> {
         }
         Err(error) => return Err(Error::io(&path, error)),
     };
-    parse(&path, &bytes, &program_digits()?)
+    parse(&path, &bytes, PROGRAM)
 }
 
 fn parse(path: &Path, bytes: &[u8], program: &str) -> Result<Kept> {
@@ -149,14 +146,13 @@ fn parse(path: &Path, bytes: &[u8], program: &str) -> Result<Kept> {
         );
     };
     let Some(mut left) = before.strip_prefix(header(program).as_bytes()) else {
-        let version = before[MAGIC.len()..].split(|byte| *byte == b'\n').next();
+        let other = before[MAGIC.len()..].split(|byte| *byte == b'\n').next();
         let found = format!(
             "a page kept by another program (boresight {})",
-            String::from_utf8_lossy(version.unwrap_or_default())
+            String::from_utf8_lossy(other.unwrap_or_default())
         );
         let expected = format!(
-            "one kept by this program (boresight {}): use that program, or run again with this one",
-            env!("CARGO_PKG_VERSION")
+            "one kept by this program (boresight {program}): use that program, or run again with this one"
         );
         return wrong(Location::Line(2), &found, &expected);
     };
@@ -324,9 +320,9 @@ mod tests {
             ..Content::default()
         };
         let path = Path::new("out/report.kept");
-        let program = program_digits().unwrap();
-        let bytes = bytes_of(&content, Path::new("project.toml")).unwrap();
-        let kept = parse(path, &bytes, &program).unwrap();
+        let program = PROGRAM;
+        let bytes = bytes_of(&content, Path::new("project.toml"));
+        let kept = parse(path, &bytes, program).unwrap();
         assert_eq!(report::render(&kept.content()), report::render(&content));
         assert!(Path::new(&kept.path).is_absolute());
 
@@ -336,14 +332,14 @@ mod tests {
             error
         };
         for length in 0..bytes.len() {
-            let error = refused(&bytes[..length], &program);
+            let error = refused(&bytes[..length], program);
             let at_all = length >= MAGIC.len();
             assert_eq!(error.contains("cut off"), at_all, "{length} bytes: {error}");
         }
         for place in 0..bytes.len() {
             let mut bytes = bytes.clone();
             bytes[place] ^= 1;
-            refused(&bytes, &program);
+            refused(&bytes, program);
         }
         let error = refused(&bytes, "another");
         assert!(error.contains("another program"), "{error}");

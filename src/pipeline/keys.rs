@@ -1,11 +1,11 @@
 //! What the stages of a run follow from, as keys.
 
 use std::fmt::{self, Debug, Display, Write};
-use std::path::Path;
 
 use twox_hash::xxhash3_128::Hasher;
 
-use super::inputs::{Inputs, hash_of};
+use super::inputs::Inputs;
+use super::program::PROGRAM;
 use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::format::file_of;
@@ -66,9 +66,9 @@ impl Keys {
     /// Those of a project.
     ///
     /// # Errors
-    /// The running program or the project of another drive cannot be read.
+    /// The project of another drive cannot be read.
     pub fn new(project: &Project, inputs: &Inputs) -> Result<Self> {
-        let program = of_program()?;
+        let program = Key(Hasher::new()).with(&PROGRAM);
         let other = |drive: &OtherDrive| -> Result<Key> {
             let project = Project::read(&drive.project)?;
             let key = of(&before_comparison(&project), inputs, &program);
@@ -92,23 +92,6 @@ impl Keys {
             joint,
         })
     }
-}
-
-/// The digits of [`of_program`].
-///
-/// # Errors
-/// The running program cannot be read.
-pub fn program_digits() -> Result<String> {
-    of_program().map(|key| key.to_string())
-}
-
-/// The content of the running program: what another version finished, or one built otherwise, is not found.
-fn of_program() -> Result<Key> {
-    let unknown = |error| Error::io(Path::new("the running program"), error);
-    let path = std::env::current_exe().map_err(unknown)?;
-    let mut hasher = Hasher::new();
-    hasher.write(&hash_of(&path, &|_| Ok(()))?.to_le_bytes());
-    Ok(Key(hasher))
 }
 
 /// The key of what follows from everything that a project says and names.
