@@ -208,5 +208,5 @@ pub use boresight_estimation::{
 pub use boresight_format::{format, sensor, tiles};
 pub use boresight_project::project;
 pub use boresight_record::record;
-pub use boresight_report::report;
+pub use boresight_report::{diagnostics, judgement, number, report, results};
 pub use boresight_simulation::simulation;

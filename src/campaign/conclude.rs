@@ -12,10 +12,10 @@ use super::settings::Campaign;
 use crate::drift::{Chart, ChartSettings, Overlap};
 use crate::error::{Error, Result};
 use crate::format::{self, Extent};
+use crate::judgement;
 use crate::output::Staging;
 use crate::pipeline::{self, Outcome, Tile};
 use crate::report::campaign::{self as page, CampaignPage, ChangeLine, DriveLine, FailureLine};
-use crate::report::drift;
 use crate::verdict::Headline;
 
 /// The page of a campaign.
@@ -143,7 +143,7 @@ fn summary(page: &CampaignPage, items: &[Item]) -> String {
     if page.waiting > 0 {
         text += &format!(", {} not done yet", page.waiting);
     }
-    for verdict in page.drift.iter().flat_map(drift::verdicts) {
+    for verdict in page.drift.iter().flat_map(judgement::drift) {
         if verdict.severity.is_marked() {
             text += &format!("\n! {}", verdict.text);
         }

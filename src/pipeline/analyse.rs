@@ -19,10 +19,11 @@ use crate::comparison::MountingKind;
 use crate::error::{Error, Result};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::JointReport;
+use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
-use crate::report::content::Drive;
-use crate::report::{self, csv, verdicts};
+use crate::report::{self, csv};
+use crate::results::Drive;
 use crate::stored::stored;
 use crate::verdict::Severity;
 
@@ -78,7 +79,6 @@ pub fn analyse(
         stages::check_reference(&scaled, samples, own.reference(progress)?)?;
         Ok(Sampled {
             voxel_sizes_m: scaled.calibration.voxel_sizes_m.clone(),
-            left_out: stages::left_out(&scaled, samples),
         })
     })?;
     let project = &sampled.project(project);
@@ -157,7 +157,8 @@ pub fn analyse(
         calibration: &calibration,
         keys: &keys,
     };
-    let drives = compared.all((poses, adjusted, kept), &own, &mut job)?;
+    let shown = compared.all((poses, adjusted, kept), &own, &mut job)?;
+    let (drives, scenes): (Vec<_>, Vec<_>) = shown.into_iter().unzip();
     // An error of the origin moves no point of a drive, and is left out until here.
     let calibration = calibration.with_origin_sigma(origin_sigma_m);
     let variants = variants.into_iter().map(|(variant, found)| match variant {
@@ -166,15 +167,6 @@ pub fn analyse(
     });
     let variants = variants.collect();
 
-    for warning in warnings(
-        &project.origin_m,
-        &calibration,
-        joint.as_ref(),
-        &drives,
-        sampled.left_out,
-    ) {
-        job.warn(warning);
-    }
     job.warn_of_changes();
     let mut findings = Findings {
         calibration,
@@ -182,6 +174,7 @@ pub fn analyse(
         variants,
         mountings,
         drives,
+        scenes,
         origin_m: project.origin_m,
         background_m,
         made_s: page::now_s(),
@@ -192,8 +185,7 @@ pub fn analyse(
         verdicts: Vec::new(),
         kept: None,
     };
-    let content = page::content(project, &findings, extras)?;
-    findings.verdicts = verdicts(&content, &project.acceptance);
+    findings.verdicts = judgement::judge(&findings.results(), &project.acceptance);
     write(project, &findings, extras, &job)?;
     findings.kept = job.commit()?.map(|finished| KeptStages {
         folder: finished.folder().to_owned(),
@@ -206,10 +198,8 @@ pub fn analyse(
 /// What samples tell of a project.
 struct Sampled {
     voxel_sizes_m: Vec<f64>,
-    /// Warnings about points that were left out.
-    left_out: Vec<String>,
 }
-stored!(struct Sampled { voxel_sizes_m, left_out });
+stored!(struct Sampled { voxel_sizes_m });
 
 impl Sampled {
     /// The project with the scales that follow from its points.
@@ -291,38 +281,6 @@ fn mountings(
     mountings.push((MountingKind::Final, calibration.poses()));
     mountings.extend(truth.map(|truth| (MountingKind::Truth, truth)));
     mountings
-}
-
-/// Results that need attention.
-fn warnings(
-    origin_m: &Vec3,
-    calibration: &Calibration,
-    joint: Option<&JointReport>,
-    drives: &[Drive],
-    left_out: Vec<String>,
-) -> Vec<String> {
-    let missing = drives.iter().flat_map(|drive| &drive.agreements.missing);
-    let missing = missing.map(|(_, text)| text);
-    let refused = joint.into_iter().flat_map(|joint| &joint.refused);
-    let refused = refused.map(|reason| {
-        format!("the result is that of two steps, not of the joint adjustment: {reason}")
-    });
-    let mut warnings: Vec<String> = refused.chain(missing.cloned()).chain(left_out).collect();
-    if let Some(found) = joint.and_then(|joint| joint.found.as_ref()) {
-        warnings.extend(found.regions.iter().map(|region| region.describe(origin_m)));
-        warnings.extend(found.reference.and_then(|reference| reference.describe()));
-    }
-    if !calibration.converged {
-        warnings.push("the calibration did not converge at every scale".into());
-    }
-    warnings.extend(report::constancy::warning(calibration));
-    warnings.extend(report::constancy::gap_warning(calibration));
-    let solution = drives.first().and_then(|drive| drive.solution.as_ref());
-    if solution.is_some_and(|solution| !solution.converged) {
-        warnings
-            .push("the trajectory did not converge: its standard deviations are invalid".into());
-    }
-    warnings
 }
 
 /// The reference, thinned to a few thousand points.

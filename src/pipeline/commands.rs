@@ -12,10 +12,12 @@ use super::{clouds, drives, page, result, stages, start, summary};
 use crate::comparison::{Agreements, MountingKind};
 use crate::error::Result;
 use crate::format;
+use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
-use crate::report::content::{Calibrations, Content};
+use crate::report::Content;
+use crate::results::{Calibrations, Results};
 use crate::simulation::{self, Scenario};
 use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Trajectory;
@@ -127,7 +129,11 @@ pub fn trajectory(
     stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
     let command = format!("boresight trajectory {}", project.path.display());
     let mut content = page::trajectory(project, std::slice::from_ref(&drive), command)?;
-    let verdicts = report::verdicts(&content, &project.acceptance);
+    let results = Results {
+        drives: std::slice::from_ref(&drive),
+        ..Results::default()
+    };
+    let verdicts = judgement::judge(&results, &project.acceptance);
     // All else stands in the section of the trajectory.
     let marked = verdicts
         .iter()
@@ -190,11 +196,15 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let warnings = stages::left_out(project, &samples);
     let mut content = Content {
         background_m: &background_m,
-        placement: &start.said,
         warnings: &warnings,
         ..page::calibration(project, calibrations, std::slice::from_ref(&drive))?
     };
-    let verdicts = report::verdicts(&content, &project.acceptance);
+    let results = Results {
+        drives: std::slice::from_ref(&drive),
+        placement: &start.said,
+        calibrations: Some(calibrations),
+    };
+    let verdicts = judgement::judge(&results, &project.acceptance);
     content.verdicts = verdicts.clone();
     job.write("calibration.html", &report::render(&content))?;
     let rigid = stages::with_latencies(project, None);

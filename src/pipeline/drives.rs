@@ -16,8 +16,8 @@ use crate::geometry::{Bending, BodyFromScanner};
 use crate::joint::{Joint, SurfelPlane, contradictions};
 use crate::progress::Progress;
 use crate::project::{OtherDrive, Project};
-use crate::report::content::Drive;
-use crate::report::scene::View;
+use crate::report::scene::{Scene, View};
+use crate::results::Drive;
 use crate::trajectory::Trajectory;
 
 /// Mountings to compare, with their kinds.
@@ -62,6 +62,9 @@ impl Adjusted {
     }
 }
 
+/// A drive, and its clouds for the viewer.
+pub type Shown = (Drive, Option<Scene>);
+
 /// What the drives of a project are compared with.
 pub struct Compared<'a> {
     /// The project.
@@ -85,7 +88,7 @@ impl Compared<'_> {
         (poses, adjusted, kept): (Poses, Adjusted, Option<KeptPoints>),
         own: &Own<'_>,
         job: &mut Job<'_>,
-    ) -> Result<Vec<Drive>> {
+    ) -> Result<Vec<Shown>> {
         let project = self.project;
         let key = self.keyed(self.keys.joint.clone());
         let first = job.once("compare", &key, |progress| {
@@ -117,7 +120,7 @@ impl Compared<'_> {
         OtherDrive { name, project }: &OtherDrive,
         own: &Own<'_>,
         progress: &dyn Progress,
-    ) -> Result<Drive> {
+    ) -> Result<Shown> {
         let mut other = stages::aligned(self.project, Project::read(project)?)?;
         for (scanner, own) in other.scanners.iter_mut().zip(&self.project.scanners) {
             scanner.compliance = own.compliance;
@@ -140,7 +143,7 @@ impl Compared<'_> {
         (poses, adjusted): (Poses, &Adjusted),
         (own, kept): (&Own<'_>, &KeptPoints),
         progress: &dyn Progress,
-    ) -> Result<Drive> {
+    ) -> Result<Shown> {
         let (trajectory, bending) = (&adjusted.trajectory, adjusted.bending.as_slice());
         let trajectory_of = |kind| match kind {
             MountingKind::Initial | MountingKind::TwoStep => &poses.trajectory,
@@ -185,10 +188,7 @@ impl Compared<'_> {
             trajectory: trajectory.clone(),
             ..poses
         };
-        Ok(Drive {
-            scene,
-            ..drive(name, placed, agreements)
-        })
+        Ok((drive(name, placed, agreements), scene))
     }
 }
 
@@ -251,6 +251,5 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
         agreements,
         preflight: poses.preflight,
         doubts: poses.doubts,
-        scene: None,
     }
 }

@@ -10,10 +10,11 @@ use super::tiled::Tiling;
 use super::{drives, stages};
 use crate::comparison::{Against, Agreement, MountingKind, agreements};
 use crate::error::Result;
+use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
-use crate::report;
-use crate::report::content::Content;
+use crate::report::{self, Content};
+use crate::results::Results;
 use crate::verdict::Verdict;
 
 /// The page of a drive.
@@ -69,21 +70,23 @@ pub fn field(
     })?;
     let drive = drives::drive(name, poses, found);
     let warnings = job.warnings().to_vec();
-    let mut content = Content {
+    let drives = std::slice::from_ref(&drive);
+    let results = Results {
+        drives,
+        ..Results::default()
+    };
+    let mut verdicts = judgement::judge(&results, &project.acceptance);
+    verdicts.extend(said);
+    verdicts.extend(judgement::agreement(drives, &project.acceptance));
+    verdicts.sort_by_key(|verdict| std::cmp::Reverse(verdict.severity));
+    let content = Content {
         title: name.to_owned(),
         imprint: project.imprint.clone(),
-        drives: std::slice::from_ref(&drive),
+        drives,
         warnings: &warnings,
+        verdicts: verdicts.clone(),
         ..Content::default()
     };
-    let mut verdicts = report::verdicts(&content, &project.acceptance);
-    verdicts.extend(said);
-    verdicts.extend(report::agreement_verdicts(
-        content.drives,
-        &project.acceptance,
-    ));
-    verdicts.sort_by_key(|verdict| std::cmp::Reverse(verdict.severity));
-    content.verdicts.clone_from(&verdicts);
     job.write(PAGE, &report::render(&content))?;
     job.commit()?;
     let mut result = json!({

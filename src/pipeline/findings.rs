@@ -7,7 +7,9 @@ use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::JointReport;
 use crate::progress::StageSeconds;
-use crate::report::content::{Drive, InputFile};
+use crate::report::content::InputFile;
+use crate::report::scene::Scene;
+use crate::results::{Calibrations, Drive, Results};
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -46,6 +48,8 @@ pub struct Findings {
     pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
+    /// The clouds of each drive for the viewer.
+    pub scenes: Vec<Option<Scene>>,
     /// The project's origin, which coordinates in these findings lack, metres.
     pub origin_m: Vec3,
     /// The reference, thinned for drawing, with the project's origin subtracted.
@@ -64,6 +68,22 @@ pub struct Findings {
     pub verdicts: Vec<Verdict>,
     /// The stages kept for other runs; `None` where they cannot be.
     pub kept: Option<KeptStages>,
+}
+
+impl Findings {
+    /// The results to be judged.
+    pub fn results(&self) -> Results<'_> {
+        Results {
+            drives: &self.drives,
+            placement: &self.placement,
+            calibrations: Some(Calibrations {
+                mountings: &self.mountings,
+                result: &self.calibration,
+                joint: self.joint.as_ref(),
+                variants: &self.variants,
+            }),
+        }
+    }
 }
 
 /// Stages kept for other runs.

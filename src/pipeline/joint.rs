@@ -15,9 +15,9 @@ use crate::joint::{
     ChainMotion, Compliance, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput,
     JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
 };
+use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{FrameLogFile, Logs, Motion, Project};
-use crate::report;
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
 use crate::verdict::Verdict;
@@ -72,7 +72,7 @@ pub fn report(
         }
         let estimated = stages::poses(&aligned, progress)?;
         let poses = &estimated.poses;
-        let doubts = poses.doubts.iter().map(report::doubt);
+        let doubts = poses.doubts.iter().map(judgement::doubt);
         let contradicted = poses.preflight.iter().cloned().chain(doubts);
         said.extend(contradicted.map(|verdict| verdict.on(&other.name)));
         let samples = stages::samples(&aligned, &poses.trajectory, progress)?;

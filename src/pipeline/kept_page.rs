@@ -19,8 +19,10 @@ use crate::joint::JointReport;
 use crate::output::write_whole;
 use crate::progress::{Progress, StageSeconds};
 use crate::project::Project;
-use crate::report::content::{Calibrations, Comparison, Content, Drive, Fact, InputFile, Platform};
+use crate::report::content::{Comparison, Content, Fact, InputFile, Platform};
+use crate::report::scene::Scene;
 use crate::report::{self, Imprint, csv};
+use crate::results::{Calibrations, Drive};
 use crate::stored::{Stored, store_all, stored};
 use crate::verdict::Verdict;
 
@@ -51,10 +53,10 @@ struct Kept {
     calibrations: Option<KeptCalibrations>,
     comparison: Option<Comparison>,
     drives: Vec<Drive>,
+    scenes: Vec<Option<Scene>>,
     background_m: Vec<Vec3>,
     stages: Vec<StageSeconds>,
     peak_memory_bytes: Option<u64>,
-    placement: Vec<Verdict>,
     warnings: Vec<String>,
     verdicts: Vec<Verdict>,
 }
@@ -185,10 +187,10 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
         calibrations,
         comparison,
         drives,
+        scenes,
         background_m,
         stages,
         peak_memory_bytes,
-        placement,
         warnings,
         verdicts,
     } = content;
@@ -224,6 +226,7 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
     }
     comparison.store(bytes);
     store_all(drives, bytes);
+    store_all(scenes, bytes);
     store_all(background_m, bytes);
     stages.len().store(bytes);
     for StageSeconds { name, seconds } in *stages {
@@ -231,7 +234,6 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
         seconds.store(bytes);
     }
     peak_memory_bytes.store(bytes);
-    store_all(placement, bytes);
     store_all(warnings, bytes);
     verdicts.store(bytes);
 }
@@ -259,6 +261,7 @@ fn restore(bytes: &mut &[u8]) -> Option<Kept> {
         calibrations: Stored::restore(bytes)?,
         comparison: Stored::restore(bytes)?,
         drives: Stored::restore(bytes)?,
+        scenes: Stored::restore(bytes)?,
         background_m: Stored::restore(bytes)?,
         stages: {
             let stages: Vec<(String, f64)> = Stored::restore(bytes)?;
@@ -267,7 +270,6 @@ fn restore(bytes: &mut &[u8]) -> Option<Kept> {
             named.collect()
         },
         peak_memory_bytes: Stored::restore(bytes)?,
-        placement: Stored::restore(bytes)?,
         warnings: Stored::restore(bytes)?,
         verdicts: Stored::restore(bytes)?,
     })
@@ -298,10 +300,10 @@ impl Kept {
             calibrations,
             comparison: self.comparison.clone(),
             drives: &self.drives,
+            scenes: &self.scenes,
             background_m: &self.background_m,
             stages: &self.stages,
             peak_memory_bytes: self.peak_memory_bytes,
-            placement: &self.placement,
             warnings: &self.warnings,
             verdicts: self.verdicts.clone(),
         }

@@ -8,7 +8,9 @@ use super::findings::{Extras, Findings};
 use crate::comparison::{Against, Agreement, DistanceMap, M3c2, MountingKind, Statistics};
 use crate::error::Result;
 use crate::project::{Motion, Project};
-use crate::report::content::{self, Calibrations, Content, Drive, Fact, Platform};
+use crate::report::content::{self, Content, Fact, Platform};
+use crate::report::scene::Scene;
+use crate::results::{Calibrations, Drive};
 use crate::tiles::{Comparison, NormalSource, peak_memory_bytes};
 
 /// Content of the report of a whole run.
@@ -26,19 +28,17 @@ pub fn content<'a>(
         seed: extras.seed,
         made_s: Some(findings.made_s),
         files: &findings.files,
-        platform: Some(platform(project, findings.drives.first())),
+        platform: Some(platform(
+            project,
+            findings.scenes.first().and_then(Option::as_ref),
+        )),
         inputs: inputs(project, &findings.drives),
-        calibrations: Some(Calibrations {
-            mountings: &findings.mountings,
-            result: &findings.calibration,
-            joint: findings.joint.as_ref(),
-            variants: &findings.variants,
-        }),
+        calibrations: findings.results().calibrations,
         drives: &findings.drives,
+        scenes: &findings.scenes,
         background_m: &findings.background_m,
         stages: &findings.stages,
         peak_memory_bytes: peak_memory_bytes(),
-        placement: &findings.placement,
         warnings: &findings.warnings,
         verdicts: findings.verdicts.clone(),
         ..Content::default()
@@ -64,8 +64,8 @@ pub fn settings_of(project: &Project, content: &mut Content) -> Result<()> {
     Ok(())
 }
 
-/// Where the sensors are on the body; the fans are those of the points of `drive`.
-pub fn platform(project: &Project, drive: Option<&Drive>) -> Platform {
+/// Where the sensors are on the body; the fans are those of the points of its `scene`.
+pub fn platform(project: &Project, scene: Option<&Scene>) -> Platform {
     let marks = match &project.motion {
         Motion::Logs(logs) => {
             let positions = logs.settings.positions.iter();
@@ -73,7 +73,6 @@ pub fn platform(project: &Project, drive: Option<&Drive>) -> Platform {
         }
         Motion::Poses(_) => Vec::new(),
     };
-    let scene = drive.and_then(|drive| drive.scene.as_ref());
     let outline = |name: &str| {
         let mut fans = scene?.fans.iter();
         let fan = fans.find(|fan| fan.name == name)?;

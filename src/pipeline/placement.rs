@@ -13,10 +13,10 @@ use super::result::judge;
 use super::{clouds, drives, stages};
 use crate::comparison::Agreements;
 use crate::error::{Error, Location, Result};
+use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
-use crate::report;
-use crate::report::content::Content;
+use crate::results::Results;
 use crate::verdict::{Verdict, capitalised};
 
 /// A project with the mountings and poses that place its points: its own, or those that an earlier
@@ -194,15 +194,13 @@ pub fn georeference(
         Verdict::good("georeference.mounting", text)
     };
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
-    let content = Content {
+    let results = Results {
         drives: std::slice::from_ref(&drive),
-        ..Content::default()
+        ..Results::default()
     };
-    let mut verdicts = report::verdicts(&content, &project.acceptance);
+    let mut verdicts = judgement::judge(&results, &project.acceptance);
     verdicts.push(marked.unwrap_or_else(own));
-    verdicts.sort_by_key(|verdict| {
-        std::cmp::Reverse(verdict.severity.is_marked().then_some(verdict.severity))
-    });
+    judgement::attention_first(&mut verdicts);
     let [mountings_from, poses_from] = placement.sources();
     let mut result = json!({
         "clouds": files,

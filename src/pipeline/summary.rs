@@ -5,10 +5,10 @@ use std::fmt::Write;
 use super::findings::Findings;
 use crate::calibration::Calibration;
 use crate::comparison::MountingKind;
+use crate::diagnostics::{self, PoseSigmas};
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::report::content::Drive;
-use crate::report::diagnostics::{self, PoseSigmas};
-use crate::report::{method, verdicts};
+use crate::judgement;
+use crate::results::Drive;
 use crate::sensor::PoseRecord;
 use crate::trajectory::{SensorDiagnostics, Solution};
 
@@ -25,10 +25,10 @@ const SIGMA_OF_A_CONSTANT: &str =
 /// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
 /// refused stands first.
 pub fn run(findings: &Findings, report: &str) -> String {
-    let methods = method::verdicts(&findings.calibration, findings.joint.as_ref());
+    let methods = judgement::method(&findings.calibration, findings.joint.as_ref());
     let methods = methods.iter().filter(|found| !found.severity.is_marked());
     let methods: String = methods.map(|found| format!("{}\n\n", found.text)).collect();
-    let reference = method::reference(&findings.calibration, findings.joint.as_ref());
+    let reference = judgement::reference_sigmas(&findings.calibration, findings.joint.as_ref());
     format!(
         "report: {report}\n\n{methods}{}\n{}\n{}\n{}",
         mountings(&findings.calibration),
@@ -72,8 +72,8 @@ pub fn mountings(calibration: &Calibration) -> String {
     if columns.iter().flatten().any(|cell| cell.contains('±')) {
         lines.push(SIGMA_OF_A_MOUNTING.into());
     }
-    lines.extend(method::relative(calibration));
-    lines.extend(verdicts::statements(calibration, ""));
+    lines.extend(judgement::relative(calibration));
+    lines.extend(judgement::unobservable(calibration, ""));
     if !calibration.converged {
         lines.push("The calibration did not converge at every scale.".into());
     }

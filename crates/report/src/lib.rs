@@ -4,9 +4,17 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | [`results`] | results of the stages, before they are judged or shown |
+//! | [`number`] | values as text: significant digits, lengths with their unit |
+//! | [`diagnostics`] | numbers on an adjusted trajectory: sigmas of poses, residuals, rejections |
+//! | [`judgement`] | results turned into verdicts, each once |
 //! | [`report`] | tables, figures, the page |
 
+pub mod diagnostics;
+pub mod judgement;
+pub mod number;
 pub mod report;
+pub mod results;
 
 // The modules of earlier crates, under the names that they have in `boresight`.
 use boresight_cloud::{cloud, comparison, error, geometry, progress, statistics, stored};

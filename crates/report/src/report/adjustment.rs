@@ -1,12 +1,13 @@
 //! Tables of the trajectory's adjustment: sensors, constants, worst and rejected measurements.
 
-use super::diagnostics::{
-    chi_square_text, constant_text, is_notable, quantity, rejection_counts, sensor_name,
-    sensors_shown, verdicts, worst,
-};
 use super::html::{self, escape};
-use super::number::{self, DASH};
 use super::track::{Track, adjusted};
+use crate::diagnostics::{
+    chi_square_text, constant_text, is_notable, quantity, rejection_counts, sensor_name,
+    sensors_shown, worst,
+};
+use crate::judgement;
+use crate::number::{self, DASH};
 use crate::trajectory::Solution;
 
 /// Number of measurements in the table of the worst.
@@ -18,7 +19,7 @@ const MAX_LISTED: usize = 1000;
 pub fn statements(tracks: &[Track]) -> String {
     let first = adjusted(tracks).next();
     first.map_or(String::new(), |(track, solution)| {
-        html::verdicts(&verdicts(solution, track.sigmas.as_ref()))
+        html::verdicts(&judgement::trajectory(solution, track.sigmas.as_ref()))
     })
 }
 
@@ -43,7 +44,7 @@ fn of_another_drive(track: &Track, solution: &Solution) -> String {
     format!(
         "<h4>{}</h4>\n{}{}",
         escape(track.name),
-        html::verdicts(&verdicts(solution, track.sigmas.as_ref())),
+        html::verdicts(&judgement::trajectory(solution, track.sigmas.as_ref())),
         sensors(solution)
     )
 }

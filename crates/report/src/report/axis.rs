@@ -1,6 +1,6 @@
 //! Axes of charts: ends, ticks, and decimation of the curves drawn over them.
 
-use super::number;
+use crate::number;
 
 /// No axis has room for more.
 const MAX_TICKS: i64 = 1000;

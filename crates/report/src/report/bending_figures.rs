@@ -4,9 +4,9 @@ use super::axis::{Axis, decimate};
 use super::chart::Plot;
 use super::figures::{HALF, VERTICES, series, time_label, time_shift};
 use super::html::{self, escape};
-use super::number;
 use crate::geometry::Vec3;
 use crate::joint::{AdjustedDrive, Compliance, Joint, MovedMounting};
+use crate::number;
 use crate::statistics::rms;
 
 /// Most dots of a parameter.

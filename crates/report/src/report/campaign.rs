@@ -7,10 +7,11 @@ use super::chart::Plot;
 use super::drift;
 use super::figures::{FULL, series};
 use super::html::{self, escape};
-use super::number::{self, DASH};
 use super::page::document;
 use crate::drift::Chart;
 use crate::format::{civil_time, day_number};
+use crate::judgement;
+use crate::number::{self, DASH};
 use crate::statistics::median;
 use crate::verdict::Headline;
 
@@ -133,7 +134,7 @@ fn summary(page: &CampaignPage) -> String {
             .count()
     };
     let unusable = of(Headline::Unusable);
-    let drifted = page.drift.iter().flat_map(drift::verdicts);
+    let drifted = page.drift.iter().flat_map(judgement::drift);
     let drifted = drifted
         .filter(|verdict| verdict.severity.is_marked())
         .count();

@@ -4,8 +4,8 @@
 use super::content::Comparison;
 use super::html::{self, escape};
 use super::maps::{core, histogram, limit_m, map_of, top_view};
-use super::number;
 use super::raster::Bounds;
+use crate::number;
 
 /// Share of the levels of detection within the colours of their map, percent.
 const SHOWN_PERCENT: usize = 97;

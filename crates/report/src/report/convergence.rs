@@ -2,13 +2,13 @@
 
 use super::axis::{Axis, decimate};
 use super::chart::Plot;
-use super::content::Calibrations;
 use super::figures::{FULL, VERTICES, series};
 use super::html::{self, escape};
-use super::number::{self, DASH};
 use crate::calibration::{Calibration, Method, Scale, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, so3};
+use crate::number::{self, DASH};
+use crate::results::Calibrations;
 
 /// An adjustment over all its scales.
 struct Run<'a> {

@@ -6,14 +6,15 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::content::{Calibrations, Content, Drive};
-use super::diagnostics::component_name;
-use super::number::{nice_above, shortest};
+use super::content::Content;
 use super::precision;
 use super::raster::Bounds;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::{Agreement, MountingKind};
+use crate::diagnostics::component_name;
 use crate::geometry::Vec3;
+use crate::number::{nice_above, shortest};
+use crate::results::{Calibrations, Drive};
 
 /// Folder of the files, beside the page.
 pub const FOLDER: &str = "figures";

@@ -1,13 +1,13 @@
 //! How small a distance the clouds can show, and where they show none: maps of the level of detection and of what
 //! is covered.
 
-use super::content::Drive;
 use super::html::{self, escape};
 use super::maps::{PIXELS, plan};
-use super::number;
 use super::raster::{self, Bounds};
 use crate::comparison::{Against, Agreement, MountingKind};
 use crate::geometry::Vec3;
+use crate::number;
+use crate::results::Drive;
 use crate::statistics::quantile;
 
 /// What is not covered.

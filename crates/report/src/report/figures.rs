@@ -2,17 +2,17 @@
 
 use super::axis::{Axis, decimate};
 use super::chart::Plot;
-use super::constancy;
-use super::diagnostics::{OUTAGE_FACTOR, PoseSigmas, degrees, quantity};
 use super::html::{self, escape};
-use super::number;
 use super::raster::{self, Bounds};
 use super::track::Track;
 use crate::calibration::Block;
 use crate::calibration::Calibration;
+use crate::diagnostics::{OUTAGE_FACTOR, PoseSigmas, degrees, quantity};
 use crate::format::utc;
 use crate::geometry::Vec3;
 use crate::geometry::heading::heading_rad;
+use crate::judgement;
+use crate::number;
 use crate::statistics::median;
 
 /// Width of a full-width figure.
@@ -293,7 +293,7 @@ pub fn residuals(calibration: &Calibration) -> String {
     let Some(found) = &calibration.constancy else {
         return String::new();
     };
-    let mut out = html::verdicts(constancy::verdict(calibration).as_slice());
+    let mut out = html::verdicts(judgement::constancy(calibration).as_slice());
     let blocks = || found.blocks.iter().flatten();
     if blocks().next().is_none() {
         return out;

@@ -1,10 +1,12 @@
 //! What the page shows first: the headline and why, the mountings, the platform, a map, and all that is said.
 
-use super::content::{Calibrations, Content};
+use super::content::Content;
 use super::html::{self, escape};
 use super::platform::{self, Fan};
-use super::{maps, mounting, number};
+use super::{maps, mounting};
 use crate::comparison::{Against, MountingKind};
+use crate::number;
+use crate::results::Calibrations;
 use crate::verdict::{Headline, Severity, Verdict};
 
 /// The first screen; empty without anything to say or to show.

@@ -1,13 +1,13 @@
 //! Tests of the joint adjustment: does a rigid mounting explain the observations?
 
-use super::content::Calibrations;
-use super::diagnostics::constant_text;
 use super::html::{self, escape};
-use super::number;
-use super::verdicts;
 use crate::calibration::Mounting;
+use crate::diagnostics::constant_text;
 use crate::geometry::Vec3;
 use crate::joint::{DECIDING_BLOCK_S, GroupTest, Joint, MAX_BLOCK_RMS, max_imu_ratio};
+use crate::judgement;
+use crate::number;
+use crate::results::Calibrations;
 
 /// Ratios of other groups than the IMU that exceed 1 by this factor, and by chance, are marked.
 const NOTABLE_RATIO: f64 = 1.2;
@@ -79,7 +79,7 @@ pub fn section(calibrations: &Calibrations) -> String {
     let Some(found) = calibrations.joint_found() else {
         return String::new();
     };
-    let disagreements: Vec<_> = verdicts::disagreements(found).collect();
+    let disagreements: Vec<_> = judgement::disagreements(found).collect();
     chi_squares(found)
         + &blocks(found)
         + &html::verdicts(&disagreements)

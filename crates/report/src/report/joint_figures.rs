@@ -4,13 +4,13 @@
 use super::axis::{Axis, decimate};
 use super::bending_figures;
 use super::chart::Plot;
-use super::content::Calibrations;
 use super::figures::{FULL, HALF, VERTICES, series, time_label, time_shift};
 use super::html::{self, escape};
-use super::number;
 use super::track::Track;
 use crate::geometry::Vec3;
 use crate::joint::{AdjustedDrive, PositionResiduals};
+use crate::number;
+use crate::results::Calibrations;
 use crate::trajectory::Solution;
 
 /// Length of the blocks whose mean residuals are drawn, seconds: short enough for a pattern along

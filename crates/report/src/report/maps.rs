@@ -2,13 +2,13 @@
 
 use super::axis::Axis;
 use super::chart::Plot;
-use super::content::Drive;
 use super::figures::{coordinate_label, shift};
 use super::html::{self, escape};
-use super::number;
 use super::raster::{self, Bounds, Raster};
 use super::tables::mounting_name;
 use crate::comparison::{Agreement, Histogram, MountingKind};
+use crate::number;
+use crate::results::Drive;
 use crate::verdict::capitalised;
 
 /// Maximum number of pixels of a map in either direction.

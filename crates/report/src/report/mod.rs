@@ -5,7 +5,6 @@
 //! of many points are small PNG images in data URIs.
 
 mod adjustment;
-mod agreement;
 mod axis;
 mod bending_figures;
 pub mod campaign;
@@ -13,12 +12,10 @@ mod chart;
 #[cfg(test)]
 mod compared;
 mod comparison;
-pub mod constancy;
 pub mod content;
 mod convergence;
 pub mod csv;
 mod detection;
-pub mod diagnostics;
 pub mod drift;
 mod figures;
 mod first;
@@ -28,11 +25,7 @@ mod joint;
 mod joint_figures;
 mod maps;
 mod marks;
-pub mod method;
-mod minimum;
 mod mounting;
-mod moving;
-mod number;
 mod page;
 mod platform;
 mod precision;
@@ -44,10 +37,7 @@ pub mod scene;
 mod tables;
 mod timeline;
 mod track;
-pub mod verdicts;
 
-pub use agreement::verdicts as agreement_verdicts;
 pub use content::Content;
 pub use imprint::Imprint;
 pub use page::render;
-pub use verdicts::{doubt, verdicts};

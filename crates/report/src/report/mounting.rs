@@ -1,13 +1,14 @@
 //! Table I: the mounting of each scanner by each method, and the truth.
 
-use super::content::Calibrations;
 use super::html::{self, escape};
-use super::{method, number};
+use super::tables::method_name;
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 use crate::joint::Joint;
+use crate::number;
+use crate::results::Calibrations;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
 /// Errors of more than this many standard deviations are marked.
@@ -307,11 +308,11 @@ fn methods<'a>(
         found.map(|found| column(label, found, scanner))
     };
     let mut list = Vec::from_iter(initial);
-    list.extend(variant(Variant::Paper, method::name(Method::Paper)));
-    list.extend(variant(Variant::TwoStep, method::name(Method::TwoStep)));
+    list.extend(variant(Variant::Paper, method_name(Method::Paper)));
+    list.extend(variant(Variant::TwoStep, method_name(Method::TwoStep)));
     list.push(Column {
         is_result: true,
-        ..column(method::name(result.method), result, scanner)
+        ..column(method_name(result.method), result, scanner)
     });
     list.extend(refused.map(|found| column("joint adjustment, refused", found, scanner)));
     list

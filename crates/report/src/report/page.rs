@@ -1,14 +1,15 @@
 //! The HTML page and its sections in reading order.
 
-use super::content::{Calibrations, Content};
+use super::content::Content;
 use super::html::{self, escape};
 use super::track::Track;
 use super::{
     adjustment, comparison, convergence, csv, detection, figures, first, joint, joint_figures,
     maps, mounting, precision, provenance, relative, residual_plots, scene, tables, timeline,
-    verdicts,
 };
 use crate::calibration::Method;
+use crate::judgement;
+use crate::results::Calibrations;
 
 /// Colours and type, for screen (light and dark) and print.
 const STYLE: &str = include_str!("style.css");
@@ -109,13 +110,13 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "scene",
             "The clouds in three dimensions",
-            scene::section(content.drives),
+            scene::section(content.drives, content.scenes),
         ),
         (
             "observability",
             "What the data could determine",
             calibrations.map_or_else(String::new, |calibrations| {
-                html::verdicts(&verdicts::observability(calibrations))
+                html::verdicts(&judgement::observability(calibrations))
                     + &precision::figure(calibrations)
             }),
         ),
@@ -173,7 +174,7 @@ fn trajectory(tracks: &[Track], content: &Content, calibrations: Option<&Calibra
         + &content
             .drives
             .first()
-            .map(timeline::figure)
+            .map(|drive| timeline::figure(drive, content.scenes.first().and_then(Option::as_ref)))
             .unwrap_or_default()
         + &figures::pose_sigmas(tracks)
         + &joint.unwrap_or_default()

@@ -3,8 +3,8 @@
 
 use super::content::Platform;
 use super::html::{self, escape};
-use super::number;
 use crate::geometry::{BodyAxes, BodyFromScanner, Vec3};
+use crate::number;
 
 /// Width and height of the oblique view.
 const WIDTH: f64 = 400.0;

@@ -3,10 +3,11 @@
 
 use super::axis::Axis;
 use super::chart::Plot;
-use super::content::Calibrations;
 use super::figures::HALF;
-use super::{html, method};
+use super::html;
+use super::tables::method_name;
 use crate::calibration::{Calibration, Variant};
+use crate::results::Calibrations;
 
 /// Height of a row.
 const ROW: f64 = 22.0;
@@ -25,7 +26,7 @@ pub fn figure(calibrations: &Calibrations) -> String {
     let result = calibrations.result;
     let mut series = vec![Series {
         class: "s0",
-        name: method::name(result.method).to_owned(),
+        name: method_name(result.method).to_owned(),
         found: result,
     }];
     for (variant, class, name) in [

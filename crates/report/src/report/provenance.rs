@@ -2,8 +2,8 @@
 
 use super::content::{Content, Fact, InputFile};
 use super::html::{self, escape};
-use super::number::{self, DASH};
 use crate::format::civil_time;
+use crate::number::{self, DASH};
 
 /// The paper that the method comes from.
 const PAPER: &str =

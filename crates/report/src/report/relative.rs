@@ -1,11 +1,13 @@
 //! The mountings of the other scanners in the frame of the first.
 
-use super::content::Calibrations;
 use super::html::{self, escape};
-use super::{method, number};
+use super::tables::method_name;
 use crate::calibration::{Calibration, RelativeMounting, ScannerFromScanner, relative};
 use crate::comparison::MountingKind;
 use crate::geometry::so3;
+use crate::judgement;
+use crate::number;
+use crate::results::Calibrations;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
 /// A method and what it found.
@@ -23,7 +25,7 @@ pub fn tables(calibrations: &Calibrations) -> String {
     for (i, found) in result.relative().into_iter().enumerate() {
         let truth = truth.map(|truth| relative(&truth[0], &truth[i + 1]));
         let of = |calibration: &Calibration| Column {
-            name: method::name(calibration.method),
+            name: method_name(calibration.method),
             found: calibration.relative().swap_remove(i),
             is_result: false,
         };
@@ -42,7 +44,7 @@ pub fn tables(calibrations: &Calibrations) -> String {
     if out.is_empty() {
         return out;
     }
-    let sentences: Vec<String> = method::relative(result);
+    let sentences: Vec<String> = judgement::relative(result);
     format!(
         "{out}<p class=\"note\">{} In the frame of the first scanner; what all scanners share, such as errors of the poses and of the lever arm, drops out. The rotation is a rotation vector; its ± and error are about the axes of the first scanner.</p>\n",
         escape(&sentences.join(" "))

@@ -2,12 +2,12 @@
 
 use super::axis::{self, Axis, decimate};
 use super::chart::Plot;
-use super::diagnostics::{component_name, sensor_name};
 use super::figures::{FULL, HALF, VERTICES, series, time_label, time_shift};
 use super::html::{self, escape};
-use super::number;
 use super::track::{Track, adjusted};
+use crate::diagnostics::{component_name, sensor_name};
 use crate::geometry::Vec3;
+use crate::number;
 use crate::sensor::ImuBias;
 use crate::statistics::median;
 use crate::trajectory::{Residual, SensorDiagnostics, Solution};

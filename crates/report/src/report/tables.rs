@@ -1,12 +1,12 @@
 //! The tables of the page.
 
-use super::content::Drive;
 use super::html::{self, escape};
-use super::number::{self, DASH};
 use super::raster;
-use crate::calibration::Calibration;
+use crate::calibration::{Calibration, Method};
 use crate::comparison::{Agreement, MountingKind};
+use crate::number::{self, DASH};
 use crate::progress::StageSeconds;
+use crate::results::Drive;
 
 /// A pair of clouds, and its comparisons by the name of the drive.
 type Pair<'a> = (String, Vec<(&'a str, &'a [Agreement])>);
@@ -39,6 +39,15 @@ pub fn distances(drives: &[Drive]) -> String {
             "Mean, standard deviation, median, number of core points",
             &statistics(&pairs),
         )
+}
+
+/// Name of a method in tables and figures.
+pub fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::TwoStep => "two steps",
+        Method::Joint => "joint adjustment",
+        Method::Paper => "as in the paper",
+    }
 }
 
 /// Name of a mounting in tables and maps. Beside two steps, the result is that of the joint

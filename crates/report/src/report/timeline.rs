@@ -2,11 +2,12 @@
 
 use super::axis::Axis;
 use super::chart::Plot;
-use super::content::Drive;
-use super::diagnostics::sensor_name;
 use super::figures::{FULL, time_label, time_shift};
 use super::html::{self, escape};
 use super::residual_plots::{gaps, measured, used_s};
+use super::scene::Scene;
+use crate::diagnostics::sensor_name;
+use crate::results::Drive;
 
 /// Height of a row.
 const ROW: f64 = 26.0;
@@ -19,9 +20,9 @@ struct Row {
     rejected_s: Vec<f64>,
 }
 
-/// The time line of a drive; empty if its poses came from a file.
-pub fn figure(drive: &Drive) -> String {
-    let rows = rows(drive);
+/// The time line of a drive, with the scanners of its scene; empty if its poses came from a file.
+pub fn figure(drive: &Drive, scene: Option<&Scene>) -> String {
+    let rows = rows(drive, scene);
     let (Some(first), Some(last)) = (drive.poses.first(), drive.poses.last()) else {
         return String::new();
     };
@@ -57,7 +58,7 @@ pub fn figure(drive: &Drive) -> String {
     )
 }
 
-fn rows(drive: &Drive) -> Vec<Row> {
+fn rows(drive: &Drive, scene: Option<&Scene>) -> Vec<Row> {
     let (Some(solution), Some(first), Some(last)) =
         (&drive.solution, drive.poses.first(), drive.poses.last())
     else {
@@ -78,7 +79,7 @@ fn rows(drive: &Drive) -> Vec<Row> {
             rejected_s,
         });
     }
-    let scene = drive.scene.iter().flat_map(|scene| {
+    let scanners = scene.into_iter().flat_map(|scene| {
         let fans = scene.fans.iter();
         fans.map(|fan| {
             let times = fan.times.iter();
@@ -86,7 +87,7 @@ fn rows(drive: &Drive) -> Vec<Row> {
             (&fan.name, times)
         })
     });
-    rows.extend(scene.map(|(name, times)| Row {
+    rows.extend(scanners.map(|(name, times)| Row {
         name: name.clone(),
         there: between(span, &gaps(times, span)),
         rejected_s: Vec::new(),

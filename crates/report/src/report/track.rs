@@ -1,7 +1,7 @@
 //! The poses of a drive for drawing.
 
-use super::content::Drive;
-use super::diagnostics::PoseSigmas;
+use crate::diagnostics::PoseSigmas;
+use crate::results::Drive;
 use crate::sensor::PoseRecord;
 use crate::trajectory::Solution;
 

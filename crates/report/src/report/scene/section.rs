@@ -5,19 +5,18 @@ use serde_json::{Value, json};
 use super::Scene;
 use super::packed::Packed;
 use crate::comparison::MountingKind;
-use crate::report::content::Drive;
+use crate::number;
 use crate::report::html::escape;
-use crate::report::number;
 use crate::report::tables::mounting_name;
+use crate::results::Drive;
 
 /// The viewer: built from `web/` by `just web`.
 const VIEWER: &str = include_str!("../../../../../web/dist/viewer.js");
 
 /// The scenes of all drives (markup); empty without any.
-pub fn section(drives: &[Drive]) -> String {
-    let scenes = drives
-        .iter()
-        .filter_map(|drive| Some((drive.name.as_str(), drive.scene.as_ref()?)));
+pub fn section(drives: &[Drive], scenes: &[Option<Scene>]) -> String {
+    let drives = drives.iter().zip(scenes);
+    let scenes = drives.filter_map(|(drive, scene)| Some((drive.name.as_str(), scene.as_ref()?)));
     let mut headers: Vec<Value> = Vec::new();
     let mut data = String::new();
     let mut counts = Vec::new();

@@ -4,7 +4,7 @@ use super::quantised::{Bytes, Places};
 use super::{REFERENCE_STEP_M, Surfels};
 use crate::geometry::Vec3;
 use crate::joint::SurfelPlane;
-use crate::report::number::nice_above;
+use crate::number::nice_above;
 use crate::statistics::quantile;
 
 /// Steps of a component of a normal.

@@ -10,7 +10,7 @@ use super::quantised::ROTATION_STEP;
 use super::{Input, REFERENCE_STEP_M, Scan, Scene, View, gather, section};
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::{Bending, BodyFromScanner, Rotation, Vec3, WorldFromBody};
-use crate::report::content::Drive;
+use crate::results::Drive;
 use crate::sensor::{PoseRecord, ScanPoint};
 use crate::stored::Stored;
 use crate::trajectory::Trajectory;
@@ -297,14 +297,13 @@ fn equal_drives_give_equal_bytes_and_are_kept_exactly() {
 
 #[test]
 fn names_do_not_end_the_script_that_holds_them() {
-    let drive = |scene| Drive {
+    let drive = || Drive {
         name: "</script><b>'&".into(),
-        scene,
         ..Drive::default()
     };
-    let drives = [drive(Some(Case::new().scene(500))), drive(None)];
-    let markup = section(&drives);
-    assert_eq!(markup, section(&drives));
+    let (drives, scenes) = ([drive(), drive()], [Some(Case::new().scene(500)), None]);
+    let markup = section(&drives, &scenes);
+    assert_eq!(markup, section(&drives, &scenes));
     let scripts = markup.matches("<script").count();
     assert_eq!((scripts, markup.matches("</script>").count()), (3, 3));
     assert!(!markup.contains("<b>") && markup.contains("&lt;b&gt;"));
@@ -313,5 +312,5 @@ fn names_do_not_end_the_script_that_holds_them() {
     let header: Value = serde_json::from_str(&markup[begin..end]).unwrap();
     assert_eq!(header["drives"][0]["name"], drives[0].name);
     assert_eq!(header["drives"][0]["variants"][1]["name"], "calibrated");
-    assert_eq!(section(&drives[1..]), "");
+    assert_eq!(section(&drives[1..], &scenes[1..]), "");
 }

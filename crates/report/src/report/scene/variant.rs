@@ -10,8 +10,8 @@ use super::select::Chosen;
 use crate::cloud::{NeighbourIndex, Neighbourhood};
 use crate::comparison::{Against, Agreement};
 use crate::geometry::Vec3;
+use crate::number::nice_above;
 use crate::progress::Silent;
-use crate::report::number::nice_above;
 use crate::statistics::quantile;
 
 /// Quantile of the sizes of distances that their bytes reach to.

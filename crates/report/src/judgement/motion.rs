@@ -1,9 +1,9 @@
 //! What is said of mountings that move, and of points, which are known better than these.
 
-use super::number;
 use crate::calibration::PARAMETER_NAMES;
 use crate::geometry::Vec3;
 use crate::joint::{Joint, known_m};
+use crate::number;
 use crate::verdict::Verdict;
 
 /// A parameter of which more of the variance than this rests on the prior of the motion is named.

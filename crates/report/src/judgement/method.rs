@@ -1,22 +1,9 @@
-//! Which method's values are reported, and how well scanners are known relative to each other: the
-//! same words in the page and in the terminal.
+//! Which method's values are the result, and why.
 
-use super::number;
-use crate::calibration::{Calibration, Method, RelativeMounting};
+use crate::calibration::{Calibration, Method};
 use crate::joint::{Joint, JointReport};
+use crate::number;
 use crate::verdict::Verdict;
-
-/// Factors below this are not worth mentioning.
-const NOTABLE: f64 = 2.0;
-
-/// Name of a method in tables and figures.
-pub fn name(method: Method) -> &'static str {
-    match method {
-        Method::TwoStep => "two steps",
-        Method::Joint => "joint adjustment",
-        Method::Paper => "as in the paper",
-    }
-}
 
 /// Which method's values these are; on a fallback a statement for each reason.
 pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdict> {
@@ -85,72 +72,6 @@ fn imu(joint: &Joint) -> String {
         Some(ratio) => format!(" (χ² of the IMU over its redundancy: {ratio:.2})"),
         None => String::new(),
     }
-}
-
-/// Which errors of the whole reference the standard deviations include, where there are any.
-pub fn reference(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
-    let joint = joint?
-        .accepted()
-        .filter(|_| result.method == Method::Joint)?;
-    let sigma = joint.reference.as_ref()?.prior;
-    let assumed = match sigma.assumed {
-        true => " (assumed: give reference.sigma_m and reference.sigma_deg)",
-        false => "",
-    };
-    (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0).then(|| {
-        format!(
-            "The standard deviations include a shift of the whole reference by ± {} and a tilt by \
-             ± {}°{assumed}: a shift up goes one to one into the heights of the scanners.",
-            number::length(sigma.shift_m),
-            number::shortest(sigma.tilt_rad.to_degrees())
-        )
-    })
-}
-
-/// How well each scanner is known relative to the first.
-pub fn relative(calibration: &Calibration) -> Vec<String> {
-    let all = calibration.relative();
-    all.iter()
-        .enumerate()
-        .filter_map(|(i, found)| sentence(calibration, i + 1, found))
-        .collect()
-}
-
-fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting) -> Option<String> {
-    let [length_m, angle_rad] = worst(&found.sigma);
-    if length_m == 0.0 || angle_rad == 0.0 {
-        return None;
-    }
-    let own = [0, scanner].map(|i| {
-        let convention = calibration.mountings[i].convention;
-        worst(&calibration.sigmas(i, convention))
-    });
-    let times = [(0, length_m), (1, angle_rad)].map(|(k, relative)| {
-        // Of the scanner that is known better.
-        let least = own[0][k].min(own[1][k]);
-        least / relative
-    });
-    let better = match times {
-        [length, angle] if length >= NOTABLE && angle >= NOTABLE => format!(
-            ", {} and {} times better than either scanner on the body",
-            number::significant(length, 2),
-            number::significant(angle, 2)
-        ),
-        _ => String::new(),
-    };
-    Some(format!(
-        "Scanner {} relative to scanner {}: known to ± {} and ± {}° or better{better}.",
-        found.name,
-        found.first,
-        number::length(length_m),
-        number::sigma(angle_rad.to_degrees())
-    ))
-}
-
-/// The largest standard deviations of position and rotation; 0 where there are none.
-fn worst(sigmas: &[Option<f64>; 6]) -> [f64; 2] {
-    let largest = |part: &[Option<f64>]| part.iter().flatten().copied().fold(0.0, f64::max);
-    [largest(&sigmas[..3]), largest(&sigmas[3..])]
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What the residuals along the drive say about the mounting.
 
-use super::number;
 use crate::calibration::{Calibration, Constancy, Gap, Method};
+use crate::number;
 use crate::verdict::Verdict;
 
 /// The test of a constant mounting; `None` if it is not possible.

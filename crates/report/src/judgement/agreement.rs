@@ -1,8 +1,8 @@
 //! What the distances between clouds say.
 
-use super::content::Drive;
-use super::number;
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
+use crate::number;
+use crate::results::Drive;
 use crate::verdict::{Acceptance, Severity, Verdict};
 
 /// Clouds that agree worse than after two steps by more than this factor need attention: other core

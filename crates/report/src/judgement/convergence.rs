@@ -1,8 +1,8 @@
 //! Whether the calibration converged, how far from its start, and to the only minimum near.
 
-use super::number;
 use crate::calibration::{Calibration, Method};
 use crate::geometry::BodyFromScanner;
+use crate::number;
 use crate::verdict::Verdict;
 
 /// A mounting that was measured with a tape is not as far off: metres, radians.

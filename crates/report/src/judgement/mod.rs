@@ -1,0 +1,159 @@
+//! Turns results into verdicts: sentences with a severity and a code, each made once. The page and the terminal print
+//! them.
+
+mod agreement;
+mod constancy;
+mod convergence;
+mod drift;
+mod method;
+mod motion;
+mod precision;
+mod reference;
+mod trajectory;
+mod truth;
+
+pub use agreement::verdicts as agreement;
+pub use constancy::verdict as constancy;
+pub use drift::verdicts as drift;
+pub use method::verdicts as method;
+pub use precision::{observability, relative, unobservable};
+pub use reference::{disagreements, included as reference_sigmas};
+pub use trajectory::{doubt, verdicts as trajectory};
+
+use std::cmp::Reverse;
+
+use crate::comparison::MountingKind;
+use crate::diagnostics::PoseSigmas;
+use crate::joint::{JointReport, LateScanner, Rung};
+use crate::results::{Calibrations, Drive, Results};
+use crate::verdict::{Acceptance, Severity, Verdict, capitalised};
+
+/// The verdicts on the results of a run, those that need attention first. The others keep the order in which a user
+/// reads them: faults of the logs and of the first placement, constants of the project that the drive contradicts, the
+/// calibration, the other drives, the trajectories.
+pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    let calibration_drive = results.drives.first();
+    if let Some(drive) = calibration_drive {
+        verdicts.extend(drive.preflight.iter().cloned());
+    }
+    verdicts.extend_from_slice(results.placement);
+    if let Some(drive) = calibration_drive {
+        verdicts.extend(drive.doubts.iter().map(doubt));
+    }
+    if let Some(calibrations) = &results.calibrations {
+        let logs_have_a_fault = verdicts.iter().any(|v| v.severity == Severity::Fault);
+        let mut on_calibration = calibration(calibrations, results.drives, acceptance);
+        if logs_have_a_fault {
+            on_calibration.iter_mut().for_each(soften_consequence);
+        }
+        verdicts.extend(on_calibration);
+    }
+    for drive in results.drives.iter().skip(1) {
+        let logs = drive.preflight.iter().cloned();
+        let contradictions = logs.chain(drive.doubts.iter().map(doubt));
+        verdicts.extend(contradictions.map(|verdict| verdict.on(&drive.name)));
+    }
+    verdicts.extend(trajectories(results));
+    attention_first(&mut verdicts);
+    verdicts
+}
+
+/// Moves what needs attention to the front, the gravest first, and keeps the order of the rest.
+pub fn attention_first(verdicts: &mut [Verdict]) {
+    verdicts.sort_by_key(|v| Reverse(v.severity.is_marked().then_some(v.severity)));
+}
+
+/// On the trajectory of each drive. Next to a calibration, trajectories without a problem are left to their own section
+/// of the page.
+fn trajectories(results: &Results) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    for (number, drive) in results.drives.iter().enumerate() {
+        let Some(solution) = &drive.solution else {
+            continue;
+        };
+        let sigmas = PoseSigmas::of(&drive.poses);
+        let mut on_drive = trajectory(solution, sigmas.as_ref());
+        if results.calibrations.is_some() {
+            on_drive.retain(|verdict| verdict.severity.is_marked());
+        }
+        if number > 0 {
+            on_drive = on_drive.into_iter().map(|v| v.on(&drive.name)).collect();
+        }
+        verdicts.extend(on_drive);
+    }
+    verdicts
+}
+
+/// Codes of verdicts that follow from a fault of the logs or of the scans.
+const CONSEQUENCES: [&str; 7] = [
+    "agreement.",
+    "calibration.",
+    "mounting.moved",
+    "mounting.sigma",
+    "mounting.constancy",
+    "mounting.gap",
+    "reference.",
+];
+
+/// Where logs or scans have a fault, its consequences are for information.
+fn soften_consequence(verdict: &mut Verdict) {
+    if CONSEQUENCES
+        .iter()
+        .any(|code| verdict.code.starts_with(code))
+    {
+        verdict.severity = verdict.severity.min(Severity::Note);
+    }
+}
+
+/// On the calibration: method, agreement of the clouds, reference, motion, convergence, precision, constancy.
+fn calibration(
+    calibrations: &Calibrations,
+    drives: &[Drive],
+    acceptance: &Acceptance,
+) -> Vec<Verdict> {
+    let result = calibrations.result;
+    let joint = calibrations.joint;
+    let accepted = joint.and_then(JointReport::accepted);
+    let moves = accepted.is_some_and(|joint| joint.rung > Rung::Rigid);
+
+    let mut verdicts = method(result, joint);
+    verdicts.extend(agreement(drives, acceptance));
+    if let Some(joint) = joint {
+        verdicts.extend(joint.late.iter().map(late_scanner));
+        verdicts.extend(joint.said.iter().cloned());
+        verdicts.extend(joint.found.iter().flat_map(disagreements));
+    }
+    verdicts.extend(accepted.into_iter().flat_map(motion::verdicts));
+    verdicts.extend(accepted.and_then(reference::height));
+    verdicts.push(convergence::convergence(result));
+    verdicts.extend(convergence::uniqueness(result));
+    if let Some(initial) = calibrations.mountings(MountingKind::Initial) {
+        verdicts.extend(convergence::moved(result, initial));
+    }
+    verdicts.extend(precision::sigmas(result, acceptance, moves));
+    let included = reference_sigmas(result, joint);
+    verdicts.extend(included.map(|text| Verdict::note("reference.prior", text)));
+    let relative = relative(result).into_iter();
+    verdicts.extend(relative.map(|text| Verdict::good("mounting.relative", text)));
+    if let Some(truth) = calibrations.mountings(MountingKind::Truth) {
+        verdicts.extend(truth::errors(result, truth));
+    }
+    let left_open = observability(calibrations).into_iter();
+    verdicts.extend(left_open.filter(|v| v.severity != Severity::Good));
+    // The test rests on rigid mountings: it says nothing about mountings that were adjusted as moving ones.
+    if !moves {
+        verdicts.extend(constancy(result));
+    }
+    verdicts.extend(constancy::gap(result));
+    let solution = drives.first().and_then(|drive| drive.solution.as_ref());
+    verdicts.extend(solution.and_then(|s| precision::origin(s, result.origin_sigma_m)));
+    verdicts
+}
+
+/// A scanner whose clock the joint adjustment found to be late.
+fn late_scanner(scanner: &LateScanner) -> Verdict {
+    let text = capitalised(&scanner.describe()) + ".";
+    let verdict = Verdict::care("scanner.time_offset", text);
+    verdict.with_value(scanner.late.value, Some(scanner.late.sigma))
+}

@@ -1,0 +1,53 @@
+//! The reference: where it and the scans disagree, how high it lies, and what of its errors the standard deviations
+//! include.
+
+use crate::calibration::{Calibration, Method};
+use crate::geometry::Vec3;
+use crate::joint::{Joint, JointReport};
+use crate::number;
+use crate::verdict::{Verdict, capitalised};
+
+/// Where scans and reference disagree.
+pub fn disagreements(joint: &Joint) -> impl Iterator<Item = Verdict> {
+    let regions = joint.regions.iter().map(|region| {
+        let text = capitalised(&region.describe(&Vec3::zeros()));
+        Verdict::care("reference.region", text).with_value(region.offset_m, None)
+    });
+    let shift = joint.reference.and_then(|reference| reference.describe());
+    regions.chain(shift.map(|text| Verdict::care("reference.shift", capitalised(&text))))
+}
+
+/// A reference that lies higher or lower than the drive says.
+pub fn height(joint: &Joint) -> Option<Verdict> {
+    joint.reference_height().map(|found| {
+        let text = format!(
+            "The reference lies {:.1} mm {} where the drive puts it (± {:.1} mm, by the slopes of boards): \
+             check the height of the total station, the lever arm of the prism, and the registration. All \
+             of it is in tz.",
+            1e3 * found.value.abs(),
+            if found.value > 0.0 { "above" } else { "below" },
+            1e3 * found.sigma
+        );
+        Verdict::fault("reference.height", text).with_value(found.value, Some(found.sigma))
+    })
+}
+
+/// Which errors of the whole reference the standard deviations include, where there are any.
+pub fn included(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
+    let joint = joint?
+        .accepted()
+        .filter(|_| result.method == Method::Joint)?;
+    let sigma = joint.reference.as_ref()?.prior;
+    let assumed = match sigma.assumed {
+        true => " (assumed: give reference.sigma_m and reference.sigma_deg)",
+        false => "",
+    };
+    (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0).then(|| {
+        format!(
+            "The standard deviations include a shift of the whole reference by ± {} and a tilt by \
+             ± {}°{assumed}: a shift up goes one to one into the heights of the scanners.",
+            number::length(sigma.shift_m),
+            number::shortest(sigma.tilt_rad.to_degrees())
+        )
+    })
+}

@@ -1,0 +1,100 @@
+//! Results of the stages, before they are judged or shown.
+
+use crate::calibration::{Calibration, Method, Variant};
+use crate::comparison::{Agreements, MountingKind};
+use crate::geometry::BodyFromScanner;
+use crate::joint::{Joint, JointReport};
+use crate::sensor::{PoseRecord, RejectedRow};
+use crate::stored::stored;
+use crate::trajectory::{Doubt, Solution};
+use crate::verdict::Verdict;
+
+/// All that is judged of a run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Results<'a> {
+    /// The calibration drive, then the others.
+    pub drives: &'a [Drive],
+    /// What the first placement of the scans contradicts.
+    pub placement: &'a [Verdict],
+    /// The calibration, and what it is compared with.
+    pub calibrations: Option<Calibrations<'a>>,
+}
+
+/// A calibration and what it is compared with. All list the same scanners in the same order.
+#[derive(Debug, Clone, Copy)]
+pub struct Calibrations<'a> {
+    /// The body_from_scanner of each scanner for which clouds were compared: initial, final, and
+    /// the truth if it is known (simulation).
+    pub mountings: &'a [(MountingKind, Vec<BodyFromScanner>)],
+    /// The calibration that gives the result.
+    pub result: &'a Calibration,
+    /// The joint adjustment of the run, accepted or refused; `None` where none was asked for.
+    pub joint: Option<&'a JointReport>,
+    /// Calibrations of the same drive under other conditions.
+    pub variants: &'a [(Variant, Calibration)],
+}
+
+impl<'a> Calibrations<'a> {
+    /// A calibration without others.
+    pub fn alone(result: &'a Calibration) -> Self {
+        Self {
+            mountings: &[],
+            result,
+            joint: None,
+            variants: &[],
+        }
+    }
+
+    /// The mountings of this kind, if there are any.
+    pub fn mountings(&self, kind: MountingKind) -> Option<&'a [BodyFromScanner]> {
+        let mut all = self.mountings.iter();
+        all.find(|(other, _)| *other == kind)
+            .map(|(_, poses)| poses.as_slice())
+    }
+
+    /// The calibration under these conditions, if there is one.
+    pub fn variant(&self, variant: Variant) -> Option<&'a Calibration> {
+        let mut all = self.variants.iter();
+        all.find(|(other, _)| *other == variant)
+            .map(|(_, found)| found)
+    }
+
+    /// The calibration in two steps, if there is one.
+    pub fn two_steps(&self) -> Option<&'a Calibration> {
+        let is_result = self.result.method == Method::TwoStep;
+        let own = is_result.then_some(self.result);
+        own.or_else(|| self.variant(Variant::TwoStep))
+    }
+
+    /// What the joint adjustment found, whether its values are the result or not.
+    pub fn joint_found(&self) -> Option<&'a Joint> {
+        self.joint?.found.as_ref()
+    }
+
+    /// What the joint adjustment found where its values are not the result.
+    pub fn refused(&self) -> Option<&'a Joint> {
+        let is_refused = self.joint?.accepted().is_none();
+        self.joint_found().filter(|_| is_refused)
+    }
+}
+
+/// Results of one drive.
+#[derive(Debug, Clone, Default)]
+pub struct Drive {
+    /// Name.
+    pub name: String,
+    /// The poses in time order, the project's origin subtracted.
+    pub poses: Vec<PoseRecord>,
+    /// Result of the adjustment; `None` if the poses came from a file.
+    pub solution: Option<Solution>,
+    /// Rows of its logs without a measurement.
+    pub rejected_rows: Vec<RejectedRow>,
+    /// Agreement of its clouds.
+    pub agreements: Agreements,
+    /// What its raw logs contradict.
+    pub preflight: Vec<Verdict>,
+    /// Constants of its project that it contradicts.
+    pub doubts: Vec<Doubt>,
+}
+
+stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts });
