@@ -3,7 +3,7 @@
 use super::{Rotation, Vec3};
 use crate::error::Error;
 
-/// A position in a projected system, and how the system lies there.
+/// A position in a projected system, with the convergence and the scale there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridPoint {
     /// Metres.
