@@ -57,7 +57,8 @@ impl BodyState {
 }
 
 impl Drive {
-    /// When scanners record: from one second before the robot moves until it has stopped.
+    /// Time span in which the scanners record, seconds: from one second before the robot moves until it has
+    /// stopped.
     pub fn recording_s(&self) -> (f64, f64) {
         (self.moving_s.0 - 1.0, self.moving_s.1)
     }

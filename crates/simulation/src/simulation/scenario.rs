@@ -1,4 +1,4 @@
-//! The scenario: every number of the twin.
+//! The scenario: all settings of a simulation.
 
 use std::path::{Path, PathBuf};
 
