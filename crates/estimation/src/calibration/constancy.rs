@@ -197,7 +197,7 @@ impl Residual {
     fn of(surface: &Surface, trajectory: &Trajectory, index: usize) -> Option<Self> {
         let Surface { cloud, placed, .. } = surface;
         let movable = cloud.movable.len();
-        let members = surface.neighbourhoods.of(index).iter().copied();
+        let members = surface.neighbourhoods.members(index).iter().copied();
         let reference: Vec<u32> = members.filter(|&m| m as usize >= movable).collect();
         if reference.len() < MIN_REFERENCE_POINTS {
             return None;

@@ -129,7 +129,7 @@ impl Sums {
     fn add(&mut self, surface: &Surface, floor_m: f64, index: usize) {
         let Surface { cloud, placed, .. } = surface;
         let plane = &surface.planes[index];
-        let members = surface.neighbourhoods.of(index);
+        let members = surface.neighbourhoods.members(index);
         let weight = weight(plane, floor_m, members.len());
         self.derivative.fill(Vector6::zeros());
         for &member in members {
@@ -219,7 +219,7 @@ mod tests {
         let fast = normal_equations(&surface, FLOOR_M);
         let mut slow = DMatrix::zeros(12, 12);
         for index in 0..surface.planes.len() {
-            let members = surface.neighbourhoods.of(index);
+            let members = surface.neighbourhoods.members(index);
             let tensor = StructureTensor::of(&placed.world, members);
             let eigen = tensor.covariance.symmetric_eigen();
             let smallest = eigen.eigenvalues.imin();

@@ -126,7 +126,7 @@ fn distances(surface: &Surface, index: usize) -> Vec<Distance> {
         return Vec::new();
     };
     let own = cloud.profile(point);
-    let members = surface.neighbourhoods.of(index);
+    let members = surface.neighbourhoods.members(index);
     let mut beside = BTreeMap::<u32, (Vec3, usize)>::new();
     for &member in members {
         let Some(point) = cloud.movable.get(member as usize) else {

@@ -49,7 +49,7 @@ impl<'a> Sensitivity<'a> {
             .into_par_iter()
             .flat_map_iter(|index| {
                 let mut means = vec![Vector6::zeros(); cloud.scanners];
-                for &member in surface.neighbourhoods.of(index) {
+                for &member in surface.neighbourhoods.members(index) {
                     if let Some(point) = cloud.movable.get(member as usize) {
                         let rows = surface.rows(member as usize, &surface.planes[index].normal);
                         means[cloud.profile(point).scanner as usize] += derivative(&rows);
@@ -74,7 +74,7 @@ impl<'a> Sensitivity<'a> {
         let cloud = &self.surface.cloud;
         let own = cloud.profile(&cloud.movable[l]).scanner as usize;
         let mut gradients = vec![Matrix6x3::zeros(); cloud.scanners];
-        for &index in self.memberships.of(l) {
+        for &index in self.memberships.neighbourhoods(l) {
             let index = index as usize;
             let normal = &self.surface.planes[index].normal;
             let weighted = (normal * self.weights[index]).transpose();
@@ -288,7 +288,7 @@ mod tests {
         let cloud = &surface.cloud;
         let mut gradient = DVector::zeros(6 * cloud.scanners);
         for (index, plane) in surface.planes.iter().enumerate() {
-            let members = surface.neighbourhoods.of(index);
+            let members = surface.neighbourhoods.members(index);
             let mean =
                 members.iter().map(|&m| world[m as usize]).sum::<Vec3>() / members.len() as f64;
             for &member in members {
