@@ -35,7 +35,7 @@ impl<const R: usize> FactorRows<R> {
         self.by_columns.extend(by);
     }
 
-    /// The same rows, to be read; `weight` is what the loss leaves of them, 0 to 1.
+    /// The same rows with the weight of the loss, 0 to 1.
     pub fn weighted(&self, weight: f64) -> Rows<'_> {
         Rows {
             weight,
@@ -50,7 +50,7 @@ impl<const R: usize> FactorRows<R> {
 /// The rows of any factor.
 #[derive(Debug, Clone, Copy)]
 pub struct Rows<'a> {
-    /// Weight that the loss leaves, 0 to 1; the cost is ½ weight · Σ residual².
+    /// Weight of the loss, 0 to 1; the cost is ½ weight · Σ residual².
     pub weight: f64,
     pub residual: &'a [f64],
     /// Derivatives by node i, node i + 1, segment, for each row.
