@@ -111,7 +111,7 @@ pub fn normal_equations(surface: &Surface, floor_m: f64) -> NormalEquations {
 /// Sums over the neighbourhoods of one task.
 struct Sums {
     gradient: Vec<Vector6<f64>>,
-    own: Vec<Matrix6<f64>>,
+    diagonal_blocks: Vec<Matrix6<f64>>,
     matrix: DMatrix<f64>,
     derivative: Vec<Vector6<f64>>,
 }
@@ -120,7 +120,7 @@ impl Sums {
     fn new(scanners: usize) -> Self {
         Self {
             gradient: vec![Vector6::zeros(); scanners],
-            own: vec![Matrix6::zeros(); scanners],
+            diagonal_blocks: vec![Matrix6::zeros(); scanners],
             matrix: DMatrix::zeros(6 * scanners, 6 * scanners),
             derivative: vec![Vector6::zeros(); scanners],
         }
@@ -140,10 +140,10 @@ impl Sums {
             let scanner = cloud.profile(point).scanner as usize;
             let derivative = derivative(&surface.rows(member, &plane.normal));
             let weighted = derivative * weight;
-            let own = &mut self.own[scanner];
+            let block = &mut self.diagonal_blocks[scanner];
             for column in 0..6 {
                 for row in 0..=column {
-                    own[(row, column)] += weighted[row] * derivative[column];
+                    block[(row, column)] += weighted[row] * derivative[column];
                 }
             }
             let residual = plane.normal.dot(&(placed.world[member] - plane.mean_m));
@@ -163,12 +163,13 @@ impl Sums {
 
     fn finish(mut self) -> NormalEquations {
         let scanners = self.gradient.len();
-        let diagonals = self.own.iter().flat_map(|own| own.diagonal().data.0[0]);
+        let blocks = self.diagonal_blocks.iter();
+        let diagonals = blocks.flat_map(|block| block.diagonal().data.0[0]);
         let uncentred = DVector::from_iterator(6 * scanners, diagonals);
-        for (scanner, own) in self.own.iter_mut().enumerate() {
-            own.fill_lower_triangle_with_upper_triangle();
-            let mut block = self.matrix.fixed_view_mut::<6, 6>(6 * scanner, 6 * scanner);
-            block += &*own;
+        for (scanner, block) in self.diagonal_blocks.iter_mut().enumerate() {
+            block.fill_lower_triangle_with_upper_triangle();
+            let mut target = self.matrix.fixed_view_mut::<6, 6>(6 * scanner, 6 * scanner);
+            target += &*block;
         }
         self.matrix.fill_lower_triangle_with_upper_triangle();
         let entries = self.gradient.iter().flatten().copied();
