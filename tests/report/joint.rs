@@ -218,7 +218,7 @@ fn an_accepted_adjustment_stands_beside_two_steps() {
         "Scanner right relative to left",
         "times better than either scanner on the body",
         "the scans lie 2.8 mm above the reference",
-        "The reference lies off the world of the poses by +5.1 mm east, -0.2 mm north",
+        "The reference is displaced against the poses by +5.1 mm east, -0.2 mm north",
         "mounting bends or slips",
         "Residuals of the positions in blocks of time",
         "± 0.005° (assumed)",

@@ -30,10 +30,10 @@ impl fmt::Display for Location {
     }
 }
 
-/// What a message quotes of a file is no longer than this, characters.
+/// Longest text that a message quotes from a file, characters.
 const LONGEST_QUOTE: usize = 1000;
 
-/// The beginning of a text that is too long to print.
+/// Shortens a text that is too long to print.
 fn shortened(text: String) -> String {
     match text.char_indices().nth(LONGEST_QUOTE) {
         None => text,
@@ -52,7 +52,7 @@ pub enum Problem {
     NoOverlap,
     /// Too few data for the method.
     TooFew,
-    /// More than memory holds.
+    /// More data than memory holds.
     TooMany,
     /// Unknowns that the data do not determine.
     NotDetermined,
@@ -123,7 +123,7 @@ impl Error {
         }
     }
 
-    /// The same of the file `to` in place of `from`.
+    /// The same error about the file `to` instead of `from`.
     pub fn renamed(self, from: &Path, to: &Path) -> Self {
         let new = |path: PathBuf| if path == from { to.to_owned() } else { path };
         match self {
@@ -155,7 +155,7 @@ impl Error {
         }
     }
 
-    /// The same, and where it names none of the files that were read, in the first of them.
+    /// The same error; a message that names none of the `inputs` is prefixed with the first of them.
     pub fn within(self, inputs: &[PathBuf]) -> Self {
         let is_named = |problem: &str| {
             let names = inputs.iter().filter_map(|path| path.file_name()?.to_str());

@@ -1,4 +1,5 @@
-//! Points, voxel grids, neighbourhoods and their shape; M3C2 distances between clouds: a part of [boresight](https://crates.io/crates/boresight), which hands it on whole.
+//! Points, voxel grids, neighbourhoods and their shape; M3C2 distances between clouds. This crate is a part of
+//! [boresight](https://crates.io/crates/boresight), which re-exports all of it.
 //!
 //! Data flows down this list, and modules import only from above:
 //!
@@ -7,7 +8,7 @@
 //! | [`error`] | the error type, with file, line and remedy |
 //! | [`progress`] | progress of stages, cancellation |
 //! | [`output`] | result files, written completely or not at all |
-//! | [`stored`] | results as bytes, from which they come back exactly |
+//! | [`stored`] | results serialised to bytes and restored bit by bit |
 //! | [`statistics`] | median, quantiles, χ², F, Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |

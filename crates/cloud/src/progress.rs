@@ -25,8 +25,8 @@ pub trait Progress: Sync {
     fn say(&self, message: &str);
     /// Passes on one line that the user should act on.
     fn warn(&self, message: &str);
-    /// Offers the clouds of these names as they lie at this moment of the work; `points` costs time, and is called
-    /// only by who shows them.
+    /// Offers the named clouds as they lie at this moment of the work. `points` takes time: implementations
+    /// that do not show the clouds do not call it.
     fn clouds(&self, _moment: &str, _names: &[&str], _points: &EachPoint<'_>) {}
     /// Whether the work should stop. Called often and from any thread; once true, it must stay
     /// true.
@@ -80,44 +80,46 @@ impl Drop for Stage<'_> {
 
 /// Progress of an iteration that ends when it has converged: its steps become units of a stage.
 ///
-/// The expected number of steps makes [`Steps::EXPECTED`] of the units; each further one makes a share of what
-/// is left then, so that the stage goes on and is not over before it is.
+/// The expected number of steps covers the share [`Steps::EXPECTED`] of the units. Each further step covers a
+/// fraction of the remaining units, so that the stage keeps advancing but reaches its end only when the iteration
+/// does.
 pub struct Steps<'a> {
     progress: &'a dyn Progress,
     expected: u64,
     units: u64,
-    taken: AtomicU64,
-    given: AtomicU64,
+    steps_done: AtomicU64,
+    units_reported: AtomicU64,
 }
 
 impl<'a> Steps<'a> {
-    /// Share of the units that the expected number of steps makes.
+    /// Share of the units that the expected number of steps covers.
     pub const EXPECTED: f64 = 0.8;
 
-    /// Steps, most often `expected` ones, that make `units` of the innermost stage of `progress`.
+    /// Steps, usually `expected` of them, that cover `units` of the innermost stage of `progress`.
     pub fn new(progress: &'a dyn Progress, expected: u64, units: u64) -> Self {
         Self {
             progress,
             expected: expected.max(1),
             units,
-            taken: AtomicU64::new(0),
-            given: AtomicU64::new(0),
+            steps_done: AtomicU64::new(0),
+            units_reported: AtomicU64::new(0),
         }
     }
 
-    /// Reports all units that no step has made as done.
+    /// Reports all remaining units as done.
     pub fn finish(self) {
         self.progress
-            .advance(self.units.saturating_sub(self.given.into_inner()));
+            .advance(self.units.saturating_sub(self.units_reported.into_inner()));
     }
 
-    fn share(&self, taken: u64) -> f64 {
-        let ratio = taken as f64 / self.expected as f64;
+    /// Share of the units covered by this number of steps.
+    fn share(&self, steps_done: u64) -> f64 {
+        let ratio = steps_done as f64 / self.expected as f64;
         if ratio <= 1.0 {
             return Self::EXPECTED * ratio;
         }
         let left = 1.0 - Self::EXPECTED;
-        // As fast at first as until then.
+        // The rate is continuous at the expected number of steps.
         1.0 - left * (-(ratio - 1.0) * Self::EXPECTED / left).exp()
     }
 }
@@ -128,10 +130,10 @@ impl Progress for Steps<'_> {
     }
 
     fn advance(&self, steps: u64) {
-        let taken = self.taken.fetch_add(steps, Ordering::Relaxed) + steps;
-        let given = (self.share(taken) * self.units as f64).round() as u64;
-        let before = self.given.fetch_max(given, Ordering::Relaxed);
-        self.progress.advance(given.saturating_sub(before));
+        let steps_done = self.steps_done.fetch_add(steps, Ordering::Relaxed) + steps;
+        let units = (self.share(steps_done) * self.units as f64).round() as u64;
+        let before = self.units_reported.fetch_max(units, Ordering::Relaxed);
+        self.progress.advance(units.saturating_sub(before));
     }
 
     fn end(&self) {
@@ -194,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_come_near_their_units_and_never_beyond() {
+    fn steps_approach_their_units_and_never_exceed_them() {
         for count in [0, 3, 10, 500] {
             let counter = Counter::default();
             let steps = Steps::new(&counter, 10, 1000);

@@ -1,19 +1,19 @@
-//! Results as bytes, from which they come back exactly: for runs that go on where another was stopped.
+//! Results serialised to bytes and restored bit by bit, so that a run can continue where another one stopped.
 //!
-//! A struct is its fields in the order of its list, an enum the name of its variant and what that holds; what
-//! wrote the bytes is the same program that reads them, or they are not read.
+//! A struct is stored as its fields in the order of its list, an enum as the name of its variant followed by the
+//! variant's value. There is no version in the bytes: only the program that wrote them may read them.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 
-/// What can be written as bytes and comes back bit by bit.
+/// A value that can be stored as bytes and restored bit by bit.
 pub trait Stored: Sized {
     /// Appends the value to `bytes`.
     fn store(&self, bytes: &mut Vec<u8>);
 
-    /// Takes a value off the front of `bytes`; `None` where they are no such value.
+    /// Takes a value off the front of `bytes`; `None` if they do not begin with such a value.
     fn restore(bytes: &mut &[u8]) -> Option<Self>;
 }
 
@@ -69,9 +69,9 @@ macro_rules! stored_number {
             }
 
             fn restore(bytes: &mut &[u8]) -> Option<Self> {
-                let (own, rest) = bytes.split_first_chunk()?;
+                let (number, rest) = bytes.split_first_chunk()?;
                 *bytes = rest;
-                Some(Self::from_le_bytes(*own))
+                Some(Self::from_le_bytes(*number))
             }
         }
     )*};
@@ -114,13 +114,14 @@ impl Stored for String {
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
         let length = usize::restore(bytes)?;
-        let (own, rest) = bytes.split_at_checked(length)?;
+        let (text, rest) = bytes.split_at_checked(length)?;
         *bytes = rest;
-        Self::from_utf8(own.to_vec()).ok()
+        Self::from_utf8(text.to_vec()).ok()
     }
 }
 
-/// The few names that the program itself holds, such as units; each is kept once, for as long as it runs.
+/// For the few names that the program itself defines, such as units: each restored name stays in memory once, until
+/// the program ends.
 impl Stored for &'static str {
     fn store(&self, bytes: &mut Vec<u8>) {
         store_text(self, bytes);
@@ -132,9 +133,9 @@ impl Stored for &'static str {
         let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
         let known = names.get(name.as_str()).copied();
         Some(known.unwrap_or_else(|| {
-            let kept: &'static str = name.leak();
-            names.insert(kept);
-            kept
+            let leaked: &'static str = name.leak();
+            names.insert(leaked);
+            leaked
         }))
     }
 }
@@ -155,7 +156,7 @@ impl<T: Stored> Stored for Option<T> {
     }
 }
 
-/// Appends values as a `Vec` of them would be.
+/// Appends values as a `Vec` of them would be stored.
 pub fn store_all<T: Stored>(values: &[T], bytes: &mut Vec<u8>) {
     values.len().store(bytes);
     values.iter().for_each(|value| value.store(bytes));
@@ -168,7 +169,7 @@ impl<T: Stored> Stored for Vec<T> {
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
         let length = usize::restore(bytes)?;
-        // No more memory than the bytes themselves ask for, whatever length they claim.
+        // Whatever length the bytes claim, reserve no more memory than they can fill.
         let mut values = Self::with_capacity(length.min(bytes.len() / size_of::<T>().max(1)));
         for _ in 0..length {
             values.push(T::restore(bytes)?);
@@ -183,13 +184,13 @@ impl<T: Stored + Default, const N: usize> Stored for [T; N] {
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        let mut is_whole = true;
+        let mut is_complete = true;
         let values = std::array::from_fn(|_| {
             let value = T::restore(bytes);
-            is_whole &= value.is_some();
+            is_complete &= value.is_some();
             value.unwrap_or_default()
         });
-        is_whole.then_some(values)
+        is_complete.then_some(values)
     }
 }
 
@@ -222,7 +223,7 @@ impl Stored for Vector3<f64> {
     }
 }
 
-/// As it is: normalised again, it could come back another.
+/// Stored as it is, because normalising it again could change its last bits.
 impl Stored for UnitQuaternion<f64> {
     fn store(&self, bytes: &mut Vec<u8>) {
         <[f64; 4]>::from(self.coords).store(bytes);
@@ -253,8 +254,8 @@ impl Stored for DMatrix<f64> {
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
         let (rows, columns) = <(usize, usize)>::restore(bytes)?;
         let values: Vec<f64> = Vec::restore(bytes)?;
-        let is_whole = rows.checked_mul(columns) == Some(values.len());
-        is_whole.then(|| Self::from_vec(rows, columns, values))
+        let is_complete = rows.checked_mul(columns) == Some(values.len());
+        is_complete.then(|| Self::from_vec(rows, columns, values))
     }
 }
 
@@ -277,7 +278,7 @@ mod tests {
         }
     );
 
-    /// One of everything.
+    /// One field of each kind.
     #[derive(Debug, PartialEq)]
     struct Value {
         kinds: Vec<Kind>,
@@ -319,7 +320,7 @@ mod tests {
         let found = Value::restore(&mut rest).unwrap();
         assert_eq!((&found, rest), (&value(), &[][..]));
         assert_eq!(bytes_of(&found), bytes);
-        // Equality does not tell these.
+        // Comparison with == cannot distinguish these.
         for special in [-0.0, f64::from_bits(0x7ff8_0000_dead_beef)] {
             let found = f64::restore(&mut bytes_of(&special).as_slice()).unwrap();
             assert_eq!(found.to_bits(), special.to_bits());
@@ -327,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_that_are_no_value_are_none() {
+    fn invalid_bytes_restore_no_value() {
         let bytes = bytes_of(&value());
         for length in 0..bytes.len() {
             assert_eq!(
@@ -336,7 +337,7 @@ mod tests {
                 "{length} bytes"
             );
         }
-        // Whatever they claim, neither a panic nor a huge allocation.
+        // Damaged bytes cause neither a panic nor a huge allocation.
         let random = &mut ChaCha8Rng::seed_from_u64(1);
         for _ in 0..10_000 {
             let mut bytes = bytes.clone();

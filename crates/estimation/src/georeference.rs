@@ -62,7 +62,7 @@ pub struct Georeferencer<'a> {
     bending: Option<&'a Bending>,
     time_offset_s: f64,
     last: Option<(f64, Option<WorldFromBody>)>,
-    /// The last mounting of a scanner that moves.
+    /// The last bent mounting and its time, seconds.
     bent: Option<(f64, BodyFromScanner)>,
     read: u64,
     outside: u64,
@@ -99,7 +99,7 @@ impl<'a> Georeferencer<'a> {
         }
     }
 
-    /// With a mounting that moves about the given one.
+    /// Adds offsets by which the mounting bends about the given one.
     pub fn with_bending(mut self, bending: Option<&'a Bending>) -> Self {
         self.bending = bending;
         self
@@ -235,7 +235,7 @@ impl<'a> Georeferencer<'a> {
         world_from_body.map(|pose| pose.map(&mounting.map(&point.position_m)))
     }
 
-    /// The mounting at a time, found once for all points of a profile.
+    /// The bent mounting at `time_s`, computed once for all points of a profile.
     fn bent_at(&mut self, bending: &Bending, time_s: f64) -> BodyFromScanner {
         match self.bent {
             Some((at, mounting)) if at == time_s => mounting,

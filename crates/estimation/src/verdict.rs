@@ -1,4 +1,4 @@
-//! What the program says about its results: statements with a severity and a stable code.
+//! Verdicts: statements about results, each with a severity and a stable code.
 
 use crate::stored::stored;
 use serde::{Deserialize, Serialize};
@@ -11,14 +11,14 @@ pub enum Severity {
     Good,
     /// For information.
     Note,
-    /// The result may be used by who knows why this is said.
+    /// The result may be used, but only with the stated reason in mind.
     Care,
     /// The result is wrong, or nothing shows that it is right.
     Fault,
 }
 
 impl Severity {
-    /// Whether it stands first, behind a `!`.
+    /// Whether the statement is listed first and marked with a `!`.
     pub fn is_marked(self) -> bool {
         self >= Self::Care
     }
@@ -28,18 +28,18 @@ impl Severity {
 /// the reference scan to 1.3 mm (before: 43 mm)".
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
-    /// How grave it is.
+    /// Its severity.
     pub severity: Severity,
-    /// What it is about, stable from version to version, for example `prism.lever_arm`; listed in
-    /// docs/verdicts.md.
+    /// Its code, stable from version to version, for example `prism.lever_arm`; docs/verdicts.md lists
+    /// them all.
     pub code: String,
     /// One or two sentences, with units.
     pub text: String,
-    /// The number that it rests on, in SI units and radians, if it is one.
+    /// The number on which it rests, in SI units and radians, if there is one.
     pub value: Option<f64>,
-    /// Its standard deviation.
+    /// Standard deviation of the number.
     pub sigma: Option<f64>,
-    /// The drive or the run beside the main one that it is about, for example `drive-2`; `None` for the main one.
+    /// The drive or run that it is about, for example `drive-2`; `None` for the main one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub about: Option<String>,
 }
@@ -57,46 +57,46 @@ impl Verdict {
         }
     }
 
-    /// [`Severity::Good`].
+    /// A statement of severity [`Severity::Good`].
     pub fn good(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Good, code, text)
     }
 
-    /// [`Severity::Note`].
+    /// A statement of severity [`Severity::Note`].
     pub fn note(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Note, code, text)
     }
 
-    /// [`Severity::Care`].
+    /// A statement of severity [`Severity::Care`].
     pub fn care(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Care, code, text)
     }
 
-    /// [`Severity::Fault`].
+    /// A statement of severity [`Severity::Fault`].
     pub fn fault(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Fault, code, text)
     }
 
-    /// The same of another drive.
+    /// The same statement about another drive, whose name begins the text.
     pub fn on(mut self, drive: &str) -> Self {
         self.text = format!("{drive}: {}", self.text);
         self.about(drive)
     }
 
-    /// The same, which is about a drive or a run beside the main one.
+    /// The same statement, marked as one about a drive or run other than the main one.
     pub fn about(mut self, run: &str) -> Self {
         self.about = Some(run.to_owned());
         self
     }
 
-    /// The same with its number.
+    /// The same statement with the number on which it rests.
     pub fn with_value(mut self, value: f64, sigma: Option<f64>) -> Self {
         (self.value, self.sigma) = (Some(value), sigma);
         self
     }
 }
 
-/// What a result is held against.
+/// Limits that a result must meet.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Acceptance {
     /// Largest standard deviation of a mounting's position along an axis, metres.
@@ -106,7 +106,7 @@ pub struct Acceptance {
     /// Largest median and largest normalised median absolute deviation of distances between clouds,
     /// metres.
     pub distance_m: f64,
-    /// Least share of the common field that the distances rest on.
+    /// Least share of the common field that the distances must cover.
     pub coverage: f64,
 }
 
@@ -121,20 +121,20 @@ impl Default for Acceptance {
     }
 }
 
-/// What all verdicts come to.
+/// The conclusion from all verdicts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Headline {
-    /// No fault, and nothing to take care of.
+    /// No verdict of severity care or fault.
     Usable,
-    /// Something to take care of.
+    /// At least one verdict of severity care, no fault.
     Care,
-    /// A fault.
+    /// At least one fault.
     Unusable,
 }
 
 impl Headline {
-    /// That of the gravest verdict.
+    /// The headline of the gravest verdict.
     pub fn of(verdicts: &[Verdict]) -> Self {
         match verdicts.iter().map(|verdict| verdict.severity).max() {
             Some(Severity::Fault) => Self::Unusable,
@@ -143,7 +143,7 @@ impl Headline {
         }
     }
 
-    /// In words.
+    /// The headline in words.
     pub fn text(self) -> &'static str {
         match self {
             Self::Usable => "usable",

@@ -1,4 +1,5 @@
-//! Drives of a robot with laser scanners over a field, as sensor files with their truth: a part of [boresight](https://crates.io/crates/boresight), which hands it on whole.
+//! Simulated drives of a robot with laser scanners over a field: sensor files and their truth. This crate is a part
+//! of [boresight](https://crates.io/crates/boresight), which re-exports all of it.
 //!
 //! Data flows down this list, and modules import only from above:
 //!

@@ -1,4 +1,4 @@
-//! Bounding boxes, and distances.
+//! Bounding boxes, and squared distances.
 
 use crate::geometry::Vec3;
 
@@ -13,7 +13,7 @@ pub(crate) struct Bounds {
 
 impl Bounds {
     /// The smallest box around `points`.
-    pub(super) fn of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
+    pub(super) fn around<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
         let points = points.into_iter();
         points.fold(Self::empty(), |bounds, point| Self {
             low: bounds.low.inf(point),
@@ -74,7 +74,7 @@ impl Bounds {
     }
 }
 
-/// ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z²
+/// Squared distance |p − q|², computed as ((p − q)ₓ² + (p − q)ᵧ²) + (p − q)_z².
 #[inline(always)]
 pub(super) fn squared_distance(a: &Vec3, b: &Vec3) -> f64 {
     let (x, y, z) = (a.x - b.x, a.y - b.y, a.z - b.z);

@@ -82,8 +82,8 @@ pub(super) enum Search {
 }
 
 impl Candidates {
-    /// Gathers the points of `index` in the box of `group` widened by `margin_m`; false, and
-    /// nothing to search, if the leaves that meet it hold more than `most`.
+    /// Gathers the points of `index` in the box of `group` widened by `margin_m`. Returns false and gathers
+    /// nothing if the leaves that meet the box hold more than `most` points.
     #[inline(always)]
     pub(super) fn gather(
         &mut self,
@@ -97,21 +97,21 @@ impl Candidates {
             high: group.high.add_scalar(margin_m),
         };
         // Points are copied outside the closure, which is not compiled for wide vectors.
-        let found = Cell::new(0);
+        let gathered = Cell::new(0);
         self.runs.clear();
         index.visit_leaves(
-            |bounds| found.get() <= most && bounds.intersects(&wide),
+            |bounds| gathered.get() <= most && bounds.intersects(&wide),
             |leaf| {
-                found.set(found.get() + leaf.len());
+                gathered.set(gathered.get() + leaf.len());
                 self.runs.push(leaf);
             },
         );
-        if found.get() > most {
+        if gathered.get() > most {
             return false;
         }
-        if self.points.len() < found.get() {
-            self.points.resize(found.get(), [1.0; 4]);
-            self.indices.resize(found.get(), 0);
+        if self.points.len() < gathered.get() {
+            self.points.resize(gathered.get(), [1.0; 4]);
+            self.indices.resize(gathered.get(), 0);
         }
         let mut filled = 0;
         for run in &self.runs {
@@ -155,8 +155,8 @@ impl Candidates {
         true
     }
 
-    /// Takes the `k` points of `index` nearest to `query`, searched in the tree, and chooses them
-    /// all; distance of the farthest, as in [`Search::Found`].
+    /// Searches the `k` points of `index` nearest to `query` in the tree, and chooses them all. Returns the
+    /// distance of the farthest, as in [`Search::Found`].
     pub(super) fn take_nearest(&mut self, index: &NeighbourIndex, query: &Vec3, k: usize) -> f64 {
         let mut farthest = f64::NAN;
         self.places.clear();

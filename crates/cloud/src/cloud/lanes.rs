@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// Squared distances, some of them no numbers or just at the threshold, and points.
+    /// Squared distances, some of them NaN or exactly at the threshold, and points.
     fn cases() -> impl Iterator<Item = (Vec<f32>, Vec<[f64; 4]>)> {
         (0..20u32).map(|seed| {
             let n = WORD * (1 + seed as usize % 5);
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn plain_loops_find_what_they_say() {
+    fn plain_loops_match_their_definitions() {
         for (squared, points) in cases() {
             let found = found::<Plain>(&squared, &points);
             let below = (0..).zip(&squared).filter(|(_, s)| **s <= THRESHOLD);
@@ -266,7 +266,7 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     #[test]
     #[cfg_attr(not(has_avx512), ignore = "this machine has no AVX-512")]
-    fn wide_and_plain_loops_find_the_same_bits() {
+    fn wide_and_plain_loops_give_identical_results() {
         use crate::cloud::vectors::Width;
 
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,popcnt")]

@@ -31,7 +31,7 @@ pub struct PointCloud {
 }
 
 impl PointCloud {
-    /// Forgets times and intensities that some points do not have.
+    /// Removes times and intensities if some points have none.
     pub fn forget_incomplete(&mut self) {
         if !self.time_s.iter().all(|time_s| time_s.is_finite()) {
             self.time_s.clear();

@@ -17,7 +17,7 @@ use crate::stored::stored;
 pub enum MountingKind {
     /// The initial values of the project.
     Initial,
-    /// The result of two steps with their poses, where that of the run is another.
+    /// The result of the two-step calibration, with its poses, if the run has another result.
     TwoStep,
     /// The result of the run.
     Final,
@@ -51,16 +51,17 @@ pub enum Against {
 pub struct Agreement {
     /// Name of the scanner compared.
     pub scanner: String,
-    /// What it is compared with.
+    /// The cloud with which it is compared.
     pub against: Against,
     /// The mounting used for the clouds.
     pub mounting: MountingKind,
     /// Statistics of the distances.
     pub statistics: Statistics,
-    /// Share of the core points with a distance among those that lie in the footprint of the cloud
-    /// compared, seen from above and half a metre about its heights; NaN if none does.
+    /// Share of core points with a distance, among those inside the footprint of the compared cloud:
+    /// inside it as seen from above, and within half a metre of its heights. NaN if no core point
+    /// lies inside.
     pub coverage: f64,
-    /// The distances by place.
+    /// The distances at their positions.
     pub distances: DistanceMap,
 }
 
@@ -82,10 +83,10 @@ impl Agreement {
 /// All comparisons of one drive.
 #[derive(Debug, Clone, Default)]
 pub struct Agreements {
-    /// All pairs: every scanner with the reference, then every pair of scanners. Those of one pair
-    /// are consecutive, in the order of [`MountingKind`].
+    /// The comparisons that have distances: every scanner with the reference, then every pair of
+    /// scanners. Those of one pair are consecutive, in the order of [`MountingKind`].
     pub found: Vec<Agreement>,
-    /// Comparisons under the final mounting without any distance: of what, and why.
+    /// Comparisons under the final mounting without any distance: the other cloud, and the reason.
     pub missing: Vec<(Against, String)>,
 }
 
@@ -93,12 +94,13 @@ impl Agreements {
     /// Comparisons under one mounting.
     pub fn under(&self, mounting: MountingKind) -> impl Iterator<Item = &Agreement> {
         let all = self.found.iter();
-        all.filter(move |found| found.mounting == mounting)
+        all.filter(move |agreement| agreement.mounting == mounting)
     }
 
-    /// The comparison of the same clouds as in `of` under another mounting.
-    pub fn counterpart(&self, of: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
-        self.under(mounting).find(|found| found.is_same_pair(of))
+    /// The comparison of the same clouds as in `agreement` under another mounting.
+    pub fn counterpart(&self, agreement: &Agreement, mounting: MountingKind) -> Option<&Agreement> {
+        self.under(mounting)
+            .find(|other| other.is_same_pair(agreement))
     }
 
     /// The comparisons of each pair of clouds.
@@ -148,7 +150,11 @@ pub fn agreements(
     }
     all.found.sort_by_key(|(sides, _)| *sides);
     Ok(Agreements {
-        found: all.found.into_iter().map(|(_, found)| found).collect(),
+        found: all
+            .found
+            .into_iter()
+            .map(|(_, agreement)| agreement)
+            .collect(),
         missing: all.missing,
     })
 }
@@ -156,10 +162,11 @@ pub fn agreements(
 /// Edge of the cells of a footprint, metres.
 const FOOTPRINT_CELL_M: f64 = 0.1;
 
-/// And how far above and below its points a cell reaches, metres: another storey is another field.
+/// Distance that a cell of a footprint extends above and below its points, metres: points on another
+/// storey are outside.
 const FOOTPRINT_REACH_M: f64 = 0.5;
 
-/// See [`Agreement::coverage`].
+/// The coverage of a comparison; see [`Agreement::coverage`].
 fn coverage(distances: &M3c2, compared: &[Vec3]) -> f64 {
     let cell = |point: &Vec3| voxel_key(&Vec3::new(point.x, point.y, 0.0), FOOTPRINT_CELL_M);
     let mut footprint: VoxelMap<VoxelKey, (f64, f64)> = VoxelMap::default();
@@ -174,13 +181,13 @@ fn coverage(distances: &M3c2, compared: &[Vec3]) -> f64 {
                 (low - FOOTPRINT_REACH_M..=high + FOOTPRINT_REACH_M).contains(&core.point.z)
             })
     });
-    let (with, all) = inside.fold((0.0, 0.0), |(with, all), core| {
+    let (covered, all) = inside.fold((0.0, 0.0), |(covered, all), core| {
         (
-            with + f64::from(u8::from(core.distance_m.is_finite())),
+            covered + f64::from(u8::from(core.distance_m.is_finite())),
             all + 1.0,
         )
     });
-    with / all
+    covered / all
 }
 
 /// The cloud compared with (`None` for the reference), the scanner compared, and the mounting.
@@ -221,7 +228,7 @@ impl Comparisons<'_> {
         let distances = m3c2(reference, compared, core, up, self.settings, progress)?;
         match Statistics::of(&distances) {
             Ok(statistics) => {
-                let found = Agreement {
+                let agreement = Agreement {
                     coverage: coverage(&distances, compared),
                     scanner: scanner.into(),
                     against,
@@ -229,7 +236,7 @@ impl Comparisons<'_> {
                     statistics,
                     distances: DistanceMap::of(&distances),
                 };
-                self.found.push((sides, found));
+                self.found.push((sides, agreement));
             }
             Err(reason) => {
                 let text = format!("{drive}: {reason}");

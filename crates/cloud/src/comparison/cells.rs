@@ -21,7 +21,7 @@ const CELLS: usize = (SIDE * SIDE * SIDE) as usize;
 /// a block of a centimetre, twenty times the distance to the moon.
 const FARTHEST: f64 = 1e12;
 
-/// The lattice.
+/// The cubic lattice of cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lattice {
     /// Edge of a cell, metres.
@@ -105,7 +105,7 @@ pub(super) struct Run {
     pub(super) count: u32,
 }
 
-/// The points of a cloud, sorted.
+/// The points of a cloud, sorted by block and cell.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     pub(super) lattice: Lattice,
@@ -132,10 +132,10 @@ impl Cells {
         let mut numbers: VoxelMap<VoxelKey, u32> = VoxelMap::default();
         let mut counts: Vec<u32> = Vec::new();
         let mut last = ([i64::MAX; 3], 0);
-        let mut of_point: Vec<(u32, u16)> = Vec::with_capacity(points.len());
+        let mut block_and_place: Vec<(u32, u16)> = Vec::with_capacity(points.len());
         for point in points {
             if !lattice.covers(point) {
-                of_point.push((u32::MAX, 0));
+                block_and_place.push((u32::MAX, 0));
                 continue;
             }
             let cell = lattice.cell(point);
@@ -149,7 +149,7 @@ impl Cells {
                 last = (key, number);
             }
             counts[last.1 as usize] += 1;
-            of_point.push((last.1, place_of(cell)));
+            block_and_place.push((last.1, place_of(cell)));
         }
         // First the start, then the end of each block.
         let mut ends: Vec<u32> = counts
@@ -162,14 +162,14 @@ impl Cells {
             .collect();
         let total = counts.iter().map(|&count| count as usize).sum();
         let mut in_blocks = vec![(0u32, 0u16); total];
-        for (&(number, place), index) in of_point.iter().zip(0u32..) {
+        for (&(number, place), index) in block_and_place.iter().zip(0u32..) {
             if number != u32::MAX {
                 let end = &mut ends[number as usize];
                 in_blocks[*end as usize] = (index, place);
                 *end += 1;
             }
         }
-        drop(of_point);
+        drop(block_and_place);
         let mut cells = Self {
             lattice,
             blocks: VoxelMap::default(),
@@ -179,7 +179,7 @@ impl Cells {
             z: Vec::with_capacity(total),
         };
         let mut sorted = Vec::new();
-        let mut cells_of = Vec::with_capacity(counts.len());
+        let mut cell_ranges = Vec::with_capacity(counts.len());
         for (&end, &count) in ends.iter().zip(&counts) {
             sort_by_place(
                 &in_blocks[(end - count) as usize..end as usize],
@@ -197,12 +197,12 @@ impl Cells {
                 cells.y.push(point.y);
                 cells.z.push(point.z);
             }
-            cells_of.push((first, cells.occupied.len() as u32));
+            cell_ranges.push((first, cells.occupied.len() as u32));
         }
         cells.occupied.push((0, total as u32));
         cells.blocks = numbers
             .into_iter()
-            .map(|(key, number)| (key, cells_of[number as usize]))
+            .map(|(key, number)| (key, cell_ranges[number as usize]))
             .collect();
         cells
     }

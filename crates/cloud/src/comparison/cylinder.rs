@@ -7,8 +7,8 @@ use crate::cloud::bounds::Bounds;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::Vec3;
 
-/// The lateral surface belongs to it, the ends do not; a one-sided cylinder includes the plane of
-/// the core point.
+/// A cylinder along the normal of a core point. It includes its lateral surface but not its ends; a
+/// one-sided cylinder includes the plane of the core point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cylinder {
     centre: Vec3,
@@ -57,8 +57,8 @@ impl Cylinder {
         across <= (half.norm() + self.radius_m) * ROOM + rounding
     }
 
-    /// Replaces `heights` by those of the points of `cloud` inside, along the axis from the centre,
-    /// metres.
+    /// Replaces `heights` by those of the points of `cloud` inside the cylinder: distances from the centre
+    /// along the axis, metres.
     pub(super) fn heights_in_tree(&self, cloud: &NeighbourIndex, heights: &mut Heights) {
         heights.clear();
         cloud.visit(

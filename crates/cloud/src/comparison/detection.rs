@@ -23,9 +23,9 @@ impl Sample {
         variance: f64::NAN,
     };
 
-    /// Summarises those of `heights` with weight 1 in `weights`, a list of the same length.
+    /// Summarises the `heights` whose weight is 1; `weights` has the same length, the others are 0.
     /// `sorted` is a buffer.
-    pub(super) fn of(
+    pub(super) fn new(
         heights: &[f64],
         weights: &[f64],
         aggregation: Aggregation,
@@ -85,7 +85,7 @@ pub(super) fn level_of_detection(
     match settings.detection {
         Detection::Normal => NORMAL_97_5_ROUNDED * (sampling + registration),
         Detection::Student => {
-            let drawn = if sampling > 0.0 {
+            let scaled_sampling = if sampling > 0.0 {
                 let (share_a, share_b) = (a / (a + b), b / (a + b));
                 let dof = 1.0
                     / (share_a * share_a / f64::from(reference.count - 1)
@@ -94,7 +94,7 @@ pub(super) fn level_of_detection(
             } else {
                 0.0
             };
-            drawn + NORMAL_97_5 * registration
+            scaled_sampling + NORMAL_97_5 * registration
         }
     }
 }
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     fn sample(heights: &[f64]) -> Sample {
-        Sample::of(
+        Sample::new(
             heights,
             &vec![1.0; heights.len()],
             Aggregation::Mean,

@@ -58,7 +58,7 @@ impl Groups {
         T: Clone + Send,
         Scratch: Default,
     {
-        let found: Vec<Vec<T>> = self
+        let values: Vec<Vec<T>> = self
             .groups
             .par_iter()
             .map_init(Scratch::default, |scratch, (block, range)| {
@@ -66,7 +66,7 @@ impl Groups {
             })
             .collect();
         let mut in_order = vec![missing; core_points];
-        for (&at, value) in self.order.iter().zip(found.into_iter().flatten()) {
+        for (&at, value) in self.order.iter().zip(values.into_iter().flatten()) {
             in_order[at as usize] = value;
         }
         in_order

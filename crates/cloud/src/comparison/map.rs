@@ -1,29 +1,31 @@
-//! Distances by place: what is drawn of a comparison.
+//! Distances at their positions and their histogram, for the figures of a comparison.
 
 use super::result::M3c2;
 use crate::geometry::Vec3;
 use crate::stored::stored;
 
-/// The core points that have a distance. All are rounded to single precision, places about the first point:
-/// better than a micrometre within ten metres, with a fifth of the memory of the comparison.
+/// The core points that have a distance, in single precision and relative to the first of them: accurate to a
+/// micrometre within ten metres, in a fifth of the memory of the comparison.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DistanceMap {
     first_m: [f64; 3],
-    /// Places about the first, distances, and their levels of detection, metres.
+    /// Positions relative to the first, distances, and their levels of detection, metres.
     points: Vec<[f32; 5]>,
 }
 stored!(struct DistanceMap { first_m, points });
 
 impl DistanceMap {
-    /// Of a comparison, in the order of its core points.
+    /// The map of a comparison, in the order of its core points.
     pub fn of(comparison: &M3c2) -> Self {
-        let known = comparison
+        let with_distance = comparison
             .core
             .iter()
             .filter(|core| core.point.sum().is_finite() && core.distance_m.is_finite());
-        let mut known = known.peekable();
-        let first_m = known.peek().map_or(Vec3::zeros(), |core| core.point);
-        let points = known.map(|core| {
+        let mut with_distance = with_distance.peekable();
+        let first_m = with_distance
+            .peek()
+            .map_or(Vec3::zeros(), |core| core.point);
+        let points = with_distance.map(|core| {
             let [x, y, z] = (core.point - first_m).into();
             [x, y, z, core.distance_m, core.level_of_detection_m].map(|value| value as f32)
         });
@@ -33,7 +35,7 @@ impl DistanceMap {
         }
     }
 
-    /// Places and distances, metres.
+    /// Positions and distances, metres.
     pub fn points(&self) -> impl Iterator<Item = (Vec3, f64)> + Clone {
         let first_m = Vec3::from(self.first_m);
         self.points.iter().map(move |point| {
@@ -42,7 +44,7 @@ impl DistanceMap {
         })
     }
 
-    /// The level of detection at 95 % of each of the distances, metres; NaN where it is unknown.
+    /// The level of detection at 95 % of each distance, metres; NaN if it is unknown.
     pub fn levels_of_detection_m(&self) -> impl Iterator<Item = f64> + Clone {
         self.points.iter().map(|point| f64::from(point[4]))
     }
@@ -99,7 +101,7 @@ mod tests {
     use crate::comparison::CoreDistance;
 
     #[test]
-    fn places_and_distances_are_kept_where_there_are_any() {
+    fn a_map_keeps_the_core_points_that_have_a_distance() {
         let core = |point: Vec3, distance_m: f64| CoreDistance {
             point,
             distance_m,

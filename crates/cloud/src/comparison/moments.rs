@@ -6,7 +6,7 @@ use crate::cloud::StructureTensor;
 use crate::cloud::vectors::with_widest_vectors;
 use crate::geometry::{Mat3, Vec3};
 
-/// Offsets of points from the centre of a ball, one list per coordinate; 0 for points outside.
+/// Offsets of points from the centre of a ball, one list per coordinate; 0 for points outside the ball.
 #[derive(Debug, Default)]
 pub(super) struct Offsets {
     lists: [Vec<f64>; 3],
@@ -103,7 +103,7 @@ fn write(
         &mut into_z[..count],
     );
     let centre = *centre;
-    let mut found = 0;
+    let mut inside_count = 0;
     for at in 0..count {
         let (x, y, z) = (x[at] - centre.x, y[at] - centre.y, z[at] - centre.z);
         // Without a branch, because which points are inside is nearly random. All bits stay, or
@@ -113,7 +113,7 @@ fn write(
         into_x[at] = f64::from_bits(x.to_bits() & keep);
         into_y[at] = f64::from_bits(y.to_bits() & keep);
         into_z[at] = f64::from_bits(z.to_bits() & keep);
-        found += inside;
+        inside_count += inside;
     }
-    found
+    inside_count
 }

@@ -63,7 +63,7 @@ impl IndexedClouds {
     /// of the core points to come.
     ///
     /// # Errors
-    /// As there, except for clouds without points.
+    /// As [`Self::new`], except that clouds may have no points.
     pub fn of_pieces(
         reference: &[Vec3],
         compared: &[Vec3],
@@ -179,13 +179,16 @@ impl IndexedClouds {
                 let find = |&at: &u32| {
                     let point = &core[at as usize];
                     match last {
-                        Some((same, found)) if same == *point => return found,
+                        Some((same, normal_and_radius)) if same == *point => {
+                            return normal_and_radius;
+                        }
                         _ => {}
                     }
-                    let found = normals::most_planar(window, point, radii, orientation, offsets)
-                        .unwrap_or(none);
-                    last = Some((*point, found));
-                    found
+                    let normal_and_radius =
+                        normals::most_planar(window, point, radii, orientation, offsets)
+                            .unwrap_or(none);
+                    last = Some((*point, normal_and_radius));
+                    normal_and_radius
                 };
                 indices.iter().map(find).collect()
             },
@@ -207,7 +210,7 @@ impl IndexedClouds {
         };
         let groups = Groups::new(core, &lattice);
         let nothing = CoreDistance::unknown();
-        let mut found = groups.map(
+        let mut distances = groups.map(
             core.len(),
             nothing,
             |scratch: &mut Scratch, block, indices| {
@@ -223,18 +226,20 @@ impl IndexedClouds {
                 let (heights, sorted) = (&mut scratch.heights, &mut scratch.sorted);
                 let mut sample = |heights: &Heights| {
                     let (heights, weights) = heights.weighted();
-                    Sample::of(heights, weights, settings.aggregation, sorted)
+                    Sample::new(heights, weights, settings.aggregation, sorted)
                 };
                 let mut last = None;
                 let distance = |&at: &u32| {
                     let (normal, normal_radius_m) = normals[at as usize];
                     // Core points at one place have the same distance.
                     match last {
-                        Some((same, found)) if same == (core[at as usize], normal) => return found,
+                        Some((same, distance)) if same == (core[at as usize], normal) => {
+                            return distance;
+                        }
                         _ => {}
                     }
                     let cylinder = Cylinder::new(core[at as usize], normal, settings);
-                    let found = if normal.x.is_nan() {
+                    let samples = if normal.x.is_nan() {
                         [Sample::NONE; 2]
                     } else {
                         match &self.for_cylinders {
@@ -248,9 +253,9 @@ impl IndexedClouds {
                             }),
                         }
                     };
-                    let found = core_distance(&found, normal, normal_radius_m, settings);
-                    last = Some(((core[at as usize], normal), found));
-                    found
+                    let distance = core_distance(&samples, normal, normal_radius_m, settings);
+                    last = Some(((core[at as usize], normal), distance));
+                    distance
                 };
                 let distances: Vec<CoreDistance> = indices.iter().map(distance).collect();
                 // Computing normals was the first half of the work.
@@ -262,10 +267,10 @@ impl IndexedClouds {
                 distances
             },
         );
-        for (found, point) in found.iter_mut().zip(core) {
-            found.point = *point;
+        for (distance, point) in distances.iter_mut().zip(core) {
+            distance.point = *point;
         }
-        found
+        distances
     }
 }
 

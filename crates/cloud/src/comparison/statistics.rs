@@ -21,8 +21,8 @@ pub struct Statistics {
     pub rmse_m: f64,
     /// Median distance.
     pub median_m: f64,
-    /// Normalised median absolute deviation, 1.4826 median |d − median|: the standard deviation where
-    /// edges and gaps do not decide it.
+    /// Normalised median absolute deviation, 1.4826 median |d − median|: a standard deviation that
+    /// outliers at edges and gaps do not dominate.
     pub nmad_m: f64,
     /// Share of distances beyond their level of detection, among those that have one; NaN if none
     /// has.
@@ -34,7 +34,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`Error::Data`] if no core point has a distance because the clouds do not overlap. The error
-    /// says what was missing.
+    /// states which points were missing.
     pub fn of(comparison: &M3c2) -> Result<Self> {
         let mut sorted_m: Vec<f64> = comparison.distances_m().collect();
         if sorted_m.is_empty() {

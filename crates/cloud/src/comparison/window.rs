@@ -32,14 +32,15 @@ pub(super) struct Window {
     x_m: f64,
     columns: usize,
     rows: Vec<Row>,
-    /// The first point of each column of each row, and after those of a row the end of the last.
+    /// The first point of each column of each row, and at the end of each row the end of its last column.
     begins: Vec<u32>,
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
-    /// For each cell of the box the position of its points in the cloud's lists and their number,
-    /// and whether a row has any; all zero between two calls of `gather`.
-    found: Vec<(u32, u32)>,
+    /// The position of each cell's points in the cloud's lists and their number; all zero between two
+    /// calls of `gather`.
+    cell_points: Vec<(u32, u32)>,
+    /// Whether a row contains points; all false between two calls of `gather`.
     occupied: Vec<bool>,
 }
 
@@ -59,7 +60,7 @@ impl Window {
         });
         let [columns, rows, layers] =
             std::array::from_fn(|axis| (last[axis] - first[axis] + 1).max(0) as usize);
-        self.found.resize(columns * rows * layers, (0, 0));
+        self.cell_points.resize(columns * rows * layers, (0, 0));
         self.occupied.resize(rows * layers, false);
         for z in block[2] - 1..=block[2] + 1 {
             for y in block[1] - 1..=block[1] + 1 {
@@ -73,7 +74,7 @@ impl Window {
                         if column < columns && row < rows && layer < layers {
                             let row = layer * rows + row;
                             self.occupied[row] = true;
-                            self.found[row * columns + column] = (run.first, run.count);
+                            self.cell_points[row * columns + column] = (run.first, run.count);
                         }
                     });
                 }
@@ -100,7 +101,7 @@ impl Window {
         }
     }
 
-    /// Copies the points of the row whose cells begin at `found[row]`.
+    /// Copies the points of the row whose cells begin at `cell_points[row]`.
     fn copy(&mut self, cells: &Cells, row: usize) {
         let mut begin = self.x.len() as u32;
         // Cells that are consecutive in the cloud's lists are copied at once.
@@ -111,7 +112,7 @@ impl Window {
             self.y.extend_from_slice(&cells.y[range.clone()]);
             self.z.extend_from_slice(&cells.z[range]);
         };
-        for cell in &mut self.found[row..row + self.columns] {
+        for cell in &mut self.cell_points[row..row + self.columns] {
             let (from, count) = std::mem::take(cell);
             self.begins.push(begin);
             if count > 0 {
@@ -232,7 +233,8 @@ pub(super) struct BallQuery {
     columns: f64,
 }
 
-/// A box in terms of the rows of a window: those between these lower ends meet it.
+/// A box in terms of the rows and columns of a window: the rows whose lower ends lie between `low` and `high`
+/// meet it.
 #[derive(Debug, Clone)]
 pub(super) struct BoxQuery {
     low: Vec3,

@@ -14,7 +14,7 @@ use super::heading::wrap;
 pub fn roll_pitch_yaw(rotation: &Rotation) -> [f64; 3] {
     let r = rotation.to_rotation_matrix();
     let yaw = r[(1, 0)].atan2(r[(0, 0)]);
-    // What is left after the yaw is taken off is Ry(pitch) Rx(roll), for whichever yaw that was.
+    // Removing the yaw leaves Ry(pitch) Rx(roll), whichever yaw was chosen.
     let rest = Rotation::from_euler_angles(0.0, 0.0, -yaw).to_rotation_matrix() * r;
     let pitch = (-rest[(2, 0)]).atan2(rest[(0, 0)]);
     let roll = (-rest[(1, 2)]).atan2(rest[(1, 1)]);

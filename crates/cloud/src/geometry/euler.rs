@@ -16,10 +16,10 @@ pub enum EulerConvention {
 }
 
 impl EulerConvention {
-    /// Both.
+    /// Both conventions.
     pub const ALL: [Self; 2] = [Self::Zyx, Self::Bonn];
 
-    /// As in a project.
+    /// The name in a project file.
     pub fn name(self) -> &'static str {
         match self {
             Self::Zyx => "zyx",

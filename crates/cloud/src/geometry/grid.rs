@@ -3,7 +3,7 @@
 use super::{Rotation, Vec3};
 use crate::error::Error;
 
-/// A position in a projected system, and how the system lies there.
+/// A position in a projected system, with the convergence and the scale there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridPoint {
     /// Metres.
@@ -28,7 +28,7 @@ impl GridPoint {
 pub struct Misfit {
     /// Its latitude and longitude, and why the system cannot hold it.
     pub found: String,
-    /// What the system can hold, or the system to choose.
+    /// The positions that the system can hold, or the system to choose instead.
     pub expected: String,
 }
 

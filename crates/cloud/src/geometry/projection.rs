@@ -7,7 +7,7 @@
 //!
 //! A projection is not to scale: on the central meridian of UTM, distances between its coordinates
 //! are 0.9996 of true ones, and scanner points 10 m from a projected pose are 4 mm too far out.
-//! [`GridPoint::scale`] says how much.
+//! [`GridPoint::scale`] is this factor.
 
 use std::fmt;
 
@@ -28,17 +28,17 @@ const PARAMETERS: [&str; 42] = [
 const SEMI_MAJOR_M: f64 = 6_378_137.0;
 /// Semi-minor axis of WGS 84, metres; that of GRS 80 is 0.1 mm shorter.
 const SEMI_MINOR_M: f64 = 6_356_752.314_2;
-/// Both ellipsoids are the same within this, metres.
+/// Tolerance for the axes, metres: WGS 84 and GRS 80 are treated as the same ellipsoid.
 const AXIS_SLACK_M: f64 = 1e-3;
 /// Step of the central differences, radians: 64 m on the ground. Their errors are near 1e-10.
 const STEP_RAD: f64 = 1e-5;
-/// Conformal projections stay within this; the differences are a thousand times more accurate.
+/// Largest distortion of a conformal projection; the central differences are a thousand times more accurate.
 const CONFORMAL: f64 = 1e-6;
-/// Systems stay within this of true scale where they are meant to be used.
+/// The scale of a system in the region for which it is meant.
 const SCALE: std::ops::RangeInclusive<f64> = 0.99..=1.01;
 /// Closer to a pole, the direction of a meridian changes too fast for differences.
 const MOST_LATITUDE_DEG: f64 = 89.9;
-/// An inverse that is farther off is not one, metres.
+/// Largest error of an inverse projection, metres.
 const INVERSE_M: f64 = 1e-5;
 
 /// A projected coordinate reference system in metres on the ellipsoid WGS 84 or GRS 80.
@@ -60,13 +60,15 @@ impl Projection {
     /// `+proj=utm +zone=32 +ellps=GRS80`.
     ///
     /// # Errors
-    /// Names what is not understood: an unknown code, parameter or value; a system that is not
-    /// projected, not in metres, with other axes than east and north, with heights of its own, or
-    /// with a datum shift.
+    /// An unknown code, parameter or value; a system that is not projected, not in metres, with
+    /// axes other than east and north, with a vertical system of its own, or with a datum shift. The error
+    /// names the cause.
     pub fn new(name: &str) -> Result<Self> {
         let name = name.trim();
         let definition = match name.get(..5) {
-            Some(start) if start.eq_ignore_ascii_case("EPSG:") => of_code(name, &name[5..])?,
+            Some(start) if start.eq_ignore_ascii_case("EPSG:") => {
+                definition_of_code(name, &name[5..])?
+            }
             _ if name.starts_with('+') => name,
             _ => {
                 return Err(Error::data(
@@ -103,7 +105,7 @@ impl Projection {
         })
     }
 
-    /// As it was given to [`Projection::new`].
+    /// The name as given to [`Projection::new`].
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -142,10 +144,10 @@ impl Projection {
         Ok((latitude, longitude))
     }
 
-    /// As [`Self::project`], for readers that add file and line to what does not fit.
+    /// As [`Self::project`], for readers that add file and line to the error.
     ///
     /// # Errors
-    /// A position outside of the system.
+    /// A position outside the system.
     pub fn try_project(
         &self,
         latitude_rad: f64,
@@ -216,14 +218,17 @@ fn radii_m(latitude_rad: f64) -> (f64, f64) {
     (normal_m * (1.0 - e2) / w2, normal_m)
 }
 
-fn of_code(name: &str, code: &str) -> Result<&'static str> {
+/// The `+proj` string of an EPSG code.
+fn definition_of_code(name: &str, code: &str) -> Result<&'static str> {
     let definition = code.parse().ok().and_then(crs_definitions::from_code);
-    definition.map(|found| found.proj4).ok_or_else(|| {
-        Error::data(
-            format!("{name} is not a known code"),
-            "check the number, or write the system as a string that begins with +proj=",
-        )
-    })
+    definition
+        .map(|definition| definition.proj4)
+        .ok_or_else(|| {
+            Error::data(
+                format!("{name} is not a known code"),
+                "check the number, or write the system as a string that begins with +proj=",
+            )
+        })
 }
 
 fn not_usable(name: &str, why: &str) -> Error {
@@ -234,7 +239,7 @@ fn not_usable(name: &str, why: &str) -> Error {
     )
 }
 
-/// Refuses what the library would skip in silence, and what it would apply.
+/// Refuses parameters that the library would silently ignore, and datum shifts that it would apply.
 fn check_parameters(name: &str, definition: &str) -> Result<()> {
     let mut seen: Vec<&str> = Vec::new();
     for word in definition.split_ascii_whitespace() {
@@ -259,22 +264,22 @@ fn check_parameters(name: &str, definition: &str) -> Result<()> {
         let is_null = |number: &str| number.parse() == Ok(0.0);
         match key {
             "towgs84" if !value.split(',').all(is_null) => {
-                return Err(refused("a datum shift, and none is applied"));
+                return Err(refused("a datum shift, which is not supported"));
             }
             "nadgrids" if value != "@null" => {
-                return Err(refused("a datum shift, and none is applied"));
+                return Err(refused("a datum shift, which is not supported"));
             }
             "vunits" => {
                 return Err(refused(
-                    "heights of its own, and ellipsoidal ones are kept; name its horizontal part",
+                    "a vertical system, but only ellipsoidal heights are supported; name the horizontal part alone",
                 ));
             }
             "axis" if value != "enu" => return Err(refused("the axes must be east, north, up")),
             _ => {}
         }
     }
-    let of_utm = |word: &str| word == "+proj=utm";
-    if definition.split_ascii_whitespace().any(of_utm) && !seen.contains(&"zone") {
+    let is_utm = |word: &str| word == "+proj=utm";
+    if definition.split_ascii_whitespace().any(is_utm) && !seen.contains(&"zone") {
         return Err(not_usable(name, "+proj=utm without +zone"));
     }
     Ok(())

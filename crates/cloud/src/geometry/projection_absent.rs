@@ -1,11 +1,11 @@
-//! Stands for projected coordinate reference systems in a program that is built without them.
+//! Replaces projected coordinate reference systems in a program that is built without them.
 
 use std::convert::Infallible;
 
 use super::grid::{GridPoint, Misfit};
 use crate::error::{Error, Result};
 
-/// A projected coordinate reference system, of which there is none.
+/// A projected coordinate reference system; no value of this type exists.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Projection(Infallible);
 
@@ -21,12 +21,12 @@ impl Projection {
         ))
     }
 
-    /// Its name.
+    /// The name of the system.
     pub fn name(&self) -> &str {
         match self.0 {}
     }
 
-    /// A position in it.
+    /// A position in the system.
     ///
     /// # Errors
     /// None.
@@ -34,7 +34,7 @@ impl Projection {
         match self.0 {}
     }
 
-    /// As [`Self::project`], for readers that add file and line to what does not fit.
+    /// As [`Self::project`], for readers that add file and line to the error.
     ///
     /// # Errors
     /// None.

@@ -196,7 +196,7 @@ impl<To, From> serde::Serialize for Transform<To, From> {
     }
 }
 
-/// From what [`serde::Serialize`] writes; the quaternion is normalised.
+/// Reads the output of [`serde::Serialize`] and normalises the quaternion.
 impl<'de, To, From> serde::Deserialize<'de> for Transform<To, From> {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(serde::Deserialize)]
@@ -209,7 +209,7 @@ impl<'de, To, From> serde::Deserialize<'de> for Transform<To, From> {
         let quaternion = nalgebra::Quaternion::new(w, x, y, z);
         let rotation = Rotation::try_new(quaternion, f64::MIN_POSITIVE);
         let rotation = rotation.ok_or_else(|| {
-            serde::de::Error::custom("quaternion_xyzw = [0, 0, 0, 0], which is no rotation")
+            serde::de::Error::custom("quaternion_xyzw = [0, 0, 0, 0], which is not a rotation")
         })?;
         Ok(Self::new(rotation, written.translation_m.into()))
     }
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn json_gives_back_what_was_written() {
+    fn transforms_survive_a_round_trip_through_json() {
         let pose = BodyFromScanner::new(exp(&Vec3::new(-2.1, 0.4, 0.7)), Vec3::new(1.2, -0.5, 0.6));
         let text = serde_json::to_string(&pose).unwrap();
         let read: BodyFromScanner = serde_json::from_str(&text).unwrap();
@@ -265,7 +265,7 @@ mod tests {
         let x = Vec3::new(0.2, 0.7, -1.1);
         assert!((pose.inverse().map(&pose.map(&x)) - x).norm() < 1e-14);
         assert!((pose.map_back(&pose.map(&x)) - x).norm() < 1e-14);
-        let nothing = pose.inverse() * pose;
-        assert!(nothing.translation_m.norm() < 1e-14 && nothing.rotation.angle() < 1e-14);
+        let identity = pose.inverse() * pose;
+        assert!(identity.translation_m.norm() < 1e-14 && identity.rotation.angle() < 1e-14);
     }
 }

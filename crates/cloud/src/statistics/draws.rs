@@ -1,6 +1,6 @@
-//! Numbers as good as drawn, the same in every run.
+//! Pseudo-random numbers that are the same in every run.
 
-/// 64 bits for a number; those of neighbouring numbers do not depend on each other (SplitMix64,
+/// 64 pseudo-random bits drawn for `number`; those of consecutive numbers are independent (SplitMix64,
 /// Steele, Lea and Flood 2014).
 pub fn drawn(number: u64) -> u64 {
     let mut x = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -9,7 +9,7 @@ pub fn drawn(number: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// +1 or −1 for a number.
+/// A pseudo-random sign drawn for `number`, +1 or −1.
 pub fn drawn_sign(number: u64) -> f64 {
     if drawn(number) & 1 == 0 { 1.0 } else { -1.0 }
 }

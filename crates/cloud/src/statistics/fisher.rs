@@ -53,8 +53,8 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
     power.exp() / (a * fraction)
 }
 
-/// The value that F with `above` and `below` degrees of freedom exceeds with this probability, which lies in 0 to 1;
-/// relative error below 1e-9 up to a million degrees.
+/// The value that Fisher's F exceeds with `probability` (0 to 1), for `above` degrees of freedom of the numerator
+/// and `below` of the denominator; relative error below 1e-9 up to a million degrees.
 pub fn fisher_exceeded(above: f64, below: f64, probability: f64) -> f64 {
     // P(F > f) = I(ν₂ / (ν₂ + ν₁ f); ν₂ / 2, ν₁ / 2).
     let tail = |f: f64| incomplete_beta(below / (below + above * f), 0.5 * below, 0.5 * above);

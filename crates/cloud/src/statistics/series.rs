@@ -1,4 +1,4 @@
-//! Values at even times.
+//! Time series with a constant step.
 
 use crate::stored::Stored;
 
@@ -27,7 +27,7 @@ impl<const N: usize> Stored for Series<N> {
 }
 
 impl<const N: usize> Series<N> {
-    /// These values from `start_s` on; without any, zero.
+    /// A series of these values from `start_s` on; without values it is zero everywhere.
     pub fn new(start_s: f64, step_s: f64, mut values: Vec<[f64; N]>) -> Self {
         if values.is_empty() {
             values.push([0.0; N]);
@@ -39,7 +39,7 @@ impl<const N: usize> Series<N> {
         }
     }
 
-    /// What `at` gives over a span, both ends included.
+    /// Samples the function `at` over a time span (seconds), both ends included.
     pub fn sampled(
         (from_s, to_s): (f64, f64),
         step_s: f64,
@@ -50,7 +50,7 @@ impl<const N: usize> Series<N> {
         Self::new(from_s, step_s, times_s.map(at).collect())
     }
 
-    /// The value at a time.
+    /// The value at `time_s`.
     pub fn at(&self, time_s: f64) -> [f64; N] {
         let last = self.values.len() - 1;
         let place = ((time_s - self.start_s) / self.step_s).clamp(0.0, last as f64);

@@ -1,8 +1,8 @@
 //! Unknowns that touch many steps: the dense border of the chain.
 //!
 //! H = [[Hc, E], [Eᵀ, C]] with the chain Hc = Uᵀ U. The columns of E go through the forward
-//! elimination as further right-hand sides, Y = U⁻ᵀ E. What is left for the border is
-//! S = C − Yᵀ Y and gk − Yᵀ y, with S = U_kᵀ U_k.
+//! elimination as further right-hand sides, Y = U⁻ᵀ E. The remaining system of the border is
+//! S = C − Yᵀ Y with the right-hand side gk − Yᵀ y, and S = U_kᵀ U_k.
 
 use super::front::{change_place, forward, step_place};
 use super::layout::{CHANGE, NODE, SEGMENT, STEP, TAIL};
@@ -13,7 +13,7 @@ use super::system::BorderSystem;
 pub struct BorderCarry {
     /// Columns over (node, segment), TAIL × n.
     columns: Vec<f64>,
-    /// Columns of the front at work, up to STEP × n.
+    /// Columns of the current front, up to STEP × n.
     front: Vec<f64>,
     /// The upper triangle of C − Yᵀ Y so far, n × n.
     s: Vec<f64>,
@@ -22,7 +22,7 @@ pub struct BorderCarry {
 }
 
 impl BorderCarry {
-    /// Before the first step; `damping` is added to the diagonal.
+    /// The border before the first step; `damping` is added to the diagonal.
     pub fn new(prior: &BorderPrior, damping: &[f64]) -> Self {
         let n = prior.weight.len();
         let mut s = vec![0.0; n * n];
@@ -38,13 +38,13 @@ impl BorderCarry {
         }
     }
 
-    /// Step i: adds its border, and leaves the rows of Y of node i in `kept`.
+    /// Adds the border of step i, and writes the rows of Y of node i to `y_rows`.
     pub fn step(
         &mut self,
         border: &BorderSystem,
         rows: &[[f64; STEP]; NODE],
         y: &[f64; NODE],
-        kept: &mut [f64],
+        y_rows: &mut [f64],
     ) {
         let n = border.count;
         for (row, target) in self.front.chunks_exact_mut(n).enumerate() {
@@ -62,15 +62,15 @@ impl BorderCarry {
         self.g.iter_mut().zip(&border.g).for_each(|(g, b)| *g += b);
         forward(rows, &mut self.front, n);
         self.columns.copy_from_slice(&self.front[NODE * n..]);
-        self.keep(NODE * n, y, kept);
+        self.finish_rows(NODE * n, y, y_rows);
     }
 
-    /// A change of segment: leaves the rows of Y of the old one in `kept`.
+    /// A change of segment: writes the rows of Y of the old segment to `y_rows`.
     pub fn change(
         &mut self,
         rows: &[[f64; CHANGE]; SEGMENT],
         y: &[f64; SEGMENT],
-        kept: &mut [f64],
+        y_rows: &mut [f64],
     ) {
         let n = self.g.len();
         let front = &mut self.front[..CHANGE * n];
@@ -81,22 +81,22 @@ impl BorderCarry {
         }
         forward(rows, front, n);
         self.columns.copy_from_slice(&front[SEGMENT * n..]);
-        self.keep(SEGMENT * n, y, kept);
+        self.finish_rows(SEGMENT * n, y, y_rows);
     }
 
-    /// The tail: leaves its rows of Y in `kept`.
-    pub fn tail(&mut self, rows: &[[f64; TAIL]; TAIL], y: &[f64; TAIL], kept: &mut [f64]) {
+    /// The tail: writes its rows of Y to `y_rows`.
+    pub fn tail(&mut self, rows: &[[f64; TAIL]; TAIL], y: &[f64; TAIL], y_rows: &mut [f64]) {
         let n = self.g.len();
         self.front[..TAIL * n].copy_from_slice(&self.columns);
         forward(rows, &mut self.front[..TAIL * n], n);
-        self.keep(TAIL * n, y, kept);
+        self.finish_rows(TAIL * n, y, y_rows);
     }
 
-    /// Hands out the finished rows of Y and takes Yᵀ Y and Yᵀ y from what is left.
-    fn keep(&mut self, size: usize, y: &[f64], kept: &mut [f64]) {
-        kept.copy_from_slice(&self.front[..size]);
+    /// Writes the finished rows of Y and subtracts Yᵀ Y and Yᵀ y from the remaining system.
+    fn finish_rows(&mut self, size: usize, y: &[f64], y_rows: &mut [f64]) {
+        y_rows.copy_from_slice(&self.front[..size]);
         let n = self.g.len();
-        for (row, y) in kept.chunks_exact(n).zip(y) {
+        for (row, y) in y_rows.chunks_exact(n).zip(y) {
             for (b, factor) in row.iter().enumerate() {
                 for (s, r) in self.s[b * n + b..(b + 1) * n].iter_mut().zip(&row[b..]) {
                     *s -= factor * r;
@@ -135,7 +135,7 @@ impl BorderCarry {
 /// S = U_kᵀ U_k and y_k = U_k⁻ᵀ (gk − Yᵀ y).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BorderFactor {
-    /// n × n row by row; only the upper triangle counts.
+    /// n × n row by row; only the upper triangle is used.
     u: Vec<f64>,
     pub y: Vec<f64>,
 }
@@ -149,7 +149,7 @@ impl BorderFactor {
         }
     }
 
-    /// Replaces n rows of m, the right-hand sides F, by U_k⁻ᵀ F.
+    /// Replaces the right-hand sides F, n rows of m columns, by U_k⁻ᵀ F.
     pub fn forward(&self, f: &mut [f64], m: usize) {
         let n = self.y.len();
         for k in 0..n {
@@ -175,8 +175,8 @@ impl BorderFactor {
         }
     }
 
-    /// For each column from `first` on, its step and standard deviation if the others from `first`
-    /// on did not exist. Uᵀ U less the rows before `first` is what S leaves for them.
+    /// Step and standard deviation of each column from `first` on, as if the other columns from `first`
+    /// on did not exist. The system of these columns is Uᵀ U without the rows before `first`.
     pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
         let n = self.y.len();
         (first..n)

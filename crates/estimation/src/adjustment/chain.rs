@@ -28,11 +28,11 @@ const TASK: usize = 64;
 
 /// The normal equations of a chain, linearised on demand.
 pub struct ChainSystem<'a, S, W> {
-    /// Adds step i to a zeroed system and a zeroed border.
+    /// Adds the normal equations of step i to a zeroed system and a zeroed border.
     pub step: &'a S,
-    /// The random walk from segment k to segment k + 1, missed by new − old.
+    /// The random walk from segment k to segment k + 1, with the deviation new − old.
     pub walk: &'a W,
-    /// Of node 0 and segment 0.
+    /// Prior of node 0 and segment 0.
     pub prior: Prior<TAIL>,
     /// Added to the diagonal of every node and segment.
     pub damping: [f64; TAIL],
@@ -77,9 +77,9 @@ impl ChainStep {
 /// A pivot that is not positive: an unknown that data and priors leave free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NotPositive {
-    /// Something at this node, or of its segment.
+    /// An unknown of this node or of its segment.
     Node(usize),
-    /// This column of the border, with those before it held.
+    /// This column of the border, with the columns before it held.
     Border(usize),
 }
 
@@ -99,7 +99,7 @@ impl Chunk {
 }
 
 impl ChainFactor {
-    /// Room for the factor of a chain with a border of n columns.
+    /// Allocates the factor of a chain with a border of n columns.
     pub fn new(layout: ChainLayout, border: usize) -> Self {
         let (steps, changes) = (layout.steps(), layout.segments().saturating_sub(1));
         Self {
@@ -221,8 +221,9 @@ impl ChainFactor {
                     return Err(NotPositive::Node(i));
                 }
                 if n > 0 {
-                    let kept = &mut self.change_border[old * SEGMENT * n..(old + 1) * SEGMENT * n];
-                    border_carry.change(&front.rows, &front.y, kept);
+                    let y_rows =
+                        &mut self.change_border[old * SEGMENT * n..(old + 1) * SEGMENT * n];
+                    border_carry.change(&front.rows, &front.y, y_rows);
                 }
             }
             let front = &mut self.steps[i];
@@ -230,15 +231,15 @@ impl ChainFactor {
                 return Err(NotPositive::Node(i));
             }
             if n > 0 {
-                let kept = &mut self.step_border[i * NODE * n..(i + 1) * NODE * n];
-                border_carry.step(border, &front.rows, &front.y, kept);
+                let y_rows = &mut self.step_border[i * NODE * n..(i + 1) * NODE * n];
+                border_carry.step(border, &front.rows, &front.y, y_rows);
             }
         }
         Ok(())
     }
 
-    /// gᵀ H⁻¹ g: the squared length of the step in units of the posterior standard deviation.
-    /// No linear functional of the unknowns moves by more than its root times its own sigma.
+    /// gᵀ H⁻¹ g: the squared length of the step in units of the posterior standard deviation. The step
+    /// moves no linear functional of the unknowns by more than this length times the functional's sigma.
     pub fn decrement(&self) -> f64 {
         let square = |y: &[f64]| y.iter().map(|x| x * x).sum::<f64>();
         self.steps.iter().map(|f| square(&f.y)).sum::<f64>()
@@ -284,7 +285,7 @@ impl ChainFactor {
         }
     }
 
-    /// For each column of the border from `first` on, its step and standard deviation if the others
+    /// Step and standard deviation of each column of the border from `first` on, as if the other columns
     /// from `first` on did not exist.
     pub fn each_alone(&self, first: usize) -> Vec<(f64, f64)> {
         self.border.each_alone(first)
@@ -296,8 +297,8 @@ impl ChainFactor {
         DMatrix::from_vec(n, n, self.border.covariance())
     }
 
-    /// Room for one more step, of this segment: that of the step before or the next one. Only
-    /// without a border.
+    /// Allocates one more step of this segment, which is that of the step before or the next one. The
+    /// chain must have no border.
     pub fn push_step(&mut self, segment: u32) {
         self.layout.segment_of_step.push(segment);
         self.steps.push(StepFront::ZERO);

@@ -1,4 +1,4 @@
-//! Which steps of Levenberg and Marquardt are taken, and how much the next one is damped.
+//! The damping of Levenberg-Marquardt: which steps are accepted, and how much the next one is damped.
 
 /// How the damping changes from step to step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,9 +9,9 @@ pub struct DampingRule {
     pub factor: f64,
     /// Least damping after a refused step.
     pub least_raised: f64,
-    /// Least damping after an accepted step that is not yet `floor`.
+    /// A lower damping than this after an accepted step is replaced by `floor`.
     pub least_lowered: f64,
-    /// What the damping falls to below `least_lowered`; with 0, steps are those of Gauss and Newton.
+    /// Damping below `least_lowered`; 0 gives Gauss-Newton steps.
     pub floor: f64,
     /// A step refused at more damping than this ends the search.
     pub largest: f64,
@@ -20,7 +20,7 @@ pub struct DampingRule {
 }
 
 impl DampingRule {
-    /// Steps are those of Gauss and Newton until one is refused.
+    /// Gauss-Newton steps until one is refused.
     pub const UNDAMPED: Self = Self {
         initial: 0.0,
         factor: 10.0,
@@ -35,15 +35,15 @@ impl DampingRule {
 /// The outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is taken.
+    /// The step is taken.
     Accepted,
-    /// It is not taken; one with more damping may be.
+    /// The step is not taken; one with more damping may be.
     Refused,
-    /// It is not taken, and the largest damping has been tried.
+    /// The step is not taken, and the largest damping has been tried.
     GivenUp,
 }
 
-/// The damping as steps are judged by the true cost.
+/// The current damping, adapted to the outcome of each step.
 #[derive(Debug, Clone, Copy)]
 pub struct Damping {
     rule: DampingRule,
@@ -51,7 +51,7 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// Before the first step.
+    /// The damping before the first step.
     pub fn new(rule: DampingRule) -> Self {
         Self {
             rule,
@@ -59,13 +59,13 @@ impl Damping {
         }
     }
 
-    /// Of the next step.
+    /// Damping of the next step.
     pub fn value(&self) -> f64 {
         self.value
     }
 
-    /// Judges a step from `cost` to `trial`; a step that could not be computed has a trial of NaN,
-    /// which is never accepted.
+    /// Judges a step by the true cost before it (`cost`) and after it (`trial`). A step that could not be
+    /// computed has a trial of NaN, which is never accepted.
     pub fn judge(&mut self, cost: f64, trial: f64) -> Verdict {
         let rule = &self.rule;
         if trial.is_finite() && trial <= cost + rule.rounding * (1.0 + cost) {
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cost_that_is_no_number_is_never_accepted() {
+    fn a_cost_that_is_not_a_number_is_never_accepted() {
         for (cost, trial) in [
             (1.0, f64::NAN),
             (f64::NAN, 1.0),
@@ -151,7 +151,7 @@ mod tests {
             let mut damping = Damping::new(DampingRule::UNDAMPED);
             assert_eq!(damping.judge(cost, trial), Verdict::Refused);
         }
-        // Rounding may raise a cost, and an infinite one is left.
+        // Rounding may raise a cost slightly, and a step away from an infinite cost is accepted.
         let mut damping = Damping::new(DampingRule::UNDAMPED);
         assert_eq!(damping.judge(1.0, 1.0 + 1e-9), Verdict::Accepted);
         assert_eq!(damping.judge(f64::INFINITY, 1.0), Verdict::Accepted);

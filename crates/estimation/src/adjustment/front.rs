@@ -1,11 +1,11 @@
-//! One front at a time: the steps of the elimination, for the batch and for online use.
+//! Elimination one front at a time, for the batch and for online use.
 
 use super::layout::{CHANGE, NODE, SEGMENT, STEP, TAIL};
 use super::prior::Prior;
 use super::system::StepSystem;
 
 /// The rows of U of one front (P pivots, N − P separator columns) and their part of y = U⁻ᵀ g.
-/// Only the upper triangle of the pivots counts. Aligned to the cache's lines.
+/// Only the upper triangle of the pivots is used. Aligned to cache lines.
 #[derive(Debug, Clone, PartialEq)]
 #[repr(align(64))]
 pub struct Front<const P: usize, const N: usize> {
@@ -32,25 +32,25 @@ impl<const P: usize, const N: usize> Front<P, N> {
     }
 }
 
-/// Normal equations carried from the fronts before to (node, segment); upper triangle.
+/// Normal equations of (node, segment) carried over from the previous fronts; upper triangle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carry {
     pub h: [[f64; TAIL]; TAIL],
     pub g: [f64; TAIL],
 }
 
-/// Where (node, segment) stand in a step's front.
+/// The place of unknown `a` of (node, segment) in a step's front.
 pub fn step_place(a: usize) -> usize {
     if a < NODE { a } else { a + NODE }
 }
 
-/// Where (node, old segment) stand in the front of a change of segment.
+/// The place of unknown `a` of (node, old segment) in the front of a change of segment.
 pub fn change_place(a: usize) -> usize {
     if a < NODE { SEGMENT + a } else { a - NODE }
 }
 
 impl Carry {
-    /// Before the first step.
+    /// The carry before the first step.
     pub fn new(prior: &Prior<TAIL>) -> Self {
         let mut h = [[0.0; TAIL]; TAIL];
         for (a, weight) in prior.weight.iter().enumerate() {
@@ -60,8 +60,8 @@ impl Carry {
     }
 
     /// Adds the carry over (node i, segment) to the system of step i, eliminates node i and carries
-    /// on to (node i + 1, segment). `system` is used up. False where node i is not determined; the
-    /// carry is then as before.
+    /// on to (node i + 1, segment). Overwrites `system`. Returns false if node i is not determined; the
+    /// carry is then unchanged.
     #[must_use]
     pub fn eliminate_step(
         &mut self,
@@ -90,9 +90,9 @@ impl Carry {
         true
     }
 
-    /// Eliminates the segment from the carry over (node, old segment) and leaves (node, new
-    /// segment); `walk` ties the two, missed by new − old. False where the old segment is not
-    /// determined; the carry is then as before.
+    /// Eliminates the old segment from the carry over (node, old segment) and leaves (node, new
+    /// segment); `walk` ties the two segments, with the deviation new − old. Returns false if the old
+    /// segment is not determined; the carry is then unchanged.
     #[must_use]
     pub fn change_segment(
         &mut self,
@@ -139,7 +139,7 @@ impl Carry {
         }
     }
 
-    /// Eliminates the last node and segment. False where they are not determined.
+    /// Eliminates the last node and segment. Returns false if they are not determined.
     #[must_use]
     pub fn eliminate_tail(&self, damping: &[f64; TAIL], front: &mut TailFront) -> bool {
         front.rows = self.h;
@@ -152,7 +152,7 @@ impl Carry {
 }
 
 /// Eliminates the first P of N unknowns in place: rows 0..P become rows of U, the rest the Schur
-/// complement. Upper triangles. False where a pivot is not positive.
+/// complement. Upper triangles. Returns false if a pivot is not positive.
 fn eliminate<const P: usize, const N: usize>(h: &mut [[f64; N]; N], g: &mut [f64; N]) -> bool {
     for k in 0..P {
         let pivot = h[k][k];
@@ -177,7 +177,7 @@ fn eliminate<const P: usize, const N: usize>(h: &mut [[f64; N]; N], g: &mut [f64
     true
 }
 
-/// Completes `x`, whose last N − P entries are known, by U x = y.
+/// Completes `x`, whose last N − P entries are known, by solving U x = y.
 pub fn solve_rows<const P: usize, const N: usize>(
     rows: &[[f64; N]; P],
     y: &[f64; P],
@@ -190,8 +190,8 @@ pub fn solve_rows<const P: usize, const N: usize>(
     x
 }
 
-/// One front of U⁻ᵀ F for right-hand sides F of m columns: of the N rows of m in `front` the first
-/// P become U_PP⁻ᵀ F_P, the others lose U_PSᵀ times them.
+/// One front of the forward substitution U⁻ᵀ F, for right-hand sides F of m columns. Of the N rows in
+/// `front`, the first P become U_PP⁻ᵀ F_P, and U_PSᵀ times these is subtracted from the others.
 pub fn forward<const P: usize, const N: usize>(rows: &[[f64; N]; P], front: &mut [f64], m: usize) {
     for (a, row) in rows.iter().enumerate() {
         let (done, rest) = front.split_at_mut((a + 1) * m);

@@ -5,10 +5,10 @@ use super::front::{change_place, forward};
 use super::layout::{CHANGE, ChainLayout, NODE, SEGMENT, STEP, TAIL};
 use nalgebra::DMatrix;
 
-/// Mark of a block that is zero.
+/// Marks a block that is zero.
 const NONE: u32 = u32::MAX;
 
-/// Blocks of m rows and `width` columns, most of them zero and not kept.
+/// Blocks of `size` entries, most of them zero and not stored.
 #[derive(Debug, Clone)]
 struct Blocks {
     size: usize,
@@ -45,7 +45,7 @@ impl Blocks {
     }
 }
 
-/// Gradient G of m linear functionals by all unknowns, sparse over nodes and segments. Blocks are
+/// Gradient G of m linear functionals by all unknowns, sparse over nodes and segments. Blocks are stored
 /// row by row.
 #[derive(Debug, Clone)]
 pub struct ChainGradient {
@@ -56,7 +56,7 @@ pub struct ChainGradient {
 }
 
 impl ChainGradient {
-    /// No dependence yet, for m = `rows` functionals.
+    /// The zero gradient of m = `rows` functionals.
     pub fn new(rows: usize, layout: &ChainLayout, border: usize) -> Self {
         Self {
             rows,
@@ -96,7 +96,7 @@ impl ChainFactor {
         }
         let steps = self.layout.steps();
         let mut sums = Sums::new(gradient, n);
-        // Right-hand sides of (node, segment), 15 rows of m; fronts below read and pass them on.
+        // Right-hand sides of (node, segment), 15 rows of m, which each front reads and passes on.
         let mut carry = vec![0.0; TAIL * m];
         let mut front = vec![0.0; STEP * m];
         for i in self.first_step(gradient)..steps {
@@ -139,16 +139,20 @@ impl ChainFactor {
         DMatrix::from_fn(m, m, |a, b| sums.squares[a.min(b) * m + a.max(b)])
     }
 
-    /// The first step whose front sees the gradient; all before it stay zero.
+    /// The first step whose front contains part of the gradient; the right-hand sides before it are zero.
     fn first_step(&self, gradient: &ChainGradient) -> usize {
         let steps = self.layout.steps();
-        let of_segment = gradient.segments.first().map(|first| {
+        let first_by_segment = gradient.segments.first().map(|first| {
             self.layout
                 .segment_of_step
                 .partition_point(|&segment| (segment as usize) < first)
         });
-        let of_node = gradient.nodes.first();
-        of_node.into_iter().chain(of_segment).min().unwrap_or(steps)
+        let first_by_node = gradient.nodes.first();
+        first_by_node
+            .into_iter()
+            .chain(first_by_segment)
+            .min()
+            .unwrap_or(steps)
     }
 }
 
@@ -161,7 +165,7 @@ fn add_block<const W: usize>(block: Option<&[f64]>, m: usize, front: &mut [f64])
     }
 }
 
-/// What the forward substitution gathers, front by front.
+/// The sums that the forward substitution accumulates front by front.
 struct Sums {
     m: usize,
     n: usize,
@@ -183,7 +187,7 @@ impl Sums {
         }
     }
 
-    /// Some rows of Vᵀ (m columns) and of Y (n columns).
+    /// Adds some rows of Vᵀ (m columns) and of Y (n columns).
     fn add(&mut self, v: &[f64], border: &[f64]) {
         self.add_squares(v);
         if self.n > 0 {

@@ -1,4 +1,4 @@
-//! The information that residuals hold about the variance of their own factors.
+//! The information of residuals on the variance of their factors.
 
 use super::chain::{ChainFactor, ChainStep, ChainSystem};
 use super::layout::TAIL;
@@ -7,17 +7,18 @@ use super::rows::Rows;
 use super::system::{BorderSystem, StepSystem, assemble};
 use crate::statistics::drawn_sign;
 
-/// Vectors of signs drawn; each gives tr R² to √(2 tr R⁴), some 20 % of it.
+/// Number of random sign vectors; each gives tr R² with a standard deviation of √(2 tr R⁴), some 20 %
+/// of it.
 const PROBES: u64 = 8;
 
-/// The sign of a row in a probe.
+/// The random sign of a row in a probe.
 fn sign(probe: u64, step: usize, row: usize) -> f64 {
     drawn_sign(probe << 48 | (step as u64) << 8 | row as u64)
 }
 
 /// tr R² over the rows of the chosen factors, R = I − J H⁻¹ Jᵀ, by |R z|² for random signs z
 /// (Hutchinson 1990): the Fisher information of the logarithm of their variance is half of it.
-/// `None` where the normal equations are not positive definite.
+/// `None` if the normal equations are not positive definite.
 pub fn residual_information<P: ChainProblem>(
     problem: &P,
     state: &P::State,
@@ -30,7 +31,7 @@ pub fn residual_information<P: ChainProblem>(
     let mut x = ChainStep::new(layout, count);
     let mut sum = 0.0;
     for probe in 0..PROBES {
-        // The signs of a factor's rows, 0 where it is not chosen; `before` rows have been chosen.
+        // The signs of a factor's rows, 0 if it is not chosen; `before` counts the chosen rows before it.
         let signs = |step: usize, before: &mut usize, chosen: bool, rows: &Rows<'_>| {
             let number = rows.residual.len();
             let first = *before;

@@ -1,4 +1,4 @@
-//! The unknowns of a chain, and the order in which a step sees them.
+//! The unknowns of a chain, and their order within a step.
 
 /// Unknowns of a node.
 pub const NODE: usize = 9;
@@ -11,7 +11,7 @@ pub const STEP: usize = 2 * NODE + SEGMENT;
 /// Unknowns at a change of segment: old segment, node, new segment.
 pub const CHANGE: usize = NODE + 2 * SEGMENT;
 
-/// Which segment each step belongs to: that of the step before or the next one.
+/// The segment of each step: the same as that of the step before, or the next one.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ChainLayout {
     pub segment_of_step: Vec<u32>,
@@ -36,7 +36,7 @@ impl ChainLayout {
         self.segment_of_step.get(step).map_or(0, |&k| k as usize)
     }
 
-    /// Whether a segment begins at step `i`; the one before is that of step i − 1.
+    /// Whether a segment begins at step `i`; the segment before it is that of step i − 1.
     pub fn changes_before(&self, i: usize) -> bool {
         i > 0 && self.segment_of_step[i] != self.segment_of_step[i - 1]
     }

@@ -6,9 +6,9 @@ use crate::progress::Progress;
 use crate::stored::stored;
 use std::fmt;
 
-/// Converged where a step is shorter than this, in posterior standard deviations: it moves no
-/// functional of the unknowns by more than 5 % of its own sigma. The step is still taken, and as
-/// convergence is quadratic, what is left is far less.
+/// Length of a step below which the adjustment has converged, posterior standard deviations: the step
+/// moves no functional of the unknowns by more than 5 % of its own sigma. The step is still taken, and
+/// because convergence is quadratic, the remaining error is far smaller.
 pub const CONVERGED_SIGMAS: f64 = 0.05;
 
 /// Why the adjustment stopped.
@@ -17,7 +17,7 @@ pub const CONVERGED_SIGMAS: f64 = 0.05;
 pub enum StopReason {
     /// The last step was below 5 % of a posterior standard deviation.
     Converged,
-    /// The most iterations allowed were used.
+    /// The iteration limit was reached.
     IterationLimit,
     /// No step, however small, lowers the cost.
     NoBetterStep,
@@ -28,12 +28,12 @@ impl fmt::Display for StopReason {
         f.write_str(match self {
             Self::Converged => "converged",
             Self::IterationLimit => "stopped at the iteration limit",
-            Self::NoBetterStep => "stopped as no step lowers the cost",
+            Self::NoBetterStep => "stopped because no step lowers the cost",
         })
     }
 }
 
-/// How one adjustment ended.
+/// The outcome of an adjustment.
 #[derive(Debug, Clone, Copy)]
 pub struct Ended {
     pub stop: StopReason,
@@ -51,7 +51,7 @@ pub trait LeastSquares {
     /// Half the sum of all squared normalised residuals.
     fn cost(&self, state: &Self::State) -> f64;
 
-    /// The state after the damped step from `state`; `None` where the normal equations are not
+    /// The state after the damped step from `state`; `None` if the normal equations are not
     /// positive definite.
     fn step(&mut self, state: &Self::State, damping: f64) -> Option<Self::State>;
 
@@ -59,8 +59,8 @@ pub trait LeastSquares {
     fn decrement(&self) -> f64;
 }
 
-/// Moves `state` to where the cost is least, with so many iterations at most, until a step is shorter
-/// than so many posterior standard deviations. Where it converged, the last step was undamped.
+/// Moves `state` to the least cost, in at most `most_iterations`, until a step is shorter than
+/// `converged_sigmas` posterior standard deviations. If it converged, the last step was undamped.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::error::Error::Cancelled).

@@ -1,4 +1,4 @@
-//! Losses: the weight of every record by its residual.
+//! Losses: the weight of a record as a function of its residual.
 //!
 //! The truncated loss is reached by graduated non-convexity (Yang, Antonante, Tzoumas, Carlone
 //! 2020): the surrogate of the truncated quadratic starts convex and is sharpened by µ from round to
@@ -8,9 +8,9 @@
 
 use crate::statistics::{chi_square, median};
 
-/// The limit of the test as a standard normal: 1 good record in 10,000 exceeds it.
+/// The limit of the test as a quantile of the standard normal distribution: 1 good record in 10,000 exceeds it.
 const LIMIT_NORMAL: f64 = 3.72;
-/// The share of good records that exceeds it.
+/// The share of good records that exceed the limit.
 const PASSING: f64 = 1e-4;
 /// An excess over the expected number of more than this many standard deviations is not chance.
 const CHANCE_SIGMAS: f64 = 3.0;
@@ -18,29 +18,30 @@ const CHANCE_SIGMAS: f64 = 3.0;
 const FAR_NORMAL: f64 = 6.0;
 /// Growth of µ from round to round.
 const SHARPENING: f64 = 2.0;
-/// Where the bends of Huber's and Cauchy's losses lie, standard deviations per component.
+/// Tuning constant of Huber's loss, standard deviations per component.
 const HUBER_SIGMAS: f64 = 1.345;
+/// Tuning constant of Cauchy's loss, standard deviations per component.
 const CAUCHY_SIGMAS: f64 = 2.385;
 
-/// How the cost grows with a residual.
+/// How the cost of a record grows with its residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
-    /// With its square.
+    /// With the square of the residual.
     None,
-    /// With its square up to 1.345 σ, with its length beyond (Huber 1964).
+    /// With the square of the residual up to 1.345 σ, linearly beyond (Huber 1964).
     Huber,
-    /// With the logarithm of its square (Cauchy).
+    /// With the logarithm of the square of the residual (Cauchy).
     Cauchy,
-    /// With its square up to a limit and no further, by graduated non-convexity (Yang, Antonante,
-    /// Tzoumas, Carlone 2020): records beyond the limit are rejected and named.
+    /// With the square of the residual up to a limit, constant beyond, by graduated non-convexity (Yang,
+    /// Antonante, Tzoumas, Carlone 2020): records beyond the limit are rejected and named.
     #[default]
     Truncated,
 }
 
 impl Loss {
-    /// The weight ψ(u)/u of a record with so many components and this squared normalised residual;
-    /// for the truncated loss 1, as its limit depends on the other records.
+    /// The weight ψ(u)/u of a record, given its number of components and its squared normalised residual;
+    /// 1 for the truncated loss, because its limit depends on the other records.
     fn smooth_weight(self, components: f64, square: f64) -> f64 {
         match self {
             Self::Huber => (HUBER_SIGMAS * (components / square).sqrt()).min(1.0),
@@ -50,7 +51,7 @@ impl Loss {
     }
 }
 
-/// The squared normalised residual beyond which a record with so many components is an outlier, if
+/// The squared normalised residual beyond which a record with this number of components is an outlier, if
 /// its standard deviation is right.
 pub fn rejection_limit(components: f64) -> f64 {
     chi_square(components, LIMIT_NORMAL)
@@ -66,21 +67,21 @@ pub fn square_scale(components: f64, median: f64) -> f64 {
 #[derive(Debug, Clone)]
 pub struct LossGroup {
     pub loss: Loss,
-    /// Of each record.
+    /// Number of components of each record.
     pub components: f64,
-    /// Places among the squares and weights of all records.
+    /// Indices into the squares and weights of all records.
     pub records: Vec<usize>,
 }
 
 impl LossGroup {
-    /// c²: the limit for records whose standard deviations are right, scaled up where the median
-    /// shows that the group's are too small.
+    /// c²: the limit for records whose standard deviations are right, scaled up if the median of the
+    /// residuals shows that the standard deviations of the group are too small.
     fn limit(&self, squares: &[f64]) -> f64 {
         self.scale(squares) * rejection_limit(self.components)
     }
 
-    /// Whether more records exceed the limit than chance explains, or one exceeds it by far: a
-    /// search for outliers costs ten adjustments.
+    /// Whether more records exceed the limit than chance explains, or one exceeds it by far. Only then is
+    /// a search for outliers worth its cost of ten adjustments.
     pub fn is_suspicious(&self, squares: &[f64]) -> bool {
         if self.loss == Loss::None {
             return false;
@@ -100,7 +101,7 @@ impl LossGroup {
         median.map_or(f64::INFINITY, |m| square_scale(self.components, m))
     }
 
-    /// The weights of smooth losses.
+    /// Sets the weights of a smooth loss.
     fn weigh_smoothly(&self, squares: &[f64], weights: &mut [f64]) {
         for &i in &self.records {
             weights[i] = self.loss.smooth_weight(self.components, squares[i]);
@@ -123,7 +124,7 @@ pub fn weigh(groups: &[LossGroup], squares: &[f64], weights: &mut [f64]) {
     }
 }
 
-/// Huber's weight, whatever a record's loss: for tests in which rejected records count too.
+/// Huber's weight, regardless of a record's loss: for tests in which rejected records count too.
 pub fn cautious_weight(components: f64, square: f64) -> f64 {
     Loss::Huber.smooth_weight(components, square)
 }
@@ -135,7 +136,7 @@ pub struct Graduation {
 }
 
 impl Graduation {
-    /// Sets the weights of one more round. Whether the truncated loss is reached: every one of its
+    /// Sets the weights of the next round. Returns whether the truncated loss is reached: each of its
     /// records counts fully or not at all.
     pub fn round(&mut self, groups: &[LossGroup], squares: &[f64], weights: &mut [f64]) -> bool {
         let truncated = || groups.iter().filter(|g| g.loss == Loss::Truncated);

@@ -6,20 +6,20 @@ use super::layout::{CHANGE, NODE, SEGMENT, STEP, TAIL};
 use super::rows::Rows;
 use nalgebra::DMatrix;
 
-/// The joint covariance of the unknowns of step i, in parts, that of the border included.
+/// The joint covariance of the unknowns of step i and of the border, in parts.
 pub struct StepMarginal<'a> {
     /// Node i.
     pub node: &'a [[f64; NODE]; NODE],
-    /// Node i (rows) with node i + 1 and the segment.
+    /// Covariance of node i (rows) with node i + 1 and the segment.
     between: &'a [[f64; TAIL]; NODE],
     /// Node i + 1 and the segment.
     next: &'a [[f64; TAIL]; TAIL],
-    /// All of them (node i, node i + 1, segment) with the border, STEP × n row by row.
+    /// Covariance of all of them (node i, node i + 1, segment) with the border, STEP × n row by row.
     cross: &'a [f64],
 }
 
 impl StepMarginal<'_> {
-    /// The whole matrix.
+    /// The joint covariance in one matrix.
     pub fn joint(&self) -> StepCovariance {
         let mut unknowns = [[0.0; STEP]; STEP];
         for (a, (node, between)) in self.node.iter().zip(self.between).enumerate() {
@@ -44,20 +44,20 @@ impl StepMarginal<'_> {
 pub struct StepCovariance {
     /// Node i, node i + 1, segment.
     pub unknowns: [[f64; STEP]; STEP],
-    /// Of these with the border, STEP × n row by row.
+    /// Their covariance with the border, STEP × n row by row.
     pub cross: Vec<f64>,
 }
 
 impl StepCovariance {
     /// The redundancy 1 − w jᵀ Σ j of each row, given the covariance of the border: the share of
-    /// the observation that others check.
+    /// the observation that other observations check.
     pub fn redundancies(&self, rows: &Rows<'_>, border: &DMatrix<f64>) -> Vec<f64> {
         let predicted = |i: usize| self.predicted(rows, i, border);
         let rows = 0..rows.residual.len();
         rows.map(|i| 1.0 - predicted(i)).collect()
     }
 
-    /// The variance of what row i predicts, w jᵀ Σ j.
+    /// The weighted variance of the prediction of row i, w jᵀ Σ j.
     fn predicted(&self, rows: &Rows<'_>, i: usize, border: &DMatrix<f64>) -> f64 {
         let (row, n) = (&rows.by_step[i], border.nrows());
         let mut used = [0usize; STEP];
@@ -75,8 +75,8 @@ impl StepCovariance {
         }
         for (c, by) in rows.by_column() {
             let inner: f64 = used.iter().map(|&a| self.cross[a * n + c] * row[a]).sum();
-            let own: f64 = rows.by_column().map(|(d, w)| border[(c, d)] * w[i]).sum();
-            sum += by[i] * (2.0 * inner + own);
+            let border: f64 = rows.by_column().map(|(d, w)| border[(c, d)] * w[i]).sum();
+            sum += by[i] * (2.0 * inner + border);
         }
         rows.weight * sum
     }
@@ -93,7 +93,7 @@ impl ChainFactor {
         let mut sigma = tail_covariance(&tail.rows);
         if n > 0 {
             border.enter::<TAIL, TAIL>(&tail.rows, rows);
-            border.add_own(&mut sigma);
+            border.subtract_from_pivots(&mut sigma);
             border.cross[NODE * n..].copy_from_slice(&border.pivots[..TAIL * n]);
         }
         for i in (0..self.layout.steps()).rev() {
@@ -143,10 +143,11 @@ struct BorderCovariance {
     /// Covariance of the step's unknowns with the border, STEP × n; rows from NODE on are those
     /// of the separator.
     cross: Vec<f64>,
-    /// Of the front at work: U_PP⁻¹ Y_P and Σ_Pk, both P × n.
+    /// U_PP⁻¹ Y_P of the current front, P × n.
     gain: Vec<f64>,
+    /// Σ_Pk of the current front, P × n.
     pivots: Vec<f64>,
-    /// Σ_kS, a row per column of the border.
+    /// Σ_kS, one row per column of the border.
     of_separator: Vec<[f64; TAIL]>,
 }
 
@@ -163,7 +164,7 @@ impl BorderCovariance {
         }
     }
 
-    /// Kk = U_PP⁻¹ Y_P, and −Kk Σ_kk: all of Σ_Pk where there is no other separator.
+    /// Computes Kk = U_PP⁻¹ Y_P and −Kk Σ_kk, which is all of Σ_Pk if there is no other separator.
     fn enter<const P: usize, const N: usize>(&mut self, rows: &[[f64; N]; P], border: &[f64]) {
         let n = self.n;
         for a in (0..P).rev() {
@@ -184,7 +185,7 @@ impl BorderCovariance {
         }
     }
 
-    /// Σ_Pk loses K Σ_Sk, and Σ_PS loses Kk Σ_kS.
+    /// Subtracts K Σ_Sk from Σ_Pk, and Kk Σ_kS from Σ_PS.
     fn separate<const P: usize>(&mut self, k: &[[f64; TAIL]; P], cross: &mut [[f64; TAIL]; P]) {
         let n = self.n;
         let of_separator = &self.cross[NODE * n..];
@@ -205,9 +206,9 @@ impl BorderCovariance {
         }
     }
 
-    /// Σ_PP loses Σ_Pk Kkᵀ.
+    /// Subtracts Σ_Pk Kkᵀ from Σ_PP.
     #[allow(clippy::needless_range_loop)] // own[a][b] and own[b][a]
-    fn add_own<const P: usize>(&self, own: &mut [[f64; P]; P]) {
+    fn subtract_from_pivots<const P: usize>(&self, own: &mut [[f64; P]; P]) {
         let n = self.n;
         for a in 0..P {
             for b in a..P {
@@ -220,7 +221,7 @@ impl BorderCovariance {
     }
 }
 
-/// Takes Σ factor · row from `target`.
+/// Subtracts Σ factor · row from `target`.
 fn subtract<'a>(target: &mut [f64], factors: &[f64], rows: impl Iterator<Item = &'a [f64]>) {
     for (factor, row) in factors.iter().zip(rows) {
         for (x, r) in target.iter_mut().zip(row) {
@@ -283,7 +284,7 @@ fn pivot_covariance<const P: usize, const N: usize>(
         }
     }
     if border.n > 0 {
-        border.add_own(&mut own);
+        border.subtract_from_pivots(&mut own);
     }
     (own, cross)
 }

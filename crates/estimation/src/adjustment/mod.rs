@@ -1,7 +1,7 @@
 //! Least-squares adjustment on a chain of unknowns: factors' rows in, solution and covariances out.
 //!
-//! Knows no sensor. What its unknowns mean, and which factors tie them, is the business of a
-//! `ChainProblem`; its rows serve other solvers as well.
+//! This module knows no sensors. A `ChainProblem` defines what the unknowns mean and which factors tie
+//! them; its rows serve other solvers as well.
 
 mod border;
 mod chain;

@@ -1,6 +1,6 @@
 //! Priors with independent components.
 
-/// Weights 1/σ² of N components, and how far the values are from the prior: cost ½ Σ w d².
+/// Weights 1/σ² of N components, and deviations d (`miss`) of the values from the prior: cost ½ Σ w d².
 #[derive(Debug, Clone, Copy)]
 pub struct Prior<const N: usize> {
     pub weight: [f64; N],
@@ -17,7 +17,7 @@ impl<const N: usize> Prior<N> {
         cost(&self.weight, &self.miss)
     }
 
-    /// The same weights, with the prior met.
+    /// The same weights with zero deviations.
     pub fn met(self) -> Self {
         Self {
             miss: [0.0; N],
@@ -26,7 +26,7 @@ impl<const N: usize> Prior<N> {
     }
 }
 
-/// The same of the n columns of the border.
+/// A prior of the n columns of the border.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BorderPrior {
     pub weight: Vec<f64>,
@@ -38,7 +38,7 @@ impl BorderPrior {
         cost(&self.weight, &self.miss)
     }
 
-    /// The same weights, with the prior met.
+    /// The same weights with zero deviations.
     pub fn met(mut self) -> Self {
         self.miss.fill(0.0);
         self

@@ -1,4 +1,4 @@
-//! A least-squares problem on a chain, and how it is solved.
+//! A least-squares problem on a chain, and its solution.
 
 use super::chain::{ChainFactor, ChainStep, ChainSystem, NotPositive};
 use super::damping::DampingRule;
@@ -10,7 +10,7 @@ use super::system::{BorderSystem, StepSystem, assemble};
 use crate::progress::Progress;
 use rayon::prelude::*;
 
-/// Steps per task where costs are summed; fixed, so that sums do not depend on the threads.
+/// Steps per task when costs are summed; fixed, so that sums do not depend on the number of threads.
 const TASK: usize = 512;
 
 /// Damping is in units of the uncertainty of the start values; after a refused step it starts at a
@@ -29,7 +29,7 @@ pub trait ChainProblem: Sync {
     where
         Self: 'a;
 
-    /// Which segment each step belongs to.
+    /// The segments of the steps.
     fn layout(&self) -> &ChainLayout;
 
     /// Visits the whitened rows of every factor of a step.
@@ -49,17 +49,17 @@ pub trait ChainProblem: Sync {
         visit: impl FnMut(Self::Source<'a>, f64, &[f64]),
     );
 
-    /// Of node 0 and segment 0.
+    /// The prior of node 0 and segment 0.
     fn prior(&self, state: &Self::State) -> Prior<TAIL>;
 
-    /// The random walk from segment `old` to the next; it is missed by new − old.
+    /// The random walk from segment `old` to the next, with the deviation new − old.
     fn walk(&self, state: &Self::State, old: usize) -> Prior<SEGMENT>;
 
-    /// Of the border.
+    /// The prior of the border.
     fn border_prior(&self, state: &Self::State) -> BorderPrior;
 
-    /// How far the start values of a node and of a segment may be off. For the border it is the
-    /// sigma of its prior.
+    /// Uncertainty of the start values of a node and of a segment. For the border it is the sigma of its
+    /// prior.
     fn damping_sigma(&self) -> [f64; TAIL];
 
     /// `state` after a step.
@@ -68,7 +68,7 @@ pub trait ChainProblem: Sync {
     /// Half the sum of all squared normalised residuals.
     fn cost(&self, state: &Self::State) -> f64 {
         let layout = self.layout();
-        let of_step = |step: usize| {
+        let step_cost = |step: usize| {
             let mut sum = 0.0;
             self.residuals(state, step, |_, weight, residual| {
                 sum += weight * residual.iter().map(|x| x * x).sum::<f64>();
@@ -80,7 +80,7 @@ pub trait ChainProblem: Sync {
             .into_par_iter()
             .map(|task| {
                 let end = ((task + 1) * TASK).min(steps);
-                (task * TASK..end).map(of_step).sum()
+                (task * TASK..end).map(step_cost).sum()
             })
             .collect();
         let walks = (1..layout.segments()).map(|new| self.walk(state, new - 1).cost());
@@ -121,9 +121,8 @@ pub trait ChainProblem: Sync {
         })
     }
 
-    /// Levenberg-Marquardt from `state` in place. `factor` ends as the undamped factor within 5 %
-    /// of a standard deviation of the solution where it converged, and is of no use where it did
-    /// not.
+    /// Levenberg-Marquardt from `state` in place. If it converges, `factor` is the undamped factor within
+    /// 5 % of a standard deviation of the solution; otherwise `factor` is of no use.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::error::Error::Cancelled).

@@ -3,8 +3,8 @@
 use super::layout::STEP;
 use super::rows::Rows;
 
-/// The normal equations H δ = g of one step, order node i, node i + 1, segment; only the upper
-/// triangle of H counts. Rows are whole lines of the cache.
+/// The normal equations H δ = g of one step, in the order node i, node i + 1, segment; only the upper
+/// triangle of H is used. Rows are aligned to cache lines.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct StepSystem {
@@ -19,14 +19,14 @@ impl StepSystem {
     };
 }
 
-/// What one step adds to the normal equations of the n columns of the border.
+/// The contribution of one step to the normal equations of the n columns of the border.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BorderSystem {
     /// Number of columns n.
     pub count: usize,
-    /// For each column its coupling with the step's unknowns: node i, node i + 1, segment.
+    /// Coupling of each column with the step's unknowns: node i, node i + 1, segment.
     pub h: Vec<[f64; STEP]>,
-    /// The columns among themselves, n × n row by row; only the upper triangle counts.
+    /// Normal matrix of the columns themselves, n × n row by row; only the upper triangle is used.
     pub c: Vec<f64>,
     /// Their right-hand side.
     pub g: Vec<f64>,
@@ -73,8 +73,8 @@ pub fn assemble(rows: &Rows<'_>, system: &mut StepSystem, border: &mut BorderSys
     }
     let mut columns = rows.by_column();
     while let Some((column, by)) = columns.next() {
-        for (row, (own, r)) in rows.by_step.iter().zip(by.iter().zip(rows.residual)) {
-            let factor = weight * own;
+        for (row, (by_row, r)) in rows.by_step.iter().zip(by.iter().zip(rows.residual)) {
+            let factor = weight * by_row;
             for (x, j) in border.h[column].iter_mut().zip(row) {
                 *x += factor * j;
             }

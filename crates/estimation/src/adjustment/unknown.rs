@@ -1,4 +1,4 @@
-//! Unknowns with their retraction, and the columns of those that stand beside the chain.
+//! Unknowns with their retraction, and the columns of unknowns outside the chain.
 
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use nalgebra::SVector;
@@ -6,7 +6,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// A value that the adjustment finds, and how a step moves it.
+/// A value that the adjustment estimates, and how a step moves it.
 pub trait Unknown: Clone {
     /// Number of parameters of a step.
     const DIMENSION: usize;
@@ -14,7 +14,7 @@ pub trait Unknown: Clone {
     /// The value after a step of [`Unknown::DIMENSION`] parameters.
     fn retracted(&self, step: &[f64]) -> Self;
 
-    /// The step that leads from `origin` to this value: what [`Unknown::retracted`] undoes.
+    /// The step that leads from `origin` to this value: the inverse of [`Unknown::retracted`].
     fn step_from(&self, origin: &Self, step: &mut [f64]);
 }
 
@@ -48,7 +48,7 @@ fn halves(step: &[f64]) -> (Vec3, Vec3) {
     (half(0), half(3))
 }
 
-/// δφ, δp as [`Transform`](crate::geometry::Transform#perturbations) says.
+/// Steps are (δφ, δp) as defined by [`Transform`](crate::geometry::Transform#perturbations).
 impl Unknown for WorldFromBody {
     const DIMENSION: usize = 6;
 
@@ -64,7 +64,7 @@ impl Unknown for WorldFromBody {
     }
 }
 
-/// δφ, δp as [`Transform`](crate::geometry::Transform#perturbations) says.
+/// Steps are (δφ, δp) as defined by [`Transform`](crate::geometry::Transform#perturbations).
 impl Unknown for BodyFromScanner {
     const DIMENSION: usize = 6;
 
@@ -80,7 +80,7 @@ impl Unknown for BodyFromScanner {
     }
 }
 
-/// Where an unknown beside the chain has its columns.
+/// The columns of an unknown outside the chain.
 pub struct Block<T> {
     first: usize,
     unknown: PhantomData<fn() -> T>,
@@ -93,7 +93,7 @@ impl<T: Unknown> Block<T> {
     }
 }
 
-// Derived, these would ask the same of the unknown.
+// Derived impls would require the same traits of the unknown.
 impl<T> Clone for Block<T> {
     fn clone(&self) -> Self {
         *self
@@ -127,7 +127,7 @@ impl Columns {
     }
 }
 
-/// A parameter beside the chain: held at its value, or estimated about where it starts.
+/// A parameter outside the chain: held at its value, or estimated about its start value.
 #[derive(Debug, Clone)]
 pub struct Parameter<T> {
     pub value: T,
@@ -150,18 +150,18 @@ impl<T: Unknown> Parameter<T> {
         self.block = Some(columns.block());
     }
 
-    /// Its columns where it is estimated.
+    /// Its columns; `None` if it is held.
     pub fn block(&self) -> Option<Block<T>> {
         self.block
     }
 }
 
-/// A parameter of any kind, within a step of all columns.
+/// A parameter of any kind, which takes its part of a step of all columns.
 pub trait Retract {
-    /// Takes its part of a step.
+    /// Moves the parameter by its part of a step.
     fn retract(&mut self, step: &[f64]);
 
-    /// Writes how far it is from where it started.
+    /// Writes its deviation from the start value.
     fn correction(&self, step: &mut [f64]);
 }
 
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
     use crate::geometry::so3::exp;
 
-    fn undone<T: Unknown + fmt::Debug>(value: &T) {
+    fn assert_inverse<T: Unknown + fmt::Debug>(value: &T) {
         let step: Vec<f64> = (0..T::DIMENSION).map(|i| 0.3 - 0.2 * i as f64).collect();
         let mut found = vec![0.0; T::DIMENSION];
         value.retracted(&step).step_from(value, &mut found);
@@ -195,12 +195,12 @@ mod tests {
     }
 
     #[test]
-    fn a_step_leads_there_and_is_found_again() {
+    fn step_from_inverts_retracted() {
         let (rotation, t) = (exp(&Vec3::new(0.4, -1.2, 2.0)), Vec3::new(3.0, -1.0, 0.5));
-        undone(&4.0);
-        undone(&Vec3::new(1.0, 2.0, -3.0));
-        undone(&WorldFromBody::new(rotation, t));
-        undone(&BodyFromScanner::new(rotation, t));
+        assert_inverse(&4.0);
+        assert_inverse(&Vec3::new(1.0, 2.0, -3.0));
+        assert_inverse(&WorldFromBody::new(rotation, t));
+        assert_inverse(&BodyFromScanner::new(rotation, t));
     }
 
     #[test]

@@ -164,7 +164,7 @@ mod tests {
             max_iterations: 30,
         };
         let start = problem.at(mountings);
-        let all_free = Observability::of(&start.equations, &start.mountings);
+        let all_free = Observability::new(&start.equations, &start.mountings);
         assert!(all_free.unobservable.is_empty());
         let adjusted = minimise(&problem, start.clone(), &all_free, &Silent).unwrap();
         (start, adjusted)

@@ -69,19 +69,20 @@ pub struct Constancy {
 /// A change of the residuals from one value to another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Jump {
-    /// Which scanner.
+    /// Index of the scanner.
     pub scanner: usize,
-    /// Between the last block before it and the first one after it, seconds.
+    /// Time between the last block before the jump and the first block after it, seconds.
     pub time_s: f64,
-    /// By how much, metres.
+    /// Size of the jump, metres.
     pub step_m: f64,
-    /// Correlation of the residuals with it.
+    /// Correlation of the residuals with the jump.
     pub correlation: f64,
 }
 
 impl Jump {
-    /// The jump of a scanner's blocks that leaves the least squares; `None` with few blocks.
-    fn of(scanner: usize, blocks: &[Block]) -> Option<Self> {
+    /// The jump that leaves the least sum of squares of a scanner's blocks; `None` if there are too few
+    /// blocks.
+    fn strongest(scanner: usize, blocks: &[Block]) -> Option<Self> {
         let count = blocks.len() as f64;
         let values = || blocks.iter().map(|block| block.mean_m);
         let mean = values().sum::<f64>() / count;
@@ -143,12 +144,12 @@ struct Sums {
 impl Constancy {
     /// Tests the distances to the reference; `None` without a reference, without standard
     /// deviations of the poses, or if too little of the drive covers the reference.
-    pub fn of(surface: &Surface, trajectory: &Trajectory) -> Option<Self> {
+    pub fn test(surface: &Surface, trajectory: &Trajectory) -> Option<Self> {
         let (start_s, _) = trajectory.span_s();
         let mut sums = vec![BTreeMap::<u64, Sums>::new(); surface.cloud.scanners];
         let residuals: Vec<Residual> = (0..surface.planes.len())
             .into_par_iter()
-            .filter_map(|index| Residual::of(surface, trajectory, index))
+            .filter_map(|index| Residual::of_centre(surface, trajectory, index))
             .collect();
         for residual in residuals {
             let block = ((residual.time_s - start_s) / BLOCK_S) as u64;
@@ -184,7 +185,7 @@ impl Constancy {
             jump: blocks
                 .iter()
                 .enumerate()
-                .filter_map(|(scanner, blocks)| Jump::of(scanner, blocks))
+                .filter_map(|(scanner, blocks)| Jump::strongest(scanner, blocks))
                 .max_by(|a, b| a.correlation.total_cmp(&b.correlation)),
             blocks,
         })
@@ -194,10 +195,10 @@ impl Constancy {
 impl Residual {
     /// The residual of the centre of neighbourhood `index`; `None` if the reference has no plane
     /// there or the pose has no standard deviations.
-    fn of(surface: &Surface, trajectory: &Trajectory, index: usize) -> Option<Self> {
+    fn of_centre(surface: &Surface, trajectory: &Trajectory, index: usize) -> Option<Self> {
         let Surface { cloud, placed, .. } = surface;
         let movable = cloud.movable.len();
-        let members = surface.neighbourhoods.of(index).iter().copied();
+        let members = surface.neighbourhoods.members(index).iter().copied();
         let reference: Vec<u32> = members.filter(|&m| m as usize >= movable).collect();
         if reference.len() < MIN_REFERENCE_POINTS {
             return None;
@@ -307,10 +308,10 @@ mod tests {
                 expected_sigma_m: 1e-3,
             })
             .collect();
-        let jump = Jump::of(1, &blocks).unwrap();
+        let jump = Jump::strongest(1, &blocks).unwrap();
         assert_eq!((jump.scanner, jump.time_s), (1, 49.0));
         assert!((jump.step_m + 3e-3).abs() < 2e-5, "{}", jump.step_m);
         assert!(jump.correlation > 0.99);
-        assert_eq!(Jump::of(0, &blocks[..9]), None);
+        assert_eq!(Jump::strongest(0, &blocks[..9]), None);
     }
 }

@@ -17,8 +17,8 @@
 //!
 //!   Σ ln(λ₃ + s²)
 //!
-//! with s the floor of the thickness: points of a single pass are that flat whatever the mountings
-//! are. With the normal n, dλ₃ = nᵀ dC n. With the weight w = 1/(λ₃ + s²) held constant at
+//! with s the floor of the thickness: points of a single pass are that flat regardless of the
+//! mountings. With the normal n, dλ₃ = nᵀ dC n. With the weight w = 1/(λ₃ + s²) held constant at
 //! the current parameters, the weighted scatter w/k Σ (n·(x_j − x̄))² has the same gradient
 //!
 //!   g = 2w/k Σ_j a_j n·(x_j − x̄)
@@ -111,7 +111,7 @@ pub fn normal_equations(surface: &Surface, floor_m: f64) -> NormalEquations {
 /// Sums over the neighbourhoods of one task.
 struct Sums {
     gradient: Vec<Vector6<f64>>,
-    own: Vec<Matrix6<f64>>,
+    diagonal_blocks: Vec<Matrix6<f64>>,
     matrix: DMatrix<f64>,
     derivative: Vec<Vector6<f64>>,
 }
@@ -120,7 +120,7 @@ impl Sums {
     fn new(scanners: usize) -> Self {
         Self {
             gradient: vec![Vector6::zeros(); scanners],
-            own: vec![Matrix6::zeros(); scanners],
+            diagonal_blocks: vec![Matrix6::zeros(); scanners],
             matrix: DMatrix::zeros(6 * scanners, 6 * scanners),
             derivative: vec![Vector6::zeros(); scanners],
         }
@@ -129,7 +129,7 @@ impl Sums {
     fn add(&mut self, surface: &Surface, floor_m: f64, index: usize) {
         let Surface { cloud, placed, .. } = surface;
         let plane = &surface.planes[index];
-        let members = surface.neighbourhoods.of(index);
+        let members = surface.neighbourhoods.members(index);
         let weight = weight(plane, floor_m, members.len());
         self.derivative.fill(Vector6::zeros());
         for &member in members {
@@ -140,10 +140,10 @@ impl Sums {
             let scanner = cloud.profile(point).scanner as usize;
             let derivative = derivative(&surface.rows(member, &plane.normal));
             let weighted = derivative * weight;
-            let own = &mut self.own[scanner];
+            let block = &mut self.diagonal_blocks[scanner];
             for column in 0..6 {
                 for row in 0..=column {
-                    own[(row, column)] += weighted[row] * derivative[column];
+                    block[(row, column)] += weighted[row] * derivative[column];
                 }
             }
             let residual = plane.normal.dot(&(placed.world[member] - plane.mean_m));
@@ -163,12 +163,13 @@ impl Sums {
 
     fn finish(mut self) -> NormalEquations {
         let scanners = self.gradient.len();
-        let diagonals = self.own.iter().flat_map(|own| own.diagonal().data.0[0]);
+        let blocks = self.diagonal_blocks.iter();
+        let diagonals = blocks.flat_map(|block| block.diagonal().data.0[0]);
         let uncentred = DVector::from_iterator(6 * scanners, diagonals);
-        for (scanner, own) in self.own.iter_mut().enumerate() {
-            own.fill_lower_triangle_with_upper_triangle();
-            let mut block = self.matrix.fixed_view_mut::<6, 6>(6 * scanner, 6 * scanner);
-            block += &*own;
+        for (scanner, block) in self.diagonal_blocks.iter_mut().enumerate() {
+            block.fill_lower_triangle_with_upper_triangle();
+            let mut target = self.matrix.fixed_view_mut::<6, 6>(6 * scanner, 6 * scanner);
+            target += &*block;
         }
         self.matrix.fill_lower_triangle_with_upper_triangle();
         let entries = self.gradient.iter().flatten().copied();
@@ -219,7 +220,7 @@ mod tests {
         let fast = normal_equations(&surface, FLOOR_M);
         let mut slow = DMatrix::zeros(12, 12);
         for index in 0..surface.planes.len() {
-            let members = surface.neighbourhoods.of(index);
+            let members = surface.neighbourhoods.members(index);
             let tensor = StructureTensor::of(&placed.world, members);
             let eigen = tensor.covariance.symmetric_eigen();
             let smallest = eigen.eigenvalues.imin();

@@ -1,8 +1,8 @@
-//! Whether two scanners keep their distance along the drive.
+//! Test whether two scanners keep their distance along the drive.
 //!
-//! What two scanners see on one spot at nearly the same time lies apart by an error of the mountings, and not by
-//! one of the poses: these are the same for both. Where that distance changes along the drive, a mounting moves
-//! on the other, with or without a reference.
+//! The points of two scanners that see the same spot at nearly the same time differ by errors of the mountings, but
+//! not of the poses, which are the same for both. If this distance changes along the drive, one scanner moves
+//! relative to the other. The test needs no reference.
 
 use std::collections::BTreeMap;
 
@@ -21,32 +21,35 @@ const BLOCK_S: f64 = 2.0;
 /// Points of one pass lie within this time, seconds: poses drift less against themselves than
 /// [`LEAST_SIGMA_M`].
 const PASS_S: f64 = 5.0;
-/// Fewest points of the other scanner beside one.
+/// Fewest points of the other scanner near a point.
 const MIN_BESIDE: usize = 4;
-/// Fewest points in a block, and fewest blocks.
+/// Fewest points in a block.
 const MIN_POINTS: usize = 30;
+/// Fewest blocks for a test.
 const MIN_BLOCKS: usize = 10;
-/// What mountings that are known to some tenths of a millimetre do to it on slopes and boards, metres.
+/// Least standard deviation of a block, metres: the effect of mountings that are known to some tenths of a
+/// millimetre, on slopes and boards.
 const LEAST_SIGMA_M: f64 = 3e-4;
-/// A change counts up to this many standard deviations: a foot in one block is no mounting that moves.
+/// Largest change that counts, standard deviations: a foot in view during one block is not a moving mounting.
 const MOST_SIGMAS: f64 = 6.0;
-/// Root mean square of the changes, over what is expected of them, beyond which a mounting moves on the other.
+/// Root mean square of the changes, divided by their standard deviations, above which the distance counts as
+/// changing.
 const MAX_RATIO: f64 = 2.0;
 
 /// How the distance between two scanners changes along the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gap {
-    /// Their places.
+    /// Indices of the two scanners.
     pub scanners: [usize; 2],
-    /// Root mean square of its changes over blocks of 2 s, metres.
+    /// Root mean square of the changes of the distance over blocks of 2 s, metres.
     pub rms_m: f64,
-    /// The same over what is expected.
+    /// Root mean square of the changes divided by their standard deviations.
     pub ratio: f64,
     /// Whether the scanners appear to keep their distance.
     pub constant: bool,
 }
 
-/// One block of time.
+/// Sums over one block of time.
 #[derive(Default)]
 struct Sums {
     count: f64,
@@ -55,21 +58,22 @@ struct Sums {
 }
 
 impl Gap {
-    /// Of the two scanners whose distance changes most; `None` where too little was seen by two.
-    pub fn of(surface: &Surface) -> Option<Self> {
+    /// Tests the two scanners whose distance changes most; `None` if no two scanners saw enough of the same
+    /// surface.
+    pub fn test(surface: &Surface) -> Option<Self> {
         let centres = 0..surface.neighbourhoods.centres().len();
         let distances: Vec<Vec<Distance>> = centres
             .into_par_iter()
             .map(|index| distances(surface, index))
             .collect();
         let mut pairs = BTreeMap::<[u32; 2], BTreeMap<i64, Sums>>::new();
-        for found in distances.iter().flatten() {
-            let block = (found.time_s / BLOCK_S).floor() as i64;
-            let blocks = pairs.entry(found.scanners).or_default();
+        for distance in distances.iter().flatten() {
+            let block = (distance.time_s / BLOCK_S).floor() as i64;
+            let blocks = pairs.entry(distance.scanners).or_default();
             let sums = blocks.entry(block).or_default();
             sums.count += 1.0;
-            sums.sum_m += found.distance_m;
-            sums.squares_m2 += found.distance_m * found.distance_m;
+            sums.sum_m += distance.distance_m;
+            sums.squares_m2 += distance.distance_m * distance.distance_m;
         }
         let gaps = pairs
             .iter()
@@ -94,11 +98,11 @@ impl Gap {
         if known.len() < MIN_BLOCKS {
             return None;
         }
-        let usual_m = median(known.iter().map(|[mean_m, _]| *mean_m))?;
+        let median_m = median(known.iter().map(|[mean_m, _]| *mean_m))?;
         let changes = || {
             known
                 .iter()
-                .map(|[mean_m, sigma_m]| (mean_m - usual_m, sigma_m))
+                .map(|[mean_m, sigma_m]| (mean_m - median_m, sigma_m))
         };
         let ratio = rms(changes()
             .map(|(change_m, sigma_m)| (change_m / sigma_m).clamp(-MOST_SIGMAS, MOST_SIGMAS)));
@@ -111,47 +115,47 @@ impl Gap {
     }
 }
 
-/// How far a point of the first scanner lies above those of the other beside it, along the normal.
+/// Height of a point of the first scanner above nearby points of the second, along the normal.
 struct Distance {
     scanners: [u32; 2],
     time_s: f64,
     distance_m: f64,
 }
 
-/// Those of the centre of a neighbourhood, to each scanner behind its own.
+/// Distances of the centre of a neighbourhood to the points of each scanner of higher index.
 fn distances(surface: &Surface, index: usize) -> Vec<Distance> {
     let Surface { cloud, placed, .. } = surface;
     let centre = surface.neighbourhoods.centres()[index] as usize;
     let Some(point) = cloud.movable.get(centre) else {
         return Vec::new();
     };
-    let own = cloud.profile(point);
-    let members = surface.neighbourhoods.of(index);
-    let mut beside = BTreeMap::<u32, (Vec3, usize)>::new();
+    let profile = cloud.profile(point);
+    let members = surface.neighbourhoods.members(index);
+    let mut nearby = BTreeMap::<u32, (Vec3, usize)>::new();
     for &member in members {
         let Some(point) = cloud.movable.get(member as usize) else {
             continue;
         };
         let other = cloud.profile(point);
-        if other.scanner > own.scanner && (other.time_s - own.time_s).abs() < PASS_S {
-            let (sum, count) = beside.entry(other.scanner).or_default();
+        if other.scanner > profile.scanner && (other.time_s - profile.time_s).abs() < PASS_S {
+            let (sum, count) = nearby.entry(other.scanner).or_default();
             *sum += placed.world[member as usize];
             *count += 1;
         }
     }
-    beside.retain(|_, (_, count)| *count >= MIN_BESIDE);
-    if beside.is_empty() {
+    nearby.retain(|_, (_, count)| *count >= MIN_BESIDE);
+    if nearby.is_empty() {
         return Vec::new();
     }
     let Some(normal) = upward_normal(&StructureTensor::of(&placed.world, members)) else {
         return Vec::new();
     };
     let distance = |(other, (sum, count)): (u32, (Vec3, usize))| Distance {
-        scanners: [own.scanner, other],
-        time_s: own.time_s,
+        scanners: [profile.scanner, other],
+        time_s: profile.time_s,
         distance_m: normal.dot(&(placed.world[centre] - sum / count as f64)),
     };
-    beside.into_iter().map(distance).collect()
+    nearby.into_iter().map(distance).collect()
 }
 
 stored!(struct Gap { scanners, rms_m, ratio, constant });

@@ -94,6 +94,8 @@ impl<'a> Input<'a> {
         self
     }
 
+    /// Checks that the parts of the input belong together.
+    ///
     /// # Errors
     /// Different numbers of mountings and samples, a scanner without points, a covariance of
     /// another trajectory.

@@ -1,5 +1,5 @@
-//! Whether the minimum that was found is the only one within reach: the mountings are moved away by as much
-//! as the coarsest scale reaches, several times, and have to come back.
+//! Test whether the minimum is the only one within reach: the mountings are moved away several times, by as much
+//! as the coarsest scale can correct, and must come back.
 
 use std::sync::Arc;
 
@@ -17,59 +17,61 @@ use crate::progress::{Progress, Steps};
 use crate::statistics::{drawn_sign, median};
 use crate::stored::stored;
 
-/// Most neighbourhoods: where minima lie, few tell.
+/// Most neighbourhoods; few are enough to locate minima.
 const MAX_CENTRES: usize = 20_000;
 /// Number of times that the mountings are moved away.
 const STARTS: u64 = 4;
-/// Steps from each of them, as most take them.
+/// Usual number of steps from each start.
 const STEPS: u64 = 4;
-/// Two solutions of the coarsest scale are the same where no point lies farther apart than this share of a
+/// Two solutions of the coarsest scale are the same if no point lies farther apart in them than this share of a
 /// voxel.
 const SAME_SHARE: f64 = 0.5;
-/// A minimum is as low as another where the mean ln(λ₃ + s²) is higher by less: a percent of the thickness.
+/// A minimum is as low as another if its mean ln(λ₃ + s²) is higher by less than this: a percent of the thickness.
 const AS_LOW: f64 = 0.02;
-/// And where the clouds take up no more voxels than this many times as many: clouds that part are sharp too.
+/// Largest ratio of the numbers of voxels that the clouds occupy at the two minima: clouds that have separated
+/// are sharp too, but occupy more.
 const AS_SMALL: f64 = 1.02;
 
-/// What became of mountings that were moved away.
+/// Result of moving the mountings away from the minimum.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Minimum {
-    /// By how much each was moved along each axis, metres.
+    /// Shift of each mounting along each axis, metres.
     pub shift_m: f64,
-    /// By how much it was turned about each axis, radians.
+    /// Turn of each mounting about each axis, radians.
     pub turn_rad: f64,
-    /// How many times.
+    /// Number of times that the mountings were moved away.
     pub starts: u64,
-    /// How many times they came back.
+    /// Number of times that they came back.
     pub back: u64,
-    /// Where else the coarsest scale fits as well, if it does.
+    /// Other mountings at which the coarsest scale fits as well, if there are any.
     #[serde(skip)]
     pub other: Option<Vec<Mounting>>,
 }
 
 impl Minimum {
-    /// Steps of the search, as most take them.
+    /// Usual number of steps of the test.
     pub(super) const STEPS: u64 = (1 + STARTS) * STEPS;
 
-    /// Whether another one fits as well.
+    /// Whether another minimum fits as well.
     pub fn is_doubtful(&self) -> bool {
         self.other.is_some()
     }
 
-    /// Moves `found` away and lets the coarsest scale bring it back.
+    /// Moves the `solution` away and lets the coarsest scale bring it back. `None` if the coarsest scale
+    /// has too few points.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::error::Error::Cancelled).
-    pub(super) fn of(
+    pub(super) fn test(
         input: &Input<'_>,
-        found: &[Mounting],
+        solution: &[Mounting],
         settings: &CalibrationSettings,
         progress: &dyn Progress,
     ) -> Result<Option<Self>> {
         let Some(&voxel_m) = settings.voxel_sizes_m.first() else {
             return Ok(None);
         };
-        let Ok(cloud) = input.thinned(found, voxel_m, settings) else {
+        let Ok(cloud) = input.thinned(solution, voxel_m, settings) else {
             return Ok(None);
         };
         let ranges_m = cloud.movable.iter().map(|point| point.position_m.norm());
@@ -85,15 +87,15 @@ impl Minimum {
             max_iterations: settings.max_iterations,
         };
         let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
-        let ended = |mountings: Vec<Mounting>| -> Result<State> {
+        let adjusted = |mountings: Vec<Mounting>| -> Result<State> {
             let start = problem.at(mountings);
-            let observability = Observability::of(&start.equations, &start.mountings);
+            let observability = Observability::new(&start.equations, &start.mountings);
             Ok(minimise(&problem, start, &observability, progress)?.state)
         };
-        let own = ended(found.to_vec())?;
+        let nearest_minimum = adjusted(solution.to_vec())?;
         let (shift_m, turn_rad) = (voxel_m, voxel_m / range_m);
-        let determined =
-            Observability::of(&own.equations, &own.mountings).determined(&own.mountings);
+        let determined = Observability::new(&nearest_minimum.equations, &nearest_minimum.mountings)
+            .determined(&nearest_minimum.mountings);
         let mut minimum = Self {
             shift_m,
             turn_rad,
@@ -102,20 +104,20 @@ impl Minimum {
             other: None,
         };
         for start in 0..STARTS {
-            let entries = 6 * found.len();
+            let entries = 6 * solution.len();
             let away = DVector::from_fn(entries, |i, _| {
                 let length = if i % 6 < 3 { shift_m } else { turn_rad };
                 length * drawn_sign(start * entries as u64 + i as u64)
             });
             let away = &determined * (determined.transpose() * away);
-            let there = ended(moved(&own.mountings, &away))?;
+            let end = adjusted(moved(&nearest_minimum.mountings, &away))?;
             let apart_m = problem
                 .cloud
-                .largest_displacement(&poses(&own.mountings), &poses(&there.mountings));
+                .largest_displacement(&poses(&nearest_minimum.mountings), &poses(&end.mountings));
             if apart_m < SAME_SHARE * voxel_m {
                 minimum.back += 1;
-            } else if fits_as_well(&there, &own, voxel_m) {
-                minimum.other = Some(there.mountings);
+            } else if fits_as_well(&end, &nearest_minimum, voxel_m) {
+                minimum.other = Some(end.mountings);
             }
         }
         Ok(Some(minimum))

@@ -54,10 +54,11 @@ use scale::{Adjusted, ScaleProblem, Solved, State};
 /// second, third … is a centre: more centres of the same points add time, not information.
 const MAX_CENTRES: usize = 250_000;
 
-/// Units of progress of the finest scale: a scale takes about as long as its voxels are small.
+/// Units of progress of the finest scale: the time of a scale is about inversely proportional to its voxel size.
 const UNITS_OF_FINEST: f64 = 1000.0;
-/// Steps on a scale, as most take them.
+/// Usual number of steps on a scale.
 const STEPS: u64 = 3;
+/// Usual number of steps of the paper's method on a scale.
 const PAPER_STEPS: u64 = 25;
 
 /// Calibrates the mountings coarse to fine, and determines their observability and covariance.
@@ -110,13 +111,13 @@ pub fn calibrate(
     for &voxel_m in coarser_m {
         mountings = match solve(mountings.clone(), voxel_m) {
             Ok(solved) => solved.state.mountings,
-            // A scale too coarse for the scene leaves more to the next.
+            // A scale that is too coarse for the scene leaves its work to the next.
             Err(Error::Data {
                 kind: Problem::TooFew,
                 problem,
                 ..
             }) => {
-                progress.say(&format!("a scale is left out: {problem}"));
+                progress.say(&format!("skipping a scale: {problem}"));
                 progress.check()?;
                 mountings
             }
@@ -130,11 +131,11 @@ pub fn calibrate(
     let minimum = match settings.method {
         Method::Paper => None,
         Method::TwoStep | Method::Joint => {
-            Minimum::of(input, &solved.state.mountings, settings, progress)?
+            Minimum::test(input, &solved.state.mountings, settings, progress)?
         }
     };
-    // The standard deviations of a minimum that may be the wrong one say nothing, and the paper's method
-    // has none.
+    // The standard deviations of a minimum that may be the wrong one are meaningless, and the paper's
+    // method has none.
     let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
     let has_covariance = settings.method != Method::Paper && !is_doubtful;
     Ok(Calibration {
@@ -145,8 +146,8 @@ pub fn calibrate(
             .flatten(),
         origin_sigma_m: 0.0,
         minimum,
-        gap: Gap::of(&solved.state.surface),
-        constancy: Constancy::of(&solved.state.surface, input.trajectory),
+        gap: Gap::test(&solved.state.surface),
+        constancy: Constancy::test(&solved.state.surface, input.trajectory),
         mountings: solved.state.mountings,
         observability: solved.observability,
         scales,
@@ -192,7 +193,7 @@ fn solve_scale(
         max_iterations: settings.max_iterations,
     };
     let start = problem.at(mountings);
-    let observability = Observability::of(&start.equations, &start.mountings);
+    let observability = Observability::new(&start.equations, &start.mountings);
     let Adjusted {
         state,
         ending,
@@ -227,7 +228,7 @@ fn hold_unobservable_directions(
     initial: &[Mounting],
     state: State,
 ) -> Solved {
-    let observability = Observability::of(&state.equations, &state.mountings);
+    let observability = Observability::new(&state.equations, &state.mountings);
     let floor_m = problem.floor_m;
     if observability.unobservable.is_empty() {
         return Solved {
@@ -241,7 +242,7 @@ fn hold_unobservable_directions(
     let surface = state.surface.moved(&parameters::poses(&mountings));
     let state = problem.state(mountings, surface);
     Solved {
-        observability: Observability::of(&state.equations, &state.mountings),
+        observability: Observability::new(&state.equations, &state.mountings),
         state,
         floor_m,
     }

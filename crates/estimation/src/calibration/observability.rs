@@ -54,7 +54,7 @@ pub struct Observability {
 
 impl Observability {
     /// Analyses the normal equations at `mountings` for their free parameters.
-    pub fn of(equations: &NormalEquations, mountings: &[Mounting]) -> Self {
+    pub fn new(equations: &NormalEquations, mountings: &[Mounting]) -> Self {
         let basis = &free_basis(mountings);
         let reduced = basis.transpose() * &equations.matrix * basis;
         // The squares of wildly wrong points overflow: the matrix is not finite and has no
@@ -142,7 +142,7 @@ impl Observability {
 }
 
 impl UnobservableDirection {
-    /// A direction (δp, δφ) of all mountings that an adjustment held.
+    /// A direction (δp, δφ) of all mountings that an adjustment held at its initial value.
     pub(crate) fn held(direction: &DVector<f64>, mountings: &[Mounting]) -> Self {
         let direction = direction.normalize();
         let parameters = affected_parameters(&direction, mountings, None);
@@ -314,7 +314,7 @@ mod tests {
         null[2] = 0.5f64.sqrt();
         null[8] = 0.5f64.sqrt();
         let matrix = DMatrix::identity(12, 12) - &null * null.transpose();
-        let seen = Observability::of(&equations(matrix), &two());
+        let seen = Observability::new(&equations(matrix), &two());
         assert_eq!(seen.unobservable.len(), 1);
         assert_eq!(
             seen.unobservable[0].description,
@@ -333,7 +333,7 @@ mod tests {
 
     #[test]
     fn a_full_matrix_determines_everything() {
-        let seen = Observability::of(&equations(DMatrix::identity(12, 12)), &two());
+        let seen = Observability::new(&equations(DMatrix::identity(12, 12)), &two());
         assert!(seen.unobservable.is_empty());
         assert_eq!(seen.determined(&two()), DMatrix::identity(12, 12));
     }
@@ -346,7 +346,7 @@ mod tests {
         let mut mounting = two().remove(0);
         mounting.fixed = [true, true, false, true, true, true];
         let mountings = [mounting];
-        let seen = Observability::of(&equations(matrix), &mountings);
+        let seen = Observability::new(&equations(matrix), &mountings);
         assert_eq!(seen.unobservable.len(), 1);
         assert_eq!(seen.unobservable[0].description, "the height of `left`");
         assert_eq!(seen.determined(&mountings).ncols(), 0);
@@ -358,7 +358,7 @@ mod tests {
         let mut matrix = DMatrix::identity(12, 12);
         matrix[(2, 2)] = 0.0;
         matrix[(8, 8)] = 0.0;
-        let mut seen = Observability::of(&equations(matrix), &two());
+        let mut seen = Observability::new(&equations(matrix), &two());
         assert_eq!(seen.unobservable.len(), 2);
         for (free, (left, right)) in seen.unobservable.iter_mut().zip([(1.0, 0.9), (0.9, 1.0)]) {
             free.direction = DVector::zeros(12);

@@ -74,7 +74,9 @@ impl Thinned {
 fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f64> {
     let values: Vec<f64> = (0..neighbourhoods.centres().len())
         .into_par_iter()
-        .map(|index| StructureTensor::of(&placed.world, neighbourhoods.of(index)).omnivariance())
+        .map(|index| {
+            StructureTensor::of(&placed.world, neighbourhoods.members(index)).omnivariance()
+        })
         .collect();
     DVector::from_vec(values)
 }

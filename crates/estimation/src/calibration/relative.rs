@@ -1,5 +1,5 @@
-//! The mountings of the other scanners in the frame of the first. What all mountings share, such as
-//! errors of poses, heading and lever arm, drops out of them.
+//! The mountings of the other scanners in the frame of the first. Errors that all mountings share, such as
+//! those of poses, heading and lever arm, cancel in them.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,8 @@ use super::observability::LEVER_M;
 use super::result::Calibration;
 use crate::geometry::{BodyFromScanner, Scanner, Transform, so3};
 
-/// A larger share of the largest component of an unobservable direction is no rounding: as for the
-/// parameters that a direction moves.
+/// An unobservable direction moves a relative parameter if it changes it by more than this share of the
+/// direction's largest component; the same share as for the parameters that a direction moves.
 const MOVED_SHARE: f64 = 1.0 / 3.0;
 
 /// A scanner in the frame of another.
@@ -27,12 +27,12 @@ pub struct RelativeMounting {
     /// The scanner in the frame of the first.
     pub first_from_scanner: ScannerFromScanner,
     /// Standard deviations of the position (metres) and of the rotation about the axes of the first
-    /// scanner (radians); `None` where the data do not determine them.
+    /// scanner (radians); `None` if the data do not determine them.
     pub sigma: [Option<f64>; 6],
 }
 
 impl Calibration {
-    /// The mountings of all scanners but the first in its frame.
+    /// The mountings of all other scanners in the frame of the first.
     pub fn relative(&self) -> Vec<RelativeMounting> {
         let Some((first, others)) = self.mountings.split_first() else {
             return Vec::new();
@@ -50,7 +50,7 @@ impl Calibration {
     }
 
     /// Covariance of (δp, δφ) of the mounting of a scanner in the frame of the first, along and about the axes of the
-    /// first, metres and radians; `None` where the calibration has none.
+    /// first, metres and radians; `None` if the calibration has no covariance.
     pub fn relative_covariance(&self, scanner: usize) -> Option<Matrix6<f64>> {
         let covariance = self.covariance.as_ref()?;
         let by = self.relative_derivatives(scanner);
@@ -75,13 +75,13 @@ impl Calibration {
         };
         let by = self.relative_derivatives(scanner);
         let directions = self.observability.unobservable.iter();
-        let open: Vec<[bool; 6]> = directions
+        let unobservable: Vec<[bool; 6]> = directions
             .map(|free| moved(&free.direction, scanner, &by))
             .collect();
         std::array::from_fn(|i| {
             let variance: f64 = variance[(i, i)];
-            let is_open = open.iter().any(|moved| moved[i]);
-            (variance > 0.0 && !is_open).then(|| variance.sqrt())
+            let is_unobservable = unobservable.iter().any(|moved| moved[i]);
+            (variance > 0.0 && !is_unobservable).then(|| variance.sqrt())
         })
     }
 }
@@ -97,20 +97,20 @@ pub fn relative(first: &BodyFromScanner, other: &BodyFromScanner) -> ScannerFrom
 fn derivatives(first: &BodyFromScanner, other: &BodyFromScanner) -> [Matrix6<f64>; 2] {
     let turn = *first.rotation.inverse().to_rotation_matrix().matrix();
     let arm = so3::hat(&(other.translation_m - first.translation_m));
-    let mut of_other = Matrix6::zeros();
+    let mut by_other = Matrix6::zeros();
     for first in [0, 3] {
-        of_other
+        by_other
             .fixed_view_mut::<3, 3>(first, first)
             .copy_from(&turn);
     }
-    let mut of_first = -of_other;
-    of_first
+    let mut by_first = -by_other;
+    by_first
         .fixed_view_mut::<3, 3>(0, 3)
         .copy_from(&(turn * arm));
-    [of_first, of_other]
+    [by_first, by_other]
 }
 
-/// Which parameters of the relative mounting a direction of all mountings moves notably.
+/// Whether a direction of all mountings moves each parameter of the relative mounting notably.
 fn moved(direction: &DVector<f64>, scanner: usize, by: &[Matrix6<f64>; 2]) -> [bool; 6] {
     let metres = |i: usize, amount: f64| match i % 6 {
         0..3 => amount.abs(),
@@ -130,7 +130,8 @@ fn moved(direction: &DVector<f64>, scanner: usize, by: &[Matrix6<f64>; 2]) -> [b
 /// The relative mountings by the names of their scanners, for serialisation.
 pub(super) fn by_name(calibration: &Calibration) -> BTreeMap<String, RelativeMounting> {
     let all = calibration.relative().into_iter();
-    all.map(|found| (found.name.clone(), found)).collect()
+    all.map(|relative| (relative.name.clone(), relative))
+        .collect()
 }
 
 impl Serialize for RelativeMounting {
@@ -231,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_both_scanners_share_drops_out() {
+    fn errors_that_both_scanners_share_cancel() {
         // The body's frame is known to 1 mm and 1 mrad only, the scanners are rigid against it.
         let poses = poses();
         let mut common = DMatrix::zeros(12, 6);

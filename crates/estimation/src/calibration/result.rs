@@ -31,11 +31,11 @@ pub struct Calibration {
     pub origin_sigma_m: f64,
     /// What the data determine.
     pub observability: Observability,
-    /// Whether the mountings came back after they were moved away; `None` where that was not tried.
+    /// Whether the mountings came back after they were moved away; `None` if this was not tested.
     pub minimum: Option<Minimum>,
     /// Test of a constant mounting; `None` if it is not possible.
     pub constancy: Option<Constancy>,
-    /// Whether the scanners keep their distance; `None` where no two saw enough together.
+    /// Whether the scanners keep their distance; `None` if no two scanners saw enough of the same surface.
     pub gap: Option<Gap>,
 }
 
@@ -119,8 +119,8 @@ impl Calibration {
         })
     }
 
-    /// Adds an error of the body's origin, which shifts all mountings alike, to what is free of the
-    /// covariance: a standard deviation along each axis, metres.
+    /// Adds an error of the body's origin to the covariance of the free parameters: a standard deviation
+    /// along each axis, metres. The error shifts all mountings alike.
     pub fn with_origin_sigma(mut self, sigma_m: f64) -> Self {
         self.origin_sigma_m = sigma_m;
         let Some(covariance) = &mut self.covariance else {

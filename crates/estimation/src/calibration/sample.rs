@@ -53,18 +53,18 @@ impl ScannerSample {
         };
         if times_s.len() != points_m.len() {
             let (times, points) = (times_s.len(), points_m.len());
-            let found = format!("{times} times for {points} points");
-            return wrong(found, "give one time for each point");
+            let problem = format!("{times} times for {points} points");
+            return wrong(problem, "give one time for each point");
         }
         let points = times_s.iter().zip(points_m);
         let finite = |(time_s, point): (&f64, &Vec3)| (time_s + point.sum()).is_finite();
         if let Some(index) = points.clone().position(|point| !finite(point)) {
-            let found = format!("the coordinates or the time of point {index} are not finite");
-            return wrong(found, "leave out points that were not measured");
+            let problem = format!("the coordinates or the time of point {index} are not finite");
+            return wrong(problem, "leave out points that were not measured");
         }
         if let Some(pair) = times_s.windows(2).find(|pair| pair[1] < pair[0]) {
-            let found = format!("time goes back from {} s to {} s", pair[0], pair[1]);
-            return wrong(found, "sort the points by time");
+            let problem = format!("time goes back from {} s to {} s", pair[0], pair[1]);
+            return wrong(problem, "sort the points by time");
         }
         let mut sampler = Sampler::new(mounting, 0.0, trajectory, settings)?;
         for (&time_s, &position_m) in points {
@@ -82,7 +82,7 @@ impl ScannerSample {
         self.placed_each(1, body_from_scanner)
     }
 
-    /// The same of each `every`-th point.
+    /// As [`Self::placed`], for every `every`-th point only.
     pub(super) fn placed_each(
         &self,
         every: usize,
@@ -113,31 +113,32 @@ impl ScannerSample {
     }
 }
 
-/// Keeps one point per voxel and pass, drawn by chance. The one nearest to the centre would be chosen
-/// by its noise: where many points share a voxel, a plane would come out nearer to the voxels' centres.
+/// Keeps one point per voxel and pass, drawn at random. To keep the point nearest to the centre would select
+/// by noise: if many points share a voxel, planes would be biased towards the centres of the voxels.
 ///
-/// First a moment is drawn, in the same order of preference for all voxels, then one of its points:
-/// neighbouring voxels that a scanner keeps in sight for long keep points of the same moments.
-/// Points are added in time order.
+/// First a moment is drawn, in the same order of preference for all voxels, then one of its points. Neighbouring
+/// voxels that a scanner sees for a long time therefore keep points of the same moments. Points are added in time
+/// order.
 struct Thinner<Point> {
     voxel_m: f64,
     pass_gap_s: f64,
     latest: VoxelMap<VoxelKey, Latest>,
-    /// Each with the number of points of its voxel and pass.
+    /// The kept points, each with the number of points in its voxel and pass.
     kept: Vec<(Point, u32)>,
     seen: u64,
 }
 
-/// How long a moment is, seconds: a revolution of a lidar, at most a step of the trajectory.
+/// Length of a moment, seconds: one revolution of a lidar, and at most one step of the trajectory.
 const MOMENT_S: f64 = 0.1;
 
 /// The latest pass of a voxel.
 struct Latest {
     kept: usize,
     seen_s: f64,
-    /// Preference of the moment of the point that is kept, and how many points it has so far.
+    /// Preference of the moment of the kept point.
     moment: u32,
-    of_moment: u64,
+    /// Number of points of this moment so far.
+    moment_points: u64,
 }
 
 impl<Point> Thinner<Point> {
@@ -158,7 +159,7 @@ impl<Point> Thinner<Point> {
             kept: next,
             seen_s: time_s,
             moment,
-            of_moment: 0,
+            moment_points: 0,
         };
         let key = voxel_key(world, self.voxel_m);
         let pass = self.latest.entry(key).or_insert(first);
@@ -168,7 +169,7 @@ impl<Point> Thinner<Point> {
         pass.seen_s = time_s;
         self.seen += 1;
         if pass.kept == next {
-            (pass.moment, pass.of_moment) = (moment, 1);
+            (pass.moment, pass.moment_points) = (moment, 1);
             self.kept.push((point, 1));
             return;
         }
@@ -178,11 +179,11 @@ impl<Point> Thinner<Point> {
             return;
         }
         if moment > pass.moment {
-            (pass.moment, pass.of_moment) = (moment, 0);
+            (pass.moment, pass.moment_points) = (moment, 0);
         }
-        pass.of_moment += 1;
-        // The k-th point of a moment takes the place with the chance 1/k (Vitter 1985).
-        if drawn(self.seen).is_multiple_of(pass.of_moment) {
+        pass.moment_points += 1;
+        // The k-th point of a moment replaces the kept one with probability 1/k (Vitter 1985).
+        if drawn(self.seen).is_multiple_of(pass.moment_points) {
             *kept = point;
         }
     }
@@ -313,7 +314,10 @@ mod tests {
         ScannerSample::from_points(&mounting, &times, &points, &trajectory, &settings)
     }
 
-    fn found(sample: &ScannerSample, indices: impl IntoIterator<Item = u32>) -> Vec<(f64, f64)> {
+    fn times_and_positions(
+        sample: &ScannerSample,
+        indices: impl IntoIterator<Item = u32>,
+    ) -> Vec<(f64, f64)> {
         let point = |index: u32| {
             let point = &sample.points[index as usize];
             let profile = &sample.profiles[point.profile as usize];
@@ -335,16 +339,19 @@ mod tests {
     #[test]
     fn each_pass_keeps_one_point() {
         let sample = sampled(&SEEN, 1.0).unwrap();
-        let [first, second, third] = found(&sample, 0..3)[..] else {
+        let [first, second, third] = times_and_positions(&sample, 0..3)[..] else {
             panic!("{} points", sample.points.len());
         };
         assert!(first.0 < 0.4 && first.1 < 1.0);
         assert_eq!((second, third), ((0.2, 1.2), (10.0, 0.8)));
         let all = sampled(&SEEN, 0.01).unwrap();
-        assert_eq!(found(&all, 0..6), SEEN);
+        assert_eq!(times_and_positions(&all, 0..6), SEEN);
         assert_eq!(all.profiles.len(), 5);
         let thinned = all.thinned(&BodyFromScanner::identity(), 1.0, 3.0);
-        assert_eq!(found(&all, thinned), found(&sample, 0..3));
+        assert_eq!(
+            times_and_positions(&all, thinned),
+            times_and_positions(&sample, 0..3)
+        );
     }
 
     #[test]
@@ -372,12 +379,15 @@ mod tests {
     }
 
     #[test]
-    fn voxels_that_stay_in_sight_keep_points_of_the_same_moment() {
+    fn voxels_that_stay_in_view_keep_points_of_the_same_moment() {
         // Eight voxels, each seen now and then for 20 s.
         let at = |i: u32| (0.013 * f64::from(i), f64::from(i % 8) + 0.5);
         let points: Vec<_> = (0..1600).map(at).collect();
         let sample = sampled(&points, 1.0).unwrap();
-        let times: Vec<f64> = found(&sample, 0..8).iter().map(|point| point.0).collect();
+        let times: Vec<f64> = times_and_positions(&sample, 0..8)
+            .iter()
+            .map(|point| point.0)
+            .collect();
         let (first, last) = (times[0], times[7]);
         assert!(last - first < MOMENT_S, "{times:?}");
     }

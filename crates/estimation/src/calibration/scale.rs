@@ -35,7 +35,7 @@ pub struct State {
     pub surface: Surface,
     /// Σ ln(λ₃ + s²).
     pub cost: f64,
-    /// Its derivatives.
+    /// Derivatives of the cost.
     pub equations: NormalEquations,
 }
 
@@ -89,7 +89,7 @@ pub enum Ending {
     Converged,
     /// No damped step lowers the cost further.
     CostFloor,
-    /// New neighbourhoods no longer lower the cost; the best mountings so far are kept.
+    /// New neighbourhoods no longer lower the cost; the best mountings so far are the result.
     Alternating,
     /// The data determine no direction of a step.
     NotDetermined,
@@ -109,7 +109,7 @@ impl fmt::Display for Ending {
         f.write_str(match self {
             Self::Converged => "converged",
             Self::CostFloor => "converged at the minimum of the cost",
-            Self::Alternating => "converged until new neighbourhoods no longer helped",
+            Self::Alternating => "converged: new neighbourhoods no longer lower the cost",
             Self::NotDetermined => "not determined by the data",
             Self::IterationsExhausted => "stopped at the maximum number of iterations",
         })

@@ -8,27 +8,27 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, occupied};
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use crate::statistics::median;
 
-/// Steps of the search, degrees: each is tried until nothing is better, with shifts as large as half of what
-/// it moves.
+/// Turns of the search, degrees. Each is repeated until no move is better, together with shifts by half of the
+/// distance by which the turn moves a point.
 const STEPS_DEG: [f64; 4] = [10.0, 5.0, 2.5, 1.25];
 /// Most moves of one length.
 const MAX_MOVES: usize = 4;
 /// Most points of a scanner that are placed.
 const MAX_POINTS: usize = 8_000;
-/// A voxel is as large as this share of what a step moves.
+/// Edge of a voxel, as a share of the distance by which a turn moves a point.
 const VOXEL_SHARE: f64 = 0.5;
-/// A start is left only where the clouds then take up less space by this share.
+/// Least share by which the clouds must occupy less space for the start to be replaced.
 const LEAST_GAIN: f64 = 0.15;
-/// Fewest points of a voxel, on average, for its clouds to take up a space.
+/// Fewest points per voxel, on average, for the occupied space to be meaningful.
 const POINTS_PER_VOXEL: usize = 3;
-/// And each move takes off at least this share.
+/// Least share by which each move must reduce the occupied space.
 const LEAST_MOVE_GAIN: f64 = 0.03;
 
-/// Mountings from which the clouds take up much less space than from the given ones, as many voxels at half
-/// of what a step moves; `None` where the given ones are as good.
+/// Mountings for which the clouds occupy much less space than for the given ones; `None` if the given ones are
+/// as good. The space is the number of voxels whose edge is half of the distance by which a turn moves a point.
 ///
-/// Clouds that do not overlap are each as sharp as can be, so that no measure of sharpness says that they
-/// are apart; the space that all take up together does.
+/// Clouds that do not overlap can each be perfectly sharp, so no measure of sharpness shows that they are apart;
+/// the space that they occupy together does.
 pub fn better_start(
     mountings: &[Mounting],
     samples: &[ScannerSample],
@@ -39,7 +39,7 @@ pub fn better_start(
     for scanner in 0..poses.len() {
         let fixed = mountings[scanner].fixed;
         let free = Free {
-            // Without a reference, the height of all costs nothing.
+            // Without a reference, the cost does not depend on the common height.
             heights: !reference.is_empty(),
             shifts: !fixed[..3].contains(&true),
             turns: !fixed[3..].contains(&true),
@@ -63,26 +63,27 @@ pub fn better_start(
                 (voxel_m, occupied(others(), voxel_m))
             })
             .collect();
-        // From the longest steps, and from shorter ones alone: long ones may leave a start that is near.
+        // Start with the longest turns, or only with shorter ones: long turns may leave a start that is near.
         let ends = (0..STEPS_DEG.len()).map(|first| {
             let steps = STEPS_DEG.iter().zip(&voxels).skip(first);
             steps.fold(poses[scanner], |pose, (step_deg, voxels)| {
-                descended(sample, pose, step_deg.to_radians(), voxels, free)
+                descend(sample, pose, step_deg.to_radians(), voxels, free)
             })
         });
-        // The finest voxels that hold several points: where each is alone, all take up the same.
+        // The finest voxels that hold several points each: if every point is alone in its voxel, all poses occupy
+        // the same space.
         let points = placed(sample, &poses[scanner]).count();
         let space_in = |pose: &BodyFromScanner, level: usize| space(sample, pose, &voxels[level]);
         let full = |level: &usize| POINTS_PER_VOXEL * space_in(&poses[scanner], *level) < points;
         let Some(level) = (0..STEPS_DEG.len()).rev().find(full) else {
             continue;
         };
-        let space_of = |pose: &BodyFromScanner| space_in(pose, level);
-        let found = ends.map(|pose| (space_of(&pose), pose));
-        let Some((after, pose)) = found.min_by_key(|(space, _)| *space) else {
+        let space_at = |pose: &BodyFromScanner| space_in(pose, level);
+        let candidates = ends.map(|pose| (space_at(&pose), pose));
+        let Some((after, pose)) = candidates.min_by_key(|(space, _)| *space) else {
             continue;
         };
-        if (after as f64) < (1.0 - LEAST_GAIN) * space_of(&poses[scanner]) as f64 {
+        if (after as f64) < (1.0 - LEAST_GAIN) * space_at(&poses[scanner]) as f64 {
             poses[scanner] = pose;
             has_moved = true;
         }
@@ -90,7 +91,7 @@ pub fn better_start(
     has_moved.then_some(poses)
 }
 
-/// What of a mounting may be changed.
+/// The parts of a mounting that may change.
 #[derive(Clone, Copy)]
 struct Free {
     heights: bool,
@@ -98,8 +99,9 @@ struct Free {
     turns: bool,
 }
 
-/// Where turns by this angle about all axes, and shifts by a voxel along them, end.
-fn descended(
+/// The pose that is reached by turns of this angle (radians) about all axes and shifts of a voxel along them, as
+/// long as they reduce the occupied space.
+fn descend(
     sample: &ScannerSample,
     start: BodyFromScanner,
     angle: f64,
@@ -121,14 +123,14 @@ fn descended(
             BodyFromScanner::new(now.rotation, now.translation_m + corner * voxels.0)
         });
         let neighbours = turned.chain(shifted);
-        let found: Vec<(usize, BodyFromScanner)> = neighbours
+        let candidates: Vec<(usize, BodyFromScanner)> = neighbours
             .collect::<Vec<_>>()
             .into_par_iter()
             .map(|pose| (space(sample, &pose, voxels), pose))
             .collect();
-        match found.into_iter().min_by_key(|(space, _)| *space) {
-            Some(found) if (found.0 as f64) < (1.0 - LEAST_MOVE_GAIN) * best.0 as f64 => {
-                best = found;
+        match candidates.into_iter().min_by_key(|(space, _)| *space) {
+            Some(candidate) if (candidate.0 as f64) < (1.0 - LEAST_MOVE_GAIN) * best.0 as f64 => {
+                best = candidate;
             }
             _ => break,
         }
@@ -145,12 +147,12 @@ fn placed<'a>(
     sample.placed_each(every, pose)
 }
 
-/// Number of voxels that a scanner occupies and nothing else does.
+/// Number of voxels that only this scanner occupies.
 fn space(
     sample: &ScannerSample,
     pose: &BodyFromScanner,
     (voxel_m, base): &(f64, VoxelMap<VoxelKey, ()>),
 ) -> usize {
-    let own = occupied(placed(sample, pose), *voxel_m);
-    own.keys().filter(|key| !base.contains_key(*key)).count()
+    let voxels = occupied(placed(sample, pose), *voxel_m);
+    voxels.keys().filter(|key| !base.contains_key(*key)).count()
 }

@@ -24,7 +24,7 @@ struct EulerDeg<T> {
 }
 
 impl<T> EulerDeg<T> {
-    fn of(angles: impl Fn(EulerConvention) -> [T; 3]) -> Self {
+    fn new(angles: impl Fn(EulerConvention) -> [T; 3]) -> Self {
         Self {
             zyx: angles(EulerConvention::Zyx),
             bonn: angles(EulerConvention::Bonn),
@@ -44,7 +44,7 @@ impl From<&BodyFromScanner> for MountingForms {
     fn from(pose: &BodyFromScanner) -> Self {
         Self {
             body_from_scanner: *pose,
-            euler_deg: EulerDeg::of(|convention| {
+            euler_deg: EulerDeg::new(|convention| {
                 euler_deg_from_rotation(convention, &pose.rotation)
             }),
         }
@@ -74,7 +74,7 @@ impl Calibration {
     pub fn scanners(&self) -> BTreeMap<&str, ScannerResult> {
         let scanner = |index: usize| {
             let mounting = &self.mountings[index];
-            let own = self.sigmas(index, mounting.convention);
+            let sigmas = self.sigmas(index, mounting.convention);
             let degrees = |convention| {
                 let [.., a, b, c] = self.sigmas(index, convention);
                 [a, b, c].map(|sigma| sigma.map(f64::to_degrees))
@@ -82,9 +82,9 @@ impl Calibration {
             ScannerResult {
                 body_from_scanner: MountingForms::from(&mounting.body_from_scanner),
                 sigma: Sigma {
-                    translation_m: [own[0], own[1], own[2]],
+                    translation_m: [sigmas[0], sigmas[1], sigmas[2]],
                     rotation_deg: degrees(mounting.convention),
-                    euler_deg: EulerDeg::of(degrees),
+                    euler_deg: EulerDeg::new(degrees),
                 },
                 rotation_convention: mounting.convention,
                 unobservable: self.unobservable(index),
@@ -119,7 +119,7 @@ impl Serialize for Calibration {
             gap: &'a Option<Gap>,
             parameters: Vec<Parameter>,
             covariance: Option<Vec<Vec<f64>>>,
-            /// Null where either parameter is fixed or unobservable.
+            /// Null if either parameter is fixed or unobservable.
             correlation: Option<Vec<Vec<f64>>>,
             relative: BTreeMap<String, RelativeMounting>,
         }

@@ -7,12 +7,12 @@ use crate::stored::stored;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Reweighted least squares with analytic derivatives, one point per voxel, scanner and pass:
-    /// the second of two steps, as the trajectory stays as it was estimated.
+    /// Reweighted least squares with analytic derivatives, one point per voxel, scanner and pass. It is
+    /// the second of two steps: the trajectory stays as the first step estimated it.
     #[default]
     TwoStep,
-    /// One adjustment with the trajectory, which starts from the result of two steps: not a method
-    /// of [`calibrate`](super::calibrate), which takes it for two steps.
+    /// One adjustment of mountings and trajectory, which starts from the result of two steps.
+    /// [`calibrate`](super::calibrate) treats it as [`Method::TwoStep`].
     Joint,
     /// The paper's method: numeric Jacobian of the omnivariances, one point per voxel,
     /// Gauss-Newton.

@@ -1,19 +1,19 @@
-//! How far apart points lie on the surface that they sample.
+//! The spacing of points on the surface that they sample.
 
 use crate::cloud::voxel::occupied;
 use crate::geometry::Vec3;
 
 /// Voxels grow by this factor from size to size.
 const STEP: f64 = 1.25;
-/// From this share of the ranges up to the ranges themselves.
+/// Edge of the smallest voxels, as a share of the range; the largest voxels are as large as the range.
 const FINEST_SHARE: f64 = 1e-4;
-/// On a surface, voxels of twice the edge are a quarter as many; along a line half as many, and as many
-/// where each holds one point at most. In between is where surfaces begin.
-const FEWER: f64 = 3.0;
-/// Fewest points that say anything.
+/// Number of occupied voxels over that of voxels with twice the edge, above which points form a surface. The
+/// ratio is 4 on a surface, 2 along a line, and 1 if each voxel holds at most one point.
+const SURFACE_RATIO: f64 = 3.0;
+/// Fewest points for an estimate.
 const MIN_POINTS: usize = 1000;
 
-/// The smallest edge of voxels in which points at this range make surfaces, not lines or single points,
+/// The smallest edge of voxels in which points at this range form surfaces, not lines or single points,
 /// metres; `None` if they never do.
 pub fn point_spacing_m(points: &[Vec3], range_m: f64) -> Option<f64> {
     if points.len() < MIN_POINTS {
@@ -21,9 +21,9 @@ pub fn point_spacing_m(points: &[Vec3], range_m: f64) -> Option<f64> {
     }
     let count = |voxel_m: f64| occupied(points.iter().copied(), voxel_m).len() as f64;
     let mut sizes = std::iter::successors(Some(FINEST_SHARE * range_m), |size| Some(size * STEP));
-    let fills = |size: &f64| count(*size) > FEWER * count(2.0 * size);
-    let found = sizes.by_ref().take_while(|size| *size < range_m);
-    found.into_iter().find(fills)
+    let fills = |size: &f64| count(*size) > SURFACE_RATIO * count(2.0 * size);
+    let within_range = sizes.by_ref().take_while(|size| *size < range_m);
+    within_range.into_iter().find(fills)
 }
 
 #[cfg(test)]
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_make_a_surface_at_their_distance() {
+    fn lines_form_a_surface_at_their_spacing() {
         // Lines 20 mm apart with points every millimetre on a slope.
         let points: Vec<Vec3> = (0..100)
             .flat_map(|line| (0..2000).map(move |i| (0.02 * f64::from(line), 1e-3 * f64::from(i))))

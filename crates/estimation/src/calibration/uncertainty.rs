@@ -49,7 +49,7 @@ impl<'a> Sensitivity<'a> {
             .into_par_iter()
             .flat_map_iter(|index| {
                 let mut means = vec![Vector6::zeros(); cloud.scanners];
-                for &member in surface.neighbourhoods.of(index) {
+                for &member in surface.neighbourhoods.members(index) {
                     if let Some(point) = cloud.movable.get(member as usize) {
                         let rows = surface.rows(member as usize, &surface.planes[index].normal);
                         means[cloud.profile(point).scanner as usize] += derivative(&rows);
@@ -70,17 +70,17 @@ impl<'a> Sensitivity<'a> {
     }
 
     /// G_l = ∂g/∂x of movable point `l`: the six rows of every scanner.
-    fn of(&self, l: usize) -> Vec<Matrix6x3<f64>> {
+    fn gradients(&self, l: usize) -> Vec<Matrix6x3<f64>> {
         let cloud = &self.surface.cloud;
-        let own = cloud.profile(&cloud.movable[l]).scanner as usize;
+        let own_scanner = cloud.profile(&cloud.movable[l]).scanner as usize;
         let mut gradients = vec![Matrix6x3::zeros(); cloud.scanners];
-        for &index in self.memberships.of(l) {
+        for &index in self.memberships.neighbourhoods(l) {
             let index = index as usize;
             let normal = &self.surface.planes[index].normal;
             let weighted = (normal * self.weights[index]).transpose();
             let means = &self.means[cloud.scanners * index..];
             for (scanner, (gradient, mean)) in gradients.iter_mut().zip(means).enumerate() {
-                let a = if scanner == own {
+                let a = if scanner == own_scanner {
                     derivative(&self.surface.rows(l, normal))
                 } else {
                     Vector6::zeros()
@@ -117,7 +117,7 @@ impl Part {
         for points in surface.cloud.movable[range].chunk_by(|a, b| a.profile == b.profile) {
             let mut by_pose = vec![0.0; 6 * size];
             for _ in points {
-                let gradients = sensitivity.of(l);
+                let gradients = sensitivity.gradients(l);
                 part.add_scatter(&gradients, variances[l]);
                 let directions = gradients.iter().flat_map(|rows| rows.row_iter());
                 for (sums, direction) in by_pose.chunks_exact_mut(6).zip(directions) {
@@ -255,7 +255,7 @@ impl<'a> PoseErrors<'a> {
 }
 
 /// Covariance of the mountings (δp, δφ), zero in fixed and unobservable directions: M S Mᵀ with M =
-/// B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient. `None` where BᵀNB is singular.
+/// B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient. `None` if BᵀNB is singular.
 pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
     let state = &solved.state;
     let basis = solved.observability.determined(&state.mountings);
@@ -288,7 +288,7 @@ mod tests {
         let cloud = &surface.cloud;
         let mut gradient = DVector::zeros(6 * cloud.scanners);
         for (index, plane) in surface.planes.iter().enumerate() {
-            let members = surface.neighbourhoods.of(index);
+            let members = surface.neighbourhoods.members(index);
             let mean =
                 members.iter().map(|&m| world[m as usize]).sum::<Vec3>() / members.len() as f64;
             for &member in members {
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn moving_a_point_moves_the_gradient_as_the_sensitivity_says() {
+    fn moving_a_point_moves_the_gradient_as_the_sensitivity_predicts() {
         let (cloud, mountings) = case();
         let surface = surface(cloud, &mountings, 1);
         let sensitivity = Sensitivity::new(&surface, FLOOR_M);
@@ -316,10 +316,10 @@ mod tests {
             let mut world = surface.placed.world.clone();
             world[l] += step;
             let change = frozen_gradient(&surface, &world) - &before;
-            for (scanner, gradient) in sensitivity.of(l).iter().enumerate() {
+            for (scanner, gradient) in sensitivity.gradients(l).iter().enumerate() {
                 let predicted = gradient * step;
                 let found = change.rows(6 * scanner, 6);
-                // Linear in the points: only rounding is left.
+                // Linear in the points: the only difference is rounding.
                 assert!(
                     (predicted - found).amax() < 1e-9 * before.amax(),
                     "point {l}"
@@ -330,8 +330,8 @@ mod tests {
 
     #[test]
     fn errors_of_a_pose_reach_the_gradient_through_the_points() {
-        // A common error of position and rotation moves every point of a block of time: of 0.4 s
-        // there is one, or three.
+        // A common error of position and rotation moves every point of a block of time. The 0.4 s of
+        // the case make one block, or three.
         let (mut cloud, mountings) = case();
         let world_from_body = WorldFromBody::new(
             so3::exp(&Vec3::new(0.1, -0.2, 0.3)),

@@ -1,4 +1,4 @@
-//! What a chart may hold its days against: a calibration.
+//! A calibration as the base with which a chart compares its days.
 
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
@@ -6,24 +6,24 @@ use serde::{Deserialize, Serialize};
 use super::limit::{Estimate, KNOWN};
 use crate::calibration::{Calibration, ScannerFromScanner};
 
-/// A scanner in the frame of the first by a calibration.
+/// The calibrated mounting of a scanner in the frame of the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Base {
     /// The first scanner.
     pub first: String,
     /// The scanner.
     pub name: String,
-    /// In the frame of the first.
+    /// The scanner in the frame of the first.
     pub first_from_scanner: ScannerFromScanner,
     /// Covariance of (δp, δφ) along and about the axes of the first scanner, metres and radians, row by row.
     pub covariance: Matrix6<f64>,
-    /// Which of these the calibration determines.
+    /// Whether the calibration determines each component.
     pub determined: [bool; 6],
 }
 
 impl Base {
-    /// Every scanner but the first; empty where the calibration has no covariance.
-    pub fn of(calibration: &Calibration) -> Vec<Self> {
+    /// The bases of all scanners but the first; empty if the calibration has no covariance.
+    pub fn from_calibration(calibration: &Calibration) -> Vec<Self> {
         let relative = calibration.relative().into_iter().enumerate();
         let bases = relative.filter_map(|(i, relative)| {
             Some(Self {

@@ -1,4 +1,4 @@
-//! The days of a campaign against each other: a control chart of where each scanner sits in the frame of the first.
+//! The control chart of a campaign: the mounting of each scanner in the frame of the first, day by day.
 
 use std::collections::BTreeMap;
 
@@ -14,11 +14,11 @@ use crate::error::{Error, Result};
 use crate::format::day_number;
 
 impl Chart {
-    /// The chart of the drives of a campaign, each with its date, in any order; drives of one date are combined. With
-    /// `base`, days are held against a calibration, without (empty), against the mean of the first days.
+    /// The chart of the drives of a campaign, each with its date, in any order; drives of one date are combined. The
+    /// days are compared with the calibration in `base` or, if `base` is empty, with the mean of the first days.
     ///
     /// # Errors
-    /// No drive; a date that is none; drives with other first scanners; a rate that is none.
+    /// No drive; an invalid date; drives with different first scanners; an invalid rate or standard deviation.
     pub fn new(
         drives: &[(String, Overlap)],
         base: &[Base],
@@ -33,7 +33,7 @@ impl Chart {
             }
         }
         let tests: usize = scanners.values().map(BTreeMap::len).sum();
-        // Šidák: so that the whole chart holds its rate.
+        // Šidák's correction: the rate holds for the whole chart.
         let probability = -((-settings.false_alarm_rate).ln_1p() / tests as f64).exp_m1();
         let charts = scanners.into_iter().map(|(name, dates)| {
             let base = base.iter().find(|base| base.name == name);
@@ -69,13 +69,13 @@ impl Chart {
 fn check(drives: &[(String, Overlap)], base: &[Base], settings: &ChartSettings) -> Result<()> {
     let Some((_, first)) = drives.first() else {
         return Err(Error::data(
-            "a control chart of no drives",
+            "a control chart without drives",
             "give the overlap of one drive or more",
         ));
     };
     if let Some((date, _)) = drives.iter().find(|(date, _)| day_number(date).is_none()) {
         return Err(Error::data(
-            format!("`{date}` is no date"),
+            format!("`{date}` is not a date"),
             "give dates as YYYY-MM-DD",
         ));
     }
@@ -105,22 +105,24 @@ fn check(drives: &[(String, Overlap)], base: &[Base], settings: &ChartSettings) 
         .any(|sigma| !sigma.is_finite() || *sigma < 0.0)
     {
         return Err(Error::data(
-            format!("what mountings do from day to day: {shift_m} m and {turn_rad} rad"),
+            format!(
+                "standard deviations of mountings from day to day of {shift_m} m and {turn_rad} rad"
+            ),
             "give standard deviations of 0 or more",
         ));
     }
     Ok(())
 }
 
-/// The drives of one day in one.
+/// The estimate of one day from all of its drives.
 fn combined(origin: &ScannerFromScanner, drives: &[&ScannerOverlap]) -> Estimate {
-    let of = |drive: &&ScannerOverlap| Estimate {
+    let estimate = |drive: &&ScannerOverlap| Estimate {
         offset: offset(origin, &drive.first_from_scanner()),
         covariance: drive.covariance,
         determined: drive.determined,
         degrees: drive.degrees(),
     };
-    let all: Vec<Estimate> = drives.iter().map(of).collect();
+    let all: Vec<Estimate> = drives.iter().map(estimate).collect();
     mean(&all).unwrap_or(Estimate {
         determined: [false; 6],
         ..all[0]
@@ -135,8 +137,9 @@ mod tests {
 
     const SIGMA: f64 = 1e-4;
 
-    /// The variance of a mean of so many days, in variances of a day with 40 degrees of freedom and six components.
-    fn of_mean(days: f64) -> f64 {
+    /// The variance of the mean of this number of days, in variances of a day with 40 degrees of freedom and six
+    /// components.
+    fn variance_of_mean(days: f64) -> f64 {
         (1.0 + 2.0 * 7.0 / 40.0 * (1.0 - 1.0 / days)) / days
     }
 
@@ -191,7 +194,7 @@ mod tests {
     const BEFORE: [f64; 6] = [0.3, -0.5, 0.2, 0.6, -0.4, 0.1];
 
     #[test]
-    fn it_goes_on_from_the_new_state_and_says_that_it_is_off() {
+    fn after_an_alarm_the_chart_continues_from_the_new_state_and_reports_it_as_off() {
         let mut days = BEFORE.to_vec();
         days.extend([20.2, 19.6, 20.3, 19.9]);
         let found = chart(&days);
@@ -200,7 +203,7 @@ mod tests {
         assert_eq!(alarm.last_within.as_deref(), Some("2025-05-06"));
         // From the mean of the first five days.
         assert!((alarm.change[0].unwrap() / SIGMA - (20.2 - 0.04)).abs() < 1e-9);
-        let expected = (1.0 + of_mean(5.0)).sqrt();
+        let expected = (1.0 + variance_of_mean(5.0)).sqrt();
         assert!((alarm.sigma[0].unwrap() / SIGMA - expected).abs() < 1e-9);
         // M = 4 in all, 1 along the normal.
         assert!((alarm.cost.total_m / SIGMA - 2.0 * 20.16).abs() < 1e-9);
@@ -214,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_that_shows_nothing_does_not_say_when() {
+    fn a_day_that_determines_nothing_is_not_the_last_day_within_limits() {
         let mut days = drives(&BEFORE);
         days[5].1.scanners[0].determined = [false; 6];
         days.extend(drives(&[0.0; 7]).into_iter().skip(6));
@@ -226,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_that_comes_back_is_not_off() {
+    fn a_scanner_that_comes_back_is_not_off() {
         let mut days = BEFORE.to_vec();
         days.extend([20.0, 0.1, -0.2]);
         let found = chart(&days);
@@ -264,8 +267,8 @@ mod tests {
     }
 
     #[test]
-    fn what_mountings_do_from_day_to_day_is_no_alarm() {
-        // A sigma of days of ten sigmas of a day: 20 are one and a half.
+    fn day_to_day_changes_of_mountings_raise_no_alarm() {
+        // Mountings change by ten sigmas of a day from day to day: 20 sigmas are less than two standard deviations.
         let loose = ChartSettings {
             day_sigma_m: 10.0 * SIGMA,
             ..strict()
@@ -276,7 +279,7 @@ mod tests {
         let found = &found.scanners[0];
         assert_eq!(alarms(found), Vec::<&str>::new());
         // (20 − 0.04)² over (100 + 1) (1 + a mean of five).
-        let expected = 19.96_f64.powi(2) / (101.0 * (1.0 + of_mean(5.0)));
+        let expected = 19.96_f64.powi(2) / (101.0 * (1.0 + variance_of_mean(5.0)));
         assert!((found.days[6].t2.unwrap() - expected).abs() < 1e-9);
         assert!((found.days[6].sigma[0].unwrap() / SIGMA - 1.0).abs() < 1e-9);
     }
@@ -293,13 +296,13 @@ mod tests {
         let last = &found.scanners[0].days[2];
         assert_eq!(last.drives, 2);
         assert!((last.offset[0].unwrap() / SIGMA - 1.5).abs() < 1e-9);
-        assert!((last.sigma[0].unwrap() / SIGMA - of_mean(2.0).sqrt()).abs() < 1e-9);
+        assert!((last.sigma[0].unwrap() / SIGMA - variance_of_mean(2.0).sqrt()).abs() < 1e-9);
         all.swap(0, 2);
         assert_eq!(Chart::new(&all, &[], &settings).unwrap(), found);
     }
 
     #[test]
-    fn json_gives_back_overlaps_and_charts() {
+    fn overlaps_and_charts_survive_a_round_trip_through_json() {
         let all = drives(&[0.0, 0.3, 30.0, 30.0]);
         let text = serde_json::to_string(&all).unwrap();
         let read: Vec<(String, Overlap)> = serde_json::from_str(&text).unwrap();
@@ -307,7 +310,7 @@ mod tests {
         let chart = Chart::new(&read, &[], &strict()).unwrap();
         let text = serde_json::to_string(&chart).unwrap();
         let back: Chart = serde_json::from_str(&text).unwrap();
-        // The last bit of a number may be lost on the way.
+        // The last bit of a number may be lost.
         let (found, expected) = (&back.scanners[0], &chart.scanners[0]);
         assert_eq!(alarms(found), ["03"]);
         assert_eq!((found.days.len(), back.settings), (4, chart.settings));
@@ -317,17 +320,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_campaign_is_refused() {
+    fn invalid_campaigns_are_refused() {
         let settings = strict();
         let refused = |drives: &[(String, Overlap)], settings: &ChartSettings| {
             Chart::new(drives, &[], settings).unwrap_err().to_string()
         };
-        assert!(refused(&[], &settings).contains("no drives"));
+        assert!(refused(&[], &settings).contains("without drives"));
         let mut all = drives(&[0.0, 0.0]);
         all[1].1.first = "right".into();
         assert!(refused(&all, &settings).contains("`right` on 2025-05-02"));
         all[1].0 = "2025-02-29".into();
-        assert!(refused(&all, &settings).contains("`2025-02-29` is no date"));
+        assert!(refused(&all, &settings).contains("`2025-02-29` is not a date"));
         let rate = ChartSettings {
             false_alarm_rate: 0.0,
             ..settings

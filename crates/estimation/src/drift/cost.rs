@@ -1,29 +1,29 @@
-//! What a mounting that is off costs: how far points on the ground move.
+//! The effect of a wrong mounting: the displacement of points on the ground.
 
 use nalgebra::{Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::overlap::ScannerOverlap;
 
-/// How far the points of a scanner on the ground move, root mean square over those that another scanner saw as well,
-/// metres; with standard deviations.
+/// Displacement of a scanner's points on the ground, root mean square over the spots that another scanner saw as
+/// well, metres; with standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// In all.
+    /// Length of the displacement.
     pub total_m: f64,
-    /// Of that.
+    /// Standard deviation of the length.
     pub total_sigma_m: f64,
-    /// Along the normal of the ground.
+    /// Component along the normal of the ground.
     pub normal_m: f64,
-    /// Of that.
+    /// Standard deviation of this component.
     pub normal_sigma_m: f64,
-    /// Upwards.
+    /// Vertical component.
     pub vertical_m: f64,
-    /// Of that.
+    /// Standard deviation of the vertical component.
     pub vertical_sigma_m: f64,
 }
 
-/// Mean squares δᵀ M δ of how far points move in all, along the normal, and upwards.
+/// Matrices M of the mean squared displacement δᵀ M δ of points: in total, along the normal, and upwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
     total: Matrix6<f64>,
@@ -32,11 +32,13 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Of several drives, by their spots.
-    pub fn of(drives: &[&ScannerOverlap]) -> Self {
+    /// The mean over several drives, weighted by their numbers of spots.
+    pub fn mean(drives: &[&ScannerOverlap]) -> Self {
         let all: f64 = drives.iter().map(|drive| drive.spots as f64).sum();
-        let mean = |of: fn(&ScannerOverlap) -> Matrix6<f64>| {
-            let parts = drives.iter().map(|drive| of(drive) * drive.spots as f64);
+        let mean = |moment: fn(&ScannerOverlap) -> Matrix6<f64>| {
+            let parts = drives
+                .iter()
+                .map(|drive| moment(drive) * drive.spots as f64);
             parts.sum::<Matrix6<f64>>() / all.max(1.0)
         };
         Self {
@@ -46,9 +48,9 @@ impl Moments {
         }
     }
 
-    /// Of an offset with its covariance, both zero where it is not determined.
+    /// The displacement due to an offset with its covariance; both are zero in components that are not determined.
     pub fn cost(&self, offset: &Vector6<f64>, covariance: &Matrix6<f64>) -> Cost {
-        let of = |moment: &Matrix6<f64>| {
+        let rms_and_sigma = |moment: &Matrix6<f64>| {
             let rms = offset.dot(&(moment * offset)).max(0.0).sqrt();
             let by = moment * offset / rms;
             let sigma = match rms > 0.0 {
@@ -57,9 +59,9 @@ impl Moments {
             };
             (rms, sigma)
         };
-        let (total_m, total_sigma_m) = of(&self.total);
-        let (normal_m, normal_sigma_m) = of(&self.normal);
-        let (vertical_m, vertical_sigma_m) = of(&self.vertical);
+        let (total_m, total_sigma_m) = rms_and_sigma(&self.total);
+        let (normal_m, normal_sigma_m) = rms_and_sigma(&self.normal);
+        let (vertical_m, vertical_sigma_m) = rms_and_sigma(&self.vertical);
         Cost {
             total_m,
             total_sigma_m,

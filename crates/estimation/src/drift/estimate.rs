@@ -1,4 +1,4 @@
-//! How the further scanners sit in the frame of the first, by the distances on all spots.
+//! Estimates the mountings of the other scanners in the frame of the first from the distances on all spots.
 
 use nalgebra::{DVector, Matrix6, Vector6};
 
@@ -12,16 +12,16 @@ use crate::geometry::{Bending, Vec3};
 use crate::progress::Progress;
 use crate::statistics::median;
 
-/// A look at the ground.
-struct Look {
+/// One level of the coarse-to-fine estimation.
+struct Level {
     /// Edge of the cells in finest voxels of the samples.
     cell_voxels: f64,
     grids: usize,
-    /// It ends where the square of a step, by the information of the spots, is less than this.
+    /// The level ends when the square of a step, weighted by the information of the spots, is less than this.
     converged: f64,
 }
 
-impl Look {
+impl Level {
     const fn new(cell_voxels: f64, grids: usize, converged: f64) -> Self {
         Self {
             cell_voxels,
@@ -31,16 +31,16 @@ impl Look {
     }
 }
 
-/// From coarse to fine: cells of the last hold some 16 points of either scanner.
-const LOOKS: [Look; 4] = [
-    Look::new(16.0, 1, 1.0),
-    Look::new(8.0, 1, 1.0),
-    Look::new(4.0, 1, 1.0),
-    Look::new(4.0, GRIDS.len(), 0.01),
+/// The levels from coarse to fine: cells of the last hold some 16 points of each scanner.
+const LEVELS: [Level; 4] = [
+    Level::new(16.0, 1, 1.0),
+    Level::new(8.0, 1, 1.0),
+    Level::new(4.0, 1, 1.0),
+    Level::new(4.0, GRIDS.len(), 0.01),
 ];
 const MAX_ITERATIONS: usize = 10;
 
-/// A component is determined where less than this share of the prior is left.
+/// A component is determined if its standard deviation is less than this share of the prior's.
 const DETERMINED_SHARE: f64 = 0.1;
 
 /// Fewest spots.
@@ -48,20 +48,21 @@ const MIN_SPOTS: usize = 240;
 
 /// A drive in the field.
 pub struct OverlapInput<'a> {
-    /// The mountings in use, one a scanner.
+    /// The mountings in use, one per scanner.
     pub mountings: &'a [Mounting],
     /// The points of each scanner on the poses of the drive.
     pub samples: &'a [ScannerSample],
-    /// How mountings move about those in use; empty where they are rigid.
+    /// Offsets of the mountings along the drive; empty if they are rigid.
     pub bending: &'a [Bending],
     /// Edge of the voxels that the samples were thinned to, metres.
     pub voxel_m: f64,
 }
 
-/// How each further scanner sits in the frame of the first, by the ground that both saw in one pass.
+/// Estimates the mounting of each further scanner in the frame of the first from the ground that both saw in one
+/// pass.
 ///
-/// Poses are those of the samples. Errors of theirs that both scanners share drop out; the rest is in the covariance,
-/// which comes from how blocks of the drive disagree.
+/// The poses are those of the samples. Pose errors that both scanners share cancel; all others are in the
+/// covariance, which is computed from the disagreement of blocks of the drive.
 ///
 /// # Errors
 /// Fewer than two scanners; too little ground that two scanners saw; [`Error::Cancelled`].
@@ -85,24 +86,25 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
         .iter()
         .map(|other| relative(&first.body_from_scanner, &other.body_from_scanner))
         .collect();
-    let stage = progress.stage("overlap", LOOKS.len() as u64);
+    let stage = progress.stage("overlap", LEVELS.len() as u64);
     let mut step = DVector::zeros(6 * others.len());
     let mut at = in_use.clone();
     let mut last = Err(too_little(0));
-    for look in &LOOKS {
-        let cell_m = look.cell_voxels * input.voxel_m;
+    for level in &LEVELS {
+        let cell_m = level.cell_voxels * input.voxel_m;
         let mut iterations = 0;
         last = loop {
             progress.check()?;
-            let seen = scene.spots(&at, cell_m, look.grids);
-            // Cells that are too coarse for the ground leave more to the next.
-            if seen.len() < MIN_SPOTS * look.grids {
-                break Err(too_little(seen.len()));
+            let spots = scene.spots(&at, cell_m, level.grids);
+            // Cells that are too coarse for the ground leave the work to the next level.
+            if spots.len() < MIN_SPOTS * level.grids {
+                break Err(too_little(spots.len()));
             }
-            let normal = match blocks(&seen).and_then(|of| Normal::of(&seen, others.len(), of)) {
-                Ok(normal) => normal,
-                Err(error) => break Err(error),
-            };
+            let normal =
+                match blocks(&spots).and_then(|count| Normal::new(&spots, others.len(), count)) {
+                    Ok(normal) => normal,
+                    Err(error) => break Err(error),
+                };
             let next = normal.solved(&step);
             let squared = normal.information(&(&next - &step));
             step = next;
@@ -111,32 +113,32 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
                 *pose = perturbed(pose, delta);
             }
             iterations += 1;
-            if squared < look.converged || iterations == MAX_ITERATIONS {
+            if squared < level.converged || iterations == MAX_ITERATIONS {
                 progress.say(&format!(
                     "cells of {:.0} mm: {} spots, {iterations} iterations",
                     1e3 * cell_m,
-                    seen.len()
+                    spots.len()
                 ));
-                break Ok((seen, normal));
+                break Ok((spots, normal));
             }
         };
         progress.advance(1);
     }
     drop(stage);
-    let (seen, normal) = last?;
+    let (spots, normal) = last?;
     let (covariance, blocks) = normal.covariance()?;
     let scanners = others.iter().enumerate().map(|(i, other)| {
         // The scanner may be the first or the second on a spot.
-        let sides = seen.iter().filter_map(|spot| {
+        let sides = spots.iter().filter_map(|spot| {
             let side = spot.scanners.iter().position(|scanner| *scanner == i + 1)?;
-            Some((&spot.seen[side], spot.lag_s))
+            Some((&spot.sides[side], spot.lag_s))
         });
-        let (own, lags_s): (Vec<&Side>, Vec<f64>) = sides.unzip();
+        let (sides_seen, lags_s): (Vec<&Side>, Vec<f64>) = sides.unzip();
         let offset: Vector6<f64> = step.fixed_rows::<6>(6 * i).into_owned();
         let covariance: Matrix6<f64> = covariance.fixed_view::<6, 6>(6 * i, 6 * i).into_owned();
         let prior = |k: usize| DETERMINED_SHARE * PRIOR[k / 3];
         let determined = std::array::from_fn(|k| covariance[(k, k)].sqrt() < prior(k));
-        let [along_normal, upwards, in_all] = moments(&own);
+        let [along_normal, upwards, total] = moments(&sides_seen);
         ScannerOverlap {
             name: other.name.clone(),
             in_use: in_use[i + 1],
@@ -144,11 +146,11 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
             covariance,
             determined,
             blocks,
-            spots: own.len(),
+            spots: sides_seen.len(),
             lag_s: median(lags_s).unwrap_or(0.0),
             normal: along_normal,
             vertical: upwards,
-            total: in_all,
+            total,
         }
     });
     Ok(Overlap {
@@ -157,6 +159,8 @@ pub fn overlap(input: &OverlapInput<'_>, progress: &dyn Progress) -> Result<Over
     })
 }
 
+/// Checks that there are scanners to compare.
+///
 /// # Errors
 /// Fewer than two scanners.
 pub fn check_scanners(count: usize) -> Result<()> {
@@ -165,7 +169,7 @@ pub fn check_scanners(count: usize) -> Result<()> {
     }
     Err(Error::of(
         Problem::TooFew,
-        format!("{count} scanners: one against the other needs two"),
+        format!("{count} scanners, but the drift watch compares two or more"),
         "give a project with two or more scanners",
     ))
 }
@@ -178,7 +182,7 @@ fn too_little(spots: usize) -> Error {
     )
 }
 
-/// Mean squares of how far points move along the normal, upwards, and in all: δᵀ M δ.
+/// Matrices M of the mean squared displacement δᵀ M δ of points: along the normal, upwards, and in total.
 fn moments(spots: &[&Side]) -> [Matrix6<f64>; 3] {
     let mut sums = [Matrix6::zeros(); 3];
     for spot in spots {
@@ -231,8 +235,8 @@ mod tests {
         ]
     }
 
-    /// Points of a strip of ground, two metres long and one wide, on which the second scanner truly sits `off` its
-    /// mounting in use, in the frame of the first.
+    /// Points of a strip of ground, two metres long and one wide. The true mounting of the second scanner differs
+    /// from its mounting in use by `off`, in the frame of the first.
     fn samples(height: impl Fn(f64, f64) -> f64, off: &[f64; 6]) -> Vec<ScannerSample> {
         let mountings = mountings();
         let [first, second] = [0, 1].map(|i| mountings[i].body_from_scanner);
@@ -269,7 +273,7 @@ mod tests {
         truth.iter().map(sample).collect()
     }
 
-    fn found(samples: &[ScannerSample]) -> Result<Overlap> {
+    fn estimated(samples: &[ScannerSample]) -> Result<Overlap> {
         let input = OverlapInput {
             mountings: &mountings(),
             samples,
@@ -284,9 +288,9 @@ mod tests {
     }
 
     #[test]
-    fn a_knock_is_found_within_its_sigmas() {
+    fn a_knock_is_estimated_within_its_sigmas() {
         let off = [2e-3, -1e-3, 1.5e-3, 1e-3, -2e-3, 1.5e-3];
-        let right = found(&samples(waves, &off)).unwrap().scanners.remove(0);
+        let right = estimated(&samples(waves, &off)).unwrap().scanners.remove(0);
         let sigma = right.sigma();
         let mut chi = 0.0;
         for i in 0..6 {
@@ -297,7 +301,7 @@ mod tests {
         }
         assert!(chi < 3.0, "{chi} {right:?}");
         assert!(right.undetermined().is_empty() && (15..=20).contains(&right.blocks));
-        // Points move along the normal as this says: the same as the part of the knock that shows.
+        // The displacement along the normal is the part of the knock that the distances show.
         let knock = Vector6::from(off);
         let normal_m = knock.dot(&(right.normal * knock)).sqrt();
         let total_m = knock.dot(&(right.total * knock)).sqrt();
@@ -305,13 +309,13 @@ mod tests {
     }
 
     #[test]
-    fn flat_ground_names_what_it_does_not_show() {
+    fn flat_ground_names_the_components_that_it_does_not_determine() {
         let off = [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0];
-        let right = found(&samples(|_, _| 0.0, &off))
+        let right = estimated(&samples(|_, _| 0.0, &off))
             .unwrap()
             .scanners
             .remove(0);
-        // In axes that are turned by half a radian against the ground, no position and no rotation alone is left.
+        // The axes are turned by half a radian against the ground, so every undetermined direction mixes components.
         assert!(!right.undetermined().is_empty(), "{right:?}");
         for (i, sigma) in right.sigma().iter().enumerate() {
             if let Some(sigma) = sigma {
@@ -329,7 +333,7 @@ mod tests {
         for profile in &mut apart[1].profiles {
             profile.time_s += 200.0;
         }
-        let problem = found(&apart).unwrap_err().to_string();
+        let problem = estimated(&apart).unwrap_err().to_string();
         assert!(
             problem.contains("saw only 0 spots of the ground together"),
             "{problem}"
@@ -341,9 +345,6 @@ mod tests {
             voxel_m: VOXEL_M,
         };
         let problem = overlap(&input, &Silent).unwrap_err().to_string();
-        assert!(
-            problem.contains("one against the other needs two"),
-            "{problem}"
-        );
+        assert!(problem.contains("compares two or more"), "{problem}");
     }
 }

@@ -1,13 +1,13 @@
-//! When a difference is more than chance: Hotelling's T² and its limit.
+//! The test whether a difference is more than chance: Hotelling's T² and its limit.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
 use crate::statistics::fisher_exceeded;
 
-/// Degrees of freedom that stand for a covariance that is known.
+/// Degrees of freedom that represent a known covariance.
 pub const KNOWN: f64 = 1e6;
 
-/// An offset with a covariance that was estimated with so many degrees of freedom.
+/// An offset with a covariance that was estimated with `degrees` degrees of freedom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     pub offset: Vector6<f64>,
@@ -16,14 +16,14 @@ pub struct Estimate {
     pub degrees: f64,
 }
 
-/// One estimate against another.
+/// The difference of two estimates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
-    /// The one less the other; zero where either is not determined.
+    /// First minus second estimate; zero in components that either does not determine.
     pub offset: Vector6<f64>,
-    /// Its covariance; zero there as well.
+    /// Covariance of the offset; zero in the same components.
     pub covariance: Matrix6<f64>,
-    /// What both determine.
+    /// Whether both estimates determine each component.
     pub determined: [bool; 6],
     /// dᵀ S⁻¹ d.
     pub t2: f64,
@@ -32,20 +32,20 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// `None` where nothing is determined by both.
-    pub fn of(one: &Estimate, other: &Estimate) -> Option<Self> {
+    /// The difference `one` − `other`; `None` if no component is determined by both.
+    pub fn new(one: &Estimate, other: &Estimate) -> Option<Self> {
         let determined = std::array::from_fn(|i| one.determined[i] && other.determined[i]);
-        let kept: Vec<usize> = (0..6).filter(|&i| determined[i]).collect();
-        let size = kept.len();
-        let part = |c: &Matrix6<f64>| DMatrix::from_fn(size, size, |i, j| c[(kept[i], kept[j])]);
+        let rows: Vec<usize> = (0..6).filter(|&i| determined[i]).collect();
+        let size = rows.len();
+        let part = |c: &Matrix6<f64>| DMatrix::from_fn(size, size, |i, j| c[(rows[i], rows[j])]);
         let parts = [part(&one.covariance), part(&other.covariance)];
         let factor = (&parts[0] + &parts[1]).cholesky()?;
-        let d = DVector::from_fn(size, |i, _| one.offset[kept[i]] - other.offset[kept[i]]);
+        let d = DVector::from_fn(size, |i, _| one.offset[rows[i]] - other.offset[rows[i]]);
         if size == 0 {
             return None;
         }
         let t2 = d.dot(&factor.solve(&d));
-        // Krishnamoorthy and Yu (2004): as if S were one Wishart matrix.
+        // Krishnamoorthy and Yu (2004): S is treated as a single Wishart matrix.
         let p = size as f64;
         let spread = |(c, degrees): (&DMatrix<f64>, f64)| {
             let share = factor.solve(c);
@@ -54,9 +54,9 @@ impl Difference {
         let spreads = parts.iter().zip([one.degrees, other.degrees]).map(spread);
         let degrees = (p + p * p) / spreads.sum::<f64>();
         let (mut offset, mut covariance) = (Vector6::zeros(), Matrix6::zeros());
-        for (i, &row) in kept.iter().enumerate() {
+        for (i, &row) in rows.iter().enumerate() {
             offset[row] = d[i];
-            for (j, &column) in kept.iter().enumerate() {
+            for (j, &column) in rows.iter().enumerate() {
                 covariance[(row, column)] = parts[0][(i, j)] + parts[1][(i, j)];
             }
         }
@@ -69,22 +69,22 @@ impl Difference {
         })
     }
 
-    /// What T² exceeds by chance with this probability.
+    /// The limit that T² exceeds by chance with this probability.
     pub fn limit(&self, probability: f64) -> f64 {
         let p = self.determined.iter().filter(|known| **known).count() as f64;
         let below = (self.degrees - p + 1.0).max(1.0);
         p * self.degrees.max(p) / below * fisher_exceeded(p, below, probability)
     }
 
-    /// Standard deviations; `None` where it is not determined.
+    /// Standard deviations of the offset; `None` for components that are not determined.
     pub fn sigma(&self) -> [Option<f64>; 6] {
         std::array::from_fn(|i| self.determined[i].then(|| self.covariance[(i, i)].sqrt()))
     }
 }
 
-/// The mean of estimates of the same, by their covariances; `None` without any.
+/// The mean of estimates of the same quantity, weighted by their covariances; `None` without estimates.
 ///
-/// Weights W of estimated covariances are estimates as well: with M = Σ W, the covariance of the mean is
+/// The weights W of estimated covariances are estimates as well. With M = Σ W, the covariance of the mean is
 ///
 /// ```text
 /// M⁻¹ + M⁻¹ (Σ 2 (p + 1) / ν · (W − W M⁻¹ W)) M⁻¹
@@ -135,7 +135,7 @@ mod tests {
     fn t_square_of_known_covariances() {
         let one = estimate([3e-3, 0.0, 0.0, 0.0, 4e-3, 0.0], 6e-4, KNOWN);
         let other = estimate([0.0; 6], 8e-4, KNOWN);
-        let found = Difference::of(&one, &other).unwrap();
+        let found = Difference::new(&one, &other).unwrap();
         // σ² = 0.36 + 0.64, d² = 9 + 16.
         assert!((found.t2 - 25.0).abs() < 1e-9);
         assert!((found.sigma()[0].unwrap() - 1e-3).abs() < 1e-15);
@@ -144,35 +144,35 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_determined_is_left_out() {
+    fn components_that_are_not_determined_are_left_out() {
         let mut one = estimate([3e-3, 1.0, 0.0, 0.0, 4e-3, 2.0], 1e-3, KNOWN);
         one.determined[1] = false;
         let mut other = estimate([0.0; 6], 1e-9, KNOWN);
         other.determined[5] = false;
-        let found = Difference::of(&one, &other).unwrap();
+        let found = Difference::new(&one, &other).unwrap();
         assert!((found.t2 - 25.0).abs() < 1e-6, "{}", found.t2);
         assert_eq!((found.offset[1], found.sigma()[5]), (0.0, None));
         // Four degrees: 13.277.
         assert!((found.limit(0.01) - 13.277).abs() < 2e-3);
         one.determined = [false; 6];
-        assert!(Difference::of(&one, &other).is_none());
+        assert!(Difference::new(&one, &other).is_none());
     }
 
     #[test]
-    fn degrees_are_those_of_the_part_that_counts() {
+    fn degrees_are_those_of_the_larger_covariance() {
         let one = estimate([0.0; 6], 1e-3, 30.0);
         let with = |sigma, degrees| {
-            Difference::of(&one, &estimate([0.0; 6], sigma, degrees))
+            Difference::new(&one, &estimate([0.0; 6], sigma, degrees))
                 .unwrap()
                 .degrees
         };
         assert!((with(1e-9, 5.0) - 30.0).abs() < 1e-3);
-        // Two alike: twice as many.
+        // Two equal covariances: twice as many.
         assert!((with(1e-3, 30.0) - 60.0).abs() < 1e-9);
         assert!((with(1e-3, KNOWN) - 120.0).abs() < 0.1);
     }
 
-    /// An estimate of zero, with the covariance of so many draws.
+    /// An estimate of zero from `draws` random draws, with their covariance.
     fn drawn(draws: usize, rng: &mut rand_chacha::ChaCha8Rng) -> Estimate {
         use rand_distr::{Distribution, StandardNormal};
         let all: Vec<Vector6<f64>> = (0..draws)
@@ -198,7 +198,7 @@ mod tests {
         // 1 % of 4000 differences of nothing exceed the limit: 40, with a standard deviation of 6.
         let mut rng = seeded();
         let exceeded = (0..4000).filter(|_| {
-            let found = Difference::of(&drawn(20, &mut rng), &drawn(20, &mut rng)).unwrap();
+            let found = Difference::new(&drawn(20, &mut rng), &drawn(20, &mut rng)).unwrap();
             found.t2 > found.limit(0.01)
         });
         let count = exceeded.count();
@@ -206,9 +206,9 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_is_as_good_as_it_says() {
-        // Means of six estimates of 40 draws: M⁻¹ alone is 0.73 of their variance. Of 12,000 squares each, the mean
-        // is known to 1.3 %; what is left out is of second order, 0.18².
+    fn the_covariance_of_a_mean_is_that_of_its_errors() {
+        // Means of six estimates of 40 draws: M⁻¹ alone is 0.73 of their variance. The mean of 12,000 squares is
+        // known to 1.3 %; the neglected terms are of second order, 0.18².
         let mut rng = seeded();
         let (mut squares, mut variances) = (0.0, 0.0);
         for _ in 0..2000 {
@@ -226,7 +226,7 @@ mod tests {
         let one = estimate([1.0; 6], 1e-3, 10.0);
         let other = estimate([4.0; 6], 2e-3, 20.0);
         let found = mean(&[one, other]).unwrap();
-        // Weights 4 : 1 of 5, and 2 (6 + 1) (0.8 · 0.2 / 10 + 0.2 · 0.8 / 20) of the variance more.
+        // Weights 4/5 and 1/5; the variance is larger by the share 2 (6 + 1) (0.8 · 0.2 / 10 + 0.2 · 0.8 / 20).
         assert!((found.offset - Vector6::repeat(1.6)).norm() < 1e-9);
         assert!((found.covariance[(2, 2)] - 0.8e-6 * 1.336).abs() < 1e-15);
         assert_eq!(found.degrees, 30.0);

@@ -1,9 +1,10 @@
-//! Drift watch: one scanner against the other, drive after drive, from the ground that both see.
+//! Drift watch: compares the scanners with each other, drive after drive, by the ground that both see.
 //!
-//! [`Overlap`] is what one drive in the field shows, without boards and without a reference: how each further scanner
-//! sits in the frame of the first, less the mounting in use. [`Chart`] holds the days of a campaign against each
-//! other. What all scanners do together does not show. Start with [`overlap`]; then see `cells.rs` (what both saw of
-//! one spot), `estimate.rs` and `normal.rs` (the mounting and its covariance), `watch.rs` (the days) and `limit.rs` (its limits).
+//! [`Overlap`] is the result of one drive in the field, without boards and without a reference: the difference
+//! between the mounting of each further scanner in the frame of the first and its mounting in use. [`Chart`] compares
+//! the days of a campaign with each other. A motion that all scanners have in common does not show. Start with
+//! [`overlap`]; then see `cells.rs` (spots that two scanners saw), `estimate.rs` and `normal.rs` (the mounting and its
+//! covariance), `watch.rs` (the days) and `limit.rs` (the limits).
 
 mod base;
 mod cells;

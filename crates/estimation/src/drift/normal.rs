@@ -7,40 +7,44 @@ use crate::calibration::POSE_CORRELATION_S;
 use crate::error::{Error, Problem, Result};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// What may be wrong with a mounting at most, metres and radians: a prior, which a component that the ground does
-/// not show keeps.
+/// Standard deviations of the prior of a mounting, metres and radians. A component that the ground does not determine
+/// keeps them.
 pub const PRIOR: [f64; 2] = [0.1, 0.1];
-/// Directions in which more than this share of the information is what noise makes by tilting planes are not
-/// determined: flat ground would show a shift to the side.
+/// Largest share of the information on a direction that may come from noise that tilts planes; directions with more
+/// count as not determined. Otherwise flat ground would seem to determine a lateral shift.
 const MAX_NOISE_SHARE: f64 = 0.25;
 
-/// Distances count in full up to this many standard deviations (Huber).
+/// Tuning constant of Huber's loss: distances up to this many standard deviations count fully.
 const HUBER: f64 = 2.0;
-/// Blocks of the drive at most and at least: as many degrees of freedom has the covariance, and one more.
+/// Largest number of blocks of a drive; the covariance has one degree of freedom less.
 const BLOCKS: usize = 40;
+/// Smallest number of blocks of a drive.
 const MIN_BLOCKS: usize = 8;
-/// A block lasts so many times as long as one scanner comes after the other, so that errors of poses between the two
-/// stay within it.
+/// Least length of a block, in times between the passes of the two scanners over a spot: pose errors between the two
+/// then stay within a block.
 const BLOCK_LAGS: f64 = 4.0;
-/// A block lasts at least this long, seconds: positions of the body drift against themselves while one scanner follows
-/// the other, and errors of its speed last about as long as those of its positions.
+/// Least length of a block, seconds: the position error of the body changes while one scanner follows the other, and
+/// errors of its speed last about as long as those of its position.
 const LEAST_BLOCK_S: f64 = POSE_CORRELATION_S;
 /// Normal equations of the spots.
 pub struct Normal {
     /// JᵀWJ and JᵀWe of each block.
     blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
-    /// Their sum.
+    /// Sum of JᵀWJ over the blocks.
     matrix: DMatrix<f64>,
+    /// Sum of JᵀWe over the blocks.
     gradient: DVector<f64>,
-    /// Directions that are determined, δᵀ (JᵀWJ + P) δ = 1 for each and 0 between two, and those that are not.
-    known: DMatrix<f64>,
-    open: DMatrix<f64>,
+    /// The determined directions as columns, with δᵀ (JᵀWJ + P) δ = 1 for each of them and 0 between two.
+    determined: DMatrix<f64>,
+    /// The directions that are not determined, normalised in the same way.
+    undetermined: DMatrix<f64>,
+    /// Diagonal of P, the information of the prior.
     prior: DVector<f64>,
 }
 
 impl Normal {
-    /// Of the spots of a drive with so many scanners beside the first, in so many blocks.
-    pub fn of(spots: &[Spot], others: usize, count: usize) -> Result<Self> {
+    /// The normal equations of the spots of a drive with `others` scanners besides the first, in `count` blocks.
+    pub fn new(spots: &[Spot], others: usize, count: usize) -> Result<Self> {
         let size = 6 * others;
         let ratios = || spots.iter().map(|spot| spot.distance_m / spot.sigma_m);
         let middle = median(ratios()).unwrap_or(0.0);
@@ -50,8 +54,8 @@ impl Normal {
             let mut row = DVector::zeros(size);
             for (scanner, by) in spot.scanners.iter().zip(by) {
                 if *scanner > 0 {
-                    let own = Vector6::from_column_slice(by);
-                    row.fixed_rows_mut::<6>(6 * (scanner - 1)).copy_from(&own);
+                    let by = Vector6::from_column_slice(by);
+                    row.fixed_rows_mut::<6>(6 * (scanner - 1)).copy_from(&by);
                 }
             }
             row
@@ -83,12 +87,13 @@ impl Normal {
         let back = factor.and_then(|factor| factor.l().try_inverse());
         let back = back.ok_or_else(singular)?.transpose();
         let eigen = SymmetricEigen::new(back.tr_mul(&noise) * &back);
-        let is_known = |&i: &usize| eigen.eigenvalues[i] < MAX_NOISE_SHARE;
-        let (known, open): (Vec<usize>, Vec<usize>) = (0..size).partition(is_known);
-        let directions = |of: &[usize]| &back * eigen.eigenvectors.select_columns(of);
+        let is_determined = |&i: &usize| eigen.eigenvalues[i] < MAX_NOISE_SHARE;
+        let (determined, undetermined): (Vec<usize>, Vec<usize>) =
+            (0..size).partition(is_determined);
+        let directions = |columns: &[usize]| &back * eigen.eigenvectors.select_columns(columns);
         Ok(Self {
-            known: directions(&known),
-            open: directions(&open),
+            determined: directions(&determined),
+            undetermined: directions(&undetermined),
             blocks,
             matrix,
             gradient,
@@ -96,41 +101,45 @@ impl Normal {
         })
     }
 
-    /// The offset from the mountings in use, from this one on; that of the mountings in use in directions that are
-    /// not determined.
+    /// The solution as offset from the mountings in use, linearised at the offset `now`; zero in directions that are not
+    /// determined.
     pub fn solved(&self, now: &DVector<f64>) -> DVector<f64> {
-        &self.known * self.known.tr_mul(&(&self.matrix * now - &self.gradient))
+        &self.determined
+            * self
+                .determined
+                .tr_mul(&(&self.matrix * now - &self.gradient))
     }
 
-    /// Square of a step in standard deviations of spots that are independent.
+    /// Squared length of a step, in standard deviations for independent spots.
     pub fn information(&self, step: &DVector<f64>) -> f64 {
         (&self.matrix * step).dot(step)
     }
 
-    /// From what the drive without each of its blocks says (the jackknife): whatever errors neighbouring spots have in
-    /// common, of poses or of the ground, blocks do not. And the number of blocks.
+    /// The covariance of the solution, and the number of blocks. It is computed by the jackknife, from the solutions
+    /// without each block in turn: neighbouring spots share errors of the poses and of the ground, blocks do not.
     pub fn covariance(&self) -> Result<(DMatrix<f64>, usize)> {
         let count = self.blocks.len() as f64;
-        let size = self.known.ncols();
-        let without = |(of_block, own): &(DMatrix<f64>, DVector<f64>)| {
-            let left = DMatrix::identity(size, size) - self.known.tr_mul(&(of_block * &self.known));
+        let size = self.determined.ncols();
+        let without = |(matrix, gradient): &(DMatrix<f64>, DVector<f64>)| {
+            let left = DMatrix::identity(size, size)
+                - self.determined.tr_mul(&(matrix * &self.determined));
             let factor = left.cholesky().ok_or_else(singular)?;
-            Ok(factor.solve(&self.known.tr_mul(own)))
+            Ok(factor.solve(&self.determined.tr_mul(gradient)))
         };
         let moved: Result<Vec<DVector<f64>>> = self.blocks.iter().map(without).collect();
         let moved = moved?;
         let mean = moved.iter().sum::<DVector<f64>>() / count;
-        // What the prior holds, where the ground says little.
-        let held = DMatrix::from_diagonal(&self.prior);
-        let mut within = self.known.tr_mul(&(&held * &self.known));
+        // The prior's share, in directions of which the ground shows little.
+        let prior = DMatrix::from_diagonal(&self.prior);
+        let mut within = self.determined.tr_mul(&(&prior * &self.determined));
         for moved in &moved {
             let off = moved - &mean;
             within.ger((count - 1.0) / count, &off, &off, 1.0);
         }
-        let mut covariance = &self.known * within * self.known.transpose();
-        for open in self.open.column_iter() {
-            let variance = 1.0 / open.dot(&(&held * open));
-            covariance += open * open.transpose() * variance;
+        let mut covariance = &self.determined * within * self.determined.transpose();
+        for direction in self.undetermined.column_iter() {
+            let variance = 1.0 / direction.dot(&(&prior * direction));
+            covariance += direction * direction.transpose() * variance;
         }
         Ok((covariance, self.blocks.len()))
     }
@@ -139,12 +148,12 @@ impl Normal {
 fn singular() -> Error {
     Error::of(
         Problem::NotDetermined,
-        "the distances between the scanners do not determine how one sits on the other",
+        "the distances between the scanners do not determine their relative mounting",
         "check that the poses and the points of the drive are those of one recording",
     )
 }
 
-/// How many blocks the drive has.
+/// The number of blocks of the drive.
 pub fn blocks(spots: &[Spot]) -> Result<usize> {
     let lag_s = median(spots.iter().map(|spot| spot.lag_s)).unwrap_or(0.0);
     let mut times_s: Vec<f64> = spots.iter().map(|spot| spot.time_s).collect();
@@ -157,8 +166,8 @@ pub fn blocks(spots: &[Spot]) -> Result<usize> {
         return Err(Error::of(
             Problem::TooFew,
             format!(
-                "both scanners saw the same ground for {seconds:.0} s only: {count:.1} stretches of {block_s:.1} s, which are \
-                 independent, of {MIN_BLOCKS} that standard deviations need"
+                "both scanners saw the same ground for only {seconds:.0} s: {count:.1} independent stretches of {block_s:.1} s, \
+                but standard deviations need {MIN_BLOCKS}"
             ),
             "use a longer drive",
         ));
@@ -166,7 +175,7 @@ pub fn blocks(spots: &[Spot]) -> Result<usize> {
     Ok((count as usize).min(BLOCKS))
 }
 
-/// Spots in blocks of equally many, in the order of time.
+/// The spots in order of time, in blocks of equal size.
 fn split(spots: &[Spot], count: usize) -> Vec<Vec<&Spot>> {
     let mut order: Vec<&Spot> = spots.iter().collect();
     order.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));

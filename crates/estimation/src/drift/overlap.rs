@@ -1,4 +1,4 @@
-//! What the overlap of one drive shows.
+//! The result of one drive: the relative mountings from the overlap of the scanners.
 
 use nalgebra::{Matrix6, Vector6};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use crate::calibration::ScannerFromScanner;
 /// Names of the components: the position of a scanner along, and its rotation about, the axes of the first scanner.
 pub const COMPONENTS: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
 
-/// How the further scanners of a drive sit in the frame of the first.
+/// The mountings of the further scanners of a drive in the frame of the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Overlap {
     /// The first scanner.
@@ -18,37 +18,37 @@ pub struct Overlap {
     pub scanners: Vec<ScannerOverlap>,
 }
 
-/// How a scanner sits in the frame of the first.
+/// The mounting of a scanner in the frame of the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScannerOverlap {
     /// The scanner.
     pub name: String,
-    /// In the frame of the first by the mountings in use.
+    /// The scanner in the frame of the first, according to the mountings in use.
     pub in_use: ScannerFromScanner,
-    /// How far it sits off that: position along (metres) and rotation about (radians) the axes of the first scanner.
-    /// A component that is not determined is no result.
+    /// Difference from the mounting in use: position along (metres) and rotation about (radians) the axes of the first
+    /// scanner. Components that are not determined are meaningless.
     pub offset: Vector6<f64>,
     /// Covariance of the offset, metres and radians, row by row.
     pub covariance: Matrix6<f64>,
-    /// Which components the ground determines.
+    /// Whether the ground determines each component.
     pub determined: [bool; 6],
-    /// Blocks of the drive whose disagreement made the covariance.
+    /// Number of blocks of the drive, from whose disagreement the covariance was computed.
     pub blocks: usize,
-    /// Spots of the ground that it saw together with another, in all grids of cells.
+    /// Number of spots of the ground that it saw together with another scanner, in all grids of cells.
     pub spots: usize,
-    /// Time from one scanner to the other on a spot, median, seconds.
+    /// Median time between the two scanners on a spot, seconds.
     pub lag_s: f64,
-    /// Mean squares of how far its points on the ground move with an offset δ along the normal of the ground,
-    /// δᵀ M δ, row by row.
+    /// Matrix M of the mean squared displacement δᵀ M δ of its points along the normal of the ground, for an offset δ,
+    /// row by row.
     pub normal: Matrix6<f64>,
-    /// The same upwards.
+    /// The same for the upward displacement.
     pub vertical: Matrix6<f64>,
-    /// The same in all.
+    /// The same for the total displacement.
     pub total: Matrix6<f64>,
 }
 
 impl ScannerOverlap {
-    /// Where it sits in the frame of the first, as the ground shows it.
+    /// The scanner in the frame of the first, according to the ground.
     pub fn first_from_scanner(&self) -> ScannerFromScanner {
         perturbed(&self.in_use, self.offset.as_slice())
     }
@@ -58,7 +58,7 @@ impl ScannerOverlap {
         self.blocks.saturating_sub(1) as f64
     }
 
-    /// Standard deviations of the offset, metres and radians; `None` where the ground does not determine it.
+    /// Standard deviations of the offset, metres and radians; `None` for components that the ground does not determine.
     pub fn sigma(&self) -> [Option<f64>; 6] {
         std::array::from_fn(|i| self.determined[i].then(|| self.covariance[(i, i)].sqrt()))
     }

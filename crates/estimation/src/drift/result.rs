@@ -1,4 +1,4 @@
-//! What a control chart says.
+//! The result of a control chart.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,15 +6,15 @@ use super::cost::Cost;
 use super::limit::Estimate;
 use crate::calibration::ScannerFromScanner;
 
-/// How days are judged.
+/// Settings by which days are judged.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ChartSettings {
-    /// Share of campaigns without any drift in which a day leaves its limits by chance.
+    /// Probability that some day of a campaign without any drift leaves its limits by chance.
     pub false_alarm_rate: f64,
-    /// Days whose mean the others are held against, where there is no calibration and after an alarm.
+    /// Number of days whose mean is the base for the others, if there is no calibration and after an alarm.
     pub base_days: usize,
-    /// What a mounting does from day to day without having been knocked, one standard deviation along each axis,
-    /// metres: it warms up and cools down.
+    /// Standard deviation of the changes of a mounting from day to day along each axis without any knock, metres: it
+    /// warms up and cools down.
     pub day_sigma_m: f64,
     /// The same about each axis, radians.
     pub day_sigma_rad: f64,
@@ -33,7 +33,7 @@ impl Default for ChartSettings {
 }
 
 impl ChartSettings {
-    /// With what mountings do from day to day.
+    /// The estimate with the variances of the mounting from day to day added.
     pub(super) fn loosened(&self, mut estimate: Estimate) -> Estimate {
         for i in 0..6 {
             estimate.covariance[(i, i)] += [self.day_sigma_m, self.day_sigma_rad][i / 3].powi(2);
@@ -45,13 +45,13 @@ impl ChartSettings {
 /// The control chart of a campaign.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
-    /// How days were judged.
+    /// The settings by which days were judged.
     pub settings: ChartSettings,
-    /// Whether the base is a calibration; else it is the mean of the first days.
+    /// Whether the base is a calibration; otherwise it is the mean of the first days.
     pub from_calibration: bool,
     /// The first scanner, against which the others are watched.
     pub first: String,
-    /// The others.
+    /// The charts of the other scanners.
     pub scanners: Vec<ScannerChart>,
 }
 
@@ -60,13 +60,13 @@ pub struct Chart {
 pub struct ScannerChart {
     /// The scanner.
     pub name: String,
-    /// Where offsets of the days are counted from: the calibration, or the mounting in use on the first day.
+    /// Origin of the offsets of the days: the calibration, or the mounting in use on the first day.
     pub origin: ScannerFromScanner,
-    /// Days in their order.
+    /// The days in chronological order.
     pub days: Vec<ChartDay>,
-    /// Days on which it left its limits.
+    /// The days on which the scanner left its limits.
     pub alarms: Vec<Alarm>,
-    /// Present where it now sits elsewhere than in the base.
+    /// The present deviation from the base, if it is significant.
     pub off: Option<Off>,
 }
 
@@ -75,21 +75,21 @@ pub struct ScannerChart {
 pub struct ChartDay {
     /// YYYY-MM-DD.
     pub date: String,
-    /// Drives that were combined.
+    /// Number of drives that were combined.
     pub drives: usize,
-    /// Off the origin of the chart: position along (metres) and rotation about (radians) the axes of the first
-    /// scanner; `None` where it is not determined.
+    /// Offset from the origin of the chart: position along (metres) and rotation about (radians) the axes of the first
+    /// scanner; `None` for components that are not determined.
     pub offset: [Option<f64>; 6],
     /// Standard deviations of these.
     pub sigma: [Option<f64>; 6],
-    /// dᵀ S⁻¹ d against the state before; `None` on the first day of a chart without a calibration, and where nothing
-    /// is determined.
+    /// T² = dᵀ S⁻¹ d of the difference d from the state before; `None` on the first day of a chart without a
+    /// calibration, and if no component is determined.
     pub t2: Option<f64>,
-    /// What T² exceeds by chance at the rate of the chart.
+    /// The limit that T² exceeds by chance at the rate of the chart.
     pub limit: Option<f64>,
-    /// Whether it is out of its limits.
+    /// Whether the day is out of its limits.
     pub is_out: bool,
-    /// How often the scanner has left its limits so far, this day included.
+    /// Number of times that the scanner has left its limits so far, this day included.
     pub state: usize,
 }
 
@@ -98,30 +98,31 @@ pub struct ChartDay {
 pub struct Alarm {
     /// The first day out of limits.
     pub date: String,
-    /// The last day of the state before that shows what has moved; `None` where there is none, as with a calibration
-    /// that the first day is out of.
+    /// The last day of the state before that determines a component of the change; `None` if there is none, for example
+    /// if the first day already deviates from the calibration.
     pub last_within: Option<String>,
     /// T² of that day.
     pub t2: f64,
     /// Its limit.
     pub limit: f64,
-    /// How far it moved from the state before: metres and radians; `None` where that is not determined.
+    /// Change from the state before, metres and radians; `None` for components that are not determined.
     pub change: [Option<f64>; 6],
     /// Standard deviations of these.
     pub sigma: [Option<f64>; 6],
-    /// What that does to the points of the scanner.
+    /// Displacement of the scanner's points due to the change.
     pub cost: Cost,
 }
 
-/// A scanner that sits elsewhere than in the base.
+/// The present deviation of a scanner from the base.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Off {
-    /// The first day from which it does without a break.
+    /// The first day of the deviation, which has lasted without a break since.
     pub since: String,
-    /// How far, by all days of its present state: metres and radians; `None` where that is not determined.
+    /// The deviation, from all days of the present state, metres and radians; `None` for components that are not
+    /// determined.
     pub offset: [Option<f64>; 6],
     /// Standard deviations of these.
     pub sigma: [Option<f64>; 6],
-    /// What that does to the points of the scanner.
+    /// Displacement of the scanner's points due to the deviation.
     pub cost: Cost,
 }

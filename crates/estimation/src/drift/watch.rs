@@ -1,4 +1,4 @@
-//! One scanner day by day: when it leaves its limits, and what it is held against then.
+//! The chart of one scanner: days out of limits, and the states with which the days are compared.
 
 use nalgebra::Vector6;
 
@@ -12,13 +12,13 @@ use crate::calibration::ScannerFromScanner;
 pub struct Day<'a> {
     pub date: &'a str,
     pub drives: Vec<&'a ScannerOverlap>,
-    /// With what mountings do from day to day.
+    /// The estimate of the day, including the variances of the mounting from day to day.
     pub estimate: Estimate,
-    /// Standard deviations without that.
+    /// Standard deviations without these variances.
     pub sigma: Vector6<f64>,
 }
 
-/// What the days of a scanner are held against.
+/// The base with which the days of a scanner are compared, and the rate of false alarms.
 pub struct Watch {
     /// A calibration, which stays the base until the first alarm.
     pub base: Option<Estimate>,
@@ -41,21 +41,22 @@ impl Watch {
         for (number, day) in days.iter().enumerate() {
             let state = states.len() - 1;
             let before = self.base_of(&states, state);
-            let found = before.and_then(|before| Difference::of(&day.estimate, &before));
-            let limit = found.as_ref().map(|found| found.limit(self.probability));
-            let out = found
+            let difference = before.and_then(|before| Difference::new(&day.estimate, &before));
+            let limit = difference.as_ref().map(|d| d.limit(self.probability));
+            let out = difference
                 .as_ref()
                 .zip(limit)
-                .filter(|(found, limit)| found.t2 > *limit);
-            if let Some((found, limit)) = out {
+                .filter(|(difference, limit)| difference.t2 > *limit);
+            if let Some((difference, limit)) = out {
                 chart.alarms.push(Alarm {
                     date: day.date.into(),
-                    last_within: last_within(&days[..number], &found.determined),
-                    t2: found.t2,
+                    last_within: last_within(&days[..number], &difference.determined),
+                    t2: difference.t2,
                     limit,
-                    change: known(&found.offset, &found.determined),
-                    sigma: found.sigma(),
-                    cost: Moments::of(&day.drives).cost(&found.offset, &found.covariance),
+                    change: known(&difference.offset, &difference.determined),
+                    sigma: difference.sigma(),
+                    cost: Moments::mean(&day.drives)
+                        .cost(&difference.offset, &difference.covariance),
                 });
                 states.push(Vec::new());
             }
@@ -66,7 +67,7 @@ impl Watch {
                 drives: day.drives.len(),
                 offset: known(&day.estimate.offset, &day.estimate.determined),
                 sigma: known(&day.sigma, &day.estimate.determined),
-                t2: found.as_ref().map(|found| found.t2),
+                t2: difference.as_ref().map(|difference| difference.t2),
                 limit,
                 is_out: out.is_some(),
                 state,
@@ -76,40 +77,41 @@ impl Watch {
         chart
     }
 
-    /// What a state is held against: the calibration, or the mean of its first days.
+    /// The base of a state: the calibration, or the mean of its first days.
     fn base_of(&self, states: &[Vec<Estimate>], state: usize) -> Option<Estimate> {
-        let own = self.base.filter(|_| state == 0);
+        let calibration = self.base.filter(|_| state == 0);
         let days = &states[state];
-        own.or_else(|| mean(&days[..days.len().min(self.base_days)]))
+        calibration.or_else(|| mean(&days[..days.len().min(self.base_days)]))
     }
 
-    /// Whether the present state is another than the first, and since when.
+    /// The deviation of the present state from the base, and its first day; `None` if it is not significant.
     fn off(&self, states: &[Vec<Estimate>], alarms: &[Alarm], days: &[Day<'_>]) -> Option<Off> {
         let base = self.base_of(states, 0)?;
-        let is_off = |state: usize| {
-            let found = Difference::of(&mean(&states[state])?, &base)?;
-            (found.t2 > found.limit(self.probability)).then_some(found)
+        let deviation = |state: usize| {
+            let difference = Difference::new(&mean(&states[state])?, &base)?;
+            (difference.t2 > difference.limit(self.probability)).then_some(difference)
         };
-        let now = is_off(states.len() - 1).filter(|_| states.len() > 1)?;
+        let present = deviation(states.len() - 1).filter(|_| states.len() > 1)?;
         let mut since = states.len() - 1;
-        while since > 1 && is_off(since - 1).is_some() {
+        while since > 1 && deviation(since - 1).is_some() {
             since -= 1;
         }
         Some(Off {
             since: alarms[since - 1].date.clone(),
-            offset: known(&now.offset, &now.determined),
-            sigma: now.sigma(),
-            cost: Moments::of(&days.last()?.drives).cost(&now.offset, &now.covariance),
+            offset: known(&present.offset, &present.determined),
+            sigma: present.sigma(),
+            cost: Moments::mean(&days.last()?.drives).cost(&present.offset, &present.covariance),
         })
     }
 }
 
-/// The last of these days on which a component of a difference is determined.
+/// The last of these days that determines a component of the difference.
 fn last_within(days: &[Day<'_>], determined: &[bool; 6]) -> Option<String> {
     let shows = |day: &&Day<'_>| (0..6).any(|i| determined[i] && day.estimate.determined[i]);
     Some(days.iter().rfind(shows)?.date.into())
 }
 
+/// The determined components of a vector.
 fn known(all: &Vector6<f64>, determined: &[bool; 6]) -> [Option<f64>; 6] {
     std::array::from_fn(|i| determined[i].then_some(all[i]))
 }

@@ -1,4 +1,4 @@
-//! The adjustment: points are sorted into surfels, all unknowns are adjusted, and again with closer
+//! The adjustment: points are sorted into surfels and all unknowns are adjusted, and again with tighter
 //! gates.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -9,7 +9,7 @@ use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
 use super::learn::learn;
-use super::model::{EVIDENT_TO_IMU, EVIDENT_TO_SCANS, imu_against, scans_against};
+use super::model::{EVIDENT_TO_IMU, EVIDENT_TO_SCANS, imu_contradictions, scan_contradictions};
 use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::result::Joint;
 use super::settings::JointSettings;
@@ -23,26 +23,27 @@ use crate::progress::Progress;
 
 /// Edge of the patches of the reference's surface errors, in sizes of a surfel.
 const PATCH_SIZES: f64 = 6.0;
-/// Scales of noise have settled where they change by less than this share.
+/// The scales of noise have settled if they change by less than this share.
 const SETTLED_SCALE: f64 = 0.1;
-/// And where those of a motion in time do by less, see [`learn`].
+/// The parameters of the motion in time have settled if they change by less than this; see [`learn`].
 const SETTLED_MOTION: f64 = 0.3;
-/// Size of the surfels with dense knots, as a share of that of others: what moves at random along the ground shows at
-/// its slopes alone, and small surfels have steeper ones.
+/// Size of the surfels with dense knots, as a share of the usual size: a random motion along the ground shows only at
+/// slopes, and small surfels have steeper slopes.
 const DENSE_SHARE: f64 = 0.72;
-/// Times that the noise is estimated in the last round.
+/// Most times that the noise is estimated in the last round.
 const MAX_SCALINGS: usize = 3;
-/// Fewest surfels that the reference knows or that are seen twice.
+/// Fewest surfels that lie on the reference or are seen twice.
 const MIN_SURFELS: usize = 50;
-/// A parameter with a larger standard deviation is not determined, metres; rotations count as what
-/// they move at [`LEVER_M`].
+/// A parameter with a larger standard deviation is not determined, metres; rotations are converted by
+/// [`LEVER_M`].
 const MAX_SIGMA_M: f64 = 0.010;
-/// Length of the last step, standard deviations, before the noise is estimated anew.
+/// Length of the last step, standard deviations, before the noise is estimated again.
 const SCALING_SIGMAS: f64 = 0.5;
-/// The same with knots: how far they may move is found anew as well, which moves mountings much and residuals
-/// little.
+/// The same with knots, whose standard deviations are then estimated again too: this moves mountings much and
+/// residuals little.
 const LEARNING_SIGMAS: f64 = 2.0;
-/// And at the end. Steps become shorter by a factor of two or more, and nothing is off by more than this.
+/// Length of the last step at the end, standard deviations. Because steps become shorter by a factor of two or more,
+/// no unknown is then off by more than this.
 const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
 /// Most rounds.
 const MAX_ROUNDS: usize = 10;
@@ -53,30 +54,31 @@ const MAX_FACTOR_ENTRIES: usize = 350_000_000;
 /// Most steps from one keyframe to the next.
 const MAX_KEYFRAME_STEPS: usize = 64;
 
-/// As for the trajectory alone, but for the rise of the cost: derivatives of poses between nodes are
-/// right to a hundredth, and where they vanish is not quite where the cost is least. A rise of 1e-5 is a
-/// step of a fraction of a standard deviation.
+/// As for the trajectory alone, except for the allowed rise of the cost: derivatives of poses between nodes
+/// are accurate to a hundredth, so the gradient does not vanish exactly at the least cost. A rise of 1e-5 is
+/// a step of a fraction of a standard deviation.
 pub const DAMPING: DampingRule = DampingRule {
     rounding: 1e-5,
     ..DampingRule::UNDAMPED
 };
 
-/// How an adjustment ended.
+/// The outcome of an adjustment.
 pub enum Outcome {
-    /// With values.
+    /// The adjusted values.
     Found(Box<Joint>),
-    /// As mountings move more than they may; where this is evident, before it had settled.
+    /// Reasons why the mountings move more than the rung allows; if this is evident, the adjustment stops
+    /// before it has settled.
     Contradicted(Vec<String>),
 }
 
-/// Points as two steps leave them, sorted into surfels: what all rungs begin with.
+/// The points sorted into surfels with the result of two steps, where all rungs begin.
 pub struct Sorted {
     keyframe_steps: Vec<usize>,
-    found: Association,
+    association: Association,
 }
 
-/// Adjusts with mountings that may move as much as a rung lets them; where it may climb, no longer than until
-/// they evidently move more. Points are sorted for the first round where `sorted` does not have them yet, and kept
+/// Adjusts with mountings that may move as much as a rung allows. If it may climb, the adjustment stops as soon as
+/// they evidently move more. The points of the first round are taken from `sorted` or, if it is empty, sorted and left
 /// there for the next rung.
 ///
 /// # Errors
@@ -121,21 +123,21 @@ pub fn at_rung(
             let is_first = repeat == 1;
             let before =
                 sorted.take_if(|before| is_first && before.keyframe_steps == keyframe_steps);
-            let found = before.map_or_else(
+            let association = before.map_or_else(
                 || associate(&scans, &state.motions, mounted, late_s, &reference, &gates),
-                |before| before.found,
+                |before| before.association,
             );
             if is_first && may_climb {
                 *sorted = Some(Sorted {
                     keyframe_steps: keyframe_steps.clone(),
-                    found: found.clone(),
+                    association: association.clone(),
                 });
             }
-            check_overlap(input, &found)?;
-            state.shapes = vec![Vec3::zeros(); found.surfels.len()];
-            state.patches = vec![0.0; found.patches];
+            check_overlap(input, &association)?;
+            state.shapes = vec![Vec3::zeros(); association.surfels.len()];
+            state.patches = vec![0.0; association.patches];
             let begin = (&state, held.clone(), surface_m);
-            let problem = JointProblem::new(input, settings, found, groups.clone(), begin);
+            let problem = JointProblem::new(input, settings, association, groups.clone(), begin);
             if problem.factor_entries() <= MAX_FACTOR_ENTRIES {
                 break problem;
             }
@@ -145,11 +147,12 @@ pub fn at_rung(
         progress.advance(1);
         problem.judge_by(steps.shared.as_ref());
         if round == Round::Fine {
-            // Residuals to surfels that are not where they are seen would pass for outliers in the first step.
+            // The residuals of surfels that are not where the scans see them would look like outliers in the
+            // first step.
             problem.fit_shapes(&mut state);
             if may_climb && !again {
-                // Steps of a model that is evidently wrong are many, and may be refused.
-                let reasons = scans_against(&problem, &state, EVIDENT_TO_SCANS);
+                // A model that is evidently wrong takes many steps, which may be refused.
+                let reasons = scan_contradictions(&problem, &state, EVIDENT_TO_SCANS);
                 if !reasons.is_empty() {
                     return Ok(Outcome::Contradicted(reasons));
                 }
@@ -161,17 +164,17 @@ pub fn at_rung(
         let before = state.clone();
         let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
         if may_climb && !again {
-            let found = components_at(&mut problem, &state)?;
+            let components = components_at(&mut problem, &state)?;
             progress.advance(1);
-            let mut reasons = imu_against(&problem, &state, (&found, EVIDENT_TO_IMU));
+            let mut reasons = imu_contradictions(&problem, &state, (&components, EVIDENT_TO_IMU));
             if round == Round::Fine {
-                reasons.extend(scans_against(&problem, &state, EVIDENT_TO_SCANS));
+                reasons.extend(scan_contradictions(&problem, &state, EVIDENT_TO_SCANS));
             }
             if !reasons.is_empty() {
                 return Ok(Outcome::Contradicted(reasons));
             }
         }
-        // Before points are sorted by a motion, how much there is of it.
+        // The size of the motion is estimated before points are sorted by it.
         let is_dense = round == Round::Coarse && rung == Rung::DenseKnots;
         if is_dense && learn(&problem, &mut state) > SETTLED_MOTION {
             steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
@@ -180,24 +183,26 @@ pub fn at_rung(
         if round == Round::Fine {
             stop = steps.weigh_and_settle(&mut problem, &mut state)?;
         }
-        let reference_m = Vec3::from_column_slice(&reference.place.left(&state.reference)[..3]);
+        let reference_m =
+            Vec3::from_column_slice(&reference.place.remaining(&state.reference)[..3]);
         let moved_m = problem.moved_m(&before, &state).max(reference_m.norm());
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
             if stop != StopReason::Converged {
                 problem.forget_factor();
             }
-            let found = components_at(&mut problem, &state)?;
+            let components = components_at(&mut problem, &state)?;
             progress.advance(1);
             if may_climb {
-                let mut reasons = imu_against(&problem, &state, (&found, 1.0));
-                reasons.extend(scans_against(&problem, &state, 1.0));
+                let mut reasons = imu_contradictions(&problem, &state, (&components, 1.0));
+                reasons.extend(scan_contradictions(&problem, &state, 1.0));
                 if !reasons.is_empty() {
                     return Ok(Outcome::Contradicted(reasons));
                 }
             }
-            let found = conclude(&problem, &state, &found, (stop, steps.iterations), size_m)?;
-            return Ok(Outcome::Found(Box::new(found)));
+            let ended = (stop, steps.iterations);
+            let joint = conclude(&problem, &state, &components, ended, size_m)?;
+            return Ok(Outcome::Found(Box::new(joint)));
         }
         (groups, held) = (problem.groups, problem.held);
         again = round == Round::Fine;
@@ -216,14 +221,14 @@ pub fn at_rung(
 /// A round sorts the points into surfels and adjusts all unknowns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Round {
-    /// From what two steps leave.
+    /// Starts from the result of two steps.
     Coarse,
-    /// From what an adjustment leaves; the noise is estimated.
+    /// Starts from the result of an adjustment; the noise is estimated.
     Fine,
 }
 
 impl Round {
-    /// Size of its surfels, as a share of the usual one.
+    /// Size of its surfels, as a share of the usual size.
     fn size_share(self, rung: Rung) -> f64 {
         match (self, rung) {
             (Self::Fine, Rung::DenseKnots) => DENSE_SHARE,
@@ -231,7 +236,7 @@ impl Round {
         }
     }
 
-    /// How far scans and reference may lie apart, as a share of a surfel's size.
+    /// Largest distance between scans and reference, as a share of a surfel's size.
     fn misfit_share(self) -> f64 {
         match self {
             Self::Coarse => 0.12,
@@ -239,8 +244,8 @@ impl Round {
         }
     }
 
-    /// Length of the last step, standard deviations, before points are sorted anew, or the noise is estimated
-    /// anew.
+    /// Length of the last step, standard deviations, before points are sorted again, or the noise is estimated
+    /// again.
     fn settled_sigmas(self) -> f64 {
         match self {
             Self::Coarse => 5.0,
@@ -248,8 +253,8 @@ impl Round {
         }
     }
 
-    /// A round that moves points by more than this share of the usual size of a surfel is done again: they belong
-    /// to other surfels then.
+    /// Largest displacement of points, as a share of the usual size of a surfel. A round that moves them by more is
+    /// repeated, because they then belong to other surfels.
     fn move_share(self) -> f64 {
         match self {
             Self::Coarse => 0.1,
@@ -258,17 +263,17 @@ impl Round {
     }
 }
 
-/// Steps of all rounds.
+/// The steps of all rounds.
 struct Steps<'a> {
     max_iterations: usize,
     iterations: usize,
-    /// Covariance of the blocks that couple with everything, when the noise was last estimated.
+    /// Covariance of the blocks that couple with everything, from the last estimate of the noise.
     shared: Option<DMatrix<f64>>,
     progress: &'a dyn Progress,
 }
 
 impl Steps<'_> {
-    /// Steps until one is shorter than so many standard deviations.
+    /// Takes steps until one is shorter than `sigmas` standard deviations.
     fn settle(
         &mut self,
         problem: &mut JointProblem<'_>,
@@ -281,7 +286,7 @@ impl Steps<'_> {
         Ok(ended.stop)
     }
 
-    /// Estimates the noise, how much mountings move, and which rows are trusted, in turn with steps.
+    /// Alternates steps with estimates of the noise, of the motion of mountings, and of the trust in rows.
     fn weigh_and_settle(
         &mut self,
         problem: &mut JointProblem<'_>,
@@ -293,17 +298,17 @@ impl Steps<'_> {
             false => LEARNING_SIGMAS,
         };
         for scaling in 1.. {
-            let found = components_at(problem, state)?;
+            let components = components_at(problem, state)?;
             self.progress.advance(1);
             let learned = learn(problem, state);
-            // Dense knots follow a jump, and do not tell it from what they do themselves.
+            // Dense knots follow a jump, which cannot be told from their own motion.
             let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
             let jumped = slow.is_some_and(Bends::restart);
             self.shared = problem.shared_covariance();
             problem.judge_by(self.shared.as_ref());
-            let change = rescale(problem, &found);
+            let change = rescale(problem, &components);
             if self.hold(problem) {
-                // Residuals say nothing of trust before the mountings are back there.
+                // Residuals show nothing about trust before the mountings are back at their start values.
                 self.settle(problem, state, SCALING_SIGMAS)?;
             }
             problem.find_trust(state);
@@ -316,7 +321,8 @@ impl Steps<'_> {
         self.settle(problem, state, SETTLED_SIGMAS)
     }
 
-    /// Holds what nothing determines, where it was before; returns whether there is any yet.
+    /// Holds the directions that nothing determines at their start values; returns whether there are new
+    /// ones.
     fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
         if !problem.held.is_empty() {
             return false;
@@ -329,25 +335,26 @@ impl Steps<'_> {
     }
 }
 
-/// What the residuals at a state say about the noise of each group; the problem then holds the factor of this
-/// state or of one not far from it.
+/// The variance components of all groups at a state; the problem then holds the factor at this state or at one
+/// nearby.
 fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
     problem.factorise_near(state).ok_or_else(not_determined)?;
     Ok(components(problem, state))
 }
 
-/// Half as many keyframes of the scanner with the most rows; `None` if it has few already.
+/// Keyframe intervals with half as many keyframes of the scanner with the most rows; `None` if it has few
+/// already.
 ///
-/// Where nearly all poses see the same surface, as those of a robot with a lidar that looks far, nearly
-/// all nodes are coupled with each other. All else does without the rows between keyframes: a surfel
-/// that stays in sight is seen often enough.
+/// If nearly all poses see the same surface, such as those of a robot with a long-range lidar, nearly all
+/// nodes are coupled with each other. The adjustment can do without the rows between keyframes: a surfel
+/// that stays in view is seen often enough.
 fn fewer_keyframes(problem: &JointProblem<'_>, keyframe_steps: &[usize]) -> Option<Vec<usize>> {
-    let rows_of = |scanner: usize| {
-        let rows = problem.found.rows();
+    let row_count = |scanner: usize| {
+        let rows = problem.association.rows();
         rows.filter(|row| row.scanner as usize == scanner).count()
     };
     let dense = (0..keyframe_steps.len()).filter(|s| 2 * keyframe_steps[*s] <= MAX_KEYFRAME_STEPS);
-    let fullest = dense.max_by_key(|&scanner| rows_of(scanner))?;
+    let fullest = dense.max_by_key(|&scanner| row_count(scanner))?;
     let mut fewer = keyframe_steps.to_vec();
     fewer[fullest] *= 2;
     Some(fewer)
@@ -366,10 +373,15 @@ fn too_large(problem: &JointProblem<'_>) -> Error {
     )
 }
 
+/// Checks that enough of the surface is known or seen twice, and that each scanner saw enough of it.
+///
 /// # Errors
-/// Too little of the surface that is known or seen twice, or too little that a scanner saw of it.
-fn check_overlap(input: &JointInput<'_>, found: &Association) -> Result<()> {
-    let checked = found.surfels.iter().filter(|surfel| surfel.is_checked);
+/// Too few surfels that are known or seen twice, or too few that a scanner saw.
+fn check_overlap(input: &JointInput<'_>, association: &Association) -> Result<()> {
+    let checked = association
+        .surfels
+        .iter()
+        .filter(|surfel| surfel.is_checked);
     let checked = checked.count();
     if checked < MIN_SURFELS {
         return Err(Error::of(
@@ -382,7 +394,10 @@ fn check_overlap(input: &JointInput<'_>, found: &Association) -> Result<()> {
         ));
     }
     for (scanner, mounting) in (0..).zip(&input.mountings) {
-        let rows = found.rows().filter(|row| row.scanner == scanner).count();
+        let rows = association
+            .rows()
+            .filter(|row| row.scanner == scanner)
+            .count();
         if rows < MIN_SURFELS {
             return Err(Error::of(
                 Problem::TooFew,
@@ -414,7 +429,7 @@ fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Ve
         shared[(place(i), place(j))] * scale(i) * scale(j)
     });
     let eigen = SymmetricEigen::new(scaled);
-    let mut found: Vec<(f64, DVector<f64>)> = (0..count)
+    let mut directions: Vec<(f64, DVector<f64>)> = (0..count)
         .filter_map(|k| {
             let direction = eigen.eigenvectors.column(k);
             let sigma_m = eigen.eigenvalues[k].max(0.0).sqrt();
@@ -426,11 +441,14 @@ fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Ve
             })
         })
         .collect();
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().map(|(_, direction)| direction).collect()
+    directions.sort_by(|a, b| b.0.total_cmp(&a.0));
+    directions
+        .into_iter()
+        .map(|(_, direction)| direction)
+        .collect()
 }
 
-/// The start values. Constants that drives share start where the first drive found them.
+/// The start values. Constants that drives share start at the values of the first drive.
 fn start(input: &JointInput<'_>) -> State {
     State {
         motions: input.drives.iter().map(|d| d.motion.boxed()).collect(),

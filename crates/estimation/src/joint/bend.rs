@@ -5,10 +5,11 @@
 //!   δ(t) = C_s (ℓ(t) − ℓ̄) + c_s u(t) + F_s f(t) + m_s(t),
 //!
 //! (δφ, δp) in body axes, with the load ℓ, the compliance C_s (6 × 4), the creep c_s over a drive with u from −½
-//! to ½, the same in all drives, columns f of a log, temperatures for example, as shares of their range from
-//! their mean over all drives, and a Gauss-Markov process m_s at knots. The loads are the parts of the
-//! specific force in the body: gravity and acceleration, this smoothed over some tenths of a second, along x and
-//! y each, as along z they hardly change. Both bend a frame, but not where masses beside it swing.
+//! to ½, the same in all drives, columns f of a log (temperatures, for example) relative to their mean over all
+//! drives and in shares of their range, and a Gauss-Markov process m_s at knots. The loads are the two parts of
+//! the specific force in the body, gravity and acceleration, each along x and y, because along z they hardly
+//! change. The acceleration is smoothed over some tenths of a second. The two parts are separate loads: both bend
+//! a frame, but not alike if masses beside it swing.
 
 use std::sync::Arc;
 
@@ -29,14 +30,15 @@ use crate::trajectory::Trajectory;
 pub const LOADS: usize = 4;
 /// Coefficients of a compliance: δ by each load, one after the other.
 pub const COMPLIANCE: usize = 6 * LOADS;
-/// Most of what mountings follow: the loads, time, and columns of a log.
+/// Largest number of causes that mountings follow: the loads, time, and columns of a log.
 pub const CAUSES: usize = LOADS + 1 + MAX_FRAME_COLUMNS;
-/// Unknowns of a compliance, and of a creep and of columns behind it.
+/// Unknowns of a scanner's bending: the compliance, then the creep and the columns of a log.
 pub const BENDING: usize = 6 * CAUSES;
 /// Standard deviations of the prior of a compliance: a degree of tilt bends by some tenths of a degree and
 /// some millimetres. Radians per g, metres per g.
 pub const COMPLIANCE_SIGMA: [f64; 2] = [0.3, 0.5];
-/// And of that of a creep, radians and metres in a drive, and of what a column does over its range.
+/// Standard deviations of the priors of a creep over a drive, and of the effect of a column over its range:
+/// radians and metres.
 pub const CREEP_SIGMA: [f64; 2] = [0.01, 0.03];
 
 /// Standard deviations of the motion in time, radians and metres.
@@ -44,12 +46,12 @@ pub const KNOT_SIGMA: [f64; 2] = [1.5e-3, 2e-3];
 /// Offsets along a drive are given at this step, seconds.
 pub const BENDING_STEP_S: f64 = 0.05;
 
-/// Loads are tabulated at this step, seconds.
+/// Time step at which loads are tabulated, seconds.
 const STEP_S: f64 = 0.1;
 /// Accelerations are second differences over this time to both sides, which smooth over it, seconds.
 const SMOOTH_S: f64 = 0.2;
 
-/// How a mounting follows the load on the frame.
+/// Compliance of a mounting: how it follows the load on the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compliance {
     /// (δφ, δp) in body axes by each load, one after the other: radians and metres per g.
@@ -61,7 +63,7 @@ pub struct Compliance {
 }
 
 impl Compliance {
-    /// None, beside that of another scanner.
+    /// The compliance of a rigid mounting, with the mean load of another scanner.
     pub fn rigid_beside(other: Self) -> Self {
         Self {
             by_load: [0.0; COMPLIANCE],
@@ -76,11 +78,11 @@ impl Compliance {
 
     /// (δφ, δp) under a load.
     pub fn offset(&self, load: &[f64; LOADS]) -> [f64; 6] {
-        under(&self.by_load, &off(load, &self.mean_load))
+        bending(&self.by_load, &difference(load, &self.mean_load))
     }
 }
 
-/// How much a mounting may move: each rung includes those before it.
+/// How much a mounting may move; each rung includes those before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rung {
@@ -88,14 +90,14 @@ pub enum Rung {
     Rigid,
     /// Linearly with the load, and with time.
     Compliance,
-    /// And slowly, in any way.
+    /// Also slowly, in any way.
     SlowKnots,
-    /// And as fast as the trajectory is known.
+    /// Also as fast as the trajectory is known.
     DenseKnots,
 }
 
 impl Rung {
-    /// The next one up.
+    /// The next rung up.
     pub fn next(self) -> Option<Self> {
         match self {
             Self::Rigid => Some(Self::Compliance),
@@ -138,7 +140,7 @@ impl Rung {
 /// ℓ at a time: −Rᵀ g / |g| and Rᵀ a / |g| along x and y, with a from second differences.
 fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     let (first_s, last_s) = trajectory.span_s();
-    // At the ends of a drive the body is taken to move on as it does close to them.
+    // At the ends of a drive, the body is assumed to move as it does near them.
     let [low_s, high_s] = match last_s - first_s > 2.0 * SMOOTH_S {
         true => [first_s + SMOOTH_S, last_s - SMOOTH_S],
         false => [0.5 * (first_s + last_s); 2],
@@ -160,7 +162,7 @@ pub fn loads(trajectory: &Trajectory) -> Series<LOADS> {
     })
 }
 
-/// Values of all that moves mountings.
+/// Values of all quantities that move the mountings.
 #[derive(Debug, Clone)]
 pub struct Bends {
     /// How much they may move.
@@ -169,20 +171,21 @@ pub struct Bends {
     pub mean_load: [f64; LOADS],
     /// ℓ − ℓ̄, u and f along each drive.
     pub causes: Arc<Vec<Series<CAUSES>>>,
-    /// Number of those that are there.
+    /// Number of causes in use.
     pub causes_used: usize,
     /// C of each scanner, column by column, c and F.
     pub compliance: Vec<[f64; BENDING]>,
-    /// What is known of them beforehand: values and standard deviations.
+    /// Their priors: values and standard deviations.
     pub prior: Vec<[[f64; BENDING]; 2]>,
     /// m of each scanner of each drive; empty without knots.
     pub knots: Vec<Vec<GaussMarkov>>,
-    /// Correlation of what two scanners of a drive do from knot to knot, 0 to 1: of rotations and of shifts.
+    /// Correlation between two scanners of a drive of their changes from knot to knot, 0 to 1: of rotations and of
+    /// shifts.
     pub together: [f64; 2],
 }
 
 impl Bends {
-    /// Bent as another adjustment found, or not yet; `None` where mountings stay rigid or a drive has no
+    /// Start values: the known compliance, or no bending; `None` if mountings stay rigid or a drive has no
     /// trajectory.
     pub fn new(
         rung: Rung,
@@ -200,7 +203,7 @@ impl Bends {
         let loads: Vec<Series<LOADS>> = drives.iter().map(loads).collect();
         let prior: Vec<_> = (mountings.iter().enumerate())
             .map(|(scanner, mounting)| {
-                let [mut value, mut sigma] = unknown(mounting);
+                let [mut value, mut sigma] = vague_prior(mounting);
                 if let Some(known) = known.get(scanner) {
                     value[..COMPLIANCE].copy_from_slice(&known.by_load);
                     sigma[..COMPLIANCE].copy_from_slice(&known.sigma);
@@ -217,8 +220,8 @@ impl Bends {
         let causes = each.map(|((loads, trajectory), log)| {
             let (from_s, to_s) = trajectory.span_s();
             Series::sampled((from_s, to_s), STEP_S, |time_s| {
-                let [a, b, c, d] = off(&loads.at(time_s), &mean_load);
-                let [e, f] = columns.of(*log, time_s);
+                let [a, b, c, d] = difference(&loads.at(time_s), &mean_load);
+                let [e, f] = columns.at(*log, time_s);
                 [a, b, c, d, (time_s - from_s) / (to_s - from_s) - 0.5, e, f]
             })
         });
@@ -242,12 +245,12 @@ impl Bends {
         self.causes[drive].at(time_s)
     }
 
-    /// Unknowns of a scanner that are not those of its knots.
+    /// Number of unknowns of a scanner, apart from those of its knots.
     pub fn unknowns(&self) -> usize {
         6 * self.causes_used
     }
 
-    /// Restarts the motion of each drive that jumped by most; returns whether there is one.
+    /// Restarts the process with the largest jump in each drive; returns whether there is any.
     pub fn restart(&mut self) -> bool {
         let mut jumped = false;
         for of_drive in &mut self.knots {
@@ -265,10 +268,10 @@ impl Bends {
         jumped
     }
 
-    /// Variance of a row that the knots of its scanner leave out, m². The rows of a scanner in a step share it, in six
-    /// ways, but count as independent: with n of them, each has n/6 times as much. So do the n scanners of a
-    /// drive with the correlation ρ: 1 + (n − 1) ρ times. Not with slow knots: where these leave out too much, the IMU
-    /// has to contradict them, and not the noise to hide it.
+    /// Variance of a row that straight lines between the knots of its scanner leave out, m². The n rows of a scanner in
+    /// a step share this error in its six components but count as independent, so each gets n/6 times the variance.
+    /// The n scanners of a drive share it with the correlation ρ, which gives 1 + (n − 1) ρ times the variance. Slow
+    /// knots get neither factor: if they leave out too much, the IMU must contradict them, and noise must not hide it.
     pub fn left_out(&self, drive: usize, row: &ScanRow) -> f64 {
         let Some(of_drive) = self.knots.get(drive) else {
             return 0.0;
@@ -278,7 +281,8 @@ impl Bends {
             let shared = match self.rung {
                 Rung::DenseKnots => {
                     let others = of_drive.len() as f64 - 1.0;
-                    (f64::from(row.beside) / 6.0).max(1.0) * (1.0 + others * self.together[class])
+                    (f64::from(row.rows_in_step) / 6.0).max(1.0)
+                        * (1.0 + others * self.together[class])
                 }
                 _ => 1.0,
             };
@@ -289,7 +293,7 @@ impl Bends {
 
     /// (δφ, δp) of a scanner at a time of a drive.
     pub fn offset(&self, drive: usize, scanner: usize, time_s: f64) -> [f64; 6] {
-        let offset = under(&self.compliance[scanner], &self.causes(drive, time_s));
+        let offset = bending(&self.compliance[scanner], &self.causes(drive, time_s));
         let process = self.knots.get(drive).map(|of_drive| &of_drive[scanner]);
         process.map_or(offset, |process| {
             std::array::from_fn(|i| offset[i] + process.at(time_s, i))
@@ -301,7 +305,7 @@ impl Bends {
 struct Columns {
     count: usize,
     mean: [f64; MAX_FRAME_COLUMNS],
-    /// Largest less least value; infinite where there is none, so that shares of it are zero.
+    /// Largest minus smallest value; infinite if a column does not vary, so that shares of it are zero.
     range: [f64; MAX_FRAME_COLUMNS],
 }
 
@@ -326,7 +330,7 @@ impl Columns {
     }
 
     /// f at a time of a drive; zero for one without a log.
-    fn of(&self, log: Option<&FrameLog>, time_s: f64) -> [f64; MAX_FRAME_COLUMNS] {
+    fn at(&self, log: Option<&FrameLog>, time_s: f64) -> [f64; MAX_FRAME_COLUMNS] {
         let Some(log) = log else {
             return Default::default();
         };
@@ -335,8 +339,8 @@ impl Columns {
     }
 }
 
-/// Values and standard deviations of a compliance and a creep of which nothing is known.
-fn unknown(mounting: &Mounting) -> [[f64; BENDING]; 2] {
+/// Values and standard deviations of a scanner's bending of which nothing is known.
+fn vague_prior(mounting: &Mounting) -> [[f64; BENDING]; 2] {
     let sigma = |i: usize| match (is_fixed(mounting, i % 6), i < COMPLIANCE) {
         (true, _) => 0.0,
         (false, true) => COMPLIANCE_SIGMA[i % 6 / 3],
@@ -345,13 +349,13 @@ fn unknown(mounting: &Mounting) -> [[f64; BENDING]; 2] {
     [[0.0; BENDING], std::array::from_fn(sigma)]
 }
 
-/// Whether one of (δφ, δp) does not move: a position or rotation that is fixed as a whole.
+/// Whether component i of (δφ, δp) is fixed, because the position or the rotation is fixed as a whole.
 fn is_fixed(mounting: &Mounting, i: usize) -> bool {
     let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]];
     (if i < 3 { turns } else { shifts }) == [true; 3]
 }
 
-/// The mean over all drives.
+/// The mean load over all drives.
 fn mean(loads: &[Series<LOADS>]) -> [f64; LOADS] {
     std::array::from_fn(|axis| {
         let all = loads.iter().flat_map(|drive| drive.samples());
@@ -361,11 +365,11 @@ fn mean(loads: &[Series<LOADS>]) -> [f64; LOADS] {
 }
 
 /// ℓ − ℓ̄.
-fn off(load: &[f64; LOADS], mean: &[f64; LOADS]) -> [f64; LOADS] {
+fn difference(load: &[f64; LOADS], mean: &[f64; LOADS]) -> [f64; LOADS] {
     std::array::from_fn(|axis| load[axis] - mean[axis])
 }
 
-/// Nodes of a motion at least so far apart, with both ends: no row lies across one.
+/// Times of nodes of a motion at least `spacing_s` apart, both ends included; no row extends across a knot.
 fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
     let ends = (0..motion.steps()).map(|step| {
         let poses = motion.poses(step).knots;
@@ -374,7 +378,7 @@ fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
     let ends: Vec<[f64; 2]> = ends.collect();
     let mut times = vec![ends[0][0]];
     for [_, end_s] in &ends {
-        // Nodes are as far apart as asked for but for rounding.
+        // Spacings of nodes are equal to the requested one up to rounding.
         if end_s - times[times.len() - 1] > 0.99 * spacing_s {
             times.push(*end_s);
         }
@@ -386,8 +390,8 @@ fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
     times
 }
 
-/// C ℓ, or with creep and columns, and time and their values, behind them.
-fn under(compliance: &[f64], causes: &[f64]) -> [f64; 6] {
+/// The offset (δφ, δp) due to the causes: C ℓ, and the effects of creep and columns if these follow the loads.
+fn bending(compliance: &[f64], causes: &[f64]) -> [f64; 6] {
     let by_each = || compliance.chunks_exact(6).zip(causes);
     std::array::from_fn(|i| by_each().map(|(by, cause)| by[i] * cause).sum())
 }

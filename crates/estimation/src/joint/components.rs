@@ -1,4 +1,4 @@
-//! What the residuals say about the noise of each group: Ω = Σ r² over the redundancy
+//! Variance components: the test of each group's noise by Ω = Σ r² over the redundancy
 //! Σ (1 − j H⁻¹ jᵀ).
 
 use super::problem::JointProblem;
@@ -6,37 +6,37 @@ use super::row::{Row, RowBatch};
 use super::state::State;
 use crate::statistics::drawn_sign;
 
-/// Vectors of signs; each gives the trace to √(2 tr ((J H⁻¹ Jᵀ)²)).
+/// Number of random sign vectors; each gives the trace with a standard deviation of √(2 tr ((J H⁻¹ Jᵀ)²)).
 pub const PROBES: usize = 8;
-/// Groups with less redundancy, or within so many standard deviations of the probes of none, keep their
-/// standard deviations.
+/// Groups with less redundancy keep their standard deviations.
 const MIN_REDUNDANCY: f64 = 30.0;
+/// So do groups whose redundancy is less than this many standard deviations of the probes.
 const PROBE_SIGMAS: f64 = 4.0;
 
-/// Largest step of Newton in ln s² (ln 4), unless the noise is larger by more.
+/// Largest Newton step in ln s² (ln 4), unless the noise itself is larger by more.
 const MAX_STEP: f64 = 1.386;
-/// Largest n/r taken: where little is redundant, r falls with the scale, and the whole step overshoots.
+/// Largest exponent n/r of a step: with little redundancy, r falls with the scale, and the full step overshoots.
 const MAX_EXPONENT: f64 = 3.0;
 
-/// The residuals of a group.
+/// The variance component of a group.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Component {
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
     /// Ω: weighted sum of squared normalised residuals.
     pub chi_square: f64,
-    /// How many of the rows check the others.
+    /// Redundancy: the number of rows that check the others.
     pub redundancy: f64,
 }
 
 impl Component {
-    /// Ω over the redundancy: 1 where the standard deviations are right; `None` where nothing checks
-    /// the group.
+    /// Ω over the redundancy: 1 if the standard deviations are right; `None` if nothing checks the
+    /// group.
     pub fn ratio(&self) -> Option<f64> {
         (self.redundancy > 1.0).then(|| self.chi_square / self.redundancy)
     }
 
-    /// Whether its redundancy is more than what probes leave of none.
+    /// Whether its redundancy is significantly larger than zero, given the error of the probes.
     fn is_redundant(&self) -> bool {
         let trace = (self.rows as f64 - self.redundancy).max(0.0);
         let probe_sigma = (2.0 * trace / PROBES as f64).sqrt();
@@ -75,14 +75,14 @@ fn each_row(
     });
 }
 
-/// The component of each group at a state, with the factor of this or of a state nearby that the problem holds.
-/// The traces are those at the factor's own state: derivatives at another one see what its own leave nearly free,
-/// as slopes across a narrow strip. They are found by probes: E zᵀ J H⁻¹ Jᵀ z over random signs z is the trace
-/// (Hutchinson 1990).
+/// The component of each group at a state, with the factor that the problem holds, at this state or at one nearby.
+/// The traces are computed at the factor's own state: derivatives at another state would involve directions that are
+/// nearly free in the factor, such as slopes across a narrow strip. They are estimated with probes, because
+/// E zᵀ J H⁻¹ Jᵀ z over random signs z is the trace (Hutchinson 1990).
 pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
-    let mut found = vec![Component::default(); problem.groups.names.len()];
+    let mut all = vec![Component::default(); problem.groups.names.len()];
     let (Some(factor), Some(factored)) = (problem.factor(), problem.factored()) else {
-        return found;
+        return all;
     };
     let unknowns = problem.unknowns();
     let mut sides = vec![0.0; unknowns * PROBES];
@@ -106,7 +106,7 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
                 .map(|(place, by)| side[*place] * by);
             trace += sign(probe, number) * root * terms.sum::<f64>();
         }
-        let component = &mut found[row.group];
+        let component = &mut all[row.group];
         if row.weight > 0.0 {
             component.rows += 1;
             component.redundancy += 1.0 - trace / PROBES as f64;
@@ -114,24 +114,24 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
     });
     problem.visit(state, |batch| {
         for row in batch.rows() {
-            found[row.group].chi_square += row.weight * row.residual * row.residual;
+            all[row.group].chi_square += row.weight * row.residual * row.residual;
         }
     });
-    found
+    all
 }
 
 /// Scales the noise of scans and reference to their residuals (Förstner 1979). The redundancy r of n
-/// rows moves with the scale: ∂ ln(Ω/r) / ∂ ln s² = −r/n to first order, and so a step of Newton takes
-/// s² to s² (Ω/r)^(n/r). Returns the relative change, root mean square over rows.
+/// rows changes with the scale: ∂ ln(Ω/r) / ∂ ln s² = −r/n to first order, so a Newton step takes s² to
+/// s² (Ω/r)^(n/r). Returns the relative change, root mean square over rows.
 ///
-/// Where knots leave something out, that is noise too, which is not estimated here: noise then only rises.
-pub fn rescale(problem: &mut JointProblem<'_>, found: &[Component]) -> f64 {
+/// With knots, the variance that they leave out is also noise, but is not estimated here: the noise then only rises.
+pub fn rescale(problem: &mut JointProblem<'_>, components: &[Component]) -> f64 {
     let least = match problem.layout.knots.is_empty() {
         true => -MAX_STEP,
         false => 0.0,
     };
     let (mut rows, mut squares) = (0.0, 0.0);
-    for (group, component) in found.iter().enumerate() {
+    for (group, component) in components.iter().enumerate() {
         if problem.groups.is_estimated(group) && component.is_redundant() {
             let ratio = (component.chi_square / component.redundancy).ln();
             let most = ratio.max(MAX_STEP);

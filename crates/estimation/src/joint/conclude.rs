@@ -19,15 +19,15 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::{Bending, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
-/// The values of a state with their standard deviations, from the factor of this or of a state nearby that the
-/// problem holds.
+/// The values of a state with their standard deviations, from the factor that the problem holds, at this state or
+/// at one nearby.
 ///
 /// # Errors
 /// Normal equations that are not positive definite.
 pub fn conclude(
     problem: &JointProblem<'_>,
     state: &State,
-    found: &[Component],
+    components: &[Component],
     (stop, iterations): (StopReason, usize),
     surfel_m: f64,
 ) -> Result<Joint> {
@@ -37,15 +37,15 @@ pub fn conclude(
     let surfels = layout.first_surfel..layout.first_patch + state.patches.len();
     let inverse = factor.selected_inverse(|block| !surfels.contains(&block));
     let side = problem.side_of_height();
-    // With the part of the reference's height.
+    // Including the contribution of the reference's height.
     let block = |a: usize, b: usize| {
         let mut part = inverse.block(a, b)?;
         if let Some(side) = &side {
             let (rows, columns) = part.shape();
-            let of = |place: usize, count| {
+            let segment = |place: usize, count| {
                 DVector::from_column_slice(&side[problem.offset(place)..][..count])
             };
-            part += of(a, rows) * of(b, columns).transpose();
+            part += segment(a, rows) * segment(b, columns).transpose();
         }
         Some(part)
     };
@@ -68,10 +68,10 @@ pub fn conclude(
     let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
     let late_s = layout.late.iter().zip(&state.late_s);
     let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
-    // Nobody asks by mountings that are known.
-    let is_asked = |s: &usize| layout.late[*s].is_none() && problem.input.known.is_none();
-    let asked: Vec<usize> = (0..count).filter(is_asked).collect();
-    let scores = problem.scores(factored, &asked);
+    // With known mountings, latencies are not tested.
+    let is_tested = |s: &usize| layout.late[*s].is_none() && problem.input.known.is_none();
+    let tested: Vec<usize> = (0..count).filter(is_tested).collect();
+    let scores = problem.scores(factored, &tested);
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
         let constant = &state.motions[*drive].constants()[*column];
@@ -101,8 +101,8 @@ pub fn conclude(
     let drives = problem.input.drives.iter().enumerate();
     let drives = drives.map(|(index, drive)| {
         let first = layout.first_motion[index];
-        let of = |a: usize, b: usize| block(first + a, first + b);
-        let records = state.motions[index].records(Some(&of));
+        let own_block = |a: usize, b: usize| block(first + a, first + b);
+        let records = state.motions[index].records(Some(&own_block));
         let before = drive.motion.records(None);
         let moved = records.iter().zip(&before).map(|(after, before)| {
             let (turn_rad, shift_m) = after
@@ -120,7 +120,7 @@ pub fn conclude(
             (0..count).map(move |scanner| (bends, scanner, span_s))
         });
         let bending = bending.map(|(bends, scanner, span_s)| {
-            let variances = compliance_and_knots(problem, bends, (index, scanner), &block);
+            let variances = bending_variances(problem, bends, (index, scanner), &block);
             MovedMounting {
                 offsets: Bending::sampled(span_s, BENDING_STEP_S, |time_s| {
                     bends.offset(index, scanner, time_s)
@@ -172,14 +172,19 @@ pub fn conclude(
             })
         }),
         surface_m: problem.surface_m,
-        regions: problem.found.regions.clone(),
+        regions: problem.association.regions.clone(),
         held: problem.held.clone(),
-        groups: tests(&problem.groups, found),
+        groups: tests(&problem.groups, components),
         stop,
         iterations,
-        rows: problem.found.drives.iter().map(|d| d.rows.len()).sum(),
-        surfels: problem.found.surfels.len(),
-        planes: planes(&problem.found.surfels, &state.shapes, surfel_m),
+        rows: problem
+            .association
+            .drives
+            .iter()
+            .map(|d| d.rows.len())
+            .sum(),
+        surfels: problem.association.surfels.len(),
+        planes: planes(&problem.association.surfels, &state.shapes, surfel_m),
         unknowns: problem.unknowns(),
     })
 }
@@ -198,7 +203,7 @@ fn planes(surfels: &[Surfel], shapes: &[Vec3], size_m: f64) -> Vec<SurfelPlane> 
     all.collect()
 }
 
-/// A jump is one where a component is this many times as large as its standard deviation.
+/// A jump is reported if a component exceeds this many of its standard deviations.
 const JUMP_SIGMAS: f64 = 4.0;
 
 fn is_notable(jump: &Jump) -> bool {
@@ -206,7 +211,7 @@ fn is_notable(jump: &Jump) -> bool {
     components.any(|(step, sigma)| step.abs() > JUMP_SIGMAS * sigma)
 }
 
-/// Where mountings of a drive moved all at once.
+/// The sudden moves of the mountings in a drive.
 fn jumps(
     problem: &JointProblem<'_>,
     bends: Option<&Bends>,
@@ -218,7 +223,7 @@ fn jumps(
     let jumps = processes.flat_map(|(scanner, process)| {
         let first = problem.layout.knots[drive][scanner];
         process.restarts.iter().map(move |&knot| {
-            let (after, before) = (process.of_knot(knot), process.of_knot(knot - 1));
+            let (after, before) = (process.at_knot(knot), process.at_knot(knot - 1));
             let part = |i: usize, j: usize| block(first + i, first + j).map(|part| part.diagonal());
             let variance = part(knot, knot)
                 .zip(part(knot - 1, knot - 1))
@@ -237,7 +242,7 @@ fn jumps(
 }
 
 /// Variances of the offsets of a scanner's mounting in a drive, by time.
-fn compliance_and_knots<'a>(
+fn bending_variances<'a>(
     problem: &JointProblem<'_>,
     bends: &'a Bends,
     (drive, scanner): (usize, usize),
@@ -279,10 +284,10 @@ fn compliance_and_knots<'a>(
     }
 }
 
-/// The tests of all groups; those of one name together.
-fn tests(groups: &Groups, found: &[Component]) -> Vec<GroupTest> {
+/// The tests of all groups; groups of the same name are combined.
+fn tests(groups: &Groups, components: &[Component]) -> Vec<GroupTest> {
     let mut all: Vec<(String, Component)> = Vec::new();
-    for (name, component) in groups.names.iter().zip(found) {
+    for (name, component) in groups.names.iter().zip(components) {
         match all.iter_mut().find(|(known, _)| known == name) {
             Some((_, sum)) => *sum = sum.and(component),
             None => all.push((name.clone(), *component)),
@@ -293,7 +298,7 @@ fn tests(groups: &Groups, found: &[Component]) -> Vec<GroupTest> {
         .collect()
 }
 
-/// Normal equations that are not positive definite.
+/// The error of normal equations that are not positive definite.
 pub fn not_determined() -> Error {
     Error::of(
         Problem::NotDetermined,

@@ -16,25 +16,25 @@ pub struct Scans<'a> {
 
 /// One drive.
 pub struct JointDrive<'a> {
-    /// As its results are called.
+    /// Name of its results.
     pub name: String,
     /// Its motion before the adjustment.
     pub motion: Box<dyn Motion>,
     /// Its scans.
     pub scans: Scans<'a>,
-    /// What mountings may follow beside the load and time, with the same columns in all drives; `None`
-    /// without a log.
+    /// Log of quantities that mountings may follow besides load and time, with the same columns in all
+    /// drives; `None` without a log.
     pub frame: Option<FrameLog>,
 }
 
-/// What is adjusted together.
+/// The data that are adjusted together.
 pub struct JointInput<'a> {
-    /// Start values of the mountings, one a scanner.
+    /// Start values of the mountings, one per scanner.
     pub mountings: Vec<Mounting>,
-    /// Covariance of the mountings about their start values where another adjustment found them:
-    /// (δp, δφ) of each; `None` where nothing is known.
+    /// Covariance (δp, δφ) of the start values of the mountings if another adjustment estimated them;
+    /// `None` if they are not known.
     pub known: Option<&'a DMatrix<f64>>,
-    /// How mountings that are known follow the load; empty where they are rigid or nothing is known.
+    /// Known compliance of the mountings; empty if they are rigid or not known.
     pub compliance: &'a [Compliance],
     /// Whether the latency of each scanner is estimated.
     pub estimate_latency: Vec<bool>,
@@ -45,7 +45,7 @@ pub struct JointInput<'a> {
 }
 
 impl JointInput<'_> {
-    /// What mountings may follow in each drive.
+    /// The log of each drive.
     pub fn frames(&self) -> Vec<Option<&FrameLog>> {
         let drives = self.drives.iter();
         drives.map(|drive| drive.frame.as_ref()).collect()

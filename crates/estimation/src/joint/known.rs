@@ -1,5 +1,5 @@
-//! What is known where mountings move: points on the ground better than poses and mountings, whose errors
-//! are made up for by each other, and of the mountings in part only what was assumed.
+//! Uncertainties if mountings move. Points on the ground are known better than poses and mountings, whose errors
+//! compensate each other, and part of what is known of the mountings rests on their priors alone.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -11,13 +11,13 @@ use super::scan::{self, StepScans};
 use super::state::State;
 use crate::geometry::Vec3;
 
-/// Points of each scanner of a drive that are looked at.
+/// Number of points of each scanner of a drive whose uncertainty is computed.
 const POINTS: usize = 400;
 
 /// Standard deviations of points spread evenly over the rows of a drive, of each scanner.
 ///
-/// A point x_m = t_mb + R_mb (t_bs + R_bs x_s) has the covariance J P Jᵀ with the derivatives J by all that
-/// places it. All of that is coupled by its row, so that P is among the selected parts of the inverse.
+/// A point x_m = t_mb + R_mb (t_bs + R_bs x_s) has the covariance J P Jᵀ with the derivatives J by all unknowns
+/// that place it. Its row couples all of these unknowns, so P is among the selected parts of the inverse.
 pub fn known_points(
     problem: &JointProblem<'_>,
     state: &State,
@@ -25,48 +25,56 @@ pub fn known_points(
     block: &(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync),
 ) -> Vec<Vec<KnownPoint>> {
     let motion = state.motions[drive].as_ref();
-    let seen = problem.seen(drive, state);
+    let context = problem.scan_context(drive, state);
     let blocks = problem.scan_blocks(drive, &problem.layout.late);
     let sizes = &problem.layout.sizes;
     let count = state.mountings.len();
-    let rows = (0..motion.steps())
-        .flat_map(|step| seen.rows.of_step(step).iter().map(move |row| (step, row)));
-    let mut of_scanner = vec![Vec::new(); count];
-    rows.for_each(|(step, row)| of_scanner[row.scanner as usize].push((step, row)));
-    let known = of_scanner.into_iter().enumerate().map(|(scanner, rows)| {
-        let every = rows.len().div_ceil(POINTS).max(1);
-        let chosen: Vec<_> = rows.into_iter().step_by(every).collect();
-        let known = chosen.into_par_iter().filter_map(|(step, row)| {
-            let point = &seen.rows.points_of(row)[..1];
-            let poses = motion.poses(step);
-            let scans = StepScans::new(&seen, &poses, std::slice::from_ref(row));
-            let mut variance = Vec3::zeros();
-            let mut time_s = 0.0;
-            for axis in 0..3 {
-                let direction = Vec3::ith(axis, 1.0);
-                let (_, _, mean) = scans.along(scanner, &direction, &Vec3::zeros(), point);
-                time_s = mean.time_s;
-                let mut batch = RowBatch::default();
-                batch.begin(0, 1.0, 0.0);
-                let what = (scanner, &mean, 1.0);
-                scan::place((&scans, motion), step, &blocks, what, &mut batch);
-                variance[axis] = variance_of(&batch, sizes, block)?;
-            }
-            Some(KnownPoint {
-                time_s,
-                in_scanner_m: point[0].position_m,
-                sigma_m: variance.map(|x| x.max(0.0).sqrt()),
-            })
-        });
-        known.collect()
+    let rows = (0..motion.steps()).flat_map(|step| {
+        context
+            .rows
+            .of_step(step)
+            .iter()
+            .map(move |row| (step, row))
     });
+    let mut rows_by_scanner = vec![Vec::new(); count];
+    rows.for_each(|(step, row)| rows_by_scanner[row.scanner as usize].push((step, row)));
+    let known = rows_by_scanner
+        .into_iter()
+        .enumerate()
+        .map(|(scanner, rows)| {
+            let every = rows.len().div_ceil(POINTS).max(1);
+            let chosen: Vec<_> = rows.into_iter().step_by(every).collect();
+            let known = chosen.into_par_iter().filter_map(|(step, row)| {
+                let point = &context.rows.points_of(row)[..1];
+                let poses = motion.poses(step);
+                let scans = StepScans::new(&context, &poses, std::slice::from_ref(row));
+                let mut variance = Vec3::zeros();
+                let mut time_s = 0.0;
+                for axis in 0..3 {
+                    let direction = Vec3::ith(axis, 1.0);
+                    let (_, _, mean) = scans.along(scanner, &direction, &Vec3::zeros(), point);
+                    time_s = mean.time_s;
+                    let mut batch = RowBatch::default();
+                    batch.begin(0, 1.0, 0.0);
+                    let what = (scanner, &mean, 1.0);
+                    scan::place((&scans, motion), step, &blocks, what, &mut batch);
+                    variance[axis] = variance_of(&batch, sizes, block)?;
+                }
+                Some(KnownPoint {
+                    time_s,
+                    in_scanner_m: point[0].position_m,
+                    sigma_m: variance.map(|x| x.max(0.0).sqrt()),
+                })
+            });
+            known.collect()
+        });
     known.collect()
 }
 
 /// The share of each variance of all mountings, (δp, δφ), that rests on the priors of compliance and of the
-/// motion in time; empty where mountings are rigid.
+/// motion in time; empty if mountings are rigid.
 ///
-/// With the rows J of these priors, the errors of what they say put ‖J H⁻¹ g‖² into the variance gᵀ H⁻¹ g.
+/// With the rows J of these priors, their errors contribute ‖J H⁻¹ g‖² to the variance gᵀ H⁻¹ g.
 pub fn prior_shares(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
     let (Some(factor), true) = (problem.factor(), state.bends.is_some()) else {
         return Vec::new();
@@ -84,12 +92,12 @@ pub fn prior_shares(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
     factor.solve(&mut sides, places.len());
     let mut batch = RowBatch::default();
     problem.bending(state, &mut batch);
-    let mut of_row = Vec::new();
+    let mut row_places = Vec::new();
     let mut shares = vec![0.0; places.len()];
     for row in batch.rows() {
-        problem.places(&row, &mut of_row);
+        problem.places(&row, &mut row_places);
         for (share, side) in shares.iter_mut().zip(sides.chunks_exact(unknowns)) {
-            let terms = of_row
+            let terms = row_places
                 .iter()
                 .zip(row.by)
                 .map(|(place, by)| by * side[*place]);
@@ -105,7 +113,7 @@ pub fn prior_shares(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
         .collect()
 }
 
-/// j P jᵀ of a row.
+/// The variance j P jᵀ of the first row.
 fn variance_of(
     batch: &RowBatch,
     sizes: &[usize],

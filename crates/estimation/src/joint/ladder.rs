@@ -1,4 +1,4 @@
-//! The ladder: mountings move as little as sensors and scans allow.
+//! The ladder of rungs: mountings move only as much as sensors and scans require.
 
 use super::adjust::{Outcome, at_rung};
 use super::bend::Rung;
@@ -10,9 +10,9 @@ use super::settings::{JointSettings, MountingMotion};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Steps};
 
-/// Iterations, searches for surfels and estimates of the noise, as many as most adjustments take, and the units of
-/// their progress.
+/// Usual number of iterations, searches for surfels and estimates of the noise of an adjustment.
 const STEPS: u64 = 12;
+/// Units of progress of an adjustment.
 const PROGRESS_UNITS: u64 = 1000;
 
 /// Adjusts mountings and trajectories together.
@@ -28,7 +28,7 @@ pub fn adjust(
 ) -> Result<Joint> {
     let _stage = progress.stage("joint adjustment", PROGRESS_UNITS);
     let progress = &Steps::new(progress, STEPS, PROGRESS_UNITS);
-    // Compliance that is known is no question.
+    // A known compliance is not questioned.
     let least = match input.compliance {
         [] => settings.mounting.least,
         _ => settings.mounting.least.max(Rung::Compliance),
@@ -40,11 +40,11 @@ pub fn adjust(
         at_rung(input, surfel_m, (rung, may_climb), &mut sorted, progress)
     };
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
-    let mut found = loop {
+    let mut joint = loop {
         let next = rung.next().filter(|next| *next <= most);
         let outcome = match (at(rung, next.is_some()), ladder.pop()) {
             (Err(Error::Cancelled), _) => return Err(Error::Cancelled),
-            // What is contradicted could be made at least.
+            // The rung below was contradicted, but could at least be adjusted.
             (Err(error), Some(below)) => {
                 let name = rung.name();
                 progress.say(&format!("{name} mountings cannot be adjusted: {error}"));
@@ -74,11 +74,12 @@ pub fn adjust(
             (Outcome::Contradicted(_), _) => return Err(not_determined()),
         }
     };
-    found.ladder = ladder;
-    Ok(found)
+    joint.ladder = ladder;
+    Ok(joint)
 }
 
-/// The last rung: without an IMU, poses follow the scans as mountings that move would.
+/// The highest rung to try. Without an IMU in all drives it is the first, because poses then follow the scans as
+/// moving mountings would.
 fn highest(input: &JointInput<'_>, settings: &JointSettings) -> Rung {
     let MountingMotion { least, most } = settings.mounting;
     let has_imu = |drive: &JointDrive<'_>| drive.motion.groups()[0].ends_with(IMU);

@@ -1,4 +1,4 @@
-//! Which block of unknowns and which group of observations is what.
+//! The blocks of unknowns and the groups of observations.
 
 use super::bend::Bends;
 use super::input::JointInput;
@@ -7,11 +7,11 @@ use super::surfel::{Association, CLASSES, COVERAGES};
 
 /// Errors of the reference: shift and rotation.
 pub const REFERENCE: usize = 6;
-/// Place of the shift up among them.
+/// Index of the upward shift among them.
 pub const UP: usize = 2;
 
-/// The blocks: of each drive's motion, surfels, patches, and at the end all that couples with nearly
-/// everything: errors of the reference, constants, latencies and mountings.
+/// The blocks of unknowns: each drive's motion, surfels, patches, knots of mountings, and at the end those that
+/// couple with nearly everything: errors of the reference, constants, latencies, compliances and mountings.
 #[derive(Debug, Clone)]
 pub struct Layout {
     pub sizes: Vec<usize>,
@@ -19,20 +19,20 @@ pub struct Layout {
     pub first_motion: Vec<usize>,
     pub first_surfel: usize,
     pub first_patch: usize,
-    /// Errors of the reference, where there is one.
+    /// The block of the reference's errors, if there is a reference.
     pub reference: Option<usize>,
     /// The block of each constant of each drive; drives share those of the same name and base.
     pub constants: Vec<Vec<usize>>,
     /// The drive and column that stand for each constant.
     pub constant_owner: Vec<(usize, usize)>,
     pub first_constant: usize,
-    /// Of each scanner where it is estimated.
+    /// The block of each scanner's latency, if it is estimated.
     pub late: Vec<Option<usize>>,
-    /// The first knot of each scanner of each drive, and the compliance of each scanner, where mountings
-    /// move.
+    /// The block of the first knot of each scanner of each drive, if mountings move.
     pub knots: Vec<Vec<usize>>,
+    /// The block of each scanner's compliance, if mountings move.
     pub compliance: Vec<usize>,
-    /// Of each scanner.
+    /// The block of each scanner's mounting.
     pub mountings: Vec<usize>,
 }
 
@@ -40,7 +40,7 @@ impl Layout {
     pub fn new(
         input: &JointInput<'_>,
         motions: &[Box<dyn Motion>],
-        found: &Association,
+        association: &Association,
         bends: Option<&Bends>,
         has_reference: bool,
     ) -> Self {
@@ -55,8 +55,8 @@ impl Layout {
             sizes.resize(first + count, size);
             first
         };
-        let first_surfel = add(found.surfels.len(), 3);
-        let first_patch = add(found.patches, 1);
+        let first_surfel = add(association.surfels.len(), 3);
+        let first_patch = add(association.patches, 1);
         let drives = bends.into_iter().flat_map(|bends| &bends.knots);
         let of_drive = |scanners: &Vec<GaussMarkov>| {
             let first = scanners.iter().map(|knots| add(knots.knot_s.len(), 6));
@@ -121,9 +121,9 @@ impl Layout {
     }
 }
 
-/// Where the scales of scans start, for each class of scatter: smooth surfaces have no strips.
+/// Start values of the scales of scans, for each class of scatter; on smooth surfaces, strips do not deviate.
 const START_SCALE: [f64; CLASSES] = [0.35, 0.5, 0.75, 0.75, 0.75, 0.75];
-/// Factors on it for each class of coverage.
+/// Factors on these start values for each class of coverage.
 const START_COVERAGE: [f64; COVERAGES] = [1.8, 1.1, 0.9];
 
 /// The groups of observations whose noise is tested, and for scans and the reference estimated.
@@ -179,7 +179,7 @@ impl Groups {
         }
     }
 
-    /// Whether its noise is estimated from its residuals.
+    /// Whether the noise of a group is estimated from its residuals.
     pub fn is_estimated(&self, group: usize) -> bool {
         (self.first_scan..self.surface).contains(&group)
     }

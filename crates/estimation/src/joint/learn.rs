@@ -1,5 +1,5 @@
-//! How much mountings move in time, over how long, and how much together: what an adjustment says about its own
-//! prior.
+//! Estimates the prior of the mountings' motion in time from the adjustment itself: standard deviations, correlation
+//! time, and correlation between scanners.
 
 use super::bend::Bends;
 use super::components::{PROBES, sign};
@@ -7,24 +7,25 @@ use super::motion::GaussMarkov;
 use super::problem::JointProblem;
 use super::state::State;
 
-/// Largest factor on a standard deviation and on the correlation time at a time.
+/// Largest factor on a standard deviation and on the correlation time in one estimate.
 const MAX_FACTOR: f64 = 4.0;
-/// Least standard deviation, radians and metres: less moves no point by what a scanner sees.
+/// Least standard deviation, radians and metres: a scanner cannot see smaller motions.
 const LEAST_SIGMA: f64 = 1e-5;
-/// Largest correlation between scanners: one thirtieth of a motion is then their own.
+/// Largest correlation between scanners: one thirtieth of the motion is then individual.
 const MOST_TOGETHER: f64 = 0.999;
-/// Largest exponent of a step of Newton.
+/// Largest exponent of a Newton step.
 const MAX_EXPONENT: f64 = 2.0;
-/// Knots within a correlation time at least; fewer say nothing of it.
+/// Fewest knots within a correlation time; fewer do not determine it.
 const LEAST_KNOTS: f64 = 2.0;
-/// Fewest knots' worth of what is known beyond the prior.
+/// Least redundancy for an estimate, in numbers of knots.
 const LEAST_REDUNDANCY: f64 = 10.0;
 
-/// Finds the standard deviations of rotations and shifts, the correlation time of both, and the correlation between
-/// scanners, where the problem holds the factor at a state with these values; sums over their covariance are found by
-/// probes of signs z, as E z_i (P z)_j is P_ij (Hutchinson 1990).
+/// Estimates the standard deviations of rotations and shifts, the correlation time of both, and the correlation between
+/// scanners. The problem must hold the factor at a state with the present values. Sums over the covariance P are
+/// estimated with random signs z, because E z_i (P z)_j is P_ij (Hutchinson 1990).
 ///
-/// Returns the largest change: of a standard deviation, as a logarithm, or of what each scanner does on its own, √(1 − ρ).
+/// Returns the largest change: of a standard deviation, as a logarithm, or of the individual part of a scanner's
+/// motion, √(1 − ρ).
 pub fn learn(problem: &JointProblem<'_>, state: &mut State) -> f64 {
     let bends = state.bends.as_mut().filter(|bends| !bends.knots.is_empty());
     let (Some(factor), Some(bends)) = (problem.factor(), bends) else {
@@ -49,13 +50,13 @@ pub fn learn(problem: &JointProblem<'_>, state: &mut State) -> f64 {
     })
 }
 
-/// The same by the covariance P of all unknowns, among which the first knot of each scanner of each drive has this
-/// place.
+/// As [`learn`], with the covariance P of all unknowns; `offsets` are the places of the first knot of each scanner of
+/// each drive.
 ///
-/// With e_k = x_k − a x_(k−1), a = e^(−Δ/τ), over σ √(1 − a²): what n scanners do alike, Σ e over √n, has the variance
-/// λ = 1 + (n − 1) ρ, what each does beside it 1 − ρ. The factors on both are Σ e²/λ over Σ (1 − E/λ), E the
-/// variance of e by P (Förstner 1979), and give σ² and ρ; and
-/// a = Σ (x_k x_(k−1) + P_(k,k−1)) / Σ (x²_(k−1) + P_(k−1,k−1)) (expectation and maximisation, Shumway and
+/// With the innovations e_k = (x_k − a x_(k−1)) / (σ √(1 − a²)), a = e^(−Δ/τ), the common motion of n scanners, Σ e over
+/// √n, has the variance λ = 1 + (n − 1) ρ, and the individual motion of each 1 − ρ. The factors on both variances are
+/// Σ e²/λ over Σ (1 − E/λ), with E the variance of e by P (Förstner 1979); they give σ² and ρ. The correlation from knot
+/// to knot is a = Σ (x_k x_(k−1) + P_(k,k−1)) / Σ (x²_(k−1) + P_(k−1,k−1)) (expectation maximisation, Shumway and
 /// Stoffer 1982).
 pub fn learn_from(
     bends: &mut Bends,
@@ -74,10 +75,11 @@ pub fn learn_from(
         }
         let within = |factor: f64| factor.clamp(MAX_FACTOR.powi(-2), MAX_FACTOR.powi(2));
         let rho = bends.together[class];
-        let alike = (1.0 + (n - 1.0) * rho) * within(sums.alike[class].factor());
-        let apart = (1.0 - rho) * within(sums.apart[class].factor_beside(&sums.alike[class]));
-        let both = (alike + (n - 1.0) * apart) / n;
-        bends.together[class] = ((alike - apart) / (n * both)).clamp(0.0, MOST_TOGETHER);
+        let common = (1.0 + (n - 1.0) * rho) * within(sums.common[class].factor());
+        let individual =
+            (1.0 - rho) * within(sums.individual[class].individual_factor(&sums.common[class]));
+        let both = (common + (n - 1.0) * individual) / n;
+        bends.together[class] = ((common - individual) / (n * both)).clamp(0.0, MOST_TOGETHER);
         for process in bends.knots.iter_mut().flatten() {
             for sigma in &mut process.sigma[3 * class..3 * class + 3] {
                 if *sigma >= LEAST_SIGMA {
@@ -85,10 +87,10 @@ pub fn learn_from(
                 }
             }
         }
-        let [own, own_before] = [bends.together[class], rho].map(|rho| (1.0 - rho).sqrt());
-        change = change.max((0.5 * both.ln()).abs().max((own - own_before).abs()));
+        let [share, share_before] = [bends.together[class], rho].map(|rho| (1.0 - rho).sqrt());
+        change = change.max((0.5 * both.ln()).abs().max((share - share_before).abs()));
     }
-    if let Some((a, elapsed_s)) = sums.kept() {
+    if let Some((a, elapsed_s)) = sums.correlation() {
         for process in bends.knots.iter_mut().flatten() {
             let old_s = process.correlation_s;
             let found_s = (-elapsed_s / a.ln()).clamp(old_s / MAX_FACTOR, old_s * MAX_FACTOR);
@@ -99,20 +101,22 @@ pub fn learn_from(
     change
 }
 
-/// Scanners a component of which moves.
+/// The scanners whose motion in a component is not held.
 fn free(of_drive: &[GaussMarkov], component: usize) -> Vec<usize> {
     let is_free = |s: &usize| of_drive[*s].sigma[component] >= LEAST_SIGMA;
     (0..of_drive.len()).filter(is_free).collect()
 }
 
-/// Of all knots after the first.
+/// Sums over all knots after the first.
 #[derive(Default)]
 struct Sums {
-    /// Of rotations and of shifts.
-    alike: [Mode; 2],
-    apart: [Mode; 2],
-    /// x_k x_(k−1) and x²_(k−1), over σ².
+    /// The common motion: rotations and shifts.
+    common: [Mode; 2],
+    /// The individual motion: rotations and shifts.
+    individual: [Mode; 2],
+    /// Σ x_k x_(k−1) / σ².
     products: f64,
+    /// Σ x²_(k−1) / σ².
     squares_before: f64,
     elapsed_s: f64,
     intervals: f64,
@@ -141,7 +145,7 @@ impl Sums {
                     let variance = process.sigma[component].powi(2);
                     let a = (-elapsed_s / process.correlation_s).exp();
                     let scale = (variance * (1.0 - a * a)).sqrt().recip();
-                    let [x, y] = [knot, knot - 1].map(|k| process.of_knot(k)[component]);
+                    let [x, y] = [knot, knot - 1].map(|k| process.at_knot(k)[component]);
                     let place = |s: usize, k: usize| offsets[s] + 6 * k + component;
                     let (p, q) = (place(s, knot), place(s, knot - 1));
                     let e = (x - a * y) * scale;
@@ -167,24 +171,24 @@ impl Sums {
                     let (class, rho) = (component / 3, together[component / 3]);
                     let mean = [sum[0] * sum[0] / n, sum[1] / n];
                     let lambda = 1.0 + (n - 1.0) * rho;
-                    self.alike[class].add(mean.map(|x| x / lambda), 1.0);
-                    let beside = [square[0] - mean[0], square[1] - mean[1]];
-                    self.apart[class].add(beside.map(|x| x / (1.0 - rho)), n - 1.0);
+                    self.common[class].add(mean.map(|x| x / lambda), 1.0);
+                    let remainder = [square[0] - mean[0], square[1] - mean[1]];
+                    self.individual[class].add(remainder.map(|x| x / (1.0 - rho)), n - 1.0);
                 }
             }
         }
     }
 
-    /// a, and the mean interval that it belongs to, seconds.
-    fn kept(&self) -> Option<(f64, f64)> {
+    /// The correlation a from knot to knot, and the mean interval between knots, seconds.
+    fn correlation(&self) -> Option<(f64, f64)> {
         let a = self.products / self.squares_before;
         let within = a.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
         (self.squares_before > 0.0).then(|| (within, self.elapsed_s / self.intervals))
     }
 }
 
-/// Squares of what processes do from knot to knot, in standard deviations, how many, and how many of them are known
-/// beyond the prior.
+/// Innovations of processes: the sum of their squares in standard deviations, their number, and their redundancy (the
+/// number that the data determine beyond the prior).
 #[derive(Clone, Copy, Default)]
 struct Mode {
     squares: f64,
@@ -207,14 +211,14 @@ impl Mode {
         }
     }
 
-    /// The same of what processes do beside what they do alike, which may be nothing. Towards zero the variance falls
-    /// slowly, as ever less of it is redundant; a step of Newton is longer.
-    fn factor_beside(&self, alike: &Self) -> f64 {
-        let ratio = self.factor() / alike.factor();
+    /// The factor on the variance of the individual motion, which may be zero. Towards zero the variance falls slowly,
+    /// because its redundancy vanishes; a Newton step is longer.
+    fn individual_factor(&self, common: &Self) -> f64 {
+        let ratio = self.factor() / common.factor();
         let exponent = match ratio < 1.0 && self.redundancy > LEAST_REDUNDANCY {
             true => (self.count / self.redundancy).min(MAX_EXPONENT),
             false => 1.0,
         };
-        alike.factor() * ratio.powf(exponent)
+        common.factor() * ratio.powf(exponent)
     }
 }

@@ -1,5 +1,5 @@
-//! What the scans say at one state, before the next step: how far rows lie from their scanner, how
-//! noisy they are and how far they are trusted, and where surfels start.
+//! Evaluation of the scans at one state, before the next step: the distances of rows from their scanner,
+//! their noise and trust, and start values of the surfels.
 
 use rayon::prelude::*;
 
@@ -13,29 +13,28 @@ use super::surfel::ScanRow;
 use crate::geometry::{Mat3, Vec3};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// Residuals that are larger than their standard deviations by this factor say that their noise is not
-/// nearly known.
+/// If residuals exceed their standard deviations by this factor, their noise is far from known.
 const FAR_LARGER: f64 = 2.0;
 
 impl JointProblem<'_> {
-    /// What `of` makes of the mean of each row of each drive at a state, in the order of the rows.
+    /// Evaluates a function of the mean of each row of each drive at a state, in the order of the rows.
     pub fn each_mean<T: Send>(
         &self,
         state: &State,
-        of: impl Fn(usize, &ScanRow, &Mean) -> T + Sync,
+        evaluate: impl Fn(usize, &ScanRow, &Mean) -> T + Sync,
     ) -> Vec<T> {
         let drives = state.motions.iter().map(AsRef::as_ref).enumerate();
         let of_drive = |(drive, motion): (usize, &dyn Motion)| {
-            let seen = self.seen(drive, state);
+            let context = self.scan_context(drive, state);
             let of_step = |step: usize| {
                 let poses = motion.poses(step);
-                let rows = seen.rows.of_step(step);
-                let scans = StepScans::new(&seen, &poses, rows);
+                let rows = context.rows.of_step(step);
+                let scans = StepScans::new(&context, &poses, rows);
                 let mean = |row| {
-                    of(
+                    evaluate(
                         drive,
                         row,
-                        &scans.mean(row, seen.rows.points_of(row), row.depth_m),
+                        &scans.mean(row, context.rows.points_of(row), row.depth_m),
                     )
                 };
                 rows.iter().map(mean).collect::<Vec<T>>()
@@ -46,34 +45,34 @@ impl JointProblem<'_> {
         drives.flat_map(of_drive).flatten().collect()
     }
 
-    /// Finds how far the points of each row lie from their scanner, how a motion of it would show, and how many rows
-    /// show it.
+    /// Computes for each row the distance of its points from the scanner, its sensitivity to a motion of the
+    /// mounting, and the number of rows that share this motion.
     pub fn find_depths(&mut self, state: &State) {
-        let found = self.each_mean(state, |_, _, mean| {
+        let depths = self.each_mean(state, |_, _, mean| {
             let square = |by: &[f64]| by.iter().map(|x| x * x).sum::<f64>();
             let [turn, shift] = [&mean.by_mounting[..3], &mean.by_mounting[3..]];
             (mean.depth_m, [square(turn), square(shift)])
         });
-        for (row, (depth_m, by_motion)) in self.found.rows_mut().zip(found) {
+        for (row, (depth_m, by_motion)) in self.association.rows_mut().zip(depths) {
             (row.depth_m, row.by_motion) = (depth_m, by_motion);
         }
-        for drive in &mut self.found.drives {
-            drive.count_beside(state.mountings.len());
+        for drive in &mut self.association.drives {
+            drive.count_rows_in_steps(state.mountings.len());
         }
     }
 
-    /// Raises the noise of groups of scan rows whose residuals are far larger, by their medians: of
-    /// a scanner that is much noisier than the roughness of what it sees.
+    /// Raises the noise of groups of scan rows whose residuals are far larger, by the medians of these: the
+    /// scanner is then much noisier than the roughness of the surface.
     pub fn raise_noise(&mut self, state: &State) {
-        let found = self.each_mean(state, |drive, row, mean| {
+        let residuals = self.each_mean(state, |drive, row, mean| {
             let (group, sigma_m) = self.noise((state, drive), row);
             (group, (mean.residual_m / sigma_m).abs())
         });
-        let mut of_group = vec![Vec::new(); self.groups.names.len()];
-        for (group, residual) in found {
-            of_group[group].push(residual);
+        let mut by_group = vec![Vec::new(); self.groups.names.len()];
+        for (group, residual) in residuals {
+            by_group[group].push(residual);
         }
-        for (group, residuals) in of_group.into_iter().enumerate() {
+        for (group, residuals) in by_group.into_iter().enumerate() {
             let factor = SIGMAS_PER_MAD * median(residuals).unwrap_or(0.0);
             if factor > FAR_LARGER {
                 self.groups.scale[group] *= factor;
@@ -82,14 +81,14 @@ impl JointProblem<'_> {
         }
     }
 
-    /// Finds how far each scan row is trusted by its residual at a state and by those of its surfel.
+    /// Computes the trust in each scan row from its residual at a state and from those of its surfel.
     pub fn find_trust(&mut self, state: &State) {
         let residuals = self.each_mean(state, |drive, row, mean| {
             mean.residual_m / self.noise((state, drive), row).1
         });
-        // Squares and degrees of freedom.
-        let surfels = self.found.surfels.iter().zip(&state.shapes);
-        let mut of_surfel: Vec<(f64, f64)> = surfels
+        // Sums of squares and degrees of freedom.
+        let surfels = self.association.surfels.iter().zip(&state.shapes);
+        let mut by_surfel: Vec<(f64, f64)> = surfels
             .map(|(surfel, shape)| {
                 surfel.prior.as_ref().map_or((0.0, -3.0), |prior| {
                     let rows = self.reference_rows(surfel, prior, shape, state);
@@ -97,31 +96,31 @@ impl JointProblem<'_> {
                 })
             })
             .collect();
-        for (row, residual) in self.found.rows().zip(&residuals) {
-            let (squares, free) = &mut of_surfel[row.surfel as usize];
+        for (row, residual) in self.association.rows().zip(&residuals) {
+            let (squares, free) = &mut by_surfel[row.surfel as usize];
             *squares += residual * residual;
             *free += 1.0;
         }
-        let of_surfel: Vec<f64> = of_surfel
+        let by_surfel: Vec<f64> = by_surfel
             .iter()
             .map(|(squares, free)| surfel_trust((squares / free.max(1.0)).sqrt()))
             .collect();
-        for (row, residual) in self.found.rows_mut().zip(residuals) {
-            row.trust = row_trust(residual).min(of_surfel[row.surfel as usize]);
+        for (row, residual) in self.association.rows_mut().zip(residuals) {
+            row.trust = row_trust(residual).min(by_surfel[row.surfel as usize]);
         }
         self.forget_factor();
     }
 
-    /// Moves the surfels to where the scans see them from these poses.
+    /// Fits the surfels to the scans from these poses.
     pub fn fit_shapes(&self, state: &mut State) {
         let now: &State = state;
-        let found = self.each_mean(now, |drive, row, mean| {
+        let observations = self.each_mean(now, |drive, row, mean| {
             let (_, sigma_m) = self.noise((now, drive), row);
             let by = Vec3::from(mean.by_shape) / sigma_m;
             (row.surfel, by, mean.residual_m / sigma_m)
         });
         let mut normal: Vec<(Mat3, Vec3)> = self
-            .found
+            .association
             .surfels
             .iter()
             .zip(&state.shapes)
@@ -141,7 +140,7 @@ impl JointProblem<'_> {
                 )
             })
             .collect();
-        for (surfel, by, residual) in found {
+        for (surfel, by, residual) in observations {
             let (matrix, side) = &mut normal[surfel as usize];
             *matrix += by * by.transpose();
             *side -= by * residual;
@@ -151,17 +150,17 @@ impl JointProblem<'_> {
         }
     }
 
-    /// How far points move from one state to another, root mean square, metres.
+    /// Displacement of points from one state to another, root mean square, metres.
     pub fn moved_m(&self, from: &State, to: &State) -> f64 {
         let places = [from, to].map(|state| {
             let mut places = Vec::new();
             for (drive, motion) in state.motions.iter().enumerate() {
-                let rows = &self.found.drives[drive];
-                let seen = self.seen(drive, state);
+                let rows = &self.association.drives[drive];
+                let context = self.scan_context(drive, state);
                 for step in (0..motion.steps()).filter(|&step| !rows.of_step(step).is_empty()) {
                     let poses = motion.poses(step);
                     let row = &rows.of_step(step)[0];
-                    let scans = StepScans::new(&seen, &poses, std::slice::from_ref(row));
+                    let scans = StepScans::new(&context, &poses, std::slice::from_ref(row));
                     places.push(scans.first_point_m(row));
                 }
             }

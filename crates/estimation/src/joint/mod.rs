@@ -1,11 +1,11 @@
 //! One adjustment of mountings and trajectories: the scans correct the poses that calibrate them.
 //!
-//! Nothing is fixed but what is known: surfels (patches of the surface with offset and two slopes),
-//! the poses behind the scans, the mountings and the constants are unknowns of one least-squares
-//! problem, whose observations are scans, IMU, prism, heading and the reference, each with its own
-//! noise. Start with [`adjust`], the algorithm; then see `surfel/` (which points belong to which
-//! patch), `scan.rs` (the scan factor), `motion/` (what lies behind poses), `problem.rs` (all rows),
-//! `normal.rs` (their normal equations) and `components.rs` (what residuals say about the model).
+//! Only known values are fixed. Surfels (patches of the surface with offset and two slopes), the
+//! poses behind the scans, the mountings and the constants are unknowns of one least-squares problem.
+//! Its observations are scans, IMU, prism, heading and the reference, each with its own noise. Start
+//! with [`adjust`], the algorithm; then see `surfel/` (the association of points with patches),
+//! `scan.rs` (the scan factor), `motion/` (the unknowns behind poses), `problem.rs` (all rows),
+//! `normal.rs` (their normal equations) and `components.rs` (variance components from residuals).
 
 mod adjust;
 mod bend;

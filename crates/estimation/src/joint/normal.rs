@@ -8,10 +8,11 @@ use super::row::Row;
 use super::state::State;
 use crate::adjustment::{BlockPattern, LeastSquares, SparseSystem};
 
-/// After a step shorter than this, in standard deviations, derivatives are nearly the same, and the next one takes
-/// the same factor: a chord method, which ends where a new factor would.
+/// After a step shorter than this, standard deviations, derivatives hardly change, and the next step uses the same
+/// factor: a chord method, which converges to the same solution as with new factors.
 const NEAR_SIGMAS: f64 = 1.0;
-/// Unless its square is not less than this share of that of the step before.
+/// A step with an old factor is computed again with a new one, unless its square is less than this share of that of
+/// the step before.
 const CHORD_GAIN: f64 = 0.25;
 
 impl JointProblem<'_> {
@@ -30,7 +31,7 @@ impl JointProblem<'_> {
         self.system = system;
     }
 
-    /// Factorises what was assembled at a state, with damping of each unknown or without.
+    /// Factorises the system assembled at a state, with damping of each unknown or without.
     fn factorise_assembled(&mut self, state: &State, damping: &[f64]) -> Option<()> {
         self.factored = None;
         let factor = match self.factor.take() {
@@ -51,7 +52,7 @@ impl JointProblem<'_> {
         self.factorise_assembled(state, &[])
     }
 
-    /// The same but where there is a factor already, from before the last steps.
+    /// As [`Self::factorise`], unless there is a factor already, from before the last steps.
     pub fn factorise_near(&mut self, state: &State) -> Option<()> {
         match self.factored {
             Some(_) => Some(()),
@@ -59,7 +60,7 @@ impl JointProblem<'_> {
         }
     }
 
-    /// The step by the last factor and gradient, whose length is then the decrement.
+    /// Solves for the step with the last factor and gradient, and sets the decrement to its squared length.
     fn solved(&mut self) -> Option<Vec<f64>> {
         let mut step = self.system.gradient().to_vec();
         self.factor.as_ref()?.solve(&mut step, 1);
@@ -74,20 +75,20 @@ impl JointProblem<'_> {
         Some(step)
     }
 
-    /// To be called where rows are weighted anew, which the factor knows nothing of, or where the last step was
-    /// long.
+    /// Marks the factor as outdated: after a change of the weights of rows, or after a long last step.
     pub fn forget_factor(&mut self) {
         self.factored = None;
     }
 }
 
-/// Whether rows touch the same blocks but for the first, as those of a scanner in a step do: each is of a surfel of
-/// its own.
+/// Whether rows touch the same blocks except for the first. The rows of a scanner in a step do: only their surfels
+/// differ.
 fn are_alike(a: &Row<'_>, b: &Row<'_>) -> bool {
     a.by.len() == b.by.len() && a.blocks.get(1..) == b.blocks.get(1..)
 }
 
-/// Adds rows that are alike to the normal equations; what they share is summed first, and added once.
+/// Adds rows that are alike to the normal equations; the products of their common blocks are summed first and added
+/// once.
 fn scatter(rows: &[Row<'_>], sizes: &[usize], sums: &mut Vec<f64>, system: &mut SparseSystem) {
     let Some((&first, shared)) = rows[0].blocks.split_first() else {
         return;
@@ -171,8 +172,8 @@ impl LeastSquares for JointProblem<'_> {
         Some(self.retracted(state, &step))
     }
 
-    /// The larger of the squared step of all that couples with everything, in its standard
-    /// deviations of the round before, and of the mean square over all unknowns.
+    /// The larger of two squared lengths: that of the step of the blocks that couple with everything, in their
+    /// standard deviations of the previous round, and the mean square over all unknowns.
     fn decrement(&self) -> f64 {
         self.decrement
     }

@@ -1,4 +1,4 @@
-//! Whether what is left of the scans looks like a mounting that moves.
+//! Test whether the residuals of the scans look like a moving mounting.
 
 use std::collections::BTreeMap;
 
@@ -14,24 +14,25 @@ type SixBySix = SMatrix<f64, 6, 6>;
 
 /// Length of a block, seconds: a few seconds of a passage over a board.
 const BLOCK_S: f64 = 5.0;
-/// Fewest blocks that say something.
+/// Fewest blocks for the test.
 const MIN_BLOCKS: usize = 10;
-/// Residuals count up to this many standard deviations.
+/// Residuals are limited to this many standard deviations.
 const MOST_SIGMAS: f64 = 2.5;
 
-/// What the rows of a scanner say together about its mounting during a block of time.
+/// Information and score of a mounting's motion from the rows of a scanner during a block of time.
 #[derive(Clone, Default)]
 struct Block {
     information: SixBySix,
     score: Six,
 }
 
-/// What a motion of the mountings would take from the residuals of each drive, over what chance makes of it:
-/// well below 1 where mountings move no more than they may, as poses and surfels follow.
+/// The part of the squared residuals of each drive that a motion of the mountings would explain, relative to the
+/// part that it explains by chance. It is well below 1 if mountings move no more than the model allows, because poses
+/// and surfels adapt to the scans.
 ///
-/// In a block of time, with the rows r = J δ of a scanner and the prior P of a motion δ, that is
-/// uᵀ (JᵀJ + P⁻¹)⁻¹ u over tr((JᵀJ + P⁻¹)⁻¹ JᵀJ), u = Jᵀ r: the score test of Rao (1948). The median of all blocks
-/// is given: a board that was moved is in few of them; 0 with few blocks.
+/// In a block of time, with the rows r = J δ of a scanner and the prior P of a motion δ, the ratio is
+/// uᵀ (JᵀJ + P⁻¹)⁻¹ u over tr((JᵀJ + P⁻¹)⁻¹ JᵀJ), u = Jᵀ r: the score test of Rao (1948). The result is the median
+/// over all blocks, because a displaced board is in only a few of them; 0 if there are too few blocks.
 pub fn motion_left(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
     let rows = problem.each_mean(state, |drive, row, mean| {
         let sigma_m = problem.noise((state, drive), row).1;
@@ -51,8 +52,8 @@ pub fn motion_left(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
     let mut ratios = vec![Vec::new(); state.motions.len()];
     for ((drive, ..), block) in blocks {
         if let Some(factor) = (block.information + prior).cholesky() {
-            let found = block.score.dot(&factor.solve(&block.score));
-            ratios[drive].push(found / factor.solve(&block.information).trace());
+            let explained = block.score.dot(&factor.solve(&block.score));
+            ratios[drive].push(explained / factor.solve(&block.information).trace());
         }
     }
     let of_drive = |ratios: Vec<f64>| match ratios.len() < MIN_BLOCKS {

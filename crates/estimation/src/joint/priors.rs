@@ -1,5 +1,4 @@
-//! Rows of all that is known or assumed beforehand: surfels, the reference's errors, constants and
-//! mountings.
+//! Rows of the priors, known or assumed: surfels, the reference's errors, constants and mountings.
 
 use super::bend::BENDING;
 use super::layout::{REFERENCE, UP};
@@ -14,28 +13,30 @@ use crate::geometry::Vec3;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
 
-/// Standard deviations of priors so wide that they only keep the problem solvable: a surfel's offset
-/// (metres) and slopes without a reference, a mounting's position (metres) and rotation. Ten thousand
-/// surfels together may not hold the height of all to less than a metre. Slopes are those from a plane through
-/// the points. Across a strip of them hardly anything else holds them: free to stand upright they follow every
-/// move of the points, and steps hardly become shorter.
+/// Standard deviations of a surfel's offset (metres) and slopes without a reference, so wide that they only keep
+/// the problem solvable: ten thousand surfels together must not hold the common height to less than a metre.
+/// Slopes are relative to a plane through the points. Across a narrow strip of points hardly anything else
+/// determines them: surfels that may stand upright follow every move of the points, and steps hardly become
+/// shorter.
 pub const SURFEL_SIGMA: [f64; 3] = [100.0, 0.2, 0.2];
+/// Standard deviation of a mounting's position (metres) and rotation, so wide that it only keeps the problem
+/// solvable.
 const MOUNTING_SIGMA: f64 = 1.0;
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
 
-/// What the reference says about one of (a, b, c) of a surfel.
+/// The reference's prior of one of (a, b, c) of a surfel.
 pub struct ReferenceRow {
-    /// a, b or c less what the reference says, in standard deviations.
+    /// a, b or c minus the reference's value, in standard deviations.
     pub residual: f64,
     /// Inverse standard deviation.
     pub weight: f64,
-    /// Derivatives of what it says by the error of the whole reference.
+    /// Derivatives of the reference's value by the error of the whole reference.
     pub by_error: [f64; REFERENCE],
 }
 
 impl JointProblem<'_> {
-    /// What the reference says about (a, b, c) of a surfel that it knows.
+    /// The reference's priors of (a, b, c) of a surfel that lies on it.
     pub fn reference_rows(
         &self,
         surfel: &Surfel,
@@ -45,10 +46,10 @@ impl JointProblem<'_> {
     ) -> [ReferenceRow; 3] {
         let scale = self.groups.scale[self.groups.first_reference + surfel.class];
         let [normal, u_axis, v_axis] = surfel.axes;
-        let place = &self.found.reference;
+        let place = &self.association.reference;
         let arm = surfel.centre_m - place.centre_m;
-        let left = place.left(&state.reference);
-        // How offset and slopes of the reference's plane move with its shift and rotation.
+        let remaining = place.remaining(&state.reference);
+        // Derivatives of the offset and slopes of the reference's plane by its shift and rotation.
         let by_error = [
             (normal, arm.cross(&normal)),
             (Vec3::zeros(), u_axis.cross(&normal)),
@@ -57,14 +58,14 @@ impl JointProblem<'_> {
         std::array::from_fn(|i| {
             let (s, t) = by_error[i];
             let by_error = [s.x, s.y, s.z, t.x, t.y, t.z];
-            let terms = by_error.iter().zip(&left);
-            let mut said = terms.map(|(a, b)| a * b).sum::<f64>();
+            let terms = by_error.iter().zip(&remaining);
+            let mut value = terms.map(|(a, b)| a * b).sum::<f64>();
             if i == 0 {
-                said += state.patches[prior.patch as usize];
+                value += state.patches[prior.patch as usize];
             }
             let weight = 1.0 / (prior.sigma[i] * scale).hypot(LEAST_PLANE_SIGMA[i]);
             ReferenceRow {
-                residual: (shape[i] - said) * weight,
+                residual: (shape[i] - value) * weight,
                 weight,
                 by_error,
             }
@@ -73,7 +74,12 @@ impl JointProblem<'_> {
 
     /// Priors of surfels and of the reference's surface errors.
     pub fn surface(&self, state: &State, batch: &mut RowBatch) {
-        let surfels = self.found.surfels.iter().zip(&state.shapes).enumerate();
+        let surfels = self
+            .association
+            .surfels
+            .iter()
+            .zip(&state.shapes)
+            .enumerate();
         for (index, (surfel, shape)) in surfels {
             let block = self.layout.first_surfel + index;
             let Some(prior) = &surfel.prior else {
@@ -108,7 +114,7 @@ impl JointProblem<'_> {
         }
     }
 
-    /// Priors of how mountings move.
+    /// Priors of the motion of mountings.
     pub fn bending(&self, state: &State, batch: &mut RowBatch) {
         let Some(bends) = &state.bends else {
             return;
@@ -133,7 +139,7 @@ impl JointProblem<'_> {
         }
     }
 
-    /// Priors of all that couples with everything.
+    /// Priors of the unknowns that couple with everything.
     pub fn assumed(&self, state: &State, batch: &mut RowBatch) {
         let group = self.groups.assumed;
         if let Some(reference) = self.layout.reference {
@@ -165,7 +171,7 @@ impl JointProblem<'_> {
         self.mountings(state, batch);
     }
 
-    /// Priors of the mountings: wide, of fixed parameters, of held directions, and known values.
+    /// Priors of the mountings: wide ones, and those of fixed parameters, held directions and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let change = change(&self.input.mountings, &state.mountings);
         let along = |direction: &[f64]| -> f64 {
@@ -175,10 +181,10 @@ impl JointProblem<'_> {
         let mut add = |direction: &[f64], moved: f64, weight: f64| {
             batch.begin(self.groups.assumed, 1.0, moved * weight);
             for (scanner, block) in self.layout.mountings.iter().enumerate() {
-                let of = &direction[6 * scanner..6 * scanner + 6];
-                if of.iter().any(|x| *x != 0.0) {
+                let part = &direction[6 * scanner..6 * scanner + 6];
+                if part.iter().any(|x| *x != 0.0) {
                     // The unknowns are (δφ, δp).
-                    let by = [of[3], of[4], of[5], of[0], of[1], of[2]];
+                    let by = [part[3], part[4], part[5], part[0], part[1], part[2]];
                     batch.touch(*block, &by.map(|x| x * weight));
                 }
             }
@@ -218,8 +224,8 @@ impl JointProblem<'_> {
     }
 }
 
-/// By how much each Euler angle has turned, radians. The rotation vector would say the same to first
-/// order only, which is not enough for an angle that is held to [`HELD_SIGMA`].
+/// Change of each Euler angle, radians. The rotation vector would give it to first order only, which is
+/// not enough for an angle that is held to [`HELD_SIGMA`].
 fn turned_rad(start: &Mounting, now: &Mounting) -> [f64; 3] {
     let angles_deg = |mounting: &Mounting| {
         euler_deg_from_rotation(now.convention, &mounting.body_from_scanner.rotation)

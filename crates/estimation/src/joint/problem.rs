@@ -7,7 +7,7 @@ use super::input::JointInput;
 use super::layout::{Groups, Layout, REFERENCE, UP};
 use super::motion::Places;
 use super::row::{HELD_SIGMA, Row, RowBatch};
-use super::scan::{self, ScanBlocks, Seen};
+use super::scan::{self, ScanBlocks, ScanContext};
 use super::settings::JointSettings;
 use super::state::State;
 use super::surfel::{Association, CLASSES, COVERAGES, ScanRow};
@@ -17,16 +17,17 @@ use crate::geometry::Vec3;
 
 /// Steps per task.
 const TASK: usize = 64;
-/// Tasks whose rows are held at a time.
+/// Tasks whose rows are held in memory at a time.
 const HELD: usize = 16;
 
-/// How far the start values may be off: the unit of the damping of surfels (offset in metres, slopes),
-/// of mountings (metres, radians), latencies (seconds) and of the reference.
+/// Uncertainty of the start values of surfels, the unit of their damping: offset (metres) and slopes.
 const SURFEL_START_SIGMA: [f64; 3] = [10.0, 0.1, 0.1];
+/// Uncertainty of the start values of mountings (metres, radians), latencies (seconds) and the
+/// reference, the unit of their damping.
 const START_SIGMA: f64 = 0.02;
 
-/// Noise of a row as a share of its surfel's roughness: what a narrow strip of points deviates from
-/// the plane, beside what averages out over its points.
+/// Deviation of a narrow strip of points from the plane that does not average out over its points, as a
+/// share of the surfel's roughness.
 const STRIP_SHARE: f64 = 0.5;
 /// Least standard deviation of a row and of the reference's offset, metres.
 pub const LEAST_SIGMA_M: f64 = 1e-5;
@@ -35,7 +36,7 @@ pub const LEAST_SIGMA_M: f64 = 1e-5;
 pub struct JointProblem<'a> {
     pub input: &'a JointInput<'a>,
     pub settings: &'a JointSettings,
-    pub found: Association,
+    pub association: Association,
     pub layout: Layout,
     pub groups: Groups,
     /// σ of the reference's surface errors, metres.
@@ -44,12 +45,12 @@ pub struct JointProblem<'a> {
     pub held: Vec<DVector<f64>>,
     pub(super) system: SparseSystem,
     pub(super) factor: Option<SparseFactor>,
-    /// The state that the factor is of, with the weights that rows have.
+    /// The state at which the factor was computed without damping and with the present weights of the rows.
     pub(super) factored: Option<State>,
     /// W with Wᵀ W the inverse covariance of mountings known beforehand.
     pub known: Option<DMatrix<f64>>,
     pub(super) decrement: f64,
-    /// Inverse covariance of the blocks that couple with everything, of the round before.
+    /// Inverse covariance of the blocks that couple with everything, from the previous round.
     pub(super) metric: Option<DMatrix<f64>>,
     pub(super) damping_sigma: Vec<f64>,
 }
@@ -58,15 +59,18 @@ impl<'a> JointProblem<'a> {
     pub fn new(
         input: &'a JointInput<'a>,
         settings: &'a JointSettings,
-        found: Association,
+        association: Association,
         groups: Groups,
         (state, held, surface_m): (&State, Vec<DVector<f64>>, f64),
     ) -> Self {
-        let has_prior = found.surfels.iter().any(|surfel| surfel.prior.is_some());
+        let has_prior = association
+            .surfels
+            .iter()
+            .any(|surfel| surfel.prior.is_some());
         let layout = Layout::new(
             input,
             &state.motions,
-            &found,
+            &association,
             state.bends.as_ref(),
             has_prior,
         );
@@ -80,7 +84,7 @@ impl<'a> JointProblem<'a> {
         let mut problem = Self {
             input,
             settings,
-            found,
+            association,
             layout,
             groups,
             surface_m,
@@ -116,35 +120,35 @@ impl<'a> JointProblem<'a> {
             .iter()
             .flat_map(|m| m.damping_sigma())
             .collect();
-        all.extend(SURFEL_START_SIGMA.repeat(self.found.surfels.len()));
+        all.extend(SURFEL_START_SIGMA.repeat(self.association.surfels.len()));
         all.resize(
-            all.len() + self.found.patches,
+            all.len() + self.association.patches,
             self.surface_m.max(LEAST_SIGMA_M),
         );
         all.resize(self.system.unknowns(), START_SIGMA);
         all
     }
 
-    /// Unknowns.
+    /// Number of unknowns.
     pub fn unknowns(&self) -> usize {
         self.system.unknowns()
     }
 
-    /// Entries of the factor of the normal equations.
+    /// Number of entries of the factor of the normal equations.
     pub fn factor_entries(&self) -> usize {
         self.system.factor_entries()
     }
 
-    /// First scalar of a block.
+    /// Index of the first scalar of a block.
     pub fn offset(&self, block: usize) -> usize {
         self.system.offset(block)
     }
 
     /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² + q with
-    /// the variance v of its surfel's points, n effective points, and what the knots of a mounting that moves
-    /// leave out, q.
+    /// the variance v of its surfel's points, n effective points, and the variance q that the knots of a moving
+    /// mounting leave out.
     pub fn noise(&self, (state, drive): (&State, usize), row: &ScanRow) -> (usize, f64) {
-        let surfel = &self.found.surfels[row.surfel as usize];
+        let surfel = &self.association.surfels[row.surfel as usize];
         let group = self.groups.first_scan
             + (row.scanner as usize * COVERAGES + usize::from(row.coverage)) * CLASSES
             + surfel.class;
@@ -157,12 +161,12 @@ impl<'a> JointProblem<'a> {
         (group, variance.sqrt())
     }
 
-    /// What the scan factors of a drive depend on at a state.
-    pub fn seen<'b>(&'b self, drive: usize, state: &'b State) -> Seen<'b> {
-        Seen {
-            rows: &self.found.drives[drive],
+    /// The inputs of the scan factors of a drive at a state.
+    pub fn scan_context<'b>(&'b self, drive: usize, state: &'b State) -> ScanContext<'b> {
+        ScanContext {
+            rows: &self.association.drives[drive],
             samples: &self.input.drives[drive].scans.samples,
-            surfels: &self.found.surfels,
+            surfels: &self.association.surfels,
             shapes: &state.shapes,
             mountings: state.poses(),
             bends: state.bends.as_ref(),
@@ -171,7 +175,8 @@ impl<'a> JointProblem<'a> {
         }
     }
 
-    /// Finds the places of a row's unknowns; values that are not among them come after all.
+    /// Finds the places of a row's unknowns. Held values that are not among the unknowns have places after
+    /// all of these.
     pub fn places(&self, row: &Row<'_>, places: &mut Vec<usize>) {
         places.clear();
         for &block in row.blocks {
@@ -183,7 +188,7 @@ impl<'a> JointProblem<'a> {
         }
     }
 
-    /// Where the scan factors of a drive find their unknowns, with these blocks for latencies.
+    /// The blocks of the unknowns of a drive's scan factors, with `late` as the blocks of the latencies.
     pub fn scan_blocks(&self, drive: usize, late: &[Option<usize>]) -> ScanBlocks {
         ScanBlocks {
             first_motion: self.layout.first_motion[drive],
@@ -205,7 +210,7 @@ impl<'a> JointProblem<'a> {
         self.visit_with(state, &self.layout.late, visit);
     }
 
-    /// The same with these blocks for the latencies of scanners.
+    /// As [`Self::visit`], with `late` as the blocks of the scanners' latencies.
     pub fn visit_with(
         &self,
         state: &State,
@@ -219,7 +224,7 @@ impl<'a> JointProblem<'a> {
                 constants: &self.layout.constants[drive],
                 first_group: self.groups.first_motion[drive],
             };
-            let seen = self.seen(drive, state);
+            let context = self.scan_context(drive, state);
             let blocks = self.scan_blocks(drive, late);
             let steps: Vec<usize> = (0..=motion.steps()).collect();
             for held in steps.chunks(TASK * HELD) {
@@ -231,7 +236,7 @@ impl<'a> JointProblem<'a> {
                             motion.rows(step, &places, &mut batch);
                             if step < motion.steps() {
                                 let noise = |row: &ScanRow| self.noise((state, drive), row);
-                                scan::rows(&seen, motion, step, &blocks, &noise, &mut batch);
+                                scan::rows(&context, motion, step, &blocks, &noise, &mut batch);
                             }
                         }
                         batch
@@ -253,9 +258,9 @@ impl<'a> JointProblem<'a> {
         Some(self.factor.as_ref()?.last_covariance(count))
     }
 
-    /// How all unknowns move with a shift of the reference up, times its standard deviation. It is
-    /// held, for what the data say about it hangs on some ten micrometres at the slopes of boards;
-    /// that it may be wrong belongs into the covariance all the same.
+    /// Change of all unknowns with an upward shift of the reference by one standard deviation. The height of
+    /// the reference is held, because its estimate would depend on some ten micrometres at the slopes of
+    /// boards; its uncertainty still belongs in the covariance.
     pub fn side_of_height(&self) -> Option<Vec<f64>> {
         let place = self.offset(self.layout.reference?) + UP;
         let mut side = vec![0.0; self.unknowns()];
@@ -265,14 +270,15 @@ impl<'a> JointProblem<'a> {
         Some(side)
     }
 
-    /// Judges steps by this covariance of the blocks that couple with everything.
+    /// Measures the length of steps by this covariance of the blocks that couple with everything.
     pub fn judge_by(&mut self, covariance: Option<&DMatrix<f64>>) {
         let count = self.unknowns() - self.offset(self.layout.last());
         let inverse = covariance.and_then(|c| Some(c.clone().cholesky()?.inverse()));
         self.metric = inverse.filter(|metric| metric.nrows() == count);
     }
 
-    /// The state that the last factor is of; `None` where it is damped, or rows are weighted otherwise since.
+    /// The state at which the last factor was computed; `None` if it is damped, or if rows have been weighted
+    /// differently since.
     pub fn factored(&self) -> Option<&State> {
         self.factored.as_ref()
     }
@@ -291,22 +297,22 @@ impl<'a> JointProblem<'a> {
     /// The state after a step of all unknowns.
     pub fn retracted(&self, state: &State, step: &[f64]) -> State {
         let layout = &self.layout;
-        let of = |block: usize, count: usize| {
+        let part = |block: usize, count: usize| {
             let first = self.system.offset(block);
             &step[first..first + count]
         };
         let motions = state.motions.iter().enumerate().map(|(drive, motion)| {
-            let own: usize = motion.blocks().iter().sum();
+            let own_size: usize = motion.blocks().iter().sum();
             let constants: Vec<f64> = layout.constants[drive]
                 .iter()
-                .map(|&block| of(block, 1)[0])
+                .map(|&block| part(block, 1)[0])
                 .collect();
             let first = layout.first_motion[drive];
-            motion.moved(of(first, own), &constants)
+            motion.moved(part(first, own_size), &constants)
         });
         let mut delta = DVector::zeros(6 * state.mountings.len());
         for (scanner, &block) in layout.mountings.iter().enumerate() {
-            let d = of(block, 6);
+            let d = part(block, 6);
             for i in 0..3 {
                 delta[6 * scanner + i] = d[3 + i];
                 delta[6 * scanner + 3 + i] = d[i];
@@ -322,27 +328,27 @@ impl<'a> JointProblem<'a> {
             reference: state.reference,
         };
         for (late, block) in next.late_s.iter_mut().zip(&layout.late) {
-            *late += block.map_or(0.0, |block| of(block, 1)[0]);
+            *late += block.map_or(0.0, |block| part(block, 1)[0]);
         }
         if let Some(bends) = &mut next.bends {
             for (compliance, &block) in bends.compliance.iter_mut().zip(&layout.compliance) {
-                let step = of(block, layout.sizes[block]);
+                let step = part(block, layout.sizes[block]);
                 compliance.iter_mut().zip(step).for_each(|(x, d)| *x += d);
             }
             let knots = bends.knots.iter_mut().flatten();
             for (knots, &first) in knots.zip(layout.knots.iter().flatten()) {
-                let step = of(first, knots.value.len());
+                let step = part(first, knots.value.len());
                 knots.value.iter_mut().zip(step).for_each(|(x, d)| *x += d);
             }
         }
         if !next.shapes.is_empty() {
-            let shapes = of(layout.first_surfel, 3 * next.shapes.len());
+            let shapes = part(layout.first_surfel, 3 * next.shapes.len());
             for (shape, d) in next.shapes.iter_mut().zip(shapes.chunks_exact(3)) {
                 *shape += Vec3::from_column_slice(d);
             }
         }
         if !next.patches.is_empty() {
-            let patches = of(layout.first_patch, next.patches.len());
+            let patches = part(layout.first_patch, next.patches.len());
             next.patches
                 .iter_mut()
                 .zip(patches)
@@ -351,7 +357,7 @@ impl<'a> JointProblem<'a> {
         if let Some(block) = layout.reference {
             next.reference
                 .iter_mut()
-                .zip(of(block, REFERENCE))
+                .zip(part(block, REFERENCE))
                 .for_each(|(x, d)| *x += d);
         }
         next

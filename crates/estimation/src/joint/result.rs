@@ -1,4 +1,4 @@
-//! What the adjustment found.
+//! Result of the joint adjustment.
 
 use std::ops::Range;
 
@@ -22,29 +22,29 @@ use crate::verdict::Verdict;
 /// Mountings and trajectories adjusted together.
 #[derive(Debug, Clone)]
 pub struct Joint {
-    /// One a scanner.
+    /// The mountings, one per scanner.
     pub mountings: Vec<Mounting>,
     /// Covariance of (δp, δφ) of all mountings, body axes; zero for fixed and held parameters.
     pub covariance: DMatrix<f64>,
-    /// Latency of each scanner's profiles where it was estimated: value and standard deviation,
+    /// Latency of each scanner's profiles, if it was estimated: value and standard deviation,
     /// seconds.
     pub late_s: Vec<Option<(f64, f64)>>,
-    /// What the scans say of each latency that was held.
+    /// Estimate of each latency that was held, seconds.
     pub late_scores: Vec<Option<Score>>,
-    /// How far the scans put the reference above the world of the poses; its height is held.
+    /// Estimate of the height of the reference above the world of the poses, which was held, metres.
     pub height_score: Option<Score>,
-    /// How much the mountings may move in these values.
+    /// The rung at which these values were adjusted.
     pub rung: Rung,
-    /// The rungs that were contradicted before.
+    /// The lower rungs, which were contradicted.
     pub ladder: Vec<Climb>,
-    /// Share of each variance, (δp, δφ) of all mountings, that rests on the prior of how they move; empty
-    /// where mountings are rigid.
+    /// Share of each variance, (δp, δφ) of all mountings, that rests on the prior of their motion; empty
+    /// if mountings are rigid.
     pub prior_shares: Vec<f64>,
-    /// How each mounting follows the load; empty where mountings are rigid.
+    /// Compliance of each mounting; empty if mountings are rigid.
     pub compliance: Vec<Compliance>,
-    /// One a drive.
+    /// The adjusted drives.
     pub drives: Vec<AdjustedDrive>,
-    /// Constants estimated along.
+    /// Constants that were estimated as well.
     pub constants: Vec<EstimatedConstant>,
     /// Errors of the whole reference; `None` without one.
     pub reference: Option<ReferenceError>,
@@ -56,17 +56,17 @@ pub struct Joint {
     pub held: Vec<DVector<f64>>,
     /// The residuals of each group.
     pub groups: Vec<GroupTest>,
-    /// Why it stopped.
+    /// Why the adjustment stopped.
     pub stop: StopReason,
-    /// Steps of all rounds.
+    /// Number of steps of all rounds.
     pub iterations: usize,
-    /// Scan rows of the last round.
+    /// Number of scan rows of the last round.
     pub rows: usize,
-    /// Surfels of the last round.
+    /// Number of surfels of the last round.
     pub surfels: usize,
-    /// Where they came to lie.
+    /// The planes of these surfels.
     pub planes: Vec<SurfelPlane>,
-    /// Unknowns of the last round.
+    /// Number of unknowns of the last round.
     pub unknowns: usize,
 }
 
@@ -77,7 +77,7 @@ pub struct SurfelPlane {
     pub centre_m: Vec3,
     /// Unit vector.
     pub normal: Vec3,
-    /// Its edge, metres.
+    /// Edge of the patch, metres.
     pub size_m: f64,
     /// Standard deviation of points about it, metres.
     pub roughness_m: f64,
@@ -86,17 +86,18 @@ pub struct SurfelPlane {
 /// The trajectory of a drive after the adjustment.
 #[derive(Debug, Clone)]
 pub struct AdjustedDrive {
-    /// As given.
+    /// Name of the drive.
     pub name: String,
     /// The poses with standard deviations.
     pub trajectory: Trajectory,
-    /// How each mounting moved about its mean; empty where mountings are rigid.
+    /// Motion of each mounting about its mean; empty if mountings are rigid.
     pub bending: Vec<MovedMounting>,
-    /// What a motion of the mountings would take from the residuals of the scans, over what chance makes of it.
+    /// The part of the scans' squared residuals that a motion of the mountings would explain, relative to the part
+    /// that it explains by chance.
     pub motion_left: f64,
-    /// Where mountings moved all at once; their values are those before.
+    /// Sudden moves of mountings; the values of the mountings are those before.
     pub jumps: Vec<Jump>,
-    /// How well points are known, of each scanner, evenly along the drive.
+    /// Uncertainty of points of each scanner, evenly spaced along the drive.
     pub points: Vec<Vec<KnownPoint>>,
     /// Name of the group of its IMU.
     pub imu: String,
@@ -104,18 +105,18 @@ pub struct AdjustedDrive {
     pub positions: Vec<PositionBlocks>,
     /// The same residuals one by one.
     pub residuals: Vec<PositionResiduals>,
-    /// How far the adjustment moved each pose.
+    /// Change of each pose by the adjustment.
     pub moved: Vec<PoseMove>,
 }
 
-/// How well a point on the ground is known.
+/// Uncertainty of a point on the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KnownPoint {
-    /// Its profile's time, seconds.
+    /// Time of its profile, seconds.
     pub time_s: f64,
     /// Scanner frame, metres.
     pub in_scanner_m: Vec3,
-    /// Standard deviations in the world, metres: of what poses and mounting do, without the scanner's noise.
+    /// Standard deviations in the world due to poses and mounting, without the scanner's noise, metres.
     pub sigma_m: Vec3,
 }
 
@@ -126,63 +127,64 @@ pub fn known_m(points: &[KnownPoint]) -> Option<Vec3> {
     Some((sum / points.len() as f64).map(f64::sqrt))
 }
 
-/// How a mounting moved along a drive.
+/// Motion of a mounting along a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedMounting {
-    /// Off its mean.
+    /// Offsets from its mean.
     pub offsets: Bending,
     /// Standard deviations of these offsets at the same times, not including that of the mean.
     pub sigmas: Bending,
 }
 
-/// A mounting that moved all at once: somebody leaned on it.
+/// A sudden move of a mounting, for example because somebody leaned on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jump {
-    /// Its place among the scanners.
+    /// Index of the scanner.
     pub scanner: usize,
-    /// It happened between these times, seconds.
+    /// The times between which it happened, seconds.
     pub between_s: [f64; 2],
-    /// (δφ, δp) after it, less before: radians and metres in body axes.
+    /// (δφ, δp) after minus before the move: radians and metres in body axes.
     pub step: [f64; 6],
-    /// Standard deviations.
+    /// Standard deviations of the step.
     pub sigma: [f64; 6],
 }
 
-/// A rung that was left.
+/// A rung that was contradicted.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Climb {
-    /// Which.
+    /// The rung.
     pub rung: Rung,
-    /// What contradicted it, the gravest first.
+    /// The contradictions, gravest first.
     pub reasons: Vec<String>,
 }
 
-/// Where the reference as a whole lies against the world of the poses.
+/// Displacement of the reference as a whole against the world of the poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceError {
-    /// What was known beforehand.
+    /// Prior standard deviations.
     pub prior: ReferenceSigma,
-    /// Shift of its middle, world, metres.
+    /// Shift of its centre, world, metres.
     pub shift_m: Vec3,
     /// Standard deviations of the shift, metres.
     pub shift_sigma_m: Vec3,
-    /// Rotation vector about its middle, world, radians.
+    /// Rotation vector about its centre, world, radians.
     pub turn_rad: Vec3,
     /// Standard deviations of the rotation, radians.
     pub turn_sigma_rad: Vec3,
 }
 
-/// The height of a reference is named where it is off by more than this, metres, and by more standard
-/// deviations: some ten micrometres on the slopes of boards, which is what tells it, are no noise.
+/// The height of a reference is reported if it is off by more than this, metres: it is estimated from some ten
+/// micrometres on the slopes of boards, which are not only noise.
 const HEIGHT_M: f64 = 0.008;
+/// The height must also be off by more than this many standard deviations.
 const HEIGHT_SIGMAS: f64 = 4.0;
 
-/// A reference is named as displaced where it is by more than this many standard deviations of the
+/// A reference is reported as displaced if it is off by more than this many standard deviations of the
 /// prior.
 const DISPLACED_SIGMAS: f64 = 2.0;
 
 impl ReferenceError {
-    /// What is more than the prior leads one to expect, in words.
+    /// The displacement in words, if it is larger than the prior suggests.
     pub fn describe(&self) -> Option<String> {
         let prior = &self.prior;
         let beyond = |value: &Vec3, sigma: f64| value.amax() > DISPLACED_SIGMAS * sigma;
@@ -205,15 +207,15 @@ impl ReferenceError {
         }
         (!parts.is_empty()).then(|| {
             format!(
-                "the reference lies off the world of the poses by {}: is it in the coordinates of \
-                 the total station?",
+                "the reference is displaced against the poses by {}: is it in the coordinates of \
+                the total station?",
                 parts.join(" and by ")
             )
         })
     }
 }
 
-/// How far the adjustment moved a pose.
+/// Change of a pose by the adjustment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseMove {
     /// Seconds.
@@ -224,14 +226,14 @@ pub struct PoseMove {
     pub turn_rad: Vec3,
 }
 
-/// How the joint adjustment of a run ended.
+/// Outcome of the joint adjustment of a run.
 #[derive(Debug, Clone, Default)]
 pub struct JointReport {
-    /// What it found; `None` where it could not be made.
+    /// The result; `None` if the adjustment failed.
     pub found: Option<Joint>,
-    /// Why its values are not those of the run, the gravest reason first; empty where they are.
+    /// Reasons why its values are not those of the run, gravest first; empty if they are.
     pub refused: Vec<String>,
-    /// What the logs of the other drives contradict, and a reference that does not fit the drives.
+    /// Verdicts on contradictions in the logs of the other drives, and on a reference that does not fit the drives.
     pub said: Vec<Verdict>,
     /// Scanners whose profiles are later than the project says, and were corrected.
     pub late: Vec<LateScanner>,
@@ -244,14 +246,14 @@ pub struct JointReport {
 pub struct LateScanner {
     /// Its name.
     pub name: String,
-    /// How late, seconds.
+    /// The latency, seconds.
     pub late: Score,
     /// The offset that the project gives, seconds.
     pub time_offset_s: f64,
 }
 
 impl LateScanner {
-    /// What was found and what to write, in words.
+    /// The latency and the value to write into the project, in words.
     pub fn describe(&self) -> String {
         let Score { value, sigma } = self.late;
         format!(
@@ -284,7 +286,7 @@ pub struct GroupTest {
     pub chi_square: f64,
     /// Rows − tr(J H⁻¹ Jᵀ).
     pub redundancy: f64,
-    /// Their quotient: 1 where the model is right.
+    /// Their quotient: 1 if the model is right.
     pub ratio: Option<f64>,
 }
 
@@ -309,7 +311,7 @@ impl Joint {
     /// The mountings with their quality, as a calibration; its scales are those of two steps, where
     /// it started.
     pub fn calibration(&self, two_steps: &Calibration) -> Calibration {
-        // From the sum that is held to the direction that is free: both weigh rotations by a lever.
+        // Converts the sum that is held to the direction that is free; rotations are weighted by a lever in both.
         let lever_m2 = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M };
         let free = |d: &DVector<f64>| DVector::from_fn(d.len(), |i, _| d[i] / lever_m2(i));
         let held = self.held.iter();
@@ -327,24 +329,25 @@ impl Joint {
         }
     }
 
-    /// How far the reference lies above the world of the poses, where that is beyond doubt and beyond
-    /// what was known of it.
+    /// Height of the reference above the world of the poses, if it is significant and larger than the prior
+    /// suggests.
     pub fn reference_height(&self) -> Option<Score> {
-        let known_m = self.reference.map_or(0.0, |found| found.prior.shift_m);
-        self.height_score.filter(|found| {
+        let known_m = self.reference.map_or(0.0, |error| error.prior.shift_m);
+        self.height_score.filter(|height| {
             let most_m = HEIGHT_M.max(DISPLACED_SIGMAS * known_m);
-            found.value.abs() > most_m && found.sigmas() > HEIGHT_SIGMAS
+            height.value.abs() > most_m && height.sigmas() > HEIGHT_SIGMAS
         })
     }
 
-    /// How far mountings move along the drives, about each axis: root mean square of shifts, metres, and of
-    /// rotations, radians; `None` where they are rigid.
+    /// Motion of the mountings along the drives: root mean square of shifts along an axis (metres) and of
+    /// rotations about an axis (radians); `None` if they are rigid.
     pub fn motion(&self) -> Option<[f64; 2]> {
         let moved = self.drives.iter().flat_map(|drive| &drive.bending);
         let samples = moved.flat_map(|moved| moved.offsets.samples());
         let offsets: Vec<&[f64; 6]> = samples.map(|(_, offset)| offset).collect();
-        let of = |part: Range<usize>| rms(offsets.iter().flat_map(|o| &o[part.clone()]).copied());
-        (!offsets.is_empty()).then(|| [of(3..6), of(0..3)])
+        let rms_of =
+            |part: Range<usize>| rms(offsets.iter().flat_map(|o| &o[part.clone()]).copied());
+        (!offsets.is_empty()).then(|| [rms_of(3..6), rms_of(0..3)])
     }
 
     /// The test of a group.

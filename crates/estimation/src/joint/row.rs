@@ -1,6 +1,6 @@
-//! Whitened rows over blocks of unknowns: what every factor of the adjustment yields.
+//! Whitened rows over blocks of unknowns, as every factor of the adjustment yields them.
 
-/// Rows of many factors, one behind the other.
+/// Rows of many factors, one after the other.
 ///
 /// A row is a residual in standard deviations with its derivatives by the blocks of unknowns that
 /// it touches; blocks count over the whole problem.
@@ -21,31 +21,32 @@ struct Head {
     first_by: usize,
 }
 
-/// Standard deviation of what is held, metres and radians.
+/// Standard deviation of held values, metres and radians.
 pub const HELD_SIGMA: f64 = 1e-8;
 
-/// Beyond the first a row is trusted less, beyond the second not at all, standard deviations: a leaf
-/// that moved is no noise. With Huber's loss, these are the bends of Hampel's.
+/// Residuals beyond which a row is trusted less, and not at all, standard deviations: a leaf that moved is
+/// not noise. Together with Huber's loss, this is Hampel's loss.
 const ROW_SIGMAS: [f64; 2] = [5.0, 8.0];
-/// The same of all rows of a surfel for the root mean square of their residuals: a leaf may move
-/// several of them by little each.
+/// The same for the root mean square of the residuals of all rows of a surfel: a leaf that moved may change
+/// several of them by a little.
 const SURFEL_SIGMAS: [f64; 2] = [2.0, 3.0];
 
-/// How far a row with this residual is trusted, 0 to 1.
+/// Trust in a row with this residual, 0 to 1.
 pub fn row_trust(residual: f64) -> f64 {
     falling(residual.abs(), ROW_SIGMAS)
 }
 
-/// How far a surfel with this root mean square of its residuals is trusted, 0 to 1.
+/// Trust in a surfel whose residuals have this root mean square, 0 to 1.
 pub fn surfel_trust(rms: f64) -> f64 {
     falling(rms, SURFEL_SIGMAS)
 }
 
+/// 1 up to `from`, falling linearly to 0 at `to`.
 fn falling(length: f64, [from, to]: [f64; 2]) -> f64 {
     ((to - length) / (to - from)).clamp(0.0, 1.0)
 }
 
-/// Where Huber's loss turns from squares to lengths, standard deviations: 1 good row in 80 lies
+/// Residual at which Huber's loss turns from quadratic to linear, standard deviations: 1 good row in 80 lies
 /// beyond.
 const HUBER_SIGMAS: f64 = 2.5;
 
@@ -66,11 +67,11 @@ fn huber(residual: f64) -> (f64, f64) {
 pub struct Row<'a> {
     /// The group of observations that it belongs to.
     pub group: usize,
-    /// Weight that the loss leaves, 0 to 1; the cost is ½ weight · residual².
+    /// Weight of the loss, 0 to 1; the cost is ½ weight · residual².
     pub weight: f64,
-    /// In standard deviations.
+    /// The residual in standard deviations.
     pub residual: f64,
-    /// Blocks, each once.
+    /// The blocks that it touches, each once.
     pub blocks: &'a [u32],
     /// Derivatives of the residual, block after block.
     pub by: &'a [f64],
@@ -89,7 +90,7 @@ impl RowBatch {
         });
     }
 
-    /// Begins a row under Huber's loss that is trusted so far, 0 to 1.
+    /// Begins a row under Huber's loss with this trust, 0 to 1.
     pub fn begin_robust(&mut self, trust: f64, group: usize, residual: f64) {
         let (weight, cost) = huber(residual);
         self.begin(group, trust * weight, residual);
@@ -130,7 +131,7 @@ impl RowBatch {
         self.heads.iter().map(|head| head.cost).sum()
     }
 
-    /// Forgets all rows.
+    /// Removes all rows.
     pub fn clear(&mut self) {
         self.heads.clear();
         self.blocks.clear();

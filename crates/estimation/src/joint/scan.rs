@@ -7,43 +7,45 @@ use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
 use crate::geometry::{BodyFromScanner, Mat3, Vec3, bent};
 
-/// What a scan factor depends on besides the motion.
-pub struct Seen<'a> {
+/// Inputs of the scan factors of a drive, besides the motion.
+pub struct ScanContext<'a> {
     pub rows: &'a DriveRows,
     pub samples: &'a [&'a ScannerSample],
     pub surfels: &'a [Surfel],
     /// (a, b, c) of each surfel.
     pub shapes: &'a [Vec3],
     pub mountings: Vec<BodyFromScanner>,
-    /// How mountings move, and which drive this is.
+    /// Motion of the mountings; `None` if they are rigid.
     pub bends: Option<&'a Bends>,
+    /// Index of the drive.
     pub drive: usize,
-    /// How late the profiles of each scanner are.
+    /// Latency of each scanner's profiles, seconds.
     pub late_s: &'a [f64],
 }
 
 /// A weighted mean of points: r = (d₀/d) (h̄ − (a + b ū + c v̄)), metres, with h, u, v the coordinates of
 /// x_m = t_mb + R_mb (t_bs + R_bs x_s) in the frame of the surfel, d = n·R_mb R_bs x̄_s how far the
-/// points lie below the scanner along the surfel's normal, and d₀ what it was when they were sorted.
+/// points lie below the scanner along the surfel's normal, and d₀ its value when they were sorted.
 ///
-/// A mounting that is turned shows all relief lower by a factor, noise and roughness with it: without
-/// d₀/d, the least squares would lie where the relief is lowest. Its standard deviation follows d.
+/// Turning a mounting lowers all relief, noise and roughness by a factor. Without d₀/d, least squares
+/// would therefore favour the lowest relief. The standard deviation of the distance is proportional to d.
 #[derive(Debug, Clone, Copy)]
 pub struct Mean {
     /// r.
     pub residual_m: f64,
-    /// By (a, b, c).
+    /// Derivatives by (a, b, c).
     pub by_shape: [f64; 3],
-    /// By the leading unknowns of both nodes of the step and by its bridge. Each profile has its own
-    /// share of them: the shares at the mean time would be off by a twentieth for positions and by
-    /// half for velocities.
+    /// Derivatives by the leading unknowns of both nodes of the step and by its bridge. Each profile has
+    /// its own share of them: the shares at the mean time would be off by a twentieth for positions and
+    /// by half for velocities.
     pub by_nodes: NodeGradient,
-    /// By the mounting (δφ, δp).
+    /// Derivatives by the mounting (δφ, δp).
     pub by_mounting: [f64; 6],
-    /// By compliance and creep, and by the knot behind: each profile has its own load and share of the knots.
+    /// Derivatives by compliance, creep and log columns; each profile has its own load.
     pub by_compliance: [f64; BENDING],
+    /// Derivatives by the later knot; each profile has its own share of the knots.
     pub by_next_knot: [f64; 6],
-    /// By how late the profile is.
+    /// Derivative by the latency of the profiles.
     pub by_late: f64,
     /// d, metres.
     pub depth_m: f64,
@@ -51,40 +53,42 @@ pub struct Mean {
     pub time_s: f64,
 }
 
-/// Where points lie as close to the plane through the scanner, there is no relief to scale, metres.
+/// Least |d| at which residuals are scaled, metres: a surface whose plane passes closer to the scanner shows no
+/// relief to scale.
 const LEAST_DEPTH_M: f64 = 0.05;
 
 impl Mean {
-    /// Multiplies by d₀/d, with the derivatives of d by the mounting and by how late it is.
+    /// Multiplies by d₀/d, given the derivatives of d by the mounting and by the latency.
     fn scale(&mut self, depth_m: f64, by_mounting: &[f64; 6], by_late: f64) {
         let factor = depth_m / self.depth_m;
         self.residual_m *= factor;
         let share = self.residual_m / self.depth_m;
         self.by_shape = self.by_shape.map(|x| x * factor);
         self.by_nodes = self.by_nodes.map(|x| x * factor);
-        for (by, of_depth) in self.by_mounting.iter_mut().zip(by_mounting) {
-            *by = *by * factor - share * of_depth;
+        for (by, depth_by) in self.by_mounting.iter_mut().zip(by_mounting) {
+            *by = *by * factor - share * depth_by;
         }
-        // What d turns with them is left out: a residual over d, a thousandth.
+        // The change of d with these is neglected: its effect is a residual over d, a thousandth.
         self.by_compliance = self.by_compliance.map(|x| x * factor);
         self.by_next_knot = self.by_next_knot.map(|x| x * factor);
         self.by_late = self.by_late * factor - share * by_late;
     }
 }
 
-/// Where a profile was taken from.
+/// The pose of the scanner during a profile.
 struct Profile {
     time_s: f64,
-    /// Of the body in the world.
+    /// Rotation of the body in the world.
     rotation: Mat3,
     translation_m: Vec3,
     velocity_m_s: Vec3,
     rate_rad_s: Vec3,
-    /// Of the scanner in the body.
+    /// Rotation of the scanner in the body.
     scanner_rotation: Mat3,
     scanner_translation_m: Vec3,
-    /// What moves its mounting, and the share of the knot behind; zero where there is none.
+    /// Values of the causes that move its mounting; zero if it is rigid.
     causes: [f64; CAUSES],
+    /// Share of the later knot of its mounting; zero without knots.
     next_share: f64,
 }
 
@@ -94,18 +98,19 @@ fn six(a: Vec3, b: Vec3) -> [f64; 6] {
 
 /// The profiles of a step.
 pub struct StepScans<'a> {
-    seen: &'a Seen<'a>,
+    context: &'a ScanContext<'a>,
     poses: &'a StepPoses,
-    /// Of each scanner those from the first to the last one that has points here, and the number of the first.
+    /// For each scanner, the index of its first profile with points here, and its profiles from this to the last
+    /// one.
     profiles: Vec<(u32, Vec<Profile>)>,
-    /// Of each scanner's mounting; empty where there are no knots. A latency may carry a row across a knot: it
-    /// stays with those of its step.
+    /// The knots of each scanner's mounting around the step; empty without knots. If a latency carries a row across a
+    /// knot, the row stays with the knots of its step.
     between: Vec<BetweenKnots>,
 }
 
-/// Where a step lies among the knots of a mounting.
+/// The interval between knots of a mounting that contains a step.
 struct BetweenKnots {
-    /// The one before.
+    /// Index of the knot before.
     knot: usize,
     from_s: f64,
     to_s: f64,
@@ -125,29 +130,31 @@ impl BetweenKnots {
         }
     }
 
-    /// The share of the knot behind.
+    /// The share of the later knot.
     fn share(&self, time_s: f64) -> f64 {
         ((time_s - self.from_s) / (self.to_s - self.from_s)).clamp(0.0, 1.0)
     }
 }
 
 impl<'a> StepScans<'a> {
-    /// Those that these rows need.
-    pub fn new(seen: &'a Seen<'a>, poses: &'a StepPoses, rows: &[ScanRow]) -> Self {
-        let knots = seen.bends.and_then(|bends| bends.knots.get(seen.drive));
+    /// The profiles that these rows need.
+    pub fn new(context: &'a ScanContext<'a>, poses: &'a StepPoses, rows: &[ScanRow]) -> Self {
+        let knots = context
+            .bends
+            .and_then(|bends| bends.knots.get(context.drive));
         let between = knots.into_iter().flatten();
         let mut scans = Self {
-            seen,
+            context,
             poses,
             between: between
                 .map(|process| BetweenKnots::new(process, poses))
                 .collect(),
             profiles: Vec::new(),
         };
-        let mut ranges = vec![(u32::MAX, 0); seen.mountings.len()];
+        let mut ranges = vec![(u32::MAX, 0); context.mountings.len()];
         for row in rows {
             let (first, last) = &mut ranges[row.scanner as usize];
-            for point in seen.rows.points_of(row) {
+            for point in context.rows.points_of(row) {
                 *first = point.profile.min(*first);
                 *last = point.profile.max(*last);
             }
@@ -161,12 +168,12 @@ impl<'a> StepScans<'a> {
     }
 
     fn find(&self, scanner: usize, profile: u32) -> Profile {
-        let stamp_s = self.seen.samples[scanner].profiles[profile as usize].time_s;
-        let time_s = stamp_s - self.seen.late_s[scanner];
+        let stamp_s = self.context.samples[scanner].profiles[profile as usize].time_s;
+        let time_s = stamp_s - self.context.late_s[scanner];
         let pose = self.poses.at(time_s);
-        let mean = &self.seen.mountings[scanner];
-        let bends = self.seen.bends;
-        let now = bends.map(|bends| bent(mean, &bends.offset(self.seen.drive, scanner, time_s)));
+        let mean = &self.context.mountings[scanner];
+        let bends = self.context.bends;
+        let now = bends.map(|bends| bent(mean, &bends.offset(self.context.drive, scanner, time_s)));
         let mounting = now.as_ref().unwrap_or(mean);
         let between = self.between.get(scanner);
         Profile {
@@ -177,7 +184,7 @@ impl<'a> StepScans<'a> {
             rate_rad_s: pose.rate_rad_s,
             scanner_rotation: *mounting.rotation.to_rotation_matrix().matrix(),
             scanner_translation_m: mounting.translation_m,
-            causes: bends.map_or([0.0; _], |bends| bends.causes(self.seen.drive, time_s)),
+            causes: bends.map_or([0.0; _], |bends| bends.causes(self.context.drive, time_s)),
             next_share: between.map_or(0.0, |between| between.share(time_s)),
         }
     }
@@ -189,7 +196,7 @@ impl<'a> StepScans<'a> {
 
     /// The first point of a row in the world.
     pub fn first_point_m(&self, row: &ScanRow) -> Vec3 {
-        let point = &self.seen.rows.points_of(row)[0];
+        let point = &self.context.rows.points_of(row)[0];
         let from = self.profile(row.scanner as usize, point.profile);
         let in_body = from.scanner_rotation * point.position_m + from.scanner_translation_m;
         from.translation_m + from.rotation * in_body
@@ -198,28 +205,28 @@ impl<'a> StepScans<'a> {
     /// The mean of a row; `depth_m` is d₀.
     pub fn mean(&self, row: &ScanRow, points: &[RowPoint], depth_m: f64) -> Mean {
         let scanner = row.scanner as usize;
-        let surfel = &self.seen.surfels[row.surfel as usize];
-        let shape = &self.seen.shapes[row.surfel as usize];
+        let surfel = &self.context.surfels[row.surfel as usize];
+        let shape = &self.context.shapes[row.surfel as usize];
         let [normal, u_axis, v_axis] = &surfel.axes;
-        // ∂r by the point.
+        // Gradient of r by the point.
         let direction = normal - u_axis * shape.y - v_axis * shape.z;
-        let (mean, arm, mut found) = self.along(scanner, &direction, &surfel.centre_m, points);
+        let (mean, arm, mut row_mean) = self.along(scanner, &direction, &surfel.centre_m, points);
         let (u, v) = (u_axis.dot(&mean), v_axis.dot(&mean));
-        found.residual_m = normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v);
-        found.by_shape = [-1.0, -u, -v];
-        // The depth turns with the profile in the middle: it is the factor of a small residual.
+        row_mean.residual_m = normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v);
+        row_mean.by_shape = [-1.0, -u, -v];
+        // The pose of the middle profile is enough for the derivative of the depth, the factor of a small residual.
         let pose = self.profile(scanner, points[points.len() / 2].profile);
         let in_body = pose.rotation.tr_mul(normal);
-        found.depth_m = in_body.dot(&arm);
-        if depth_m.abs() > LEAST_DEPTH_M && found.depth_m * depth_m > 0.0 {
+        row_mean.depth_m = in_body.dot(&arm);
+        if depth_m.abs() > LEAST_DEPTH_M && row_mean.depth_m * depth_m > 0.0 {
             let moment = six(arm.cross(&in_body), Vec3::zeros());
             let by_late = -in_body.dot(&pose.rate_rad_s.cross(&arm));
-            found.scale(depth_m, &moment, by_late);
-            let by_pose = moment.map(|x| -x * found.residual_m / found.depth_m);
+            row_mean.scale(depth_m, &moment, by_late);
+            let by_pose = moment.map(|x| -x * row_mean.residual_m / row_mean.depth_m);
             self.poses
-                .pull_back(pose.time_s, &by_pose, &mut found.by_nodes);
+                .pull_back(pose.time_s, &by_pose, &mut row_mean.by_nodes);
         }
-        found
+        row_mean
     }
 
     /// The mean of points of a scanner from `origin_m`, world; the mean of their arms R_bs x_s, body; and the
@@ -246,7 +253,7 @@ impl<'a> StepScans<'a> {
             for point in group {
                 arms += pose.scanner_rotation * point.position_m * point.weight;
             }
-            // All are linear in the points of one profile.
+            // All sums are linear in the points of one profile.
             let n: f64 = group.iter().map(|point| point.weight).sum();
             times_s += pose.time_s * n;
             let levers = arms + pose.scanner_translation_m * n;
@@ -258,7 +265,7 @@ impl<'a> StepScans<'a> {
             for (sum, by) in by_mounting.iter_mut().zip(by) {
                 *sum += by;
             }
-            if let Some(bends) = self.seen.bends {
+            if let Some(bends) = self.context.bends {
                 for (i, sum) in by_compliance[..bends.unknowns()].iter_mut().enumerate() {
                     *sum += by[i % 6] * pose.causes[i / 6];
                 }
@@ -270,7 +277,7 @@ impl<'a> StepScans<'a> {
             let turning = pose.rate_rad_s.cross(&levers);
             by_late -= direction.dot(&pose.velocity_m_s) * n + in_body.dot(&turning);
         }
-        let found = Mean {
+        let along = Mean {
             residual_m: 0.0,
             by_shape: [0.0; 3],
             by_nodes,
@@ -281,43 +288,44 @@ impl<'a> StepScans<'a> {
             depth_m: 0.0,
             time_s: times_s / count,
         };
-        (sum / count, all_arms / count, found)
+        (sum / count, all_arms / count, along)
     }
 }
 
 /// The blocks of a drive's scan factors.
 pub struct ScanBlocks {
-    /// Of the drive's motion.
+    /// First block of the drive's motion.
     pub first_motion: usize,
     pub first_surfel: usize,
-    /// Of each scanner's mounting.
+    /// The block of each scanner's mounting.
     pub mountings: Vec<usize>,
-    /// Of each scanner's latency, where it is estimated.
+    /// The block of each scanner's latency, if it is estimated.
     pub late: Vec<Option<usize>>,
-    /// Of each scanner's compliance and of its first knot in this drive; empty where there are none.
+    /// The block of each scanner's compliance; empty without compliance.
     pub compliance: Vec<usize>,
+    /// The block of each scanner's first knot in this drive; empty without knots.
     pub knots: Vec<usize>,
-    /// Unknowns of a compliance and what is behind it.
+    /// Number of unknowns of a compliance with its creep and log columns.
     pub bending: usize,
 }
 
 /// Adds the rows of a step; `sigma_m` and the group of a row come from `noise`.
 pub fn rows(
-    seen: &Seen<'_>,
+    context: &ScanContext<'_>,
     motion: &dyn Motion,
     step: usize,
     blocks: &ScanBlocks,
     noise: &(dyn Fn(&ScanRow) -> (usize, f64) + Sync),
     batch: &mut RowBatch,
 ) {
-    let rows = seen.rows.of_step(step);
+    let rows = context.rows.of_step(step);
     if rows.is_empty() {
         return;
     }
     let poses = motion.poses(step);
-    let scans = StepScans::new(seen, &poses, rows);
+    let scans = StepScans::new(context, &poses, rows);
     for row in rows {
-        let mean = scans.mean(row, seen.rows.points_of(row), row.depth_m);
+        let mean = scans.mean(row, context.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
         batch.begin_robust(row.trust, group, mean.residual_m * w);
@@ -330,7 +338,7 @@ pub fn rows(
     }
 }
 
-/// Adds derivatives of a mean, times `w`, by all that places points: the motion and the mounting.
+/// Adds the derivatives of a mean, times `w`, by all unknowns that place points: the motion and the mounting.
 pub fn place(
     (scans, motion): (&StepScans<'_>, &dyn Motion),
     step: usize,

@@ -1,4 +1,4 @@
-//! What the data say about a value that the adjustment holds.
+//! Estimates of values that the adjustment holds.
 
 use super::layout::UP;
 use super::problem::JointProblem;
@@ -11,29 +11,29 @@ use crate::stored::stored;
 pub struct Score {
     /// Seconds or metres, to first order.
     pub value: f64,
-    /// Of the value, with all unknowns free.
+    /// Standard deviation of the value, with all unknowns free.
     pub sigma: f64,
 }
 
 impl Score {
-    /// The value in its standard deviations.
+    /// The absolute value in standard deviations.
     pub fn sigmas(&self) -> f64 {
         self.value.abs() / self.sigma
     }
 }
 
-/// What the data say about all values that are held.
+/// Estimates of all values that are held.
 #[derive(Debug, Clone)]
 pub struct Scores {
-    /// How late each scanner is that is asked about.
+    /// Latency of each requested scanner.
     pub late: Vec<Option<Score>>,
-    /// How far the reference lies above the world of the poses.
+    /// Height of the reference above the world of the poses.
     pub height: Option<Score>,
 }
 
 impl JointProblem<'_> {
-    /// How late these scanners are, whose latencies are held, and how far the reference, whose height is held, lies
-    /// above the world of the poses, by the factor at a state.
+    /// Estimates the latencies of these scanners and the height of the reference above the world of the poses, all of
+    /// which are held, with the factor at a state.
     pub fn scores(&self, state: &State, scanners: &[usize]) -> Scores {
         let mut late = self.layout.late.clone();
         let mut held = Vec::new();
@@ -43,25 +43,25 @@ impl JointProblem<'_> {
         }
         let up = self.layout.reference.map(|block| self.offset(block) + UP);
         held.extend(up);
-        let mut found = self.score(&held, |visit| self.visit_with(state, &late, visit));
-        let height = up.and_then(|_| found.pop()?);
+        let mut estimates = self.score(&held, |visit| self.visit_with(state, &late, visit));
+        let height = up.and_then(|_| estimates.pop()?);
         let mut scores = Scores {
             late: vec![None; late.len()],
-            // The unknown is what is taken off the reference.
+            // The unknown is the correction of the reference, with the opposite sign.
             height: height.map(|score| Score {
                 value: -score.value,
                 ..score
             }),
         };
-        for (&scanner, score) in scanners.iter().zip(found) {
+        for (&scanner, score) in scanners.iter().zip(estimates) {
             scores.late[scanner] = score;
         }
         scores
     }
 
-    /// Of the value τ at each of these places, which may come after all unknowns; the others stay held. Rows have
-    /// derivatives d by τ and J by all unknowns x. Unknowns follow τ with x' = −H⁻¹ Jᵀ W d, rows with D = d + J x'.
-    /// Then τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
+    /// Estimates the value τ at each of these places, which may lie after all unknowns; the other held values stay
+    /// held. Rows have derivatives d by τ and J by all unknowns x. Unknowns follow τ with x' = −H⁻¹ Jᵀ W d, rows with
+    /// D = d + J x'. Then τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
     fn score(
         &self,
         held: &[usize],
@@ -87,7 +87,7 @@ impl JointProblem<'_> {
             }
         });
         for (follow, &held_here) in follow.iter_mut().zip(held) {
-            // What is held does not follow.
+            // Held values do not follow.
             follow[held_here] = 0.0;
             factor.solve(&mut follow[..unknowns], 1);
             held.iter().for_each(|&place| follow[place] = 0.0);
@@ -117,7 +117,7 @@ impl JointProblem<'_> {
     }
 }
 
-/// d; that of a row that touches nothing else, as the one that holds τ, does not count.
+/// The derivative d of a row; zero for a row that touches nothing else, such as the one that holds τ.
 fn derivative(row: &Row<'_>, places: &[usize], held: usize) -> f64 {
     let place = places.iter().position(|place| *place == held);
     match place {

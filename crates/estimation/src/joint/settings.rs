@@ -12,9 +12,9 @@ const SURFEL_VOXELS: f64 = 10.0;
 pub struct JointSettings {
     /// Size of the surfels, metres; `None`: see [`Self::surfel_size_m`].
     pub surfel_m: Option<f64>,
-    /// Largest number of iterations in all.
+    /// Largest total number of iterations.
     pub max_iterations: usize,
-    /// How much mountings may move.
+    /// How much the mountings may move.
     pub mounting: MountingMotion,
     /// Errors that all points of the reference share.
     pub reference: ReferenceSigma,
@@ -22,27 +22,27 @@ pub struct JointSettings {
     pub correlation_s: f64,
 }
 
-/// Standard deviations of errors that all points of the reference share: no number of points
-/// averages them out, and most of them show in no residual.
+/// Standard deviations of errors that all points of the reference share: they do not average out over
+/// the points, and most of them do not show in residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceSigma {
     /// Shift of the reference against the world of the poses, along each axis, metres.
     pub shift_m: f64,
     /// Tilt of the reference about each horizontal axis, radians.
     pub tilt_rad: f64,
-    /// Whether shift and tilt are assumed, as neither was given.
+    /// Whether shift and tilt are assumed, because neither was given.
     pub assumed: bool,
-    /// Errors of the surface that span several surfels, metres; `None` where the adjustment is to
-    /// assume them.
+    /// Errors of the surface that span several surfels, metres; with `None` the adjustment assumes
+    /// them.
     pub surface_m: Option<f64>,
 }
 
-/// How much mountings may move: from the first rung, the adjustment climbs where its tests contradict it.
+/// How much the mountings may move: the adjustment starts at the first rung and climbs while its tests contradict it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MountingMotion {
-    /// Where it begins.
+    /// The first rung.
     pub least: Rung,
-    /// Where it ends at the latest.
+    /// The last rung.
     pub most: Rung,
 }
 
@@ -76,7 +76,7 @@ impl JointSettings {
 }
 
 impl Default for ReferenceSigma {
-    /// What registration to a total station's points usually leaves.
+    /// The errors that usually remain after a registration to points of a total station.
     fn default() -> Self {
         Self {
             shift_m: 0.002,

@@ -10,14 +10,14 @@ use crate::geometry::{BodyFromScanner, Vec3};
 pub struct State {
     pub motions: Vec<Box<dyn Motion>>,
     pub mountings: Vec<Mounting>,
-    /// How they move; `None` where they are rigid.
+    /// Motion of the mountings; `None` if they are rigid.
     pub bends: Option<Bends>,
     pub late_s: Vec<f64>,
     /// (a, b, c) of each surfel.
     pub shapes: Vec<Vec3>,
     /// Offsets of the reference's patches, metres.
     pub patches: Vec<f64>,
-    /// Shift (metres) and rotation vector (radians) about its centre that the reference lacks.
+    /// Correction of the reference: shift (metres) and rotation vector (radians) about its centre.
     pub reference: [f64; REFERENCE],
 }
 

@@ -148,8 +148,8 @@ impl SurfaceCloud {
         Placed { world, mountings }
     }
 
-    /// How far movable point `index` moves along `direction` (world axes) with its pose and its
-    /// mounting.
+    /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose
+    /// and its mounting.
     #[inline]
     pub(super) fn rows(&self, placed: &Placed, index: usize, direction: &Vec3) -> PointRows {
         let point = &self.movable[index];

@@ -63,8 +63,8 @@ impl Surface {
         }
     }
 
-    /// How far movable point `index` moves along `direction` (world axes) with its pose and its
-    /// mounting.
+    /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose
+    /// and its mounting.
     #[inline]
     pub fn rows(&self, index: usize, direction: &Vec3) -> PointRows {
         self.cloud.rows(&self.placed, index, direction)

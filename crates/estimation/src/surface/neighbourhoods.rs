@@ -41,14 +41,14 @@ impl Neighbourhoods {
         self.k
     }
 
-    /// Indices of the centres, one a neighbourhood.
+    /// Indices of the centres, one per neighbourhood.
     pub fn centres(&self) -> &[u32] {
         &self.centres
     }
 
     /// Indices of the points of neighbourhood `index`.
     #[inline]
-    pub fn of(&self, index: usize) -> &[u32] {
+    pub fn members(&self, index: usize) -> &[u32] {
         &self.members[index * self.k..(index + 1) * self.k]
     }
 
@@ -56,7 +56,7 @@ impl Neighbourhoods {
     pub fn planes(&self, points: &[Vec3]) -> Vec<Plane> {
         (0..self.centres.len())
             .into_par_iter()
-            .map(|index| Plane::of(points, self.of(index)))
+            .map(|index| Plane::fit(points, self.members(index)))
             .collect()
     }
 
@@ -73,7 +73,7 @@ impl Neighbourhoods {
         let mut next = starts.clone();
         let mut neighbourhoods = vec![0; starts[points]];
         for index in 0..self.centres.len() {
-            for &member in self.of(index).iter().filter(known) {
+            for &member in self.members(index).iter().filter(known) {
                 let at = &mut next[member as usize];
                 neighbourhoods[*at] = index as u32;
                 *at += 1;
@@ -96,7 +96,7 @@ pub struct Memberships {
 impl Memberships {
     /// Neighbourhoods that point `index` belongs to, in ascending order.
     #[inline]
-    pub fn of(&self, index: usize) -> &[u32] {
+    pub fn neighbourhoods(&self, index: usize) -> &[u32] {
         &self.neighbourhoods[self.starts[index]..self.starts[index + 1]]
     }
 }
@@ -110,14 +110,18 @@ mod tests {
         let points: Vec<Vec3> = (0..40)
             .map(|i| Vec3::new(f64::from(i * i % 17), f64::from(i % 7), 0.0))
             .collect();
-        let found = Neighbourhoods::search(&points, vec![0, 3, 30, 39], 6);
-        let memberships = found.memberships(35);
+        let neighbourhoods = Neighbourhoods::search(&points, vec![0, 3, 30, 39], 6);
+        let memberships = neighbourhoods.memberships(35);
         for point in 0..35 {
             let expected: Vec<u32> = (0..4)
-                .filter(|&index| found.of(index as usize).contains(&(point as u32)))
+                .filter(|&index| {
+                    neighbourhoods
+                        .members(index as usize)
+                        .contains(&(point as u32))
+                })
                 .collect();
-            assert_eq!(memberships.of(point), expected, "point {point}");
+            assert_eq!(memberships.neighbourhoods(point), expected, "point {point}");
         }
-        assert!(found.of(2).contains(&30));
+        assert!(neighbourhoods.members(2).contains(&30));
     }
 }

@@ -19,6 +19,6 @@ pub struct ProfilePoint {
     pub profile: u32,
     /// x_s: scanner frame, metres.
     pub position_m: Vec3,
-    /// Number of laser points that it stands for, itself included.
+    /// Number of laser points that it represents, itself included.
     pub count: u32,
 }

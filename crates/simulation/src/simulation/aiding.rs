@@ -11,7 +11,7 @@ use crate::sensor::{HeadingFix, PositionFix};
 /// Facets of a round prism: its error repeats this often per turn.
 const FACETS: f64 = 6.0;
 
-/// Positions of the prism, at their own times.
+/// Measured positions of the prism, each with its own time stamp.
 pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<PositionFix> {
     let settings = &scenario.prism;
     let stream_of = |purpose| stream(scenario.seed, purpose, drive_index as u64, 0);
@@ -31,13 +31,13 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
             let prism = body.translation_m + body.rotation * lever_arm;
             let sight = prism - Vec3::from(settings.station_m);
             // Direction in which the line of sight enters the prism, about its axis.
-            let seen = body.rotation.inverse() * sight;
+            let sight_in_body = body.rotation.inverse() * sight;
             let level = up.cross(&Vec3::x());
-            let angle = FACETS * seen.dot(&level).atan2(seen.x);
+            let angle = FACETS * sight_in_body.dot(&level).atan2(sight_in_body.x);
             let along = sight.normalize();
             let across = Vec3::z().cross(&along);
             let bias = (along * angle.cos() + across * angle.sin()) * settings.incidence_bias_m;
-            // Drawn for every position, so that none depends on whether others are lost.
+            // Drawn for every position, so that its noise does not depend on whether others are lost.
             let noise = normal3(&mut rng) * settings.sigma_m + Vec3::from(correlated.at(time_s));
             let is_outlier = outliers.random::<f64>() < settings.outlier_share;
             let displacement = normal3(&mut outliers).normalize() * settings.outlier_m;
@@ -53,7 +53,7 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
         .collect()
 }
 
-/// Headings of the antennas, clockwise from north, in (−π, π].
+/// Measured headings of the antennas, clockwise from north, in (−π, π].
 pub fn simulate_heading(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Vec<HeadingFix> {
     let settings = &scenario.heading;
     let stream_of = |purpose| stream(scenario.seed, purpose, drive_index as u64, 0);
@@ -91,7 +91,7 @@ mod tests {
     use crate::statistics::rms;
 
     #[test]
-    fn errors_have_the_expected_size_and_latency_is_late() {
+    fn errors_have_the_expected_size_and_latency_delays_the_time_stamps() {
         let mut scenario = Scenario::demo();
         let drive = Drive::new(&scenario, &Scene::new(&scenario), 1, 10.0);
         let errors = |scenario: &Scenario, latency: f64| {

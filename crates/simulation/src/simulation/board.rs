@@ -17,7 +17,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board as the reference has seen it: with this tilt against the horizon, its normal
+    /// The board as it stands during the reference scan: tilted against the horizon, with its normal
     /// inclined towards the azimuth.
     pub fn new(settings: &BoardSettings) -> Self {
         let azimuth = settings.azimuth_deg.to_radians();
@@ -35,10 +35,10 @@ impl Board {
 
     /// The board as it stands during the drives.
     pub fn moved(settings: &BoardSettings) -> Self {
-        let seen = Self::new(settings);
+        let at_reference_scan = Self::new(settings);
         Self {
-            center_m: seen.center_m + Vec3::from(settings.moved_m),
-            ..seen
+            center_m: at_reference_scan.center_m + Vec3::from(settings.moved_m),
+            ..at_reference_scan
         }
     }
 

@@ -8,7 +8,7 @@ impl Scenario {
     /// Checks that the scenario can be simulated, in bounded time and memory.
     ///
     /// # Errors
-    /// Names the first invalid value.
+    /// An invalid value; the error names the first.
     pub fn check(&self) -> Result<()> {
         for (key, value, (low, high)) in self.bounds() {
             // Written so that NaN fails as well.
@@ -115,7 +115,7 @@ impl Scenario {
     fn check_durations(&self) -> Result<()> {
         /// Samples of the fastest sensor; 48 bytes each and more.
         const MOST_SAMPLES: f64 = 1e8;
-        /// Control points of the motion a second.
+        /// Control points of the motion per second.
         const KNOTS_HZ: f64 = 50.0;
         let motion = &self.motion;
         let across_m = self.field.size_m[0].hypot(self.field.size_m[1]);
@@ -129,7 +129,7 @@ impl Scenario {
             let longest_s = drive.passes.len() as f64 * pass_m / slowest_m_s + motion.rest_s;
             if longest_s * rate_hz > MOST_SAMPLES {
                 return refuse(format!(
-                    "drive {} may last {longest_s:.0} s, too long for {rate_hz} samples a second",
+                    "drive {} may last {longest_s:.0} s, too long for {rate_hz} samples per second",
                     d + 1
                 ));
             }

@@ -7,7 +7,7 @@ use rand::RngExt;
 use super::field::SoilSettings;
 use super::random::{Purpose, stream};
 
-/// Smallest and largest size of a clod, by the mean size.
+/// Smallest and largest size of a clod, relative to the mean size.
 const SIZES: (f64, f64) = (0.5, 1.5);
 
 /// Smallest ratio of the axes of a clod in plan view.
@@ -88,7 +88,7 @@ impl Clod {
         }
     }
 
-    /// Its height above the relief: flat on top, steep at the rim.
+    /// Height of the clod above the relief: flat on top, steep at the rim.
     fn height_m(&self, east: f64, north: f64) -> f64 {
         let (dx, dy) = (east - self.centre_m[0], north - self.centre_m[1]);
         let (sin, cos) = self.azimuth.sin_cos();

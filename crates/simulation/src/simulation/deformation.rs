@@ -15,17 +15,18 @@ pub struct Mountings {
     scenario: Scenario,
     body_from_frd: Rotation,
     span_s: (f64, f64),
-    /// Roll and pitch behind their play, where they have some.
+    /// Roll and pitch after their play, degrees; `None` if they have none.
     tilts_deg: Option<Series<2>>,
-    /// Of each scanner: rotation (degrees) and shift (metres) in FRD axes.
+    /// Random motion of each scanner: rotation (degrees) and shift (metres) in FRD axes.
     walks: Vec<Series<6>>,
 }
 
-/// How much warmer a frame becomes in the sun, kelvins, and its temperature before.
+/// Warming of the frame in the sun, kelvins.
 pub const WARMING_K: f64 = 12.0;
+/// Temperature of the frame before it warms up, °C.
 const START_C: f64 = 18.0;
 
-/// What depends on the past is found at this step, seconds.
+/// Time step of the quantities that depend on the past, seconds.
 const STEP_S: f64 = 0.05;
 
 impl Mountings {
@@ -40,7 +41,7 @@ impl Mountings {
         let share = scenario.deformation.hysteresis;
         let tilts_deg = (share > 0.0).then(|| {
             let tilts = times_s().map(|t| drive.at(t).roll_pitch_rad.map(f64::to_degrees));
-            Series::new(start_s, STEP_S, played(tilts.collect(), share))
+            Series::new(start_s, STEP_S, with_play(tilts.collect(), share))
         });
         let scanners = 0..scenario.scanners.len();
         Self {
@@ -108,8 +109,8 @@ impl Mountings {
         )
     }
 
-    /// How far the frame has warmed up, 0 to 1: quickly at first, and less while a cloud is before the sun, in
-    /// the third quarter of the drive.
+    /// How far the frame has warmed up, 0 to 1. It warms quickly at first, and cools a little while a cloud covers
+    /// the sun in the third quarter of the drive.
     fn warmth(&self, time_s: f64) -> f64 {
         let (start, end) = self.span_s;
         let age = ((time_s - start) / (end - start)).clamp(0.0, 1.0);
@@ -117,26 +118,27 @@ impl Mountings {
         1.0 - (-4.0 * age).exp() - 0.3 * cloud
     }
 
-    /// What a thermometer on the frame reads, °C.
+    /// Reading of a thermometer on the frame, °C.
     pub fn temperature_c(&self, time_s: f64) -> f64 {
         START_C + WARMING_K * self.warmth(time_s)
     }
 }
 
-/// Tilts behind a play of this share of their amplitude.
-fn played(mut tilts_deg: Vec<[f64; 2]>, share: f64) -> Vec<[f64; 2]> {
+/// Tilts (degrees) that follow the given ones with a play: half its width is this share of their amplitude.
+fn with_play(mut tilts_deg: Vec<[f64; 2]>, share: f64) -> Vec<[f64; 2]> {
     for axis in 0..2 {
         let amplitude = 2f64.sqrt() * rms(tilts_deg.iter().map(|tilt| tilt[axis]));
         let half = share * amplitude;
-        let mut behind = tilts_deg.first().map_or(0.0, |tilt| tilt[axis]);
+        let mut follower = tilts_deg.first().map_or(0.0, |tilt| tilt[axis]);
         for tilt in &mut tilts_deg {
-            behind = behind.clamp(tilt[axis] - half, tilt[axis] + half);
-            tilt[axis] = behind;
+            follower = follower.clamp(tilt[axis] - half, tilt[axis] + half);
+            tilt[axis] = follower;
         }
     }
     tilts_deg
 }
 
+/// Random motion of a scanner at these times: rotation (degrees) and shift (metres) in FRD axes.
 fn walk(
     scenario: &Scenario,
     drive: &Drive,
@@ -144,11 +146,11 @@ fn walk(
     times_s: impl Iterator<Item = f64>,
 ) -> Vec<[f64; 6]> {
     let settings = &scenario.deformation;
-    let own = if settings.walk_together { 0 } else { scanner };
+    let group = if settings.walk_together { 0 } else { scanner };
     let rng = stream(
         scenario.seed,
         Purpose::Mounting,
-        own as u64,
+        group as u64,
         drive.span_s.0 as u64,
     );
     let mut process = Correlated::<6>::new(rng, 1.0, settings.walk_correlation_s);

@@ -49,7 +49,7 @@ pub(super) fn write_texts(
     if errors.is_empty() {
         return Ok(());
     }
-    let text = format!("# Errors that the project does not tell.\n{errors}");
+    let text = format!("# Errors that the project does not state.\n{errors}");
     write_text(&at("truth/errors.toml"), &text)
 }
 
@@ -116,8 +116,8 @@ fn mounting(scenario: &Scenario) -> String {
     text
 }
 
-/// What the logs of a drive that starts at `start_s` and the reference suffer from beyond white
-/// noise.
+/// The errors beyond white noise of the logs of a drive that starts at `start_s`, and of the reference, as
+/// TOML.
 fn errors(scenario: &Scenario, start_s: f64) -> String {
     let (prism, heading) = (&scenario.prism, &scenario.heading);
     let mut keys = latency(prism.latency_s);
@@ -133,7 +133,7 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
     if !prism.lost_s.is_empty() {
         let spans = prism.lost_s.iter();
         let spans: Vec<_> = spans.map(|span| span.map(|s| start_s + s)).collect();
-        keys += &format!("# In the time of the trajectory.\nlost_s = {spans:?}\n");
+        keys += &format!("# On the time scale of the trajectory.\nlost_s = {spans:?}\n");
     }
     if prism.outlier_share != 0.0 {
         keys += &format!(
@@ -168,7 +168,7 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
     text + &table("[reference]", &keys)
 }
 
-/// How late time stamps are, unless they are right.
+/// The key of a latency; empty if there is none.
 fn latency(latency_s: f64) -> String {
     if latency_s == 0.0 {
         return String::new();
@@ -176,7 +176,7 @@ fn latency(latency_s: f64) -> String {
     format!("latency_s = {latency_s:?}\n")
 }
 
-/// A table with these keys, unless there are none.
+/// A table with these keys; empty if there are none.
 fn table(header: &str, keys: &str) -> String {
     if keys.is_empty() {
         return String::new();
@@ -236,7 +236,7 @@ fn scene_text(scenario: &Scenario, scene: &Scene, index: usize) -> String {
             String::new()
         } else {
             format!(
-                "# The reference saw it before it was moved by this.\nmoved_m = {}\n",
+                "# Displacement since the reference scan.\nmoved_m = {}\n",
                 list(&moved, 9)
             )
         };

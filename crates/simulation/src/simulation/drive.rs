@@ -57,7 +57,8 @@ impl BodyState {
 }
 
 impl Drive {
-    /// When scanners record: from one second before the robot moves until it has stopped.
+    /// Time span in which the scanners record, seconds: from one second before the robot moves until it has
+    /// stopped.
     pub fn recording_s(&self) -> (f64, f64) {
         (self.moving_s.0 - 1.0, self.moving_s.1)
     }
@@ -144,7 +145,7 @@ struct Route {
 
 impl Route {
     fn new(scenario: &Scenario, drive: &DriveSettings) -> Self {
-        // The fans are this far ahead of the IMU: the pass begins before it and ends behind.
+        // The fans are this far ahead of the IMU: the IMU begins and ends a pass this far behind it.
         let fans = scenario.scanners_of(ScannerKind::Profile);
         let forward = fans.iter().map(|&s| scenario.scanners[s].translation_m[0]);
         let ahead = forward.sum::<f64>() / fans.len().max(1) as f64;

@@ -1,4 +1,4 @@
-//! Keys of a scenario: the field and what stands on it, the robot's motion, its drives.
+//! Keys of a scenario: the field and the objects on it, the robot's motion and its drives.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,8 +22,8 @@ pub struct SoilSettings {
     pub wavelengths_m: Vec<f64>,
     /// Standard deviation of the height at each wavelength, metres.
     pub sigmas_m: Vec<f64>,
-    /// Mean height of clods, metres; zero for none. They lie on the relief, at random and of random
-    /// sizes, and wheels crush them.
+    /// Mean height of clods, metres; zero for none. They lie on the relief at random places, have
+    /// random sizes, and are crushed by the wheels.
     pub clod_height_m: f64,
     /// Mean diameter of clods, metres.
     pub clod_size_m: f64,
@@ -31,7 +31,7 @@ pub struct SoilSettings {
     pub clod_cover: f64,
 }
 
-/// Plants on the field, apart from boards: leaves above the soil that sway.
+/// Plants on the field, clear of the boards: swaying leaves above the soil.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantSettings {
@@ -41,8 +41,8 @@ pub struct PlantSettings {
     pub height_m: f64,
     /// Length of a leaf, metres; it is half as wide.
     pub leaf_m: f64,
-    /// Standard deviation of the distance of a leaf from its place as it sways within some ten
-    /// seconds, metres: between passes, and between drive and reference, it has moved.
+    /// Standard deviation of the displacement of a leaf, metres. It sways with periods of about ten
+    /// seconds, so it moves between passes and between the reference scan and the drives.
     pub sway_m: f64,
 }
 
@@ -58,8 +58,8 @@ pub struct BoardSettings {
     pub azimuth_deg: f64,
     /// Length along the level and the sloping edge, metres.
     pub size_m: [f64; 2],
-    /// East, north, up by which it stands elsewhere during the drives than the reference has seen
-    /// it, metres.
+    /// Displacement of the board between the reference scan and the drives: east, north, up,
+    /// metres.
     #[serde(default)]
     pub moved_m: [f64; 3],
 }
@@ -117,7 +117,7 @@ pub enum Pass {
     },
 }
 
-/// A pass as written.
+/// The keys of a pass in a scenario file.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct PassKeys {

@@ -26,7 +26,7 @@ pub struct Lidar<'a> {
 }
 
 impl<'a> Lidar<'a> {
-    /// The lidars, which record as long as the profile scanners.
+    /// The lidars of a drive, which record as long as the profile scanners.
     pub fn new(
         scenario: &'a Scenario,
         scene: &'a Scene,
@@ -45,13 +45,13 @@ impl<'a> Lidar<'a> {
         }
     }
 
-    /// Revolutions of each lidar.
+    /// Number of revolutions of each lidar.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// True time of a direction of a revolution, which its time stamp exceeds by the scanner's
-    /// latency.
+    /// True time of a direction (`column`) of a revolution, seconds; its time stamp is later by the
+    /// scanner's latency.
     pub fn time_s(&self, index: usize, column: usize) -> f64 {
         let settings = &self.scenario.lidar;
         let turns = index as f64 + column as f64 / settings.columns as f64;

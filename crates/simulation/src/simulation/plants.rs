@@ -18,22 +18,23 @@ const LEAVES: usize = 6;
 /// Azimuth between one leaf and the next: the golden angle.
 const BETWEEN_LEAVES: f64 = 0.381_966 * TAU;
 
-/// Heights of plants and of their leaves, by the height of the tallest.
+/// Range of the heights of plants, relative to the tallest.
 const PLANT_HEIGHTS: (f64, f64) = (0.6, 1.0);
+/// Range of the heights of leaves, relative to their plant.
 const LEAF_HEIGHTS: (f64, f64) = (0.25, 1.0);
 
 /// Periods of the two oscillations of a leaf, seconds. They differ from leaf to leaf, so that no two
 /// times show the same field.
 const PERIODS_S: (f64, f64) = (7.0, 13.0);
 
-/// The leaves of all plants, found by a grid in plan view.
+/// The leaves of all plants, indexed by a grid in plan view.
 #[derive(Debug, Clone)]
 pub struct Plants {
     leaves: Vec<Leaf>,
     squares: Squares,
     /// Indices of the leaves that may be above each square.
     above: Vec<Vec<u32>>,
-    /// Lower and upper corner of what the leaves may reach, metres.
+    /// Lower and upper corner of the box that the leaves may reach, metres.
     extent_m: [[f64; 3]; 2],
 }
 
@@ -45,11 +46,11 @@ struct Leaf {
     /// Along the leaf and across it, one over half the length.
     axes: [Vec3; 2],
     sway: [Oscillation; 2],
-    /// No point is ever farther from the centre, metres.
+    /// Largest distance that a point of the swaying leaf can have from the centre at rest, metres.
     reach_m: f64,
 }
 
-/// A displacement that comes and goes.
+/// A sinusoidal displacement.
 #[derive(Debug, Clone)]
 struct Oscillation {
     amplitude_m: Vec3,
@@ -94,7 +95,7 @@ impl Leaf {
 }
 
 impl Plants {
-    /// The plants of a scenario on its soil, apart from boards.
+    /// The plants of a scenario on its soil, clear of the boards.
     pub fn new(scenario: &Scenario, soil: &Soil) -> Self {
         let settings = &scenario.plants;
         let size_m = scenario.field.size_m;
@@ -139,7 +140,7 @@ impl Plants {
     }
 
     fn from_leaves(leaves: Vec<Leaf>) -> Self {
-        /// Squares along each axis.
+        /// Most squares along each axis.
         const MOST_SQUARES: f64 = 1000.0;
         let mut extent_m = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         let mut largest_m = 0.05f64;
@@ -156,7 +157,7 @@ impl Plants {
         }
         let [low, high] = extent_m;
         let size_m = [high[0] - low[0], high[1] - low[1]];
-        // As large as a leaf, which therefore is above four squares at most.
+        // Squares as large as a leaf: each leaf lies above at most four of them.
         let side_m = largest_m.max(size_m[0].max(size_m[1]) / MOST_SQUARES);
         let squares = Squares {
             origin: [low[0], low[1]],
@@ -235,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_finds_the_leaf_that_trying_all_finds() {
+    fn the_grid_finds_the_same_leaf_as_a_search_of_all_leaves() {
         let (_, _, plants) = planted();
         let mut rng = stream(3, Purpose::Plants, 9, 9);
         let mut hits = 0;
@@ -260,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_hover_over_soil_without_boards_and_sway_as_far_as_said() {
+    fn leaves_hover_over_soil_clear_of_boards_and_sway_by_their_amplitude() {
         let (scenario, soil, plants) = planted();
         let boards: Vec<Board> = scenario.boards.iter().map(Board::new).collect();
         // A ninth of the plants would stand on the boards, which cover 4.1 of 45 square metres.
@@ -284,7 +285,7 @@ mod tests {
             let sum: f64 = pairs.map(|(a, b)| (b - a).norm_squared()).sum();
             (sum / plants.leaves.len() as f64).sqrt()
         };
-        // Between independent positions √2 as far; within the half second of a scan hardly.
+        // Independent positions differ by √2 times the sway; within half a second a leaf hardly moves.
         let far = rms(100.0, 1700.0) / (2f64.sqrt() * settings.sway_m);
         assert!((far - 1.0).abs() < 0.05, "{far}");
         assert!(rms(100.0, 100.5) < 0.4 * settings.sway_m);

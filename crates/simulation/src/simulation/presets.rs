@@ -1,10 +1,10 @@
-//! Scenarios that have a name.
+//! The scenarios that can be chosen by name.
 
 use super::field::{DriveSettings, Pass};
 use super::scenario::Scenario;
 
 impl Scenario {
-    /// The paper's field and three drives, with rates reduced so that it takes seconds.
+    /// The paper's field and three drives, with rates reduced so that the simulation takes seconds.
     pub fn demo() -> Self {
         Self::default()
     }
@@ -23,10 +23,11 @@ impl Scenario {
     }
 
     /// The demo's robot on slightly cloddy soil without boards: one drive of parallel passes, back
-    /// and forth, whose scans overlap so that most of it is seen in both directions.
+    /// and forth, whose scans overlap so that most of the soil is seen in both directions.
     pub fn plain() -> Self {
-        /// Where passes begin and end, east, and how far they are apart, north, metres.
+        /// East of the two ends of each pass, metres.
         const EAST_M: [f64; 2] = [1.25, 6.25];
+        /// Distance between neighbouring passes, metres.
         const APART_M: f64 = 0.6;
         let pass = |k: u8| {
             let north = 1.5 + f64::from(k) * APART_M;

@@ -39,7 +39,7 @@ pub struct Profiler<'a> {
     drive: &'a Drive,
     drive_index: usize,
     mountings: Mountings,
-    /// Which of all scanners record profiles.
+    /// Indices of the scanners that record profiles.
     scanners: Vec<usize>,
     rays: Vec<Vec3>,
     start_s: f64,
@@ -76,7 +76,7 @@ impl<'a> Profiler<'a> {
         }
     }
 
-    /// Profiles of each profile scanner.
+    /// Number of profiles of each profile scanner.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -86,7 +86,7 @@ impl<'a> Profiler<'a> {
         self.scanners.partition_point(|&other| other < scanner)
     }
 
-    /// True time of a profile, which its time stamp exceeds by the scanner's latency. The scanners
+    /// True time of a profile, seconds; its time stamp is later by the scanner's latency. The scanners
     /// fire in turn, so that none sees another's laser line.
     pub fn time_s(&self, scanner: usize, index: usize) -> f64 {
         let turn = self.place(scanner) as f64 / self.scanners.len() as f64;
@@ -235,8 +235,8 @@ mod tests {
             "{plain} plain, {lost} lost, {edges} at edges, {lost_edges} lost, {flying} flying, {grazing} grazing"
         );
         // Binomial counts within four standard deviations.
-        let within = |seen: f64, of: f64, share: f64| {
-            (seen - of * share).abs() < 4.0 * (of * share * (1.0 - share)).sqrt()
+        let within = |count: f64, total: f64, share: f64| {
+            (count - total * share).abs() < 4.0 * (total * share * (1.0 - share)).sqrt()
         };
         assert!(grazing > 100.0 && edges > 100.0);
         assert!(within(lost, plain, settings.dropout));

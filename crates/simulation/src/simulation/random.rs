@@ -72,15 +72,15 @@ impl<const N: usize> Correlated<N> {
         }
     }
 
-    /// Its value at `time_s`, which must not decrease.
+    /// The value at `time_s`, which must not decrease from call to call.
     pub fn at(&mut self, time_s: f64) -> [f64; N] {
         let value = match self.last {
             None => std::array::from_fn(|_| self.sigma * normal(&mut self.rng)),
             Some((last_s, last)) => {
                 // Exact for any interval: the variance stays σ².
-                let kept = (-(time_s - last_s) / self.correlation_s).exp();
-                let fresh = self.sigma * (1.0 - kept * kept).sqrt();
-                last.map(|x| kept * x + fresh * normal(&mut self.rng))
+                let correlation = (-(time_s - last_s) / self.correlation_s).exp();
+                let fresh = self.sigma * (1.0 - correlation * correlation).sqrt();
+                last.map(|x| correlation * x + fresh * normal(&mut self.rng))
             }
         };
         self.last = Some((time_s, value));

@@ -1,4 +1,4 @@
-//! Writing of what the scanners record on a drive.
+//! Writes the recordings of the scanners on a drive.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -123,7 +123,7 @@ impl<'a> Table<'a> {
         Ok(Self { path, out })
     }
 
-    /// To the tenth of a millimetre and the microsecond, far below the noise.
+    /// Writes a point, rounded to a tenth of a millimetre and a microsecond, far below the noise.
     fn row(&mut self, time_s: f64, p: &Vec3) -> Result<()> {
         writeln!(self.out, "{time_s:.6},{:.4},{:.4},{:.4}", p.x, p.y, p.z)
             .map_err(|e| Error::io(self.path, e))

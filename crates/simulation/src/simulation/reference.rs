@@ -9,7 +9,7 @@ use super::scene::Scene;
 use super::wave::Wave;
 use crate::geometry::Vec3;
 
-/// When the field is scanned, seconds of the day: well before the drives.
+/// Time of the reference scan, seconds of the day: well before the drives.
 const SURVEY_S: f64 = 30_000.0;
 
 /// Height above all plants, metres.
@@ -21,7 +21,7 @@ pub struct Reference<'a> {
     scenario: &'a Scenario,
     scene: &'a Scene,
     soil_rows: usize,
-    /// Where they stood when they were scanned.
+    /// The boards where they stood during the reference scan.
     boards: Vec<Board>,
     board_rows: Vec<usize>,
     surface_error: Option<Wave>,
@@ -58,7 +58,7 @@ impl<'a> Reference<'a> {
     }
 
     /// The points of one strip in the world, metres. Each cell of the grid contains one point at a
-    /// random position, on leaves where they are then; soil hidden from above by a board is missing.
+    /// random position; leaves are where they are during the scan, and soil below a board is missing.
     pub fn strip(&self, index: usize) -> Vec<Vec3> {
         let settings = &self.scenario.reference;
         let mut rng = stream(self.scenario.seed, Purpose::Reference, 0, index as u64);
@@ -98,7 +98,7 @@ impl<'a> Reference<'a> {
         points
     }
 
-    /// The leaf, or else the soil, that is seen from above, and its upward normal.
+    /// The point of the leaf, or else of the soil, that is visible from above, and its upward normal.
     fn ground(&self, x: f64, y: f64) -> (Vec3, Vec3) {
         let (height, [gx, gy]) = self.scene.soil.height_and_gradient(x, y);
         let above = Vec3::new(x, y, height + ABOVE_M);
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_lie_on_what_can_be_seen_with_their_noise() {
+    fn points_lie_on_the_visible_surfaces_within_their_noise() {
         let mut scenario = Scenario::demo();
         scenario.reference.soil_spacing_m = 0.03;
         scenario.reference.board_spacing_m = 0.02;

@@ -33,7 +33,7 @@ pub struct Hit {
 pub struct Scene {
     /// The ground.
     pub soil: Soil,
-    /// The boards where they stand then.
+    /// The boards where they stand during the drives.
     pub boards: Vec<Board>,
     /// The plants.
     pub plants: Plants,
@@ -93,7 +93,8 @@ impl Scene {
         })
     }
 
-    /// Distance of a point close to ground or board from it, metres; on the ground to first order.
+    /// Distance from a point to the nearest surface, ground or board, metres; to the ground to first order,
+    /// for points close to it.
     pub fn distance_m(&self, point: &Vec3) -> f64 {
         let (height, [gx, gy]) = self.soil.height_and_gradient(point.x, point.y);
         let ground = (point.z - height).abs() / (1.0 + gx * gx + gy * gy).sqrt();

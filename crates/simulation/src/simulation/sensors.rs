@@ -102,7 +102,7 @@ pub struct ProfileSettings {
     pub edge_lost_flying: [f64; 2],
 }
 
-/// Spinning lidars, of scanners of this kind.
+/// Spinning lidars: all scanners of the kind `lidar`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LidarSettings {
@@ -122,14 +122,14 @@ pub struct LidarSettings {
     pub dropout: f64,
 }
 
-/// What a scanner measures.
+/// The kind of measurements of a scanner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ScannerKind {
-    /// Profiles, as told by `[profiles]`.
+    /// Profiles, with the settings of `[profiles]`.
     #[default]
     Profile,
-    /// Revolutions, as told by `[lidar]`.
+    /// Revolutions, with the settings of `[lidar]`.
     Lidar,
 }
 
@@ -139,7 +139,7 @@ pub enum ScannerKind {
 pub struct ScannerSettings {
     /// Name.
     pub name: String,
-    /// What it measures: `"profile"` or `"lidar"`.
+    /// The kind of its measurements: `"profile"` or `"lidar"`.
     #[serde(default)]
     pub kind: ScannerKind,
     /// True position in the body (FRD), metres.
@@ -155,7 +155,7 @@ pub struct ScannerSettings {
     pub latency_s: f64,
 }
 
-/// The reference cloud by terrestrial laser scanning.
+/// The reference cloud of a terrestrial laser scanner.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReferenceSettings {
@@ -178,7 +178,7 @@ pub struct ReferenceSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DeformationSettings {
-    /// Off: the mountings are rigid.
+    /// Whether the mountings deform; they are rigid otherwise.
     pub enabled: bool,
     /// Rotation of a scanner per degree of roll or pitch, degrees.
     pub rotation_deg_per_deg: f64,
@@ -192,24 +192,25 @@ pub struct DeformationSettings {
     pub drift_m: f64,
     /// Rotation as the frame warms up by 12 K, degrees.
     pub warming_deg: f64,
-    /// And shift, metres.
+    /// Shift as the frame warms up by 12 K, metres.
     pub warming_m: f64,
     /// Half the width of the play with which roll and pitch act, as a share of their amplitude.
     pub hysteresis: f64,
     /// Standard deviation of a Gauss-Markov process of each rotation, degrees.
     pub walk_deg: f64,
-    /// And of each coordinate, metres.
+    /// Standard deviation of the process of each coordinate, metres.
     pub walk_m: f64,
-    /// Its correlation time, seconds.
+    /// Correlation time of these processes, seconds.
     pub walk_correlation_s: f64,
-    /// Whether it moves all scanners alike.
+    /// Whether the same process moves all scanners.
     pub walk_together: bool,
-    /// Shift of the first scanner in the middle of a drive, upwards and ahead alike, metres.
+    /// Length of a sudden shift of the first scanner in the middle of a drive, equally upwards and forwards,
+    /// metres.
     pub jump_m: f64,
 }
 
 impl DeformationSettings {
-    /// Whether the frame follows a temperature, which is then logged.
+    /// Whether the mountings depend on the temperature of the frame, which is then logged.
     pub fn warms(&self) -> bool {
         self.enabled && (self.warming_deg != 0.0 || self.warming_m != 0.0)
     }

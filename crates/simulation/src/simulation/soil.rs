@@ -23,7 +23,7 @@ pub struct Soil {
     columns: usize,
     rows: usize,
     control: Vec<f32>,
-    /// One for each tile.
+    /// One square for each tile.
     squares: Squares,
     tiles: Vec<Tile>,
     highest: f64,
@@ -180,7 +180,7 @@ impl Soil {
     /// Range along the unit vector `direction` to the first point on the ground, accurate to 1e-6
     /// m; `None` beyond `max_range_m` or outside the extent of the ground.
     ///
-    /// By the tile's bound on the slope, no step is long enough to cross the ground.
+    /// The tile's bound on the slope keeps every step too short to cross the ground.
     pub fn intersect(&self, origin: &Vec3, direction: &Vec3, max_range_m: f64) -> Option<f64> {
         let (enter, leave) = ray::within(origin, direction, self.extent_m())?;
         let max_range = max_range_m.min(leave);

@@ -24,7 +24,7 @@ impl Wave {
         Self { length_m, values }
     }
 
-    /// Its value at a point.
+    /// The value at a point.
     pub fn at(&self, x: f64, y: f64) -> f64 {
         // Half a wavelength between lattice points; rotated so that lattices do not align.
         let (s, c) = self.length_m.sin_cos();

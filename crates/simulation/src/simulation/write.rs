@@ -1,4 +1,4 @@
-//! Writing of a simulated campaign: the files that a field crew would bring home, and the truth.
+//! Writes a simulated campaign: the files that a field crew would bring home, and the truth.
 
 use std::path::{Path, PathBuf};
 
@@ -22,14 +22,15 @@ use crate::progress::Progress;
 /// Strips of the reference generated at a time.
 const STRIPS_AT_ONCE: usize = 64;
 
-/// Start of the first drive, and interval between the starts of drives, seconds of the day.
+/// Start of the first drive, seconds of the day.
 const FIRST_DRIVE_S: f64 = 36_000.0;
+/// Interval between the starts of drives, seconds.
 const DRIVE_EVERY_S: f64 = 1_200.0;
 
 /// The files written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedFiles {
-    /// One entry per drive; the first one's project evaluates the others.
+    /// One entry per drive; the project of the first drive evaluates the others.
     pub drives: Vec<SimulatedDrive>,
     /// The reference cloud.
     pub reference: PathBuf,
@@ -53,9 +54,10 @@ pub struct SimulatedDrive {
 }
 
 /// Simulates the scenario and writes it into the folder `out`: `drive-1`, `drive-2`, … with logs,
-/// recordings and `project.toml`, each with a folder `truth` of trajectory, mounting, scene and, if
-/// there are any, errors that the project does not tell; next to them `tls.laz` and `scenario.toml`. The same scenario gives the same bytes for any
-/// number of threads. Memory is bounded for any number of points.
+/// recordings and `project.toml`, each with a folder `truth` that contains the trajectory, the mounting,
+/// the scene and, if there are any, the errors that the project does not state; next to them `tls.laz`
+/// and `scenario.toml`. The same scenario gives the same bytes for any number of threads. Memory is
+/// bounded for any number of points.
 ///
 /// # Errors
 /// An invalid scenario; a folder that cannot be written.
@@ -83,14 +85,14 @@ pub fn simulate(
             index,
         };
         let (profiles, points) = robot.write_profiles(&at, progress)?;
-        let seen_by_lidars = robot.write_revolutions(&at, progress)?;
+        let lidar_points = robot.write_revolutions(&at, progress)?;
         let folder = out.join(&name);
         drives.push(SimulatedDrive {
             project: folder.join("project.toml"),
             folder,
             duration_s: drive.span_s.1 - drive.span_s.0,
             profiles,
-            points: points + seen_by_lidars,
+            points: points + lidar_points,
         });
     }
     let reference_points = write_reference(scenario, &scene, &staging.path("tls.laz"), progress)?;
@@ -106,7 +108,7 @@ pub fn simulate(
     })
 }
 
-/// IMU, prism, heading and the true trajectory.
+/// Writes the logs of IMU, prism and heading, and the true trajectory.
 fn write_logs(
     scenario: &Scenario,
     drive: &Drive,
@@ -127,7 +129,8 @@ fn write_logs(
     Ok(())
 }
 
-/// The true mounting of every scanner ten times a second, and a thermometer where the frame warms up.
+/// Writes the true mounting of every scanner ten times a second and, if the frame warms up, the log of a
+/// thermometer.
 fn write_deformation(
     scenario: &Scenario,
     drive: &Drive,
@@ -163,7 +166,7 @@ fn write_deformation(
     Ok(())
 }
 
-/// The reference cloud; returns its number of points.
+/// Writes the reference cloud and returns its number of points.
 fn write_reference(
     scenario: &Scenario,
     scene: &Scene,

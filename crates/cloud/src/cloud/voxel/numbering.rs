@@ -1,5 +1,5 @@
 //! Voxel keys for the tables of the thinning: packed into one word for clouds of ordinary extent,
-//! complete ones for all others.
+//! complete keys for all others.
 
 use std::hash::Hasher;
 
@@ -104,7 +104,7 @@ impl Numbering for Packed {
     }
 }
 
-/// Any voxel of any group.
+/// Complete keys: any voxel of any group.
 pub(super) struct Whole<Group> {
     pub(super) group: Group,
 }

@@ -11,9 +11,10 @@ const FIRST: usize = 1 << 25;
 
 /// Thins a cloud that arrives in pieces, with the same result as [`thin`] on the whole.
 ///
-/// If thinned whenever it [is full](Self::is_full), which is when it holds twice as many points as
-/// were kept last time, it holds at most twice what is kept and one piece (32 bytes a point, and
-/// what [`thin`] takes), and spends at most three times the time of thinning all at once.
+/// It [is full](Self::is_full) when it holds twice as many points as were kept last time. If it is
+/// thinned whenever it is full, it holds at most one piece and twice the points that are kept (32
+/// bytes per point, and the memory of [`thin`]), and takes at most three times as long as thinning the
+/// whole cloud at once.
 ///
 /// ```
 /// use boresight_cloud::cloud::voxel::Thinner;
@@ -35,8 +36,9 @@ pub struct Thinner {
     points: Vec<Vec3>,
     /// Index of each point, ascending; `None` as long as no point has been dropped.
     indices: Option<Vec<u64>>,
-    /// Number of points at which thinning is due, and its minimum.
+    /// Number of points at which thinning is due.
     full: usize,
+    /// Smallest value of `full`.
     first: usize,
 }
 
@@ -73,8 +75,9 @@ impl Thinner {
         self.points.len() >= self.full
     }
 
-    /// Drops the points that are not kept. The nearest of a voxel, at equal distances the first, is
-    /// the nearest of the nearest of its parts, because the order of the points is preserved.
+    /// Drops the points that are not kept. This does not change the final result: the nearest point of a
+    /// voxel (at equal distances the first) is also the nearest of its piece, and the order of the points
+    /// is preserved.
     ///
     /// # Panics
     /// With 2³² points or more.
@@ -88,7 +91,7 @@ impl Thinner {
         self.full = self.first.max(2 * kept.len());
     }
 
-    /// The indices of the points kept of all points added, ascending.
+    /// The indices, among all points added, of the points that are kept, ascending.
     ///
     /// # Panics
     /// With 2³² points or more.

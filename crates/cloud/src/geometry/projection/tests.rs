@@ -42,8 +42,8 @@ fn the_convergence_is_that_of_the_closed_form() {
     assert!((point.grid_from_true() * Vec3::y()).x < 0.0);
 }
 
-/// `tests/data/projection/pyproj.csv` is of pyproj 3.7.2 (PROJ 9.5.1): `Proj(crs)` forwards, and
-/// `get_factors`; with `+ellps=GRS80` for EPSG:26910, as PROJ computes `+datum=NAD83` on the ellipsoid of
+/// `tests/data/projection/pyproj.csv` was computed with pyproj 3.7.2 (PROJ 9.5.1): `Proj(crs)` forwards, and
+/// `get_factors`; with `+ellps=GRS80` for EPSG:26910, because PROJ computes `+datum=NAD83` on the ellipsoid of
 /// WGS 84.
 #[test]
 fn coordinates_convergence_and_scale_are_those_of_proj() {
@@ -62,7 +62,7 @@ fn coordinates_convergence_and_scale_are_those_of_proj() {
         assert!((point.scale - v[5]).abs() < 1e-8, "{line}: {}", point.scale);
         let back = system.unproject(point.east_m, point.north_m).unwrap();
         let off = (back.0 - latitude).hypot((back.1 - longitude) * latitude.cos());
-        // 6 µm: inverses of some projections are iterations.
+        // 6 µm: the inverses of some projections are iterative.
         assert!(off < 1e-12, "{line}: {off} rad");
         count += 1;
     }
@@ -70,7 +70,7 @@ fn coordinates_convergence_and_scale_are_those_of_proj() {
 }
 
 #[test]
-fn what_is_not_understood_is_named() {
+fn errors_name_their_cause() {
     for (name, expected) in [
         ("UTM32", "`UTM32` is not understood"),
         ("", "`` is not understood"),
@@ -83,7 +83,7 @@ fn what_is_not_understood_is_named() {
         ("EPSG:3857", "its ellipsoid"),
         // Israel: GRS 80, but shifted.
         ("EPSG:2039", "towgs84=-48,55,52,0,0,0,0`: a datum shift"),
-        ("EPSG:5555", "`+vunits=m`: heights of its own"),
+        ("EPSG:5555", "`+vunits=m`: a vertical system"),
         // Feet.
         ("EPSG:2263", "not in metres"),
         ("+proj=utm +ellps=GRS80", "without +zone"),

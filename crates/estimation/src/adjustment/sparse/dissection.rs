@@ -1,13 +1,14 @@
-//! An order of elimination with little fill, by METIS.
+//! A fill-reducing order of elimination, by METIS.
 
 use std::ptr::null_mut;
 use std::sync::{Mutex, PoisonError};
 
 use metis_sys::{METIS_NodeND, idx_t as Idx, rstatus_et_METIS_OK as METIS_OK};
 
-/// Nested dissection (George 1973; Karypis & Kumar 1998) of the first blocks, of these sizes, given for each the
-/// coupled blocks of higher index, ascending: blocks that part the others into halves come after both. Few surfels
-/// part two passes, where minimum degree would couple the poses of both.
+/// Order of elimination of the first blocks by nested dissection (George 1973; Karypis & Kumar 1998). `sizes` are
+/// the sizes of these blocks; `later` lists for each block the coupled blocks of higher index, ascending. Blocks
+/// that separate the others into two halves come after both. A few surfels separate two passes, whereas minimum
+/// degree would couple the poses of both.
 ///
 /// # Panics
 /// With 2³¹ pairs of coupled blocks.
@@ -32,9 +33,9 @@ pub fn nested_dissection(later: &[Vec<u32>], sizes: &[usize]) -> Vec<usize> {
     let mut weights: Vec<Idx> = sizes.iter().map(|&size| size as Idx).collect();
     let mut count = blocks as Idx;
     let (mut order, mut position) = (vec![0; blocks], vec![0; blocks]);
-    // It draws from the C library's random numbers, which all threads share.
-    static ALONE: Mutex<()> = Mutex::new(());
-    let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    // METIS draws from the C library's random numbers, which all threads share.
+    static METIS: Mutex<()> = Mutex::new(());
+    let lock = METIS.lock().unwrap_or_else(PoisonError::into_inner);
     // SAFETY: `ends` has one entry more than there are blocks and ends at the length of `coupled`, whose entries
     // are blocks; weights, order and position have one for each block. Null options are the defaults.
     #[allow(unsafe_code)]
@@ -49,7 +50,7 @@ pub fn nested_dissection(later: &[Vec<u32>], sizes: &[usize]) -> Vec<usize> {
             position.as_mut_ptr(),
         )
     };
-    drop(alone);
+    drop(lock);
     assert_eq!(status, METIS_OK, "memory for the order of elimination");
     order.into_iter().map(|block| block as usize).collect()
 }

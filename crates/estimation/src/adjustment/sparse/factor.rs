@@ -1,4 +1,4 @@
-//! The factor L and what it solves.
+//! The factor L, solutions and covariances.
 
 use super::inverse::SelectedInverse;
 use super::structure::{NotPositiveBlock, Structure};
@@ -25,7 +25,7 @@ impl SparseFactor {
         Self { structure, values }
     }
 
-    pub(super) fn is_of(&self, structure: &Arc<Structure>) -> bool {
+    pub(super) fn has_structure(&self, structure: &Arc<Structure>) -> bool {
         Arc::ptr_eq(&self.structure, structure)
     }
 
@@ -87,8 +87,8 @@ impl SparseFactor {
         }
     }
 
-    /// The covariance of the last `count` unknowns in the order of elimination, as those that couple with nearly
-    /// everything: the inverse of M Mᵀ, M the last rows and columns of L.
+    /// The covariance of the last `count` unknowns in the order of elimination, such as those that couple with nearly
+    /// everything: the inverse of M Mᵀ, where M is the last rows and columns of L.
     pub fn last_covariance(&self, count: usize) -> DMatrix<f64> {
         let structure = &*self.structure;
         let first = self.unknowns() - count;
@@ -117,10 +117,10 @@ impl SparseFactor {
         inverse.tr_mul(&inverse)
     }
 
-    /// H⁻¹ where L has entries, in the columns of the blocks asked for: what is eliminated first, and seldom asked
-    /// for, is much of the work.
-    pub fn selected_inverse(&self, is_asked: impl Fn(usize) -> bool) -> SelectedInverse {
-        SelectedInverse::new(&self.structure, &self.values, &is_asked)
+    /// H⁻¹ where L has entries, in the columns of the requested blocks. Much of the work falls on the blocks that
+    /// are eliminated first, which are seldom requested.
+    pub fn selected_inverse(&self, is_requested: impl Fn(usize) -> bool) -> SelectedInverse {
+        SelectedInverse::new(&self.structure, &self.values, &is_requested)
     }
 
     fn columns<'a>(&self, sides: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {

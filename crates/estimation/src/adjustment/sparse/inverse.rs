@@ -18,30 +18,31 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub struct SelectedInverse {
     structure: Arc<Structure>,
-    /// As L, supernode by supernode; diagonal parts whole.
+    /// Stored like L, supernode by supernode, but with full diagonal parts.
     values: Vec<f64>,
-    /// Whether a supernode holds what was asked for, or what that follows from; no other has values.
-    is_found: Vec<bool>,
+    /// Whether a supernode was computed, because it or one that depends on it was requested; the others have no
+    /// values.
+    is_computed: Vec<bool>,
 }
 
 impl SelectedInverse {
-    /// The recursion of Takahashi, Fagan & Chen (1973) on supernodes from the last to the first, of those that hold
-    /// blocks asked for and of the ones that these follow from.
+    /// The recursion of Takahashi, Fagan & Chen (1973) on supernodes from the last to the first, restricted to the
+    /// supernodes of requested blocks and those on which they depend.
     pub(super) fn new(
         structure: &Arc<Structure>,
         l: &[f64],
-        is_asked: &dyn Fn(usize) -> bool,
+        is_requested: &dyn Fn(usize) -> bool,
     ) -> Self {
         let mut inverse = Self {
             structure: Arc::clone(structure),
             values: vec![0.0; l.len()],
-            is_found: needed(structure, is_asked),
+            is_computed: needed(structure, is_requested),
         };
         let mut separator = Vec::new();
         let mut workspace = Vec::new();
         let supernodes = (0..structure.l.n_supernodes()).rev();
-        let found: Vec<usize> = supernodes.filter(|&s| inverse.is_found[s]).collect();
-        for supernode in found {
+        let computed: Vec<usize> = supernodes.filter(|&s| inverse.is_computed[s]).collect();
+        for supernode in computed {
             let range = structure.values(supernode);
             let pivots = structure.pivots(supernode).len();
             let height = range.len() / pivots;
@@ -60,8 +61,8 @@ impl SelectedInverse {
         inverse
     }
 
-    /// Z_II of a supernode, from the supernodes that eliminate I: the rows of I from one of them on
-    /// are rows of it.
+    /// Gathers Z_II of a supernode from the supernodes that eliminate I: each of them contains the rows of I
+    /// from its own pivots on.
     fn gather(&self, supernode: usize, separator: &mut [f64]) {
         let structure = &*self.structure;
         let own = structure.pivots(supernode);
@@ -96,7 +97,7 @@ impl SelectedInverse {
         mirror(separator, height);
     }
 
-    /// The rows of an ancestor's supernode that belong to these positions, all of which it has.
+    /// The rows of an ancestor's supernode that belong to these positions, which must all be among its rows.
     fn runs(&self, ancestor: usize, positions: &[u32], runs: &mut Vec<Range<usize>>) {
         let structure = &*self.structure;
         let (there, there_row) = structure.front(ancestor);
@@ -115,14 +116,14 @@ impl SelectedInverse {
         }
     }
 
-    /// The covariance of block a with block b; none where L has no entries for the pair, or where neither was asked
-    /// for.
+    /// The covariance of block a with block b; `None` if L has no entries for the pair, or if neither was
+    /// requested.
     pub fn block(&self, a: usize, b: usize) -> Option<DMatrix<f64>> {
         let structure = &*self.structure;
         let (p, q) = (structure.position[a], structure.position[b]);
         let (column, row) = (p.min(q), p.max(q));
         let supernode = structure.supernode[column];
-        if !self.is_found[supernode] {
+        if !self.is_computed[supernode] {
             return None;
         }
         let (front, front_row) = structure.front(supernode);
@@ -141,11 +142,11 @@ impl SelectedInverse {
     }
 }
 
-/// The supernodes of the blocks asked for, and those of the rows of each of them.
-fn needed(structure: &Structure, is_asked: &dyn Fn(usize) -> bool) -> Vec<bool> {
+/// Marks the supernodes of the requested blocks, and those on which they depend: the supernodes of their rows.
+fn needed(structure: &Structure, is_requested: &dyn Fn(usize) -> bool) -> Vec<bool> {
     let mut needed = vec![false; structure.l.n_supernodes()];
     for (position, &block) in structure.order.iter().enumerate() {
-        needed[structure.supernode[position]] |= is_asked(block);
+        needed[structure.supernode[position]] |= is_requested(block);
     }
     for supernode in 0..needed.len() {
         if needed[supernode] {
@@ -190,7 +191,7 @@ fn invert_supernode(
     }
 }
 
-/// Copies the lower triangle of a square matrix to its upper one, in tiles that the cache holds.
+/// Copies the lower triangle of a square matrix to its upper one, in tiles that fit into the cache.
 fn mirror(matrix: &mut [f64], order: usize) {
     const TILE: usize = 16;
     for left in (0..order).step_by(TILE) {

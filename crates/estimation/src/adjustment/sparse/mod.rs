@@ -1,8 +1,8 @@
 //! Sparse Cholesky factorisation of normal equations whose unknowns come in small blocks.
 //!
-//! H = Pᵀ L Lᵀ P with P a fill-reducing order of the blocks. Blocks stay whole in it, so every
-//! supernode of L (columns of one pattern, kept as one dense matrix) is a run of whole blocks.
-//! One thread; the same bits on every run.
+//! H = Pᵀ L Lᵀ P with P a fill-reducing order of the blocks. P does not split blocks, so every
+//! supernode of L (columns of one pattern, stored as one dense matrix) is a run of whole blocks.
+//! Runs on one thread; every run gives the same bits.
 
 mod dissection;
 mod factor;

@@ -1,4 +1,4 @@
-//! Which blocks of unknowns are coupled, and the order that eliminates them with little fill.
+//! The pattern of coupled blocks of unknowns, and a fill-reducing order of elimination.
 
 use super::dissection::nested_dissection;
 use super::structure::Structure;
@@ -61,7 +61,7 @@ impl BlockPattern {
     /// If H would have 2³² entries or L 2³¹.
     pub fn analyse(self, last: usize) -> SparseSystem {
         let later = self.later_blocks();
-        // What couples with everything does not change the order of the others.
+        // Blocks that couple with everything do not change the order of the others.
         let mut order = nested_dissection(&later, &self.sizes[..last.min(self.sizes.len())]);
         order.extend(last..self.sizes.len());
         SparseSystem::new(Structure::new(self.sizes, order, &later))
@@ -70,23 +70,23 @@ impl BlockPattern {
     /// For each block the coupled blocks of higher index, ascending.
     fn later_blocks(&self) -> Vec<Vec<u32>> {
         let blocks = self.sizes.len();
-        let mut sets_of = vec![Vec::new(); blocks];
+        let mut sets_by_block = vec![Vec::new(); blocks];
         let mut start = 0;
         for &end in &self.ends {
             for (at, &block) in (start..end).zip(&self.members[start..end]) {
-                sets_of[block as usize].push((at + 1, end));
+                sets_by_block[block as usize].push((at + 1, end));
             }
             start = end;
         }
         // The last block that each block was listed for, plus one.
         let mut listed = vec![0; blocks];
-        sets_of
+        sets_by_block
             .iter()
             .enumerate()
             .map(|(block, sets)| {
                 let mut later = Vec::new();
                 for &(start, end) in sets {
-                    // Soon so of the last blocks, which are in most of the sets.
+                    // The last blocks reach this soon, because they are in most of the sets.
                     if later.len() == blocks - 1 - block {
                         break;
                     }

@@ -1,4 +1,4 @@
-//! The symbolic analysis: where H keeps its blocks, and the pattern of L.
+//! The symbolic analysis: the storage of the blocks of H, and the pattern of L.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::SymbolicSupernodalParams;
@@ -42,8 +42,8 @@ impl FromIterator<Vec<u32>> for Lists {
     }
 }
 
-/// A pivot that is not positive or not finite: something in this block, the caller's, that data and
-/// priors leave free, with the blocks eliminated before it held by their own.
+/// A pivot that is not positive or not finite: data and priors do not determine an unknown of this block
+/// (the caller's index), given the blocks that are eliminated before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NotPositiveBlock(pub usize);
 
@@ -56,11 +56,11 @@ pub struct Structure {
     pub offset: Vec<usize>,
     /// The caller's block at each position.
     pub order: Vec<usize>,
-    /// Of each of the caller's blocks.
+    /// The position of each of the caller's blocks.
     pub position: Vec<usize>,
     /// First scalar of each position in the order of elimination, and the number of scalars.
     pub start: Vec<usize>,
-    /// Of each scalar in the caller's order, its place in the order of elimination.
+    /// The place of each scalar, in the caller's order, in the order of elimination.
     pub place: Vec<usize>,
     /// Positions coupled with each position, from itself on, ascending.
     rows: Lists,
@@ -68,7 +68,7 @@ pub struct Structure {
     first_row: Vec<u32>,
     /// For each position, where its columns begin in H.
     base: Vec<usize>,
-    /// Diagonal blocks whole and what is below them, column by column.
+    /// The pattern of H: full diagonal blocks and the blocks below them, column by column.
     pub h: SymbolicSparseColMat<u32>,
     pub l: SymbolicSupernodalCholesky<u32>,
     /// The supernode of each position.
@@ -82,7 +82,8 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// From the order of elimination and, for each block, the coupled blocks of higher index.
+    /// The structure for an order of elimination; `later` lists for each block the coupled blocks of higher
+    /// index.
     pub fn new(sizes: Vec<usize>, order: Vec<usize>, later: &[Vec<u32>]) -> Self {
         let blocks = sizes.len();
         let mut position = vec![0; blocks];
@@ -130,22 +131,22 @@ impl Structure {
         self.start[position + 1] - self.start[position]
     }
 
-    /// Where H keeps the first entry of this pair of positions, and the distance between columns;
-    /// none if they are not coupled.
+    /// Where H stores the first entry of this pair of positions, and the distance between columns;
+    /// `None` if they are not coupled.
     pub fn entry(&self, row: usize, column: usize) -> Option<(usize, usize)> {
         let at = self.rows.get(column).binary_search(&(row as u32)).ok()?;
         let first_row = self.first_row[self.rows.range(column).start + at];
         Some((self.base[column] + first_row as usize, self.height(column)))
     }
 
-    /// Number of rows kept of the columns of a position.
+    /// Number of rows stored in the columns of a position.
     pub fn height(&self, position: usize) -> usize {
         let column = self.start[position];
         let ends = self.h.col_ptr();
         (ends[column + 1] - ends[column]) as usize
     }
 
-    /// Where the diagonal is in H, in the caller's order.
+    /// Where H stores its diagonal, in the caller's order.
     pub fn diagonal(&self) -> impl Iterator<Item = usize> {
         self.position.iter().flat_map(|&position| {
             let (base, height) = (self.base[position], self.height(position));
@@ -159,7 +160,7 @@ impl Structure {
         (&self.front.values[range.clone()], &self.front_row[range])
     }
 
-    /// How many of these positions, ascending, are before this scalar.
+    /// Number of these positions (ascending) that come before this scalar.
     pub fn count_before(&self, positions: &[u32], scalar: usize) -> usize {
         positions.partition_point(|&position| self.start[position as usize] < scalar)
     }
@@ -169,7 +170,7 @@ impl Structure {
         pivots(&self.l, supernode)
     }
 
-    /// Where the values of a supernode are in L.
+    /// Where L stores the values of a supernode.
     pub fn values(&self, supernode: usize) -> Range<usize> {
         let ends = self.l.col_ptr_for_val();
         ends[supernode] as usize..ends[supernode + 1] as usize

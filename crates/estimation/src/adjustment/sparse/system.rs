@@ -4,17 +4,17 @@ use super::factor::SparseFactor;
 use super::structure::{NotPositiveBlock, Structure};
 use std::sync::Arc;
 
-/// Where H keeps the entries of a pair of blocks.
+/// Where H stores the entries of a pair of blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slot {
     base: u32,
     /// Distance between columns.
     stride: u32,
-    /// Size of the first block asked for.
+    /// Size of the first block of the pair.
     rows: u16,
-    /// Size of the second block asked for.
+    /// Size of the second block of the pair.
     columns: u16,
-    /// H keeps the rows of the second block.
+    /// Whether H stores the transposed block.
     transposed: bool,
 }
 
@@ -22,7 +22,7 @@ pub struct Slot {
 #[derive(Debug, Clone)]
 pub struct SparseSystem {
     structure: Arc<Structure>,
-    /// By the columns of the structure.
+    /// Values in the columns of the structure.
     h: Vec<f64>,
     gradient: Vec<f64>,
 }
@@ -53,12 +53,12 @@ impl SparseSystem {
         self.structure.unknowns()
     }
 
-    /// Number of entries that L keeps, zeros of merged supernodes included.
+    /// Number of entries that L stores, zeros of merged supernodes included.
     pub fn factor_entries(&self) -> usize {
         self.structure.l.len_val()
     }
 
-    /// Where the block H[a, b] is kept; any order of a and b.
+    /// Where the block H[a, b] is stored; a and b in any order.
     ///
     /// # Panics
     /// If the two are not coupled.
@@ -77,23 +77,23 @@ impl SparseSystem {
         }
     }
 
-    /// Adds to the block of a slot: values row by row in the order that the slot was asked for, of
-    /// a diagonal block the whole symmetric matrix.
+    /// Adds to the block of a slot. The values are row by row of H[a, b] as in the call of [`Self::slot`]; a
+    /// diagonal block takes the full symmetric matrix.
     pub fn add(&mut self, slot: Slot, values: &[f64]) {
         let (rows, columns) = (slot.rows as usize, slot.columns as usize);
         assert_eq!(values.len(), rows * columns, "values of the whole block");
         let (base, stride) = (slot.base as usize, slot.stride as usize);
         if slot.transposed {
             for (i, row) in values.chunks_exact(columns).enumerate() {
-                let kept = &mut self.h[base + i * stride..][..columns];
-                for (sum, value) in kept.iter_mut().zip(row) {
+                let target = &mut self.h[base + i * stride..][..columns];
+                for (sum, value) in target.iter_mut().zip(row) {
                     *sum += value;
                 }
             }
         } else {
             for j in 0..columns {
-                let kept = &mut self.h[base + j * stride..][..rows];
-                for (sum, value) in kept.iter_mut().zip(values[j..].iter().step_by(columns)) {
+                let target = &mut self.h[base + j * stride..][..rows];
+                for (sum, value) in target.iter_mut().zip(values[j..].iter().step_by(columns)) {
                     *sum += value;
                 }
             }
@@ -147,8 +147,8 @@ impl SparseSystem {
             .collect()
     }
 
-    /// Factorises H + diag(damping); damping of each scalar, or none at all. H is the same after as
-    /// before.
+    /// Factorises H + diag(damping), with one damping for each scalar or an empty list. H is unchanged
+    /// afterwards.
     ///
     /// # Errors
     /// If a pivot is not positive or not finite.
@@ -158,11 +158,10 @@ impl SparseSystem {
         Ok(factor)
     }
 
-    /// The same in the memory of a factor of this structure.
+    /// As [`Self::factorise`], in the memory of a factor of this structure.
     ///
     /// # Errors
-    /// If a pivot is not positive or not finite. The factor is of no use then but to be written
-    /// again.
+    /// If a pivot is not positive or not finite. The factor is then of no use except to be overwritten.
     pub fn factorise_into(
         &mut self,
         damping: &[f64],
@@ -170,14 +169,14 @@ impl SparseSystem {
     ) -> Result<(), NotPositiveBlock> {
         let structure = &self.structure;
         assert!(
-            factor.is_of(structure),
+            factor.has_structure(structure),
             "a factor of the same symbolic analysis"
         );
         if damping.is_empty() {
             return factor.factorise(&self.h);
         }
         assert_eq!(damping.len(), self.unknowns(), "damping of each unknown");
-        // H is many times larger than its diagonal: keep that, not a copy of H.
+        // H is many times larger than its diagonal: save the diagonal, not a copy of H.
         let diagonal = self.diagonal();
         for (at, damping) in structure.diagonal().zip(damping) {
             self.h[at] += damping;

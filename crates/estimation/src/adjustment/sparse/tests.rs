@@ -1,4 +1,4 @@
-//! Against dense algebra on random structures, and the time on one like a survey's.
+//! Tests against dense algebra on random structures, and the run time on a structure like a survey's.
 
 use super::dissection::nested_dissection;
 use super::structure::NotPositiveBlock;
@@ -17,8 +17,8 @@ struct Case {
 }
 
 impl Case {
-    /// Blocks of 1 to 9 unknowns, each factor on a few of them that are near to each other; the
-    /// last ones with all.
+    /// Blocks of 1 to 9 unknowns. Each factor touches a few blocks that are near to each other, and all of the
+    /// last ones.
     fn random(seed: u64, blocks: usize, constants: usize) -> Self {
         Self::with_factors(seed, blocks, constants, 3 * blocks)
     }
@@ -194,17 +194,17 @@ fn selected_inverse_is_the_inverse_where_the_factor_has_entries() {
 }
 
 #[test]
-fn blocks_asked_for_alone_have_the_same_covariance() {
+fn requested_blocks_alone_have_the_same_covariance() {
     let mut withheld = 0;
     for mut case in cases() {
         let factor = case.factor();
         let all = factor.selected_inverse(|_| true);
-        let is_asked = |block: usize| block.is_multiple_of(3);
-        let some = factor.selected_inverse(is_asked);
+        let is_requested = |block: usize| block.is_multiple_of(3);
+        let some = factor.selected_inverse(is_requested);
         for a in 0..case.sizes.len() {
             for b in 0..case.sizes.len() {
                 let found = some.block(a, b);
-                if is_asked(a) && is_asked(b) {
+                if is_requested(a) && is_requested(b) {
                     assert_eq!(found, all.block(a, b), "blocks {a} and {b}");
                 }
                 withheld += usize::from(found.is_none() && all.block(a, b).is_some());
@@ -259,8 +259,8 @@ fn blocks_kept_to_the_end_are_eliminated_last_in_their_order() {
 }
 
 #[test]
-fn dissection_lists_each_block_once_and_halves_before_what_parts_them() {
-    // Two runs of blocks that the last of all couples.
+fn dissection_lists_each_block_once_and_halves_before_their_separator() {
+    // Two runs of blocks that are coupled only by the last block.
     let mut later: Vec<Vec<u32>> = (0..400).map(|k| vec![k + 1, 400]).collect();
     later[199] = vec![400];
     later[399] = vec![400];
@@ -297,7 +297,7 @@ fn block_whose_pivot_fails_is_named() {
 }
 
 #[test]
-fn entries_that_are_no_numbers_fail_the_factorisation() {
+fn nan_entries_fail_the_factorisation() {
     let mut case = Case::random(12, 40, 3);
     let size = case.sizes[1] * case.sizes[39];
     let slot = case.system.slot(1, 39);
@@ -322,9 +322,9 @@ fn blocks_that_are_not_coupled_have_no_slot() {
     pattern.analyse(3).slot(2, 0);
 }
 
-/// The blocks of a survey like ours, the first of the constants, and the blocks of each factor: a
-/// route of lanes back and forth, and patches beside each other that some of the lanes see for
-/// `visit` steps.
+/// The sizes of the blocks of a typical survey, the index of the first constant, and the blocks of each
+/// factor: a route of lanes back and forth, and patches beside each other, each seen from some of the
+/// lanes for `visit` steps.
 fn survey(visit: usize) -> (Vec<usize>, usize, Vec<Vec<usize>>) {
     const LANES: usize = 5;
     let (steps, patches) = (3700, 18_000);

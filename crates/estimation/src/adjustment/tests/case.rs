@@ -1,4 +1,4 @@
-//! Random chains, as fronts and dense.
+//! Random chains, in fronts and as dense matrices.
 
 use crate::adjustment::chain::{ChainFactor, ChainStep, ChainSystem, NotPositive};
 use crate::adjustment::layout::{ChainLayout, NODE, SEGMENT, STEP, TAIL};
@@ -54,7 +54,7 @@ impl Case {
                         h[(place(a), place(b))] += step_h[(a, b)];
                     }
                 }
-                // Below the diagonal nothing may be read.
+                // Entries below the diagonal must not be read.
                 let upper = |a: usize, b: usize| if a <= b { step_h[(a, b)] } else { 1e30 };
                 let system = StepSystem {
                     h: std::array::from_fn(|a| std::array::from_fn(|b| upper(a, b))),
@@ -170,7 +170,7 @@ impl Case {
         self.border.weight.len()
     }
 
-    /// Where unknown `a` of step i stands in the dense system.
+    /// Index of unknown `a` of step i in the dense system.
     pub fn place(&self, i: usize, a: usize) -> usize {
         if a < 2 * NODE {
             i * NODE + a

@@ -122,7 +122,7 @@ fn functionals_of_all_unknowns_agree_with_dense_inverse() {
         let dense = case.inverse();
         let (nodes, segments) = (case.layout.nodes(), case.layout.segments());
         let mut random = ChaCha8Rng::seed_from_u64(9);
-        // Which nodes and segments matter; a segment before and after the first node, nothing at all.
+        // Selected nodes and segments: a segment before and after the first node, and none at all.
         let selections = [
             (vec![nodes / 2, nodes - 1, nodes / 2], vec![]),
             (vec![nodes - 1], vec![0, segments / 2]),
@@ -156,7 +156,7 @@ fn functionals_of_all_unknowns_agree_with_dense_inverse() {
     }
 }
 
-/// The chain does not move by a bit where a border exists that nothing couples.
+/// A border without couplings does not change the solution of the chain by a single bit.
 #[test]
 fn a_border_that_touches_nothing_changes_nothing() {
     let alone = Case::new(&[0, 0, 1], 0, 0.1);
@@ -178,9 +178,9 @@ fn a_border_that_touches_nothing_changes_nothing() {
     }
 }
 
-/// Step by step through [`Carry`], as an online smoother goes, gives the same fronts.
+/// Eliminating step by step with [`Carry`], as an online smoother does, gives the same fronts.
 #[test]
-fn fronts_one_by_one_are_those_of_the_batch() {
+fn fronts_eliminated_one_by_one_are_those_of_the_batch() {
     let case = Case::new(&[0, 0, 1, 2, 2], 0, 0.0);
     let factor = case.factor().expect("positive definite");
     let mut carry = Carry::new(&case.prior);
@@ -193,7 +193,7 @@ fn fronts_one_by_one_are_those_of_the_batch() {
         }
         let mut front = StepFront::ZERO;
         assert!(carry.eliminate_step(&mut case.steps[i].clone(), &case.damping, &mut front));
-        // What is below the diagonal is not read, and not compared.
+        // Entries below the diagonal are not read, and not compared.
         for a in 0..NODE {
             assert_eq!(front.rows[a][a..], factor.step(i).0.rows[a][a..]);
         }
@@ -205,12 +205,12 @@ fn fronts_one_by_one_are_those_of_the_batch() {
 }
 
 #[test]
-fn each_column_alone_is_what_the_chain_finds_without_the_others() {
+fn each_alone_is_the_solution_without_the_other_columns() {
     let case = Case::new(&[0, 0, 1, 2], 4, 0.1);
     let factor = case.factor().expect("positive definite");
     let first = 1;
     for (i, (step, sigma)) in factor.each_alone(first).into_iter().enumerate() {
-        // The dense system without the columns that are not there.
+        // The dense system without the other columns.
         let others = (first..4).filter(|c| *c != first + i);
         let gone: Vec<usize> = others.map(|c| case.border_at(c)).collect();
         let h = case
@@ -245,9 +245,9 @@ fn one_thread_and_two_give_the_same_bits() {
 }
 
 #[test]
-fn what_is_free_is_named() {
+fn an_unknown_that_is_not_determined_is_named() {
     let mut case = Case::new(&[0, 0, 0], 0, 0.0);
-    // Nothing but node 0 sees anything: step 1 starts from nothing and adds nothing.
+    // Only node 0 has a prior: step 1 starts without information and adds none.
     case.steps.fill(StepSystem::ZERO);
     assert_eq!(case.factor().err(), Some(NotPositive::Node(1)));
     let mut case = Case::new(&[0, 0, 0], 2, 0.0);

@@ -26,8 +26,8 @@ struct State {
     patch: Parameter<Vec3>,
 }
 
-/// Nodes that follow each other, points that a scanner sees from each, and how high they lie above
-/// a patch.
+/// Links between consecutive nodes, points that a scanner sees from each node, and their heights above a
+/// patch.
 struct Problem {
     layout: ChainLayout,
     links: Vec<SVector<f64, NODE>>,
@@ -39,7 +39,7 @@ struct Problem {
 const SIGMA: f64 = 0.1;
 
 impl Problem {
-    /// How far the next node is from where this one and the segment lead.
+    /// Difference between the next node and its prediction from this node and the segment.
     fn link(&self, state: &State, step: usize) -> FactorRows<NODE> {
         let segment = &state.segments[self.layout.segment(step)];
         let (node, next) = (&state.nodes[step], &state.nodes[step + 1]);
@@ -60,7 +60,7 @@ impl Problem {
         )
     }
 
-    /// Where a point of the scanner lies, seen from the node, and its height above the patch.
+    /// Position of a point of the scanner, seen from the node, and its height above the patch.
     fn scan(&self, state: &State, step: usize) -> FactorRows<4> {
         let from = Vec3::from_column_slice(&state.nodes[step].as_slice()[3..6]);
         let mounting = &state.mounting.value;
@@ -278,7 +278,7 @@ fn solved() -> (Problem, State, ChainFactor) {
         .expect("nothing cancels");
     assert_eq!(ended.stop, StopReason::Converged);
     assert!(ended.cost < ended.cost_initial);
-    // Beyond what counts as converged, to rounding.
+    // Beyond the limit of convergence, down to rounding.
     for _ in 0..60 {
         problem
             .solve(&mut state, &mut factor, 1, &Silent)

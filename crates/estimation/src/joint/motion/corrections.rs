@@ -1,4 +1,4 @@
-//! A drive with poses from elsewhere: corrections of them that are correlated in time.
+//! A drive with given poses: corrections of the poses that are correlated in time.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use crate::trajectory::Trajectory;
 /// Unknowns of a knot: δφ in body axes, δp in world axes.
 const SIZE: usize = 6;
 
-/// Knots in a correlation time.
+/// Knots per correlation time.
 const KNOTS: f64 = 10.0;
 /// Most knots per pose.
 const KNOTS_PER_POSE: f64 = 4.0;
 
-/// Poses and their corrections: a Gauss-Markov process with the poses' standard deviations, which
-/// keeps them where nothing contradicts.
+/// Poses and their corrections. The corrections are a Gauss-Markov process with the poses' standard
+/// deviations, so poses stay as they are unless other observations contradict them.
 #[derive(Debug, Clone)]
 pub struct CorrectedPoses {
     poses: Arc<Trajectory>,
@@ -29,8 +29,8 @@ pub struct CorrectedPoses {
 }
 
 impl CorrectedPoses {
-    /// Poses with standard deviations; `None` where some have none. Errors are taken to be equally
-    /// large along the drive: the root mean square of each component.
+    /// Poses with standard deviations; `None` if some poses have none. Errors are assumed to be equally
+    /// large along the drive, with the root mean square of each component.
     pub fn new(trajectory: &Trajectory, correlation_s: f64) -> Option<Self> {
         let poses = trajectory.poses();
         let mut squares = [0.0; SIZE];
@@ -46,11 +46,11 @@ impl CorrectedPoses {
         }
         let sigma = squares.map(|square| (square / poses.len() as f64).sqrt());
         let span_s = trajectory.span_s();
-        // No more than a few knots a pose, however long the poses span.
+        // At most a few knots per pose, however long the span of the poses.
         let count = ((span_s.1 - span_s.0) * KNOTS / correlation_s)
             .ceil()
             .clamp(1.0, KNOTS_PER_POSE * poses.len() as f64);
-        // Rounding may not carry the last knot beyond the poses: there is none after them.
+        // Rounding must not move the last knot beyond the last pose.
         let knot = |k: usize| {
             let time_s = span_s.0 + (span_s.1 - span_s.0) * k as f64 / count;
             time_s.min(span_s.1)
@@ -87,16 +87,16 @@ impl CorrectedPoses {
         })
     }
 
-    /// The poses of a step: those within it, and at either end.
+    /// The poses of a step: those within it, and those at its two ends.
     fn within(&self, step: usize) -> Vec<PoseRecord> {
         let (from_s, to_s) = (self.process.knot_s[step], self.process.knot_s[step + 1]);
         let poses = self.poses.poses();
         let first = poses.partition_point(|pose| pose.time_s <= from_s);
         let end = poses.partition_point(|pose| pose.time_s < to_s);
-        let mut found: Vec<_> = self.uncorrected(from_s).into_iter().collect();
-        found.extend_from_slice(&poses[first.min(end)..end]);
-        found.extend(self.uncorrected(to_s));
-        found
+        let mut within: Vec<_> = self.uncorrected(from_s).into_iter().collect();
+        within.extend_from_slice(&poses[first.min(end)..end]);
+        within.extend(self.uncorrected(to_s));
+        within
     }
 }
 

@@ -15,23 +15,23 @@ pub struct GaussMarkov {
     pub correlation_s: f64,
     /// Values at the knots, one after the other.
     pub value: Vec<f64>,
-    /// Knots before which it jumped: they are not tied to the one before.
+    /// Knots after a jump: they are not tied to the knot before.
     pub restarts: Vec<usize>,
 }
 
 /// Standard deviation of a component after a jump.
 const RESTART_SIGMA: f64 = 0.05;
-/// A step is a jump where it is this many times as large as the robust standard deviation of all steps.
+/// A step is a jump if it exceeds this many robust standard deviations of all steps.
 const JUMP_SIGMAS: f64 = 8.0;
-/// And at least this large, radians and metres.
+/// Least size of a jump, radians and metres.
 const LEAST_JUMP: f64 = 3e-4;
 
-/// Knots per correlation time: between them the process is a straight line, which leaves out a
-/// variance of σ²/(3·KNOTS) at mid-interval at most.
+/// Knots per correlation time. Between knots the process is a straight line, which leaves out a variance
+/// of at most σ²/(3·KNOTS) at mid-interval.
 const KNOTS: f64 = 5.0;
 
 impl GaussMarkov {
-    /// At rest over a span, with knots no farther apart than a share of the correlation time.
+    /// A process at rest over a span, with knots no farther apart than a share of the correlation time.
     pub fn new((from_s, to_s): (f64, f64), sigma: Vec<f64>, correlation_s: f64) -> Self {
         let count = ((to_s - from_s) * KNOTS / correlation_s).ceil().max(1.0);
         let steps = count as usize;
@@ -39,7 +39,7 @@ impl GaussMarkov {
         Self::at_knots((0..=steps).map(knot).collect(), sigma, correlation_s)
     }
 
-    /// At rest at these knots, two or more.
+    /// A process at rest with these knots, two or more.
     pub fn at_knots(knot_s: Vec<f64>, sigma: Vec<f64>, correlation_s: f64) -> Self {
         Self {
             value: vec![0.0; knot_s.len() * sigma.len()],
@@ -50,7 +50,7 @@ impl GaussMarkov {
         }
     }
 
-    /// From the first knot to the last, seconds.
+    /// Time from the first knot to the last, seconds.
     pub fn span_s(&self) -> f64 {
         self.knot_s[self.knot_s.len() - 1] - self.knot_s[0]
     }
@@ -61,7 +61,7 @@ impl GaussMarkov {
         self.span_s() / (self.knot_s.len() - 1) as f64 / (3.0 * self.correlation_s)
     }
 
-    /// Components.
+    /// Number of components.
     pub fn dimension(&self) -> usize {
         self.sigma.len()
     }
@@ -74,8 +74,8 @@ impl GaussMarkov {
         (knot, ((time_s - a) / (b - a)).clamp(0.0, 1.0))
     }
 
-    /// The value of a component at a knot.
-    pub fn of_knot(&self, knot: usize) -> &[f64] {
+    /// The values of all components at a knot.
+    pub fn at_knot(&self, knot: usize) -> &[f64] {
         let d = self.dimension();
         &self.value[knot * d..(knot + 1) * d]
     }
@@ -83,23 +83,23 @@ impl GaussMarkov {
     /// The value of a component at a time.
     pub fn at(&self, time_s: f64, component: usize) -> f64 {
         let (knot, u) = self.locate(time_s);
-        self.of_knot(knot)[component] * (1.0 - u) + self.of_knot(knot + 1)[component] * u
+        self.at_knot(knot)[component] * (1.0 - u) + self.at_knot(knot + 1)[component] * u
     }
 
-    /// How far a component moves from knot to knot, by the later knot.
+    /// Changes of a component from knot to knot, indexed by the later knot.
     fn steps(&self, component: usize) -> Vec<f64> {
-        let value = |k: usize| self.of_knot(k)[component];
+        let value = |k: usize| self.at_knot(k)[component];
         let steps = (1..self.knot_s.len()).map(|k| value(k) - value(k - 1));
         std::iter::once(0.0).chain(steps).collect()
     }
 
-    /// The knot before which it jumped, and how many robust standard deviations of all steps its step there is: by
-    /// itself, or beside another process with the same knots that moves less there. What poses follow is in all
-    /// processes alike, and not in their difference.
+    /// The largest jump: its size in robust standard deviations of all steps, and the knot after it. Steps are taken by
+    /// themselves, and relative to another process with the same knots that moves less there: motion that the poses
+    /// follow is the same in all processes and cancels in their difference.
     pub fn jump(&self, others: &[&Self]) -> Option<(f64, usize)> {
         let knots = 1..self.knot_s.len();
-        let is_asked = |k: usize| {
-            // A knot between two jumps would float, and what is left of one beside it is no other.
+        let is_candidate = |k: usize| {
+            // A knot between two jumps would not be determined, and the remainder of a neighbouring jump is not another one.
             let is_near = |r: &usize| r.abs_diff(k) <= 2;
             let is_beside = |r: &usize| *r != k && is_near(r);
             !self.restarts.iter().any(is_near)
@@ -107,15 +107,18 @@ impl GaussMarkov {
                     .iter()
                     .any(|other| other.restarts.iter().any(is_beside))
         };
-        let asked: Vec<usize> = knots.filter(|&k| is_asked(k)).collect();
+        let candidates: Vec<usize> = knots.filter(|&k| is_candidate(k)).collect();
         let mut worst = None;
-        let mut ask = |own: &[f64], other: Option<&[f64]>| {
-            let step = |k: usize| (own[k] - other.map_or(0.0, |other| other[k])).abs();
-            let Some(typical) = median(asked.iter().map(|&k| step(k))) else {
+        let mut consider = |steps: &[f64], other: Option<&[f64]>| {
+            let step = |k: usize| (steps[k] - other.map_or(0.0, |other| other[k])).abs();
+            let Some(typical) = median(candidates.iter().map(|&k| step(k))) else {
                 return;
             };
-            let is_own = |k: usize| other.is_none_or(|other| own[k].abs() > other[k].abs());
-            for &k in asked.iter().filter(|&&k| step(k) > LEAST_JUMP && is_own(k)) {
+            let is_larger = |k: usize| other.is_none_or(|other| steps[k].abs() > other[k].abs());
+            for &k in candidates
+                .iter()
+                .filter(|&&k| step(k) > LEAST_JUMP && is_larger(k))
+            {
                 let ratio = step(k) / (SIGMAS_PER_MAD * typical);
                 if ratio > worst.map_or(JUMP_SIGMAS, |(most, _)| most) {
                     worst = Some((ratio, k));
@@ -123,10 +126,10 @@ impl GaussMarkov {
             }
         };
         for component in 0..self.dimension() {
-            let own = self.steps(component);
-            ask(&own, None);
+            let steps = self.steps(component);
+            consider(&steps, None);
             for other in others {
-                ask(&own, Some(&other.steps(component)));
+                consider(&steps, Some(&other.steps(component)));
             }
         }
         worst
@@ -140,45 +143,45 @@ impl GaussMarkov {
         rows_together(&[(self, first_block)], &alone, knot, group, batch);
     }
 
-    /// What a component does at a knot, in its standard deviations.
+    /// The innovation of a component at a knot, in standard deviations.
     fn innovation(&self, knot: usize, component: usize) -> Innovation {
-        let here = self.of_knot(knot)[component];
+        let here = self.at_knot(knot)[component];
         let sigma = self.sigma[component].max(f64::MIN_POSITIVE);
-        let of_first = |sigma: f64| Innovation {
+        let untied = |sigma: f64| Innovation {
             value: here / sigma,
             by_here: 1.0 / sigma,
             by_before: None,
         };
         if self.restarts.contains(&knot) {
-            return of_first(RESTART_SIGMA);
+            return untied(RESTART_SIGMA);
         }
         let Some(before) = knot.checked_sub(1) else {
-            return of_first(sigma);
+            return untied(sigma);
         };
         let elapsed_s = self.knot_s[knot] - self.knot_s[before];
-        let keep = (-elapsed_s / self.correlation_s).exp();
-        let scale = 1.0 / (sigma * (1.0 - keep * keep).sqrt());
+        let decay = (-elapsed_s / self.correlation_s).exp();
+        let scale = 1.0 / (sigma * (1.0 - decay * decay).sqrt());
         Innovation {
-            value: (here - keep * self.of_knot(before)[component]) * scale,
+            value: (here - decay * self.at_knot(before)[component]) * scale,
             by_here: scale,
-            by_before: Some(-keep * scale),
+            by_before: Some(-decay * scale),
         }
     }
 }
 
-/// What a process does at a knot beyond what the knot before says, in standard deviations.
+/// Change of a process at a knot beyond the prediction from the knot before, in standard deviations.
 #[derive(Clone, Copy)]
 struct Innovation {
     value: f64,
     by_here: f64,
-    /// `None` where there is none, or the process jumped.
+    /// `None` at the first knot, and after a jump.
     by_before: Option<f64>,
 }
 
 /// Adds the rows of processes with the same knots whose innovations z have the correlation ρ with each other, 0 to
-/// 1, given for each component: z_s less what those of the m processes before say of it, c Σ z, over the root of
-/// what that leaves, v, with c = ρ/(1 + (m − 1) ρ) and v = 1 − m ρ c. With each process goes its block of knot 0. A
-/// jump is its own.
+/// 1, given for each component. The row of process s is z_s minus its prediction c Σ z from the m processes before it,
+/// over √v, where v is the variance of the difference, c = ρ/(1 + (m − 1) ρ) and v = 1 − m ρ c. Each process comes with
+/// its block of knot 0. A process that jumps is independent of the others.
 pub fn rows_together(
     processes: &[(&GaussMarkov, usize)],
     correlation: &dyn Fn(usize) -> f64,
@@ -192,16 +195,17 @@ pub fn rows_together(
         let rho = correlation(component);
         let mut before: Vec<(Innovation, usize)> = Vec::new();
         for &(process, first_block) in processes {
-            let own = process.innovation(knot, component);
+            let innovation_here = process.innovation(knot, component);
             let jumped = process.restarts.contains(&knot);
             let others = if jumped { &[] } else { before.as_slice() };
             let m = others.len() as f64;
             let c = rho / (1.0 + (m - 1.0) * rho);
             let scale = (1.0 - m * rho * c).sqrt().recip();
-            let said: f64 = others.iter().map(|(other, _)| c * other.value).sum();
-            batch.begin(group, 1.0, (own.value - said) * scale);
-            let of_others = others.iter().map(|&(other, first)| (other, first, -c));
-            for (innovation, first, share) in of_others.chain([(own, first_block, 1.0)]) {
+            let predicted: f64 = others.iter().map(|(other, _)| c * other.value).sum();
+            batch.begin(group, 1.0, (innovation_here.value - predicted) * scale);
+            let by_others = others.iter().map(|&(other, first)| (other, first, -c));
+            for (innovation, first, share) in by_others.chain([(innovation_here, first_block, 1.0)])
+            {
                 if let Some(by_before) = innovation.by_before {
                     by[component] = share * by_before * scale;
                     batch.touch(first + knot - 1, &by);
@@ -211,7 +215,7 @@ pub fn rows_together(
             }
             by[component] = 0.0;
             if !jumped {
-                before.push((own, first_block));
+                before.push((innovation_here, first_block));
             }
         }
     }

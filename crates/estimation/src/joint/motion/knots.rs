@@ -5,7 +5,7 @@ use crate::geometry::{Vec3, WorldFromBody};
 
 /// Unknowns of a bridge.
 pub const BRIDGE: usize = 3;
-/// Where they begin: behind the most unknowns of two nodes.
+/// Place of the first of these: after the largest number of unknowns of two nodes.
 pub const AT_BRIDGE: usize = 18;
 /// Most unknowns of a step.
 const WIDTH: usize = AT_BRIDGE + BRIDGE;
@@ -23,9 +23,9 @@ pub struct Knot {
     pub time_s: f64,
     /// The pose.
     pub world_from_body: WorldFromBody,
-    /// World, m/s; `None` where positions are joined by straight lines.
+    /// World, m/s; `None` if positions are joined by straight lines.
     pub velocity_m_s: Option<Vec3>,
-    /// By the leading unknowns of both nodes, and by the bridge.
+    /// Derivatives by the leading unknowns of both nodes, and by the bridge.
     pub by: PoseDerivative,
 }
 
@@ -104,9 +104,9 @@ impl StepPoses {
     }
 }
 
-/// Derivatives of a pose that is that of a node whose unknowns, of which the first six are (δφ,
-/// δp), begin here.
-pub fn of_node(first: usize) -> PoseDerivative {
+/// Derivatives of a node's pose by its own unknowns, which begin at column `first`; the first six are (δφ,
+/// δp).
+pub fn node_derivative(first: usize) -> PoseDerivative {
     std::array::from_fn(|row| {
         std::array::from_fn(|column| f64::from(u8::from(column == first + row)))
     })

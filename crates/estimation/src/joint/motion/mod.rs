@@ -1,5 +1,5 @@
-//! Where the body was: the unknowns behind the poses of a drive, and what is known about them
-//! without scanners.
+//! The motion of the body: the unknowns behind the poses of a drive, and all observations of them except
+//! scans.
 
 mod chain;
 mod corrections;
@@ -17,7 +17,7 @@ use crate::sensor::PoseRecord;
 use crate::stored::stored;
 use nalgebra::DMatrix;
 
-/// Where a motion finds its unknowns among the blocks of the whole problem.
+/// The places of a motion's unknowns and groups in the whole problem.
 #[derive(Debug, Clone, Copy)]
 pub struct Places<'a> {
     /// Its first own block.
@@ -47,7 +47,7 @@ pub trait Motion: Send + Sync {
     /// The own blocks of the nodes of a step whose leading unknowns the poses depend on.
     fn pose_blocks(&self, step: usize) -> [usize; 2];
 
-    /// The own block of the bridge of a step: what the attitude does between its nodes.
+    /// The own block of the bridge of a step: the deviation of the attitude between its nodes.
     fn bridge_block(&self, _step: usize) -> Option<usize> {
         None
     }
@@ -61,7 +61,7 @@ pub trait Motion: Send + Sync {
     /// The motion after a step of its own blocks (one after the other) and of its constants.
     fn moved(&self, own: &[f64], constants: &[f64]) -> Box<dyn Motion>;
 
-    /// How far the start values of the own blocks may be off: the unit of the damping.
+    /// Uncertainty of the start values of the own blocks, the unit of the damping.
     fn damping_sigma(&self) -> Vec<f64>;
 
     /// The poses; with `covariance` of two own blocks also their standard deviations.
@@ -70,26 +70,26 @@ pub trait Motion: Send + Sync {
         covariance: Option<&(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync)>,
     ) -> Vec<PoseRecord>;
 
-    /// Constants that it has in columns of their own, with their values.
+    /// The constants that are unknowns of their own, with their values.
     fn constants(&self) -> Vec<ConstantValue>;
 
     /// A copy.
     fn boxed(&self) -> Box<dyn Motion>;
 
-    /// The residuals of its position sensors in blocks of this many seconds; none where there are no
+    /// The residuals of its position sensors in blocks of this many seconds; empty without such
     /// sensors.
     fn position_blocks(&self, _block_s: f64) -> Vec<PositionBlocks> {
         Vec::new()
     }
 
-    /// The residuals of its position sensors one by one; none where there are no sensors.
+    /// The residuals of its position sensors one by one; empty without such sensors.
     fn position_residuals(&self) -> Vec<PositionResiduals> {
         Vec::new()
     }
 }
 
-/// Means of a position sensor's residuals over blocks of time: white residuals average out, those of
-/// a world that does not fit do not.
+/// Means of a position sensor's residuals over blocks of time: white residuals average out, residuals due to
+/// a wrong model do not.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct PositionBlocks {
     /// Name of the sensor.
@@ -111,16 +111,16 @@ pub struct PositionResiduals {
     pub records: Vec<(f64, Vec3)>,
 }
 
-/// A constant that is estimated along with the motion, one value.
+/// One value of a constant that is estimated along with the motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConstantValue {
-    /// As in the project, with the component: `prism.lever_arm.x`.
+    /// Name as in the project, with the component: `prism.lever_arm.x`.
     pub name: String,
     /// SI unit.
     pub unit: &'static str,
-    /// What `correction` is added to.
+    /// The value to which `correction` is added.
     pub base: f64,
-    /// Found so far.
+    /// The correction estimated so far.
     pub correction: f64,
     /// Standard deviation of the prior about `base`.
     pub prior_sigma: f64,

@@ -1,4 +1,4 @@
-//! Which points belong to which surfel.
+//! Association of points with surfels.
 
 use rayon::prelude::*;
 
@@ -15,18 +15,18 @@ use crate::joint::input::Scans;
 use crate::joint::motion::Motion;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// Fewest rows of a surfel without a reference: three are its own.
+/// Fewest rows of a surfel without a reference: three determine its own plane.
 const MIN_ROWS: u32 = 4;
-/// Time without a row after which a scanner is on another pass, seconds.
+/// Time without a row after which a scanner begins another pass, seconds.
 const PASS_S: f64 = 3.0;
 /// Fewest points of a row.
 const MIN_ROW_POINTS: usize = 3;
-/// Points farther from their surfel than this many standard deviations are not of it.
+/// Points farther from a surfel than this many standard deviations do not belong to it.
 const GATE_SIGMAS: f64 = 4.0;
-/// Points count as near a surfel, even where they are beyond its gate, within this many sizes.
+/// Points within this many sizes count as near a surfel, even if they are beyond its gate.
 const NEAR_SIZES: f64 = 0.6;
 
-/// One point at its place.
+/// A point placed in the world.
 #[derive(Clone, Copy)]
 struct Placed {
     world_m: Vec3,
@@ -34,9 +34,9 @@ struct Placed {
     point: u32,
 }
 
-/// Finds the surfels and their rows for these motions and mountings. Scanner points and the
-/// reference are cut by the same voxels; a surfel takes its plane from the reference where there is
-/// one, and from the scans elsewhere.
+/// Finds the surfels and their rows for these motions and mountings. Scanner points and the reference are
+/// cut by the same voxels. A surfel takes its plane from the reference, or from the scans if the reference
+/// has no points there.
 pub fn associate(
     scans: &[Scans<'_>],
     motions: &[Box<dyn Motion>],
@@ -45,7 +45,7 @@ pub fn associate(
     reference: &ReferenceCells,
     gates: &Gates,
 ) -> Association {
-    // Of each drive and scanner.
+    // The placed points of each drive and scanner.
     let placed: Vec<Vec<Vec<Placed>>> = scans
         .iter()
         .zip(motions)
@@ -55,11 +55,14 @@ pub fn associate(
                 Some(bends) => bent(&mountings[s], &bends.offset(drive, s, time_s)),
                 None => mountings[s],
             };
-            let of = |s: usize| {
+            let place_scanner = |s: usize| {
                 let mounting = |time_s: f64| mounting(s, time_s);
                 place(scans, motion.as_ref(), s, &mounting, late_s[s])
             };
-            (0..mountings.len()).into_par_iter().map(of).collect()
+            (0..mountings.len())
+                .into_par_iter()
+                .map(place_scanner)
+                .collect()
         })
         .collect();
     let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
@@ -116,7 +119,7 @@ pub fn associate(
         keep_keyframes(drive, &gates.keyframe_steps);
     }
     find_coverage(&surfels, mountings.len(), &mut drives);
-    drop_unseen(&mut surfels, &mut drives, scans);
+    drop_unchecked(&mut surfels, &mut drives, scans);
     Association {
         surfels,
         drives,
@@ -162,8 +165,8 @@ fn place(
     placed.collect()
 }
 
-/// The rows of a drive: its points sorted by step, scanner and surfel. Adds them to the tallies of the
-/// surfels.
+/// The rows of a drive: its points sorted by step, scanner and surfel. Adds the points to the tallies of
+/// the surfels.
 fn rows_of(
     placed: &[Vec<Placed>],
     scans: &Scans<'_>,
@@ -175,10 +178,10 @@ fn rows_of(
     // Step, scanner, surfel, point, and the bits of its distance from the surfel.
     let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for (scanner, points) in placed.iter().enumerate() {
-        let found = points.par_iter().filter_map(|point| {
+        let near = points.par_iter().filter_map(|point| {
             let surfel = *by_key.get(&voxel_key(&point.world_m, gates.size_m))?;
-            let of = &surfels[surfel as usize];
-            let distance_m = of.axes[0].dot(&(point.world_m - of.centre_m));
+            let plane = &surfels[surfel as usize];
+            let distance_m = plane.axes[0].dot(&(point.world_m - plane.centre_m));
             (distance_m.abs() < NEAR_SIZES * gates.size_m).then_some((
                 point.step,
                 scanner as u32,
@@ -187,7 +190,7 @@ fn rows_of(
                 (distance_m as f32).to_bits(),
             ))
         });
-        seen.par_extend(found);
+        seen.par_extend(near);
     }
     seen.par_sort_unstable();
     let mut rows = DriveRows {
@@ -200,9 +203,9 @@ fn rows_of(
     let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
         let (step, scanner, surfel, ..) = near[0];
-        let of_surfel = &mut tallies[surfel as usize];
-        of_surfel.near += near.len() as f64;
-        of_surfel.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
+        let tally = &mut tallies[surfel as usize];
+        tally.near += near.len() as f64;
+        tally.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
         let sigma_m = surfels[surfel as usize]
             .roughness_m
             .hypot(gates.misfit_m)
@@ -223,8 +226,8 @@ fn rows_of(
         };
         let count = group.len() as f64;
         let mean = distances().sum::<f64>() / count;
-        of_surfel.squares_m2 += distances().map(|d| (d - mean).powi(2)).sum::<f64>();
-        of_surfel.free += count - 1.0;
+        tally.squares_m2 += distances().map(|d| (d - mean).powi(2)).sum::<f64>();
+        tally.free += count - 1.0;
         rows.step_start[step as usize + 1] += 1;
         rows.rows.push(ScanRow {
             surfel,
@@ -235,7 +238,7 @@ fn rows_of(
             coverage: 0,
             depth_m: 0.0,
             by_motion: [0.0; 2],
-            beside: 1,
+            rows_in_step: 1,
             trust: 1.0,
         });
         rows.points.extend(group.iter().map(|(.., point, _)| {
@@ -257,27 +260,27 @@ fn distance_m(bits: u32) -> f64 {
     f64::from(f32::from_bits(bits))
 }
 
-/// By how much the points of a scanner scatter more than the surfels they lie on, metres: its own
-/// noise, if that is larger.
+/// Excess of the scatter of a scanner's points over the roughness of the surfels they lie on, metres: its
+/// own noise, if that is larger.
 fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32) -> f64 {
-    let own = || seen.iter().filter(|seen| seen.1 == scanner);
-    let distance_m = median(own().map(|seen| distance_m(seen.4).abs()));
-    let roughness_m = median(own().map(|seen| surfels[seen.2 as usize].roughness_m));
-    let square = |of: Option<f64>| of.unwrap_or(0.0).powi(2);
+    let points = || seen.iter().filter(|seen| seen.1 == scanner);
+    let distance_m = median(points().map(|seen| distance_m(seen.4).abs()));
+    let roughness_m = median(points().map(|seen| surfels[seen.2 as usize].roughness_m));
+    let square = |value: Option<f64>| value.unwrap_or(0.0).powi(2);
     let excess_m2 = SIGMAS_PER_MAD.powi(2) * square(distance_m) - square(roughness_m);
     excess_m2.max(0.0).sqrt()
 }
 
-/// Keeps of each scanner only the rows of its keyframes: of so many steps in turn the one with the most
-/// rows.
+/// Keeps only the rows of each scanner's keyframes. Every `keyframe_steps` consecutive steps have one
+/// keyframe: the step with the most rows.
 fn keep_keyframes(drive: &mut DriveRows, keyframe_steps: &[usize]) {
     for (scanner, &every) in (0..).zip(keyframe_steps).filter(|(_, every)| **every > 1) {
-        let rows_of = |step: usize| {
+        let row_count = |step: usize| {
             let rows = drive.of_step(step).iter();
             rows.filter(|row| row.scanner == scanner).count()
         };
         let steps: Vec<usize> = (0..drive.step_start.len() - 1).collect();
-        let fullest = |window: &[usize]| window.iter().copied().max_by_key(|&step| rows_of(step));
+        let fullest = |window: &[usize]| window.iter().copied().max_by_key(|&step| row_count(step));
         let keyframes: Vec<usize> = steps.chunks(every).filter_map(fullest).collect();
         drive.retain(|step, row| {
             let is_kept = row.scanner != scanner || keyframes.binary_search(&step).is_ok();
@@ -286,8 +289,8 @@ fn keep_keyframes(drive: &mut DriveRows, keyframe_steps: &[usize]) {
     }
 }
 
-/// Finds how much of its surfel each row saw: its share of the points of the fullest row of the
-/// scanner.
+/// Sets the coverage of each row, the part of its surfel that it saw: its share of the points of the
+/// scanner's fullest row.
 fn find_coverage(surfels: &[Surfel], scanners: usize, drives: &mut [DriveRows]) {
     let place = |row: &ScanRow| row.surfel as usize * scanners + row.scanner as usize;
     let mut fullest = vec![0_u32; surfels.len() * scanners];
@@ -302,10 +305,10 @@ fn find_coverage(surfels: &[Surfel], scanners: usize, drives: &mut [DriveRows]) 
     }
 }
 
-/// Leaves out surfels that nothing checks, and their rows.
-fn drop_unseen(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[Scans<'_>]) {
+/// Marks the surfels that several passes or scanners saw, and removes those with too few rows.
+fn drop_unchecked(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[Scans<'_>]) {
     let mut seen = vec![0_u32; surfels.len()];
-    // Drive, last time and scanner that saw each.
+    // The drive, time and scanner that last saw each surfel.
     let mut before = vec![None; surfels.len()];
     for (number, drive) in drives.iter().enumerate() {
         for row in &drive.rows {

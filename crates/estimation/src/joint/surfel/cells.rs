@@ -1,4 +1,4 @@
-//! Points in voxels, and the surfaces that columns of voxels hold.
+//! Points in voxels, and the surfaces in columns of voxels.
 
 use rayon::prelude::*;
 
@@ -12,10 +12,10 @@ use crate::joint::layout::REFERENCE;
 /// Least standard deviation of the points of a surfel across its narrow side, as a share of its
 /// size; points spread over the whole width have 0.29.
 const MIN_WIDTH: f64 = 0.12;
-/// Largest standard deviation about the plane, as a share of that across the narrow side: beyond,
-/// it is no surface.
+/// Largest standard deviation about the plane, as a share of that across the narrow side: thicker sets of
+/// points are not a surface.
 const MAX_THICKNESS: f64 = 0.4;
-/// A surface lies clear of the faces of its voxel where so many standard deviations do.
+/// A surface lies clear of the faces of its voxel if this many standard deviations fit between them.
 const CLEAR_SIGMAS: f64 = 3.0;
 
 /// Sums of points about the centre of their voxel.
@@ -56,14 +56,14 @@ impl Sums {
 #[derive(Debug, Clone, Default)]
 pub struct ReferenceCells {
     cells: VoxelMap<VoxelKey, Sums>,
-    /// Where the points were put.
+    /// The displacement that was applied to the points.
     pub place: ReferencePlace,
 }
 
-/// By how much the points of the reference were moved before they were sorted.
+/// Displacement of the points of the reference before they were sorted.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReferencePlace {
-    /// Their middle as given, about which they turn, world, metres.
+    /// Centre of the given points, about which they turn, world, metres.
     pub centre_m: Vec3,
     /// Shift (metres) and rotation vector (radians).
     pub moved: [f64; REFERENCE],
@@ -77,21 +77,22 @@ impl ReferencePlace {
         }
     }
 
-    /// What an error of the reference lacks yet.
-    pub fn left(&self, error: &[f64; REFERENCE]) -> [f64; REFERENCE] {
-        std::array::from_fn(|i| error[i] - self.moved[i])
+    /// The part of a correction of the reference that has not been applied yet.
+    pub fn remaining(&self, correction: &[f64; REFERENCE]) -> [f64; REFERENCE] {
+        std::array::from_fn(|i| correction[i] - self.moved[i])
     }
 }
 
+/// Centre of a voxel, metres.
 pub fn centre_of(key: &VoxelKey, size_m: f64) -> Vec3 {
     Vec3::from_fn(|i, _| (key[i] as f64 + 0.5) * size_m)
 }
 
 impl ReferenceCells {
-    /// Moves points by an error of the reference and sorts them into voxels.
-    pub fn new(points: &[Vec3], size_m: f64, error: [f64; REFERENCE]) -> Self {
-        let place = ReferencePlace::new(points, error);
-        let [x, y, z, turn @ ..] = error;
+    /// Moves points by the correction of the reference and sorts them into voxels.
+    pub fn new(points: &[Vec3], size_m: f64, correction: [f64; REFERENCE]) -> Self {
+        let place = ReferencePlace::new(points, correction);
+        let [x, y, z, turn @ ..] = correction;
         let shift_m = place.centre_m + Vec3::new(x, y, z);
         let rotation = exp(&Vec3::from(turn)).to_rotation_matrix();
         let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
@@ -105,9 +106,9 @@ impl ReferenceCells {
     }
 }
 
-/// Voxels one above the other that one surface may cross, along the axis that is nearest to its
-/// normal. A voxel alone would cut the noise of a surface close to its face in two, and each half
-/// would keep its points whatever the mountings.
+/// Columns of adjacent voxels that one surface may cross, along the axis nearest to its normal. A single
+/// voxel would cut the noise of a surface close to its face in two, and each half would keep its points
+/// regardless of the mountings.
 pub fn columns(
     cells: &VoxelMap<VoxelKey, Sums>,
     reference: &ReferenceCells,
@@ -131,7 +132,7 @@ pub fn columns(
         .zip(&axes)
         .filter_map(|(key, axis)| Some((*key, (*axis)?)))
         .collect();
-    // A slice with few points belongs to the surface that a neighbour across its face holds.
+    // A slice with few points belongs to the surface of the neighbour across its face.
     let adopted = |key: &VoxelKey| {
         (0..3).rev().find(|&axis| {
             [-1, 1].into_iter().any(|side| {
@@ -171,14 +172,14 @@ fn sums_of(column: &[VoxelKey], cells: &VoxelMap<VoxelKey, Sums>, size_m: f64) -
     let centre = centre_of(&column[0], size_m);
     let mut sums = Sums::default();
     for key in column {
-        if let Some(own) = cells.get(key) {
-            sums.combine(own, &(centre_of(key, size_m) - centre));
+        if let Some(voxel) = cells.get(key) {
+            sums.combine(voxel, &(centre_of(key, size_m) - centre));
         }
     }
     sums
 }
 
-/// The surfaces in a column of voxels: one, or where it holds no single surface, as at the edge of a
+/// The surfaces in a column of voxels: a single one or, if there is no single one, as at the edge of a
 /// board above soil, those that lie within one voxel and clear of its faces.
 pub fn surfaces<'a>(
     column: &'a [VoxelKey],
@@ -194,14 +195,14 @@ pub fn surfaces<'a>(
     }
     let axis = (0..3).find(|&i| column[0][i] != column[1][i]).unwrap_or(2);
     let clear = |key: &&'a [VoxelKey]| {
-        let of = |cells: &VoxelMap<VoxelKey, Sums>| {
+        let is_clear = |cells: &VoxelMap<VoxelKey, Sums>| {
             let sums = sums_of(key, cells, gates.size_m);
             let mean = sums.first[axis] / sums.count;
             let variance = sums.second[(axis, axis)] / sums.count - mean * mean;
             let reach_m = mean.abs() + CLEAR_SIGMAS * variance.max(0.0).sqrt();
             sums.count == 0.0 || reach_m < 0.5 * gates.size_m
         };
-        of(scanned) && of(&reference.cells)
+        is_clear(scanned) && is_clear(&reference.cells)
     };
     let single = column.chunks(1).filter(clear);
     single
@@ -209,7 +210,7 @@ pub fn surfaces<'a>(
         .collect()
 }
 
-/// The surfel of a run of voxels, if there is a surface.
+/// The surfel of a run of voxels; `None` if its points do not form a surface.
 fn fit(
     column: &[VoxelKey],
     scanned: &VoxelMap<VoxelKey, Sums>,

@@ -1,5 +1,5 @@
-//! Surfels: patches of the surface that scanners and reference saw, and which points belong to
-//! which.
+//! Surfels: patches of the surface that scanners and reference saw, and the association of points with
+//! them.
 
 mod association;
 mod cells;
@@ -18,7 +18,7 @@ const MIN_POINTS: f64 = 12.0;
 /// alike. For surfels of 5 cm they are 0.4, 0.8, 1.6, 3 and 6 mm.
 const CLASS_SIZES: [f64; 6] = [0.008, 0.016, 0.032, 0.06, 0.12, f64::INFINITY];
 
-/// Upper bounds of the classes of coverage. What a rough surface does to the mean of a strip averages
+/// Upper bounds of the classes of coverage. The effect of a rough surface on the mean of a strip averages
 /// out over the whole surfel.
 const COVERAGE_SHARES: [f64; 3] = [0.35, 0.7, 1.0];
 /// Number of classes of coverage.
@@ -38,22 +38,22 @@ pub struct Surfel {
     /// Standard deviation of the points about the plane, metres.
     pub roughness_m: f64,
     /// Standard deviation of the scanners' points about the mean of their row, metres: noise and
-    /// roughness, without what poses do.
+    /// roughness, without errors of the poses.
     pub scatter_m: f64,
     /// Class of this scatter.
     pub class: usize,
-    /// Whether the reference knows it, or several passes or scanners saw it.
+    /// Whether it lies on the reference, or several passes or scanners saw it.
     pub is_checked: bool,
-    /// What the reference says about (a, b, c); `None` without one.
+    /// The reference's prior of (a, b, c); `None` if the reference has no points there.
     pub prior: Option<ReferencePlane>,
 }
 
-/// The reference's plane of a surfel: it is the surfel's own frame, so that a = b = c = 0.
+/// The reference's plane of a surfel. It defines the surfel's own frame, so that a = b = c = 0.
 #[derive(Debug, Clone)]
 pub struct ReferencePlane {
     /// Standard deviations of offset (metres) and slopes.
     pub sigma: [f64; 3],
-    /// Its patch of the reference's surface errors.
+    /// Index of its patch of the reference's surface errors.
     pub patch: u32,
 }
 
@@ -62,32 +62,32 @@ pub struct ReferencePlane {
 pub struct ScanRow {
     pub surfel: u32,
     pub scanner: u32,
-    /// Places among the points.
+    /// Index of its first point.
     pub first: u32,
     pub count: u32,
-    /// (Σw)²/Σw² of the weights of its points: how many points of equal weight have the noise of
-    /// their mean.
+    /// Effective number of points, (Σw)²/Σw² of their weights: this many points of equal weight have a mean
+    /// with the same noise.
     pub effective: f64,
     /// Class of the part of the surfel that it saw.
     pub coverage: u8,
-    /// How far its points lay from the scanner along the surfel's normal, metres, with its sign.
+    /// Signed distance of its points from the scanner along the surfel's normal when they were sorted, metres.
     pub depth_m: f64,
-    /// Squares of its derivatives by rotations (metres²) and by shifts of the mounting, as it was then.
+    /// Squares of its derivatives by rotations (metres²) and by shifts of the mounting at that time.
     pub by_motion: [f64; 2],
-    /// Rows of its scanner within the step.
-    pub beside: u32,
-    /// How far it is trusted, 0 to 1.
+    /// Number of rows of its scanner within the step.
+    pub rows_in_step: u32,
+    /// Trust in the row, 0 to 1.
     pub trust: f64,
 }
 
 /// A laser point of a row.
 #[derive(Debug, Clone, Copy)]
 pub struct RowPoint {
-    /// Of its scanner in this drive.
+    /// Index of its profile in the scanner's sample of this drive.
     pub profile: u32,
     /// Scanner frame, metres.
     pub position_m: Vec3,
-    /// Number of laser points that it stands for.
+    /// Number of laser points that it represents.
     pub weight: f64,
 }
 
@@ -107,7 +107,7 @@ impl DriveRows {
     }
 
     /// Counts the rows of each scanner within each step.
-    pub fn count_beside(&mut self, scanners: usize) {
+    pub fn count_rows_in_steps(&mut self, scanners: usize) {
         for step in 1..self.step_start.len() {
             let [from, to] = [self.step_start[step - 1], self.step_start[step]];
             let rows = &mut self.rows[from as usize..to as usize];
@@ -115,11 +115,11 @@ impl DriveRows {
             rows.iter()
                 .for_each(|row| counts[row.scanner as usize] += 1);
             rows.iter_mut()
-                .for_each(|row| row.beside = counts[row.scanner as usize]);
+                .for_each(|row| row.rows_in_step = counts[row.scanner as usize]);
         }
     }
 
-    /// Keeps the rows for which `surfel` returns one, by its new number, given their step.
+    /// Keeps the rows for which `surfel`, given a step and a row, returns the new index of the row's surfel.
     fn retain(&mut self, surfel: impl Fn(usize, &ScanRow) -> Option<u32>) {
         let mut kept = Vec::with_capacity(self.rows.len());
         let mut step_start = vec![0];
@@ -144,41 +144,41 @@ impl DriveRows {
 #[derive(Debug, Clone, Default)]
 pub struct Association {
     pub surfels: Vec<Surfel>,
-    /// One a drive.
+    /// The rows of each drive.
     pub drives: Vec<DriveRows>,
-    /// Patches of the reference's surface errors.
+    /// Number of patches of the reference's surface errors.
     pub patches: usize,
-    /// Where the reference was put.
+    /// The displacement that was applied to the reference.
     pub reference: ReferencePlace,
     /// Regions in which scans and reference disagree.
     pub regions: Vec<Region>,
 }
 
 impl Association {
-    /// The rows of all drives, one drive behind the other.
+    /// The rows of all drives, one drive after the other.
     pub fn rows(&self) -> impl Iterator<Item = &ScanRow> {
         self.drives.iter().flat_map(|drive| &drive.rows)
     }
 
-    /// The same, to be changed.
+    /// The same rows, mutable.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut ScanRow> {
         self.drives.iter_mut().flat_map(|drive| &mut drive.rows)
     }
 }
 
-/// A region in which scans and reference disagree, as where a board was moved.
+/// A region in which scans and reference disagree, for example because a board was moved.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Region {
     /// Mean of its surfels, world, metres.
     pub centre_m: Vec3,
-    /// How far the scans lie above the reference along its normal, which looks up, metres.
+    /// Height of the scans above the reference along its upward normal, metres.
     pub offset_m: f64,
     /// Number of its surfels.
     pub surfels: usize,
 }
 
 impl Region {
-    /// Where it is and how far off, in words; `origin_m` is added to its place.
+    /// The position and the offset in words; `origin_m` is added to the position.
     pub fn describe(&self, origin_m: &Vec3) -> String {
         let place = self.centre_m + origin_m;
         let side = if self.offset_m > 0.0 {
@@ -187,8 +187,8 @@ impl Region {
             "below"
         };
         format!(
-            "around east {:.1}, north {:.1} m the scans lie {:.1} mm {side} the reference, and \
-             nowhere near it elsewhere: was something moved after the reference was scanned?",
+            "around east {:.1} m, north {:.1} m the scans lie {:.1} mm {side} the reference, far \
+            more than elsewhere: was something moved after the reference was scanned?",
             place.x,
             place.y,
             1e3 * self.offset_m.abs()
@@ -196,27 +196,29 @@ impl Region {
     }
 }
 
-/// What the points of one surfel add up to.
+/// Sums over the points of one surfel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
-    /// Squared distances of points from the mean of their row, and degrees of freedom.
+    /// Sum of squared distances of points from the mean of their row.
     squares_m2: f64,
+    /// Degrees of freedom of this sum.
     free: f64,
-    /// Points near the surfel, and the sum of their distances: also of those beyond the gate.
+    /// Number of points near the surfel, including those beyond the gate.
     near: f64,
+    /// Sum of the distances of the points near the surfel.
     distance_m: f64,
 }
 
-/// What decides which points belong to a surfel.
+/// The limits that decide which points belong to a surfel.
 #[derive(Debug, Clone)]
 pub struct Gates {
     /// Edge of the voxels, metres.
     pub size_m: f64,
-    /// How far scans and reference may yet lie apart, metres.
+    /// Largest distance between scans and reference, metres.
     pub misfit_m: f64,
     /// Edge of the patches of the reference's surface errors, metres.
     pub patch_m: f64,
-    /// Of so many steps in turn one has rows, for each scanner.
+    /// For each scanner, the number of consecutive steps of which only one, the keyframe, has rows.
     pub keyframe_steps: Vec<usize>,
 }
 

@@ -5,15 +5,16 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::Vec3;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// Edge of a region and least number of its surfels.
+/// Edge of a region, in sizes of a surfel.
 const REGION_SIZES: f64 = 10.0;
+/// Fewest surfels of a region.
 const MIN_REGION: usize = 12;
-/// A region is off where its median lies beyond this many standard deviations of all regions'
-/// medians, and this many sizes of a surfel.
+/// A region is off if its median exceeds this many robust standard deviations of all regions' medians.
 const REGION_SIGMAS: f64 = 6.0;
+/// The median must also exceed this many sizes of a surfel.
 const LEAST_REGION_SIZES: f64 = 0.03;
 
-/// The regions whose scans lie off the reference by more than the others do.
+/// The regions in which the scans are farther from the reference than in the others.
 pub fn regions(surfels: &[Surfel], tallies: &[Tally], gates: &Gates) -> Vec<Region> {
     let mut cells: VoxelMap<VoxelKey, Vec<(Vec3, f64)>> = VoxelMap::default();
     for (surfel, tally) in surfels.iter().zip(tallies) {

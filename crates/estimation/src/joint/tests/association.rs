@@ -8,9 +8,9 @@ use crate::joint::state::State;
 use crate::joint::surfel::{Association, ScanRow};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How far the points of a row lie from their scanner along the normal, with the profile in the middle.
+/// Distance of the points of a row from their scanner along the normal, with the pose of the middle profile.
 fn depth_m(problem: &JointProblem<'_>, state: &State, step: usize, row: &ScanRow) -> f64 {
-    let points = problem.found.drives[0].points_of(row);
+    let points = problem.association.drives[0].points_of(row);
     let scanner = row.scanner as usize;
     let sample = problem.input.drives[0].scans.samples[scanner];
     let middle = points[points.len() / 2].profile as usize;
@@ -19,7 +19,7 @@ fn depth_m(problem: &JointProblem<'_>, state: &State, step: usize, row: &ScanRow
     let mounting = state.mountings[scanner].body_from_scanner;
     let depths = points.iter().map(|point| {
         let arm_m = pose.rotation * (mounting.rotation * point.position_m);
-        point.weight * problem.found.surfels[row.surfel as usize].axes[0].dot(&arm_m)
+        point.weight * problem.association.surfels[row.surfel as usize].axes[0].dot(&arm_m)
     });
     depths.sum::<f64>() / points.iter().map(|point| point.weight).sum::<f64>()
 }
@@ -27,14 +27,14 @@ fn depth_m(problem: &JointProblem<'_>, state: &State, step: usize, row: &ScanRow
 /// Residuals of the scan rows, metres, one point after the other; the points were sorted at `start`.
 fn one_by_one(problem: &JointProblem<'_>, start: &State, state: &State) -> Vec<f64> {
     let motion = state.motions[0].as_ref();
-    let found = &problem.found.drives[0];
+    let found = &problem.association.drives[0];
     let samples = &problem.input.drives[0].scans.samples;
     let mut all = Vec::new();
     for step in 0..motion.steps() {
         let poses = motion.poses(step);
         for row in found.of_step(step) {
             let scanner = row.scanner as usize;
-            let surfel = &problem.found.surfels[row.surfel as usize];
+            let surfel = &problem.association.surfels[row.surfel as usize];
             let shape = state.shapes[row.surfel as usize];
             let distances = found.points_of(row).iter().map(|point| {
                 let profile = &samples[scanner].profiles[point.profile as usize];
@@ -71,13 +71,13 @@ fn a_row_is_the_mean_of_its_points() {
             let rows = batch.rows().filter(|row| of_scans.contains(&row.group));
             fast.extend(rows.map(|row| row.residual));
         });
-        let sigmas_m = problem.found.drives[0]
+        let sigmas_m = problem.association.drives[0]
             .rows
             .iter()
             .map(|row| problem.noise((&state, 0), row).1);
         assert_eq!(fast.len(), slow.len());
         for ((fast, sigma_m), slow) in fast.iter().zip(sigmas_m).zip(&slow) {
-            // Sums of a metre, rounded.
+            // Rounding of sums of about a metre.
             assert!((fast * sigma_m - slow).abs() < 1e-14, "{slow}");
         }
     }
@@ -85,7 +85,7 @@ fn a_row_is_the_mean_of_its_points() {
 
 struct Point {
     world_m: Vec3,
-    /// None of the reference.
+    /// Step and scanner; `None` for a point of the reference.
     seen: Option<(u32, u32)>,
 }
 
@@ -103,8 +103,8 @@ fn moments(points: &[&Point]) -> (Vec3, Mat3) {
     (mean, offsets.map(|d| d * d.transpose()).sum::<Mat3>() / n)
 }
 
-/// Voxels that hold one surface: each pair of voxels is asked whether one continues the other, and
-/// what hangs together is one.
+/// Sets of voxels that hold one surface: each pair of voxels is tested whether one continues the other, and
+/// connected voxels form a set.
 fn surfaces(cells: &BTreeMap<VoxelKey, Vec<&Point>>) -> Vec<BTreeSet<VoxelKey>> {
     let of = |key: &VoxelKey| cells.get(key).and_then(|points| normal_axis(points));
     let scanned = |key: &VoxelKey| {

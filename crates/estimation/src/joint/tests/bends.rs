@@ -1,5 +1,5 @@
-//! Motions in time: what knots leave out, and standard deviations, correlation time and correlation between scanners
-//! of drawn processes, which are found again.
+//! Motions in time: the variance that knots leave out, and the recovery of standard deviations, correlation time and
+//! correlation between scanners from drawn processes.
 
 use super::case::noise;
 use crate::joint::bend::{BENDING, Bends, LOADS, Rung};
@@ -31,7 +31,7 @@ fn at_rest(knots: usize, (sigma, tau_s, together): Motion) -> Bends {
     }
 }
 
-/// Draws what both do.
+/// Draws the motion of both scanners.
 fn drawn(knots: usize, motion: Motion, seed: u64) -> Bends {
     let (sigma, tau_s, together) = motion;
     let mut bends = at_rest(knots, motion);
@@ -69,7 +69,7 @@ fn assert_near(found: f64, expected: f64, share: f64, what: &str) {
 }
 
 #[test]
-fn of_values_that_are_known() {
+fn parameters_are_recovered_from_known_values() {
     let knots = 4000;
     let motion = ([1e-3, 2e-3], 4.0, [0.8, 0.3]);
     let mut bends = drawn(knots, motion, 1);
@@ -85,7 +85,7 @@ fn of_values_that_are_known() {
     }
     assert!(learn_from(&mut bends, &offsets, &|_, _| 0.0) < 1e-3);
     let (sigma, tau_s, together) = learned(&bends);
-    // Of 24,000 steps, σ and ρ are known to a hundredth, τ to two: 2.5 standard deviations and more.
+    // With 24,000 steps, σ and ρ are known to a hundredth, τ to two: tolerances of 2.5 or more standard deviations.
     for class in 0..2 {
         assert_near(sigma[class], motion.0[class], 0.04, "σ");
         assert!(
@@ -119,13 +119,13 @@ fn covariance(bends: &Bends, component: usize, noise: f64) -> DMatrix<f64> {
 }
 
 #[test]
-fn of_values_that_are_observed_with_noise() {
+fn parameters_are_recovered_from_values_observed_with_noise() {
     let knots = 200;
-    // Alone and together, as a frame of one piece.
+    // Independent scanners, and scanners on one rigid frame.
     for (rho, seed) in [(0.0, 3), (0.998, 4)] {
         let truth = ([1.4e-3, 1.5e-3], 8.0, [rho; 2]);
         let motion = drawn(knots, truth, seed);
-        // As large as what the processes do from knot to knot.
+        // As large as the changes of the processes from knot to knot.
         let noise_size = 7e-4;
         let mut normal = noise(10 + seed);
         let observed: Vec<Vec<f64>> = motion.knots[0]
@@ -169,9 +169,9 @@ fn of_values_that_are_observed_with_noise() {
 }
 
 #[test]
-fn what_knots_leave_out_is_as_large_for_many_rows_as_for_six() {
+fn the_variance_that_knots_leave_out_makes_many_rows_worth_six() {
     let (sigma, tau_s) = ([1e-3, 2e-3], 5.0);
-    let row = |beside: u32| ScanRow {
+    let row = |rows_in_step: u32| ScanRow {
         surfel: 0,
         scanner: 1,
         first: 0,
@@ -180,11 +180,11 @@ fn what_knots_leave_out_is_as_large_for_many_rows_as_for_six() {
         coverage: 0,
         depth_m: 0.8,
         by_motion: [0.5, 1.0],
-        beside,
+        rows_in_step,
         trust: 1.0,
     };
-    let left_out = |together: [f64; 2], beside: u32| {
-        at_rest(9, (sigma, tau_s, together)).left_out(0, &row(beside))
+    let left_out = |together: [f64; 2], rows_in_step: u32| {
+        at_rest(9, (sigma, tau_s, together)).left_out(0, &row(rows_in_step))
     };
     // Knots are a second apart: h/(3τ) of each variance.
     let alone = (0.5 * 1e-6 + 4e-6) / (3.0 * tau_s);

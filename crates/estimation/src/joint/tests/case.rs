@@ -43,13 +43,13 @@ pub fn noise(seed: u64) -> impl FnMut() -> f64 {
     move || (0..4).map(|_| uniform()).sum::<f64>() * 0.75_f64.sqrt()
 }
 
-/// The surface: no plane, so that mountings are determined, and flat within a surfel to a tenth of a
+/// The surface: not a plane, so that mountings are determined, but flat within a surfel to a tenth of a
 /// millimetre.
 pub fn height_m(x: f64, y: f64) -> f64 {
     0.15 * (0.9 * x + 0.5 * y).sin() + 0.12 * (1.0 * y - 0.8 * x + 0.4).cos()
 }
 
-/// Where the body is: it turns, rolls and pitches above the same square metre.
+/// The pose of the body: it turns, rolls and pitches above the same square metre.
 pub fn pose_at(t: f64) -> WorldFromBody {
     let about = |axis: Vec3, angle: f64| exp(&(axis * angle));
     let rotation = about(Vec3::z(), 0.9 * t)
@@ -99,7 +99,7 @@ const IMU: ImuNoise = ImuNoise {
 const PRISM_SIGMA_M: f64 = 0.002;
 const HEADING_SIGMA_RAD: f64 = 0.005;
 
-/// The trajectory from the logs. Fixes are not at samples of the IMU, hence nor are nodes.
+/// The trajectory from the logs. Fixes do not coincide with samples of the IMU, so nodes do not either.
 pub fn estimated(constants: &[Constant]) -> Estimate {
     let arm_m = Vec3::new(0.3, -0.2, 0.8);
     let mut next = noise(3);
@@ -134,7 +134,7 @@ pub fn estimated(constants: &[Constant]) -> Estimate {
     estimate(&logs, &settings, &Silent).expect("a trajectory")
 }
 
-/// Errors that last, of the prism and of the heading.
+/// Correlated errors of the prism and of the heading.
 pub fn correlated() -> [Option<CorrelatedError>; 2] {
     let error = |sigma: &[f64]| CorrelatedError {
         sigma: sigma.to_vec(),
@@ -194,14 +194,14 @@ pub fn start() -> Vec<Mounting> {
     all
 }
 
-/// What a scanner sees along a ray of its own frame, metres.
+/// The point that a scanner sees along a ray, in its own frame, metres.
 fn hit_m(time_s: f64, mounting: &BodyFromScanner, ray: &Vec3) -> Vec3 {
     let world_from_scanner = pose_at(time_s) * *mounting;
     let miss = |range: f64| {
         let hit = world_from_scanner.map(&(ray * range));
         hit.z - height_m(hit.x, hit.y)
     };
-    // Rays go down: a miss is about as long as what is missing of the range.
+    // Rays point down: the height that is missing is about the range that is missing.
     ray * (0..60).fold(1.0, |range, _| range + miss(range))
 }
 
@@ -244,7 +244,7 @@ pub fn samples() -> Vec<ScannerSample> {
     samples.into()
 }
 
-/// A scan of the surface from elsewhere, a point each 12 mm.
+/// A scan of the surface from elsewhere, with a point every 12 mm.
 pub fn reference() -> Vec<Vec3> {
     let mut next = noise(13);
     let grid = (0..14_400).map(|i| (f64::from(i % 120), f64::from(i / 120)));
@@ -255,7 +255,7 @@ pub fn reference() -> Vec<Vec3> {
     .collect()
 }
 
-/// What a problem borrows.
+/// The data that a problem borrows.
 pub struct Case {
     pub samples: Vec<ScannerSample>,
     pub reference: Vec<Vec3>,
@@ -278,7 +278,7 @@ impl Case {
         ]
     }
 
-    /// Logs with constants and lasting errors, a reference, latencies: every kind of row.
+    /// Logs with constants and correlated errors, a reference, latencies: every kind of row.
     pub fn full() -> Self {
         let constants = [Constant::LeverArm(0), Constant::HeadingOffset];
         let found = estimated(&constants);
@@ -324,7 +324,7 @@ impl Case {
             motion,
             mountings: start(),
             estimate_latency: vec![false, false],
-            // Three seconds leave Huber's weights much to say: they converge by a fifth a step.
+            // With three seconds of data, Huber's weights matter, and converge by a fifth per step.
             settings: JointSettings {
                 max_iterations: 500,
                 ..JointSettings::default()
@@ -363,7 +363,7 @@ impl Case {
         self.associated_at(input, misfit_m, Vec::new())
     }
 
-    /// With the rows of keyframes, one of so many steps for each scanner.
+    /// The association with the rows of keyframes only: one of `keyframe_steps` steps for each scanner.
     pub fn associated_at(
         &self,
         input: &JointInput<'_>,

@@ -1,4 +1,4 @@
-//! Which points make a surfel: surfaces in every position to the voxels.
+//! The points of surfels: surfaces in every position relative to the voxels.
 
 use super::case::noise;
 use crate::calibration::ScannerSample;
@@ -14,7 +14,7 @@ const SIZE_M: f64 = 0.05;
 const NOISE_M: f64 = 5e-4;
 const PASSES: usize = 8;
 
-/// What a scanner at rest makes of these points, which it sees on several passes.
+/// The association of these points, which a scanner at rest sees on several passes.
 fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
     let record = |time_s| PoseRecord {
         sigma: Some(PoseSigma {
@@ -70,7 +70,7 @@ fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
     (0..PASSES).map(pass).collect()
 }
 
-/// That surfels lie on the plane, keep all of its noise and lose no points.
+/// Asserts that surfels lie on the plane, keep all of its noise and lose no points.
 fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
     let found = associated(passes, &[]);
     // Voxels at the rim are not full.
@@ -92,10 +92,10 @@ fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
         normal.as_slice(),
         found.surfels.len()
     );
-    // Noise of four standard deviations is beyond the gate, and slices of a few points in corners of
-    // voxels are left: they are cut off across the surface, not along it.
+    // Noise beyond four standard deviations is outside the gate, and slices of a few points in corners of
+    // voxels are left over: they are cut off across the surface, not along it.
     assert!(share > 0.99, "{share} of the points are in rows");
-    // Were noise cut, the planes of halves would lie off by 0.8 of it.
+    // If noise were cut in two, the planes of the halves would be off by 0.8 of it.
     let mean_m = sum_m / kept;
     assert!(mean_m.abs() < 4.0 * NOISE_M / kept.sqrt(), "{mean_m} m");
     for surfel in &found.surfels {
@@ -110,7 +110,7 @@ fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
             off_m < 5.0 * NOISE_M / of.sqrt(),
             "{off_m} m with {of} points"
         );
-        // Of n points, the variance about a plane scatters by √(2/n).
+        // The variance of n points about a plane scatters by √(2/n).
         let ratio = (surfel.roughness_m / NOISE_M).powi(2);
         assert!(
             (ratio - 1.0).abs() < 5.0 * (2.0 / of).sqrt(),
@@ -157,7 +157,7 @@ fn tilted_planes_are_not_cut() {
 }
 
 #[test]
-fn nothing_makes_no_surfels() {
+fn degenerate_points_form_no_surfels() {
     for passes in [
         vec![Vec::new(); PASSES],
         vec![vec![Vec3::repeat(0.01); 50]; PASSES],
@@ -215,7 +215,7 @@ fn a_board_above_soil_has_surfels_of_its_own_up_to_its_edge() {
 
 #[test]
 fn a_low_step_within_a_voxel_counts_as_rough() {
-    // Two centimetres in a voxel of five pass as a ramp; its rows say what they are worth.
+    // A step of two centimetres in a voxel of five looks like a ramp; its rows get a matching noise.
     let found = associated(&step_edge(0.02), &[]);
     for surfel in &found.surfels {
         let off_m = [0.02, 0.04].map(|z| (surfel.centre_m.z - z).abs());

@@ -13,7 +13,7 @@ use crate::joint::state::State;
 use crate::progress::Silent;
 use nalgebra::{DMatrix, DVector};
 
-/// H⁻¹. Unknowns are scaled to a diagonal of ones: what is held has weights of 10¹⁶.
+/// H⁻¹. Unknowns are scaled to a diagonal of ones, because held values have weights of 10¹⁶.
 pub fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = h.diagonal().map(|x| 1.0 / x.sqrt());
     let by_scale = |m: &DMatrix<f64>| {
@@ -23,8 +23,8 @@ pub fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
     by_scale(&scaled.inverse())
 }
 
-/// What rounding leaves of covariances, in standard deviations. A pivot is what cancellation leaves of
-/// its Hᵢᵢ: as many digits are lost as Hᵢᵢ (H⁻¹)ᵢᵢ has. Each is a sum of some hundred products.
+/// Rounding error of covariances, in standard deviations. A pivot is the remainder of its Hᵢᵢ after
+/// cancellation, which loses as many digits as Hᵢᵢ (H⁻¹)ᵢᵢ has. Each is a sum of some hundred products.
 fn rounding(h: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
     let lost = h.diagonal().component_mul(&covariance.diagonal()).max();
     100.0 * f64::EPSILON * lost
@@ -100,7 +100,7 @@ fn step_and_covariances_are_those_of_dense_algebra() {
             compare(step, step + 1);
         }
         compare(steps, steps);
-        (0..problem.found.surfels.len())
+        (0..problem.association.surfels.len())
             .for_each(|s| compare(layout.first_surfel + s, layout.first_surfel + s));
         println!("{name}: covariances off {worst:e}");
         assert!(worst < allowed, "{name}: covariances {worst:e}");
@@ -120,19 +120,19 @@ fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
     assert_eq!(ended.stop, StopReason::Converged);
 }
 
-/// A gradient is zero where its terms cancel to this share: a hundred-millionth of a residual.
+/// A gradient is zero if its terms cancel to this share: a hundred-millionth of a residual.
 const ZERO: f64 = 1e-8;
-/// With latencies: velocities between samples of the IMU are straight lines, the derivative by time jumps
-/// at a sample, and where a profile ends up at one, steps go to and fro across it by a
-/// hundred-thousandth of a standard deviation.
+/// The same with latencies. Velocities between samples of the IMU are straight lines, so the derivative by time
+/// jumps at a sample; if a profile ends up at a sample, steps alternate across it by a hundred-thousandth of a
+/// standard deviation.
 const ZERO_WITH_LATENCY: f64 = 1e-3;
 
 #[test]
 fn at_the_solution_the_gradient_is_zero() {
     each(|name, mut problem, mut state| {
         solve(&mut problem, &mut state);
-        // A step takes Huber's weights as they are. Where few rows beyond 2.5 standard deviations
-        // determine a direction, as without a reference, it leaves four fifths of the one before.
+        // A step keeps Huber's weights. If few rows beyond 2.5 standard deviations determine a direction, as
+        // without a reference, the next step is still four fifths as long.
         let zero = match problem.layout.late.iter().any(Option::is_some) {
             true => ZERO_WITH_LATENCY,
             false => ZERO,
@@ -183,7 +183,7 @@ fn redundancies_by_probes_are_those_of_the_projection() {
     });
 }
 
-/// The best value of an unknown and its standard deviation, without the row that does nothing but hold it.
+/// The best value of an unknown and its standard deviation, without the row that only holds it.
 fn freed(dense: &Dense, place: usize) -> (f64, f64) {
     let mut weights = dense.weights.clone();
     for (weight, row) in weights.iter_mut().zip(dense.jacobian.row_iter()) {
@@ -197,7 +197,7 @@ fn freed(dense: &Dense, place: usize) -> (f64, f64) {
 }
 
 #[test]
-fn scores_of_held_values_are_those_of_freed_ones() {
+fn scores_of_held_values_are_the_estimates_of_freed_ones() {
     let near = |name: &str, score: Score, (value, sigma): (f64, f64)| {
         println!("{name}: {score:?}, freed {value:e} ± {sigma:e}");
         assert!((score.sigma / sigma - 1.0).abs() < 1e-3, "{name}");
@@ -229,7 +229,7 @@ fn scores_of_held_values_are_those_of_freed_ones() {
 }
 
 #[test]
-fn without_scans_it_is_the_trajectory_alone() {
+fn without_scans_the_result_is_that_of_the_trajectory_alone() {
     let found = estimated(&[]);
     let names = vec!["prism".into()];
     let case = Case {
@@ -239,8 +239,8 @@ fn without_scans_it_is_the_trajectory_alone() {
     };
     let input = case.input();
     let (mut problem, start) = case.problem(&input);
-    assert!(problem.found.surfels.is_empty());
-    // Off the chain's solution.
+    assert!(problem.association.surfels.is_empty());
+    // A start away from the chain's solution.
     let step: Vec<f64> = (0..problem.unknowns())
         .map(|i| 1e-4 * (2.3 * i as f64).sin())
         .collect();
@@ -263,7 +263,7 @@ fn without_scans_it_is_the_trajectory_alone() {
         // Both stop where a further step is a fraction of a thousandth of a standard deviation.
         assert!(shift.amax() < 1e-3 * b.position_m.min(), "{shift}");
         assert!(turn.amax() < 1e-3 * b.rotation_rad.min(), "{turn}");
-        // The chain's are those before its last step, which moves attitudes by up to 5 % of some
+        // The chain's covariances are those before its last step, which moves attitudes by up to 5 % of some
         // milliradians.
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-4;
         for i in 0..3 {

@@ -1,4 +1,4 @@
-//! Correlated errors are the process that they are called.
+//! Correlated errors follow a Gauss-Markov process.
 
 use crate::joint::motion::{GaussMarkov, rows_together};
 use crate::joint::row::RowBatch;
@@ -42,7 +42,7 @@ fn the_covariance_at_knots_is_that_of_the_process() {
                     let square = sigma[component].powi(2);
                     let expected = square * (-(a - b).abs() / tau_s).exp();
                     let found = covariance[(2 * i + component, 2 * k + component)];
-                    // Rounding alone.
+                    // Only rounding.
                     assert!((found - expected).abs() < 1e-12 * square, "{a} s, {b} s");
                     assert_eq!(covariance[(2 * i, 2 * k + 1)], 0.0);
                 }
@@ -87,12 +87,12 @@ fn a_jump_is_told_from_a_walk() {
     assert_eq!(process.jump(&[]), None);
     process.value[120..].iter_mut().for_each(|x| *x += 3e-3);
     let (sigmas, knot) = process.jump(&[]).expect("a step of 3 mm");
-    // The median of steps that are evenly spread is half of the largest, and 1.48 of it a standard deviation.
+    // The median of evenly spread steps is half of the largest, and 1.48 times the median a standard deviation.
     assert!((sigmas - 3e-3 / 2.97e-4).abs() < 1.4, "{sigmas}");
     assert_eq!(knot, 120);
     process.restarts.push(knot);
     assert_eq!(process.jump(&[]), None);
-    // What is after a jump is not tied to what was before.
+    // Values after a jump are not tied to those before.
     let j = jacobian(&process);
     let covariance = j.tr_mul(&j).try_inverse().expect("as many rows as values");
     assert!(covariance[(119, 120)].abs() < 1e-15);
@@ -100,14 +100,14 @@ fn a_jump_is_told_from_a_walk() {
 }
 
 #[test]
-fn a_small_jump_shows_beside_a_process_that_moves_alike() {
+fn a_small_jump_shows_in_the_difference_to_a_process_that_moves_alike() {
     let (mut left, mut right) = (walk(77), walk(77));
-    // Each moves by itself by a tenth of what both do.
+    // The individual motion of each is a tenth of the common motion.
     for (value, own) in right.value.iter_mut().zip(walk(31).value) {
         *value += 0.1 * own;
     }
     assert_eq!(left.jump(&[&right]), None);
-    // Poses take a third of it off both.
+    // Poses take a third of the jump from both.
     left.value[120..].iter_mut().for_each(|x| *x += 8e-4);
     right.value[120..].iter_mut().for_each(|x| *x -= 4e-4);
     assert_eq!(left.jump(&[]), None);
@@ -163,7 +163,7 @@ fn processes_together_have_the_correlation_that_they_are_given() {
             }
         }
     }
-    // What jumps is on its own.
+    // A process that jumps is independent.
     assert!(covariance[(at(1, 4, 0), at(0, 4, 0))].abs() < 1e-12);
     assert!(covariance[(at(2, 4, 0), at(0, 4, 0))] > 1e-7);
 }
@@ -177,7 +177,7 @@ fn lines_between_knots_leave_out_a_third_of_an_interval() {
         tau_s,
     );
     let r = |t: f64| (-t.abs() / tau_s).exp();
-    // Variance of x(t) less the line through x(0) and x(h), over the interval.
+    // Mean variance over the interval of x(t) minus the line through x(0) and x(h).
     let at = |u: f64| {
         let (a, b) = (1.0 - u, u);
         1.0 + a * a + b * b - 2.0 * (a * r(u * h_s) + b * r(h_s - u * h_s)) + 2.0 * a * b * r(h_s)

@@ -30,7 +30,7 @@ fn differences(problem: &JointProblem<'_>, state: &State) -> DMatrix<f64> {
     DMatrix::from_columns(&columns)
 }
 
-/// What a block of unknowns is.
+/// The kind of unknowns of a block.
 fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
     let layout = &problem.layout;
     let has_biases = problem.groups.names[0] == "imu";
@@ -42,7 +42,7 @@ fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
             _ => "error or bridge",
         },
         b if b < layout.first_patch => "surfel",
-        b if b < layout.first_patch + problem.found.patches => "patch",
+        b if b < layout.first_patch + problem.association.patches => "patch",
         b if layout.compliance.contains(&b) => "bending",
         b if layout.knots.iter().flatten().any(|&first| b >= first) && b < layout.last() => {
             "bending"
@@ -54,8 +54,8 @@ fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
     }
 }
 
-/// How many metres of a surfel's height a unit of a row's residual is; one for rows without a surfel. Weights of scan
-/// rows differ with what knots leave out of them, derivatives of heights do not.
+/// Metres of a surfel's height per unit of a row's residual; 1 for rows without a surfel. The weights of scan rows
+/// depend on the variance that knots leave out, derivatives of heights do not.
 fn height_per_unit(problem: &JointProblem<'_>, dense: &Dense, row: usize) -> f64 {
     let layout = &problem.layout;
     let heights = (layout.first_surfel..layout.first_patch).map(|block| problem.offset(block));
@@ -84,7 +84,7 @@ fn worst(problem: &JointProblem<'_>, state: &State) -> Worst {
             for (row, &group) in dense.groups.iter().enumerate() {
                 let analytic = dense.jacobian[(row, column)];
                 let error = (analytic - numeric[(row, column)]).abs();
-                // What is left out counts in standard deviations.
+                // Neglected derivatives count in standard deviations.
                 let unit = if kind == "bias" { 1.0 } else { units[row] };
                 let [error, analytic] = [error, analytic.abs()].map(|x| x * unit);
                 let name = problem.groups.names[group].clone();
@@ -105,8 +105,8 @@ fn worst(problem: &JointProblem<'_>, state: &State) -> Worst {
     all
 }
 
-/// A state off the start by so many metres and radians: what is exact only where a correction is zero
-/// shows.
+/// A state away from the start by this many metres and radians, which reveals derivatives that are exact only for a
+/// zero correction.
 fn off(problem: &JointProblem<'_>, state: &State, by: f64) -> State {
     let step: Vec<f64> = (0..problem.unknowns())
         .map(|i| by * (1.7 * i as f64).sin())
@@ -116,24 +116,24 @@ fn off(problem: &JointProblem<'_>, state: &State, by: f64) -> State {
 
 /// Differences of residuals of up to 1e5 per unit are rounded to some 1e-10 of the largest.
 const ROUNDING: f64 = 1e-8;
-/// Derivatives of poses between nodes take what closes the IMU's sums as small, and those of corrected
-/// poses the correction. Neighbours are off by twice as much, in each of three components, and the
-/// velocities by what positions differ, in a fifth of a second: ten times the offset in all.
+/// Derivatives of poses between nodes assume that the closing error of the IMU's sums is small, and those of
+/// corrected poses that the correction is small. Neighbours are off by twice as much, in each of three components,
+/// and velocities by the difference of positions over a fifth of a second: ten times the offset in all.
 const PER_OFFSET: f64 = 10.0;
 /// Between samples of the IMU, δ = 0.01 s apart, shares of the nodes are straight lines. That of a node's velocity is
 /// some t (1 − t/T)², off by δ²/8 · 4/T: metres of a row per m/s, in the first step, whose T is 0.1037 s. The others
 /// are twice as long.
 const BETWEEN_SAMPLES_M: f64 = 4.9e-4;
-/// Between poses a share of the derivative of each is taken, as if they did not turn. They turn by 0.05
-/// rad from pose to pose of the file, of which there are four in a step.
+/// Between poses, derivatives are interpolated as if the poses did not turn. They turn by 0.05 rad from pose to
+/// pose of the file, of which there are four in a step.
 const TURNED_IN_FILE: f64 = 1e-2;
-/// What the depth of a row turns with a bending is left out: a residual over the depth, millimetres of decimetres.
+/// The change of a row's depth with a bending is neglected: a residual over the depth, millimetres over decimetres.
 const BENT: f64 = 1e-2;
 /// Positions between samples of the IMU are on a cubic, while velocities are joined by straight lines.
 const BY_TIME: f64 = 2e-3;
-/// The wide priors of mountings and of the first node, 1 m and 1 rad, take the change from their start as
-/// small: it is some milliradians, of the node some hundredths of a radian.
+/// The wide priors of mountings, 1 m and 1 rad, assume a small change from the start: it is some milliradians.
 const BY_CHANGE: f64 = 2e-3;
+/// The same for the prior of the first node, whose change is some hundredths of a radian.
 const FROM_START: f64 = 5e-2;
 
 #[test]
@@ -156,21 +156,21 @@ fn every_row_meets_finite_differences() {
                         BETWEEN_SAMPLES_M / size + PER_OFFSET * by
                     }
                     (true, "bending") => BENT + PER_OFFSET * by,
-                    // Turns of the mean are taken as if it were not bent.
+                    // Derivatives by rotations of the mean neglect its bending.
                     (true, "mounting") if case.settings.mounting.least > Rung::Rigid => {
                         ROUNDING + PER_OFFSET * by
                     }
                     (true, "correction") => TURNED_IN_FILE + PER_OFFSET * by,
-                    // Of a velocity along the normal of some centimetres per second.
+                    // For a velocity along the normal of some centimetres per second.
                     (true, "latency") => BY_TIME + 10.0 * PER_OFFSET * by,
                     (true, "bias") => {
-                        // Left out. During an adjustment, biases move by 1e-3 rad/s or 1e-2 m/s² at
-                        // most; that moves a row by less than a twentieth of its standard
+                        // Neglected. During an adjustment, biases change by 1e-3 rad/s or 1e-2 m/s² at
+                        // most, which changes a row by less than a twentieth of its standard
                         // deviation.
                         assert!(error * 1e-2 < 0.05, "{what}: {error}");
                         continue;
                     }
-                    // Held where its errors are taken to be zero.
+                    // Held if its errors are assumed to be zero.
                     (false, "patch") if case.surface_m == 0.0 => continue,
                     (false, "mounting") => BY_CHANGE,
                     (false, "node") if group == "assumed" => FROM_START,
@@ -198,7 +198,7 @@ fn an_angle_that_is_held_meets_finite_differences_far_from_its_start() {
         }
         let input = case.input();
         let (problem, mut state) = case.problem(&input);
-        // As a step would, were the angles not held.
+        // As a step would move them if the angles were not held.
         let turned = |state: &mut State, turn: Vec3, shift: Vec3| {
             for mounting in &mut state.mountings {
                 let pose = &mut mounting.body_from_scanner;
@@ -240,7 +240,7 @@ fn an_angle_that_is_held_meets_finite_differences_far_from_its_start() {
                     .map(|&block| dense.jacobian[(row, problem.offset(block) + unknown)])
                     .sum();
                 let error = (numeric[row] - analytic).abs();
-                // Angles are given in degrees: 1e-14 of them by a step of 1e-5.
+                // Angles are in degrees: rounding of 1e-14 over a step of 1e-5.
                 let wide = analytic.abs() <= 1.0 && numeric[row].abs() < 2.0;
                 let allowed = if wide { 0.1 } else { 1e-8 * held };
                 assert!(
@@ -254,7 +254,7 @@ fn an_angle_that_is_held_meets_finite_differences_far_from_its_start() {
 
 /// A mounting that another adjustment knows, with its covariance.
 #[test]
-fn what_is_known_beforehand_meets_finite_differences() {
+fn the_prior_of_known_mountings_meets_finite_differences() {
     let sigma = DMatrix::from_fn(12, 12, |i, j| {
         let off = 0.3 / (1.0 + (i as f64 - j as f64).abs());
         1e-8 * if i == j { 1.0 } else { off }
@@ -269,7 +269,7 @@ fn what_is_known_beforehand_meets_finite_differences() {
     let known = worst(&problem, &state);
     let (share, ..) = known[&("assumed".to_owned(), "mounting")];
     assert!(share < ROUNDING, "{share:e}");
-    // Beside it there is only the wide prior.
+    // Apart from this there is only the wide prior.
     let dense = Dense::new(&problem, &state);
     let first = problem.offset(problem.layout.mountings[0]);
     let rows = (0..dense.groups.len()).filter(|&row| dense.groups[row] == problem.groups.assumed);

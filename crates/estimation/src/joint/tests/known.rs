@@ -1,4 +1,4 @@
-//! What is known where mountings move, against dense algebra and finite differences.
+//! Uncertainties with moving mountings, against dense algebra and finite differences.
 
 use super::case::{Case, Dense};
 use super::dense::inverse;
@@ -10,22 +10,22 @@ use crate::joint::scan::StepScans;
 use crate::joint::state::State;
 use crate::joint::surfel::RowPoint;
 
-/// Where a point of a scanner is in the world.
+/// Position of a point of a scanner in the world.
 fn place(
     problem: &JointProblem<'_>,
     state: &State,
     (scanner, step): (usize, usize),
     point: &RowPoint,
 ) -> Vec3 {
-    let seen = problem.seen(0, state);
+    let context = problem.scan_context(0, state);
     let poses = state.motions[0].poses(step);
-    let scans = StepScans::new(&seen, &poses, seen.rows.of_step(step));
+    let scans = StepScans::new(&context, &poses, context.rows.of_step(step));
     let (place, ..) = scans.along(scanner, &Vec3::x(), &Vec3::zeros(), &[*point]);
     place
 }
 
 #[test]
-fn points_have_the_standard_deviations_of_all_that_places_them() {
+fn standard_deviations_of_points_are_those_of_finite_differences() {
     for (name, case) in [("rigid", Case::plain()), ("moving", Case::moving())] {
         let input = case.input();
         let (mut problem, state) = case.problem(&input);
@@ -37,7 +37,7 @@ fn points_have_the_standard_deviations_of_all_that_places_them() {
         let block = |a: usize, b: usize| selected.block(a, b);
         let known = known_points(&problem, &state, 0, &block);
         let covariance = inverse(&Dense::new(&problem, &state).h());
-        let rows = &problem.found.drives[0];
+        let rows = &problem.association.drives[0];
         for (scanner, known) in known.iter().enumerate() {
             let known = &known[known.len() / 2];
             let of_step = |step: usize| rows.of_step(step).iter().map(move |row| (step, row));
@@ -51,7 +51,7 @@ fn points_have_the_standard_deviations_of_all_that_places_them() {
             let sigmas = covariance.diagonal().map(f64::sqrt);
             let mut jacobian = nalgebra::DMatrix::zeros(3, problem.unknowns());
             for unknown in 0..problem.unknowns() {
-                // A thousandth of a standard deviation: what holds a value moves by less than rounding.
+                // A thousandth of a standard deviation; held values move by less than rounding.
                 let h = (1e-3 * sigmas[unknown]).max(1e-9);
                 let at = |h: f64| {
                     let mut moved = vec![0.0; problem.unknowns()];
@@ -72,7 +72,7 @@ fn points_have_the_standard_deviations_of_all_that_places_them() {
                     "{name}, scanner {scanner}: {} m, ratio {ratio}",
                     known.sigma_m[axis]
                 );
-                // Derivatives of poses between nodes are right to a hundredth.
+                // Derivatives of poses between nodes are accurate to a hundredth.
                 assert!((ratio - 1.0).abs() < 0.02);
             }
         }

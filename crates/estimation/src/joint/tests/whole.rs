@@ -1,4 +1,4 @@
-//! The whole adjustment: any scanner, what is fixed stays, the same bytes on any number of threads.
+//! The whole adjustment: with any kind of scanner, fixed values stay, the same bytes for any number of threads.
 
 use super::case::{Case, SURFEL_M, truth};
 use crate::adjustment::StopReason;
@@ -15,7 +15,7 @@ fn adjusted(case: &Case) -> Joint {
     found
 }
 
-/// Errors of a scanner in its standard deviations: (δp, δφ).
+/// Errors (δp, δφ) of a scanner with their standard deviations.
 fn errors(found: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] {
     let (turn, shift) = found.mountings[scanner]
         .body_from_scanner
@@ -29,7 +29,7 @@ fn errors(found: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] 
 
 #[test]
 fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
-    // In three seconds a lever arm would take the mountings with it, and the reference the world.
+    // In three seconds of data, a free lever arm would shift the mountings, and a free reference the world.
     let mut logs = Case {
         reference: Case::full().reference,
         ..Case::plain()
@@ -58,7 +58,7 @@ fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
 }
 
 #[test]
-fn a_reference_that_is_shifted_is_found_where_it_lies() {
+fn the_shift_of_a_reference_is_estimated() {
     let shift_m = Vec3::new(0.012, -0.008, 0.0);
     let mut case = Case::full();
     case.reference
@@ -73,13 +73,13 @@ fn a_reference_that_is_shifted_is_found_where_it_lies() {
         println!("axis {axis}: {error_m:e} of {sigma_m:e}");
         assert!(error_m.abs() < 4.0 * sigma_m && sigma_m < 0.005);
     }
-    // Its height is held, and its standard deviation what was known beforehand.
+    // Its height is held, with the standard deviation of the prior.
     assert!(found.shift_m.z.abs() < 1e-6);
     assert!((found.shift_sigma_m.z - 0.01).abs() < 1e-4);
 }
 
 #[test]
-fn the_score_of_a_latency_is_what_estimating_it_finds() {
+fn the_score_of_a_latency_is_the_same_as_its_estimate() {
     let mut case = Case::from_file();
     // Stamps that are 0.5 ms late: a fraction of a millimetre.
     let profiles = &mut case.samples[0].profiles;
@@ -93,7 +93,7 @@ fn the_score_of_a_latency_is_what_estimating_it_finds() {
     let (late_s, sigma_s) = found.late_s[0].expect("estimated");
     println!("{score:?}, estimated {late_s:e} ± {sigma_s:e}");
     assert!((score.sigma / sigma_s - 1.0).abs() < 0.05);
-    // Which rows the loss trusts differs a little between both.
+    // The trust in rows differs a little between the two.
     assert!((score.value - late_s).abs() < 0.5 * sigma_s);
     assert!((late_s - 5e-4).abs() < 4.0 * sigma_s);
 }
@@ -118,11 +118,11 @@ fn a_fixed_scanner_keeps_its_mounting_to_the_last_bit() {
 }
 
 #[test]
-fn a_fixed_angle_stays_while_the_others_are_found() {
+fn a_fixed_angle_stays_while_the_others_are_estimated() {
     for convention in [EulerConvention::Zyx, EulerConvention::Bonn] {
         for angle in 0..3 {
             let mut case = Case::full();
-            // The start has the true angle, and is off in the two others by 0.5°.
+            // The start has the true angle, and is off by 0.5° in the two others.
             let rotation = truth()[0].body_from_scanner.rotation;
             let mut angles_deg = euler_deg_from_rotation(convention, &rotation);
             let held_deg = angles_deg[angle];
@@ -139,7 +139,7 @@ fn a_fixed_angle_stays_while_the_others_are_found() {
             let moved_deg = (after_deg[angle] - held_deg).abs();
             assert!(moved_deg < 1e-11, "{convention:?} {angle}: {moved_deg}");
             for (i, (error, sigma)) in errors(&found, &truth(), 0).iter().enumerate() {
-                // Beside the standard deviation, what holds the angle.
+                // In addition to the standard deviation, the sigma that holds the angle.
                 assert!(
                     error.abs() < 4.0 * sigma + 1e-7,
                     "{convention:?} {angle}, {i}: {error} of {sigma}"

@@ -11,7 +11,7 @@ use crate::adjustment::{ChainProblem, ChainStep, NODE, Rows, SEGMENT, STEP};
 use crate::geometry::Vec3;
 use crate::geometry::so3::exp;
 use crate::joint::motion::gauss_markov::GaussMarkov;
-use crate::joint::motion::knots::{AT_BRIDGE, BRIDGE, Knot, StepPoses, of_node};
+use crate::joint::motion::knots::{AT_BRIDGE, BRIDGE, Knot, StepPoses, node_derivative};
 use crate::joint::motion::{ConstantValue, Motion, Places, PositionBlocks, PositionResiduals};
 use crate::joint::row::RowBatch;
 use crate::sensor::PoseRecord;
@@ -24,7 +24,7 @@ use crate::trajectory::states::{NodeState, State};
 /// The part of a sensor's error that is correlated in time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelatedError {
-    /// Of each component, the unit of the observation.
+    /// Standard deviation of each component, in the unit of the observation.
     pub sigma: Vec<f64>,
     /// Seconds.
     pub correlation_s: f64,
@@ -44,8 +44,8 @@ pub struct ChainMotion {
     names: Arc<Vec<String>>,
     /// Correlated errors of each position sensor, then of the heading.
     correlated: Vec<Option<GaussMarkov>>,
-    /// Of each step: how far the attitude between its nodes is from the best that the IMU and both
-    /// nodes give, in the middle (body, radians).
+    /// For each step, the deviation of the attitude in its middle from the best estimate by the IMU and
+    /// both nodes (body axes, radians).
     bridges: Vec<Vec3>,
 }
 
@@ -100,9 +100,9 @@ impl ChainMotion {
     }
 
     /// The standard deviation of a bridge, radians. Between nodes T apart, the sum of white noise of
-    /// density q is a Brownian bridge; of its terms √2 q√T/(πk) sin(πk u) the first is 61 % of the
-    /// variance, and more of what is left in the mean over a step. What the accelerometer's noise does
-    /// to positions in a step is below a micrometre.
+    /// density q is a Brownian bridge; the first of its terms √2 q√T/(πk) sin(πk u) has 61 % of the
+    /// variance, and a larger share of the variance of the mean over a step. The effect of the
+    /// accelerometer's noise on positions within a step is below a micrometre.
     fn bridge_sigma_rad(&self, step: usize) -> f64 {
         let node_s = &self.graph.timeline.node_s;
         let density = self.graph.noise.gyro_density * self.graph.imu_scale;
@@ -110,7 +110,7 @@ impl ChainMotion {
         density * (2.0 * duration_s).sqrt() / PI
     }
 
-    /// How much of the bridge of a step there is at a time.
+    /// The value of a step's bridge at a time, as a share of its middle value.
     fn bridge_share(&self, step: usize, time_s: f64) -> f64 {
         let node_s = &self.graph.timeline.node_s;
         let u = (time_s - node_s[step]) / (node_s[step + 1] - node_s[step]);
@@ -129,8 +129,7 @@ impl ChainMotion {
         IMU + 1 + self.names.len()
     }
 
-    /// Adds a factor's rows. `sensor` is the place of its correlated error, and `columns` the
-    /// derivatives of its raw residual's whitened rows by that error.
+    /// Adds a factor's rows, with the correlated error of its sensor, if it has one.
     fn add(
         &self,
         (step, group): (usize, usize),
@@ -140,13 +139,13 @@ impl ChainMotion {
         batch: &mut RowBatch,
     ) {
         let segment = self.graph.layout().segment(step);
-        let own = |block: usize| places.first_block + block;
+        let place = |block: usize| places.first_block + block;
         for (i, (by, residual)) in rows.by_step.iter().zip(rows.residual).enumerate() {
             let moved = error.as_ref().map_or(0.0, |error| error.residual(i));
             batch.begin(places.first_group + group, rows.weight, residual + moved);
             let mut touch = |block: usize, by: &[f64]| {
                 if by.iter().any(|x| *x != 0.0) {
-                    batch.touch(own(block), by);
+                    batch.touch(place(block), by);
                 }
             };
             touch(step, &by[..NODE]);
@@ -158,7 +157,7 @@ impl ChainMotion {
             if let Some(error) = &error {
                 for (block, share) in error.knots() {
                     let by: Vec<f64> = error.whitener(i).iter().map(|w| w * share).collect();
-                    batch.touch(own(block), &by);
+                    batch.touch(place(block), &by);
                 }
             }
         }
@@ -306,7 +305,7 @@ impl Motion for ChainMotion {
         Some(self.first_bridge() + step)
     }
 
-    /// The share of the bias in the poses between two nodes is left out: over the eighth of a second
+    /// The effect of the bias on the poses between two nodes is neglected: over the eighth of a second
     /// from node to node it is Δt²/16 of an accelerometer's bias, a micrometre.
     fn poses(&self, step: usize) -> StepPoses {
         let node_s = &self.graph.timeline.node_s;
@@ -319,7 +318,7 @@ impl Motion for ChainMotion {
                 time_s: node_s[node],
                 world_from_body,
                 velocity_m_s: Some(velocity_m_s),
-                by: of_node(first),
+                by: node_derivative(first),
             }
         };
         let mut knots = vec![at_node(step, 0)];

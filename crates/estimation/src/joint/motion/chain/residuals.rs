@@ -24,8 +24,8 @@ impl ChainMotion {
                     }
                     let error = self.error_of(&source);
                     let moved = |i: usize| error.as_ref().map_or(0.0, |error| error.residual(i));
-                    let whole = Vec3::from_column_slice(residual);
-                    visit(fix, whole, Vec3::from_fn(|i, _| residual[i] + moved(i)));
+                    let whitened = Vec3::from_column_slice(residual);
+                    visit(fix, whitened, Vec3::from_fn(|i, _| residual[i] + moved(i)));
                 });
         }
     }
@@ -46,7 +46,7 @@ impl ChainMotion {
     /// Root mean squares of the means of its residuals over blocks of time.
     pub(super) fn blocks_of(&self, sensor: usize, name: &str, block_s: f64) -> PositionBlocks {
         let start_s = self.graph.timeline.node_s[0];
-        // Block, and the sum of its normalised residuals.
+        // Block, its number of records, and the sum of their normalised residuals.
         let mut sums: Vec<(i64, usize, Vec3)> = Vec::new();
         self.each_position(sensor, |fix, _, value| {
             let block = ((fix.time_s - start_s) / block_s).floor() as i64;
