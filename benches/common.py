@@ -1,4 +1,4 @@
-"""What the comparisons with other programs share: environments, measured processes, tables, pages."""
+"""Shared parts of the comparisons with other programs: environments, measured processes, tables, pages."""
 
 import datetime
 import os
@@ -20,7 +20,7 @@ def say(text):
 
 
 def environment(folder, packages):
-    """The Python of the virtual environment with the packages, made where it is missing."""
+    """The Python of the virtual environment with the packages, which is created if it is missing."""
     python = folder / "bin" / "python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
@@ -34,7 +34,7 @@ def build():
 
 
 def measured(command, **more):
-    """Wall seconds, processor seconds, peak bytes and stdout of one process; None for a failure."""
+    """Wall seconds, processor seconds, peak bytes and stdout of one process; None if it failed."""
     begun = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **more)
     out = process.stdout.read()
@@ -82,7 +82,7 @@ def version(*command):
 
 def heading_line(script, binary, peers):
     """The command, the date, the versions and the machine."""
-    # Folders by their names: the page is not about this machine's disk.
+    # Folders are given by their names only, as the page must not show paths of this machine.
     words = [Path(word).name if word.startswith("/") else word for word in sys.argv[1:]]
     command = shlex.join(["python3", script, *words])
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1024**3
@@ -100,7 +100,7 @@ def processor():
 
 
 def write(section, marker, text):
-    """Puts `text` between the markers of a section of the page, which is made where missing."""
+    """Puts `text` between the markers of a section of the page; creates the page or the section if it is missing."""
     begin, end = f"<!-- {marker}: begin -->", f"<!-- {marker}: end -->"
     page = PAGE.read_text() if PAGE.exists() else "# Performance\n"
     if begin not in page:

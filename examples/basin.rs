@@ -1,8 +1,9 @@
-//! From how far away the calibration ends at the same minimum, and what it says where it does not.
+//! Basin of convergence: from which distances the calibration ends at the same minimum, and whether it reports
+//! when it does not.
 //!
 //! `cargo run --release --example basin -- 100` starts a hundred times at each of three distances from the
-//! result, in random directions, on a small simulated drive with and without its reference, and on the Truck;
-//! a part of the name of a drive after it starts on that one only.
+//! result, in random directions, on a small simulated drive with and without its reference, and on the Truck. A
+//! second argument selects the drives whose names contain it.
 
 #![allow(clippy::unwrap_used)]
 
@@ -27,7 +28,7 @@ mod truck;
 
 /// Distances of the starts: metres, degrees.
 const STARTS: [(f64, f64); 3] = [(0.05, 2.0), (0.1, 5.0), (0.2, 10.0)];
-/// The same minimum: metres, degrees. Scales are left where steps move points by less.
+/// Tolerances of the same minimum: metres, degrees. A scale ends when steps move points by less.
 const SAME: (f64, f64) = (0.005, 0.1);
 
 /// A drive that is ready to be calibrated.
@@ -51,7 +52,7 @@ impl Drive {
         })
     }
 
-    /// The calibration from these mountings, and what needs care in what was said.
+    /// The calibration from these mountings, and the codes of its warnings.
     fn from(&self, start: &[BodyFromScanner]) -> Result<(Calibration, Vec<String>)> {
         let project = stages::with_mountings(&self.project, start);
         let (trajectory, samples) = (self.poses.trajectory(), self.samples.as_slice());
@@ -113,7 +114,7 @@ impl Drive {
     }
 }
 
-/// How far apart two results lie in metres and degrees, but for directions that nothing determines.
+/// The largest distances of two results in metres and degrees, without directions that are unobservable.
 fn apart(
     found: &[BodyFromScanner],
     result: &[BodyFromScanner],
@@ -135,7 +136,7 @@ fn apart(
     })
 }
 
-/// Of unit length, all directions alike.
+/// A random unit vector, uniform over the sphere.
 fn direction(random: &mut ChaCha8Rng) -> Vec3 {
     loop {
         let vector = Vec3::from_fn(|_, _| random.random_range(-1.0..1.0));

@@ -3,7 +3,7 @@
 //! `cargo run --release --example consistency -- 50` prints, for position (3 degrees of freedom),
 //! tilt (2) and yaw (1), the mean normalised squared error at 20 epochs over the drives, and the
 //! number of epochs within the 95 % band of χ²; then the same for the constants. An optional second
-//! argument is the first seed, 0 by default: `-- 50 50` runs 50 other drives than `-- 50`.
+//! argument is the first seed, 0 by default: `-- 50 50` runs 50 drives different from those of `-- 50`.
 
 use boresight::simulation::{Drive, Scenario, Scene};
 use boresight::trajectory::Constant;

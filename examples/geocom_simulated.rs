@@ -1,5 +1,5 @@
-//! A simulated total station on a TCP port (`tcp ADDRESS`, prints where) or on standard input and
-//! output (`stdio`, for example a pseudo-terminal). Follows a prism on a straight line.
+//! A simulated total station on a TCP port (`tcp ADDRESS`, prints the address) or on standard input and
+//! output (`stdio`, for example a pseudo-terminal). It follows a prism on a straight line.
 
 use std::io::{self, Read, Write};
 use std::sync::{Mutex, atomic::AtomicBool};
@@ -33,7 +33,7 @@ fn main() -> io::Result<()> {
             let address = arguments.get(2).map_or("127.0.0.1:0", String::as_str);
             let instrument = TcpInstrument::listen(address, simulated)?;
             println!("{}", instrument.address());
-            // Until standard input ends.
+            // Serves until standard input ends.
             io::stdin().read_to_end(&mut Vec::new()).map(drop)
         }
         Some("stdio") => {

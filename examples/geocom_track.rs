@@ -1,4 +1,4 @@
-//! Tracks with the instrument at a TCP address for some seconds and prints what it gives:
+//! Tracks with the instrument at a TCP address for some seconds and prints its events:
 //! `ADDRESS SECONDS [checksum]`.
 
 use std::error::Error;

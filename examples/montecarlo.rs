@@ -35,8 +35,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Calibrates with estimated poses, without the reference, and with exact poses; returns how many
-/// errors are inside 95 %, and of how many.
+/// Calibrates with estimated poses, without the reference, and with exact poses. Returns for each the number
+/// of errors inside 95 % and the number of all errors.
 fn run(seed: u64, folder: &Path) -> Result<[(usize, usize); 3]> {
     let scenario = Scenario {
         seed,
@@ -82,8 +82,8 @@ fn print_pose_errors(poses: &EstimatedPoses, exact: &EstimatedPoses) {
     );
 }
 
-/// Prints errors and sigmas of one calibration; returns how many errors are inside 95 %, and of how
-/// many.
+/// Prints errors and sigmas of one calibration. Returns the number of errors inside 95 % and the number of all
+/// errors.
 fn print_errors(name: &str, drive: &DemoDrive, calibration: &Calibration) -> (usize, usize) {
     let (mut covered, mut all) = (0, 0);
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {

@@ -1,6 +1,6 @@
-//! How fast one core reads a recording of the Gocator, beside reading its bytes.
+//! Measures how fast one core reads a recording of the Gocator, compared with reading only its bytes.
 //!
-//! `cargo run --release --example read_speed -- [FILE]`: without a file, on one of 500 MB that is made for it.
+//! `cargo run --release --example read_speed -- [FILE]`: without a file, it makes one of 500 MB.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -10,9 +10,9 @@ use boresight::Result;
 use boresight::error::Error;
 use boresight::format::{BonnWriter, open_profiles};
 
-/// Runs, of which the median counts.
+/// Number of runs; the median is reported.
 const RUNS: usize = 5;
-/// Profiles of 1920 points in the file that is made: 500 MB.
+/// Profiles of 1920 points in the generated file: 500 MB.
 const PROFILES: u32 = 51_000;
 const WIDTH: u32 = 1920;
 

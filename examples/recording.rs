@@ -1,4 +1,4 @@
-//! Makes a recording of a simulated drive, as its sensors would have sent it, to be played by `boresight replay`:
+//! Makes a recording of a simulated drive, as its sensors would have sent it, for `boresight replay`:
 //! `cargo run --release --example recording -- out/data/drive-1/project.toml out/recording`
 #![allow(clippy::unwrap_used, clippy::print_stderr)] // an example
 

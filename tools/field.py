@@ -4,7 +4,7 @@
     python3 tools/field.py [--write] [NAME…]
 
 Each layout is a scenario that `boresight simulate` drives and `boresight run` calibrates. BORESIGHT names the
-program, otherwise it is target/release/boresight. Change LAYOUTS to what you have at hand.
+program; the default is target/release/boresight. Change LAYOUTS to your own boards and passes.
 """
 
 import json
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "field.md"
 MARKS = "<!-- layouts: begin -->\n", "<!-- layouts: end -->\n"
 
-# East and north of the middle of each board, its tilt and the azimuth of its normal, as in the demo.
+# East and north of the centre of each board, its tilt and the azimuth of its normal, as in the demo.
 BOARDS = [(1.6, 1.4, 30, 70), (5.9, 1.4, 15, 310), (3.75, 3.0, 0, 0), (1.6, 4.6, 45, 160), (5.9, 4.6, 55, 250)]
 # Board and heading of the passes of one round over all boards: to the east and west, and so on.
 ROUNDS = [
@@ -79,14 +79,14 @@ def scenario(chosen):
 
 
 def without(project, name):
-    """The project without a table."""
+    """The project without the table `name`."""
     begin = project.index(f"[{name}]\n")
     end = project.find("\n[", begin)
     return project[:begin] + (project[end + 1 :] if end >= 0 else "")
 
 
 def product(a, b):
-    """Of two quaternions x, y, z, w."""
+    """The product of two quaternions x, y, z, w."""
     (x, y, z, w), (p, q, r, s) = a, b
     return [w * p + x * s + y * r - z * q, w * q - x * r + y * s + z * p, w * r + x * q - y * p + z * s, w * s - x * p - y * q - z * r]
 
@@ -103,7 +103,7 @@ def rotation(angles_deg):
 
 
 def errors(found, truth):
-    """Of a mounting, in metres and degrees about the axes of the body."""
+    """The errors of a mounting, in metres and in degrees about the axes of the body."""
     q = rotation(truth["rotation_deg"])
     off = product(found["quaternion_xyzw"], [-q[0], -q[1], -q[2], q[3]])
     sign = math.copysign(1, off[3])
@@ -121,7 +121,7 @@ def row(name, chosen, folder):
     boresight("simulate", "--scenario", folder / "scenario.toml", "--out", folder / "data")
     drive = folder / "data" / "drive-1"
     path = drive / "project.toml"
-    # The layout alone: what is assumed of the reference adds to any of them.
+    # The table shows the layout alone: assumed uncertainties of the reference add to any layout.
     project = path.read_text().replace('file = "../tls.laz"\n', 'file = "../tls.laz"\nsigma_m = 0.0\nsigma_deg = 0.0\n')
     for table in ("reference", "heading"):
         if not chosen[table]:

@@ -1,12 +1,12 @@
-"""Runs every fuzz target for a time and counts its executions; fails if a target does.
+"""Runs every fuzz target for a time and counts its executions; fails if a target fails.
 
     python3 tools/fuzz.py [SECONDS] [TARGET ...]
 
-needs cargo-fuzz (`cargo install cargo-fuzz`) and a C++ compiler. What a run finds stays in
-fuzz/target/found/<target>, for the next run; an input that fails is kept in fuzz/artifacts/<target>. Shrink it
-with `cargo fuzz tmin -s none <target> <input>`, mend the reader, and copy it to fuzz/corpus/<target>, which
-`cargo test --test corpora` replays. After a long run, `cargo fuzz cmin -s none <target>` keeps what adds to a
-corpus.
+needs cargo-fuzz (`cargo install cargo-fuzz`) and a C++ compiler. New inputs of a run stay in
+fuzz/target/found/<target>, for the next run; a failing input is kept in fuzz/artifacts/<target>. Shrink it
+with `cargo fuzz tmin -s none <target> <input>`, fix the reader, and copy it to fuzz/corpus/<target>, which
+`cargo test --test corpora` replays. After a long run, `cargo fuzz cmin -s none <target>` removes inputs that add
+nothing to a corpus.
 """
 import os
 import re
@@ -17,8 +17,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# The largest input, bytes, and the time after which one input is a hang, seconds: the targets themselves are
-# stricter.
+# The largest input, bytes, and the time after which an input counts as a hang, seconds. The targets themselves
+# are stricter.
 LARGEST = 30_000
 LONGEST_S = 20
 
@@ -33,7 +33,7 @@ def targets():
 
 
 def run(target, seconds, folder):
-    """Executions of a target and whether it held."""
+    """The number of executions of a target, and whether it passed."""
     found = ROOT / "fuzz" / "target" / "found" / target
     corpus = ROOT / "fuzz" / "corpus" / target
     for place in (found, corpus):

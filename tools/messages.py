@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Every message that a user can meet, by file: the prose among the string literals of src/, and
+"""Prints every message that a user can see, by file: the prose among the string literals of src/, and
 the help texts of the command line. For reading aloud.
 
     python3 tools/messages.py [FILE...]
@@ -29,7 +29,7 @@ def literals(code):
         if text is None:
             continue
         line = code.count("\n", 0, token.start()) + 1
-        # A backslash at the end of a line swallows the break and what indents the next one.
+        # A backslash at the end of a line removes the line break and the indentation of the next line.
         yield line, re.sub(r"\\\n\s*", "", text).replace('\\"', '"').replace("\\n", "\n")
 
 

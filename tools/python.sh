@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Lints the Python package, builds its wheel, installs it in a new environment and tests it there. Where Python, pip
-# or the packages of the tests cannot be had it says so and is content.
+# Lints the Python package, builds its wheel, installs it in a new environment and tests it there. If Python, pip or
+# the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-# Dependencies that the main crate has built are not built again.
+# Reuses dependencies that were built for the main crate.
 export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target}"
 cargo clippy --locked --manifest-path python/Cargo.toml --all-targets -- -D warnings
 

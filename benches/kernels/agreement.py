@@ -1,13 +1,13 @@
-"""Whether boresight's numbers are those of other programs; prints one line a check.
+"""Checks that boresight's numbers agree with those of other programs; prints one line per check.
 
 usage: agreement.py BORESIGHT FOLDER (features CLOUD | thin CLOUD | m3c2 EPOCH1 EPOCH2 CORE)
 
-Exit code 1 where a check fails, with the line beginning with FAILED. Tolerances:
+Exit code 1 if a check fails; its line begins with FAILED. Tolerances:
 
-- omnivariance 1e-6 relative: jakteristics returns single precision, which is good to 1e-7.
+- omnivariance 1e-6 relative: jakteristics returns single precision, which is accurate to 1e-7.
 - M3C2 with given normals 1e-9 m, counts equal: both are double precision, coordinates are metres.
-- M3C2 beside CloudCompare's file: no farther from it than PDAL's, in median, rms and maximum. The
-  files have three decimals, so ours get as many.
+- M3C2 compared with CloudCompare's file: no farther from it than PDAL's, in median, rms and maximum. The
+  files have three decimals, so ours are rounded to three decimals.
 """
 
 import argparse
@@ -30,13 +30,13 @@ SAMPLE = 2000
 CORE_SAMPLE = 50_000
 OMNIVARIANCE_RELATIVE = 1e-6
 DISTANCE_M = 1e-9
-# Neighbours this close to equally far may be chosen otherwise after rounding.
+# If distances differ by less than this, rounding may change the choice of neighbours.
 TIE_RELATIVE = 1e-12
 AUTZEN_NORMAL_RADIUS, AUTZEN_CYLINDER_RADIUS, AUTZEN_HALF_LENGTH = 1.390432, 2.890432, 5.5
 
 
 class Checks:
-    """What was found so far."""
+    """Prints the checks and counts failures."""
 
     def __init__(self):
         self.failed = 0
@@ -68,8 +68,8 @@ def features(check, binary, out, cloud):
     covariance = np.einsum("nki,nkj->nij", around, around) / NEIGHBOURS
     scipy = np.cbrt(np.prod(np.linalg.eigvalsh(covariance), axis=1))
     relative(check, "scipy (cKDTree, eigvalsh)", ours[some], scipy)
-    # jakteristics has no search for the k nearest: it gets each neighbourhood as a cloud of its own, and a
-    # radius that holds all of it. It divides by n - 1, we by n.
+    # jakteristics has no search for the k nearest: it gets each neighbourhood as a separate cloud, and a
+    # radius that contains all of it. It divides by n - 1, we divide by n.
     radius = float(2.0 * distance.max())
     jak = [jakteristics.compute_features(points[at], radius, num_threads=1, feature_names=["omnivariance"])[0, 0]
            for at in near]
@@ -143,7 +143,7 @@ def compared(binary, out, cloud, reference, core, radius, half_length, *more):
 
 
 def autzen(check, binary, out, folder):
-    """Beside CloudCompare's numbers, with our own normals; feet."""
+    """Comparison with CloudCompare's numbers, with our own normals; feet."""
     read = lambda name: np.genfromtxt(folder / name, delimiter=",", skip_header=1)
     cc, pdal = read("autzen-bmx-cc.txt"), read("autzen-bmx-m3c2.txt")
     out.mkdir(parents=True, exist_ok=True)
@@ -152,7 +152,7 @@ def autzen(check, binary, out, folder):
     ours = compared(binary, out, folder / "autzen-bmx-2023.las", folder / "autzen-bmx-2010.las", core,
                     AUTZEN_CYLINDER_RADIUS, AUTZEN_HALF_LENGTH, "--normal-radii-m", AUTZEN_NORMAL_RADIUS)
     distance, counts = cc[:, 24], cc[:, 18:20]
-    # CloudCompare writes 0 with an uncertainty of 0 where it has no normal; we write NaN.
+    # CloudCompare writes 0 with an uncertainty of 0 if it has no normal; we write NaN.
     known = ~((distance == 0.0) & (cc[:, 23] == 0.0)) & ~np.isnan(distance)
     off = {"boresight": np.abs(np.round(ours["distance_m"], 3) - distance)[known],
            "PDAL": np.abs(pdal[:, 21] - distance)[known]}

@@ -1,15 +1,15 @@
-"""Makes the clouds that every program of the comparison reads, from a fixed seed.
+"""Makes the clouds for all programs of the comparison, from a fixed seed.
 
 usage: clouds.py FOLDER (features|thin|m3c2) POINTS [--core N]
 
-A rough terrain of 10 points per cm²: x and y uniform over a square, z a sum of waves from 4 m down to
-2 cm, higher the longer they are (a fractal down to the finest wave), and 2 mm of noise. Files hold
+A rough terrain of 10 points per cm²: x and y are uniform over a square, z is a sum of waves from 4 m down to
+2 cm, whose height grows with their length (a fractal down to the finest wave), and 2 mm of noise. Files hold
 float64 of shape (n, 3) and come in two orders: shuffled (no order at all) and ordered along a Morton
-curve, in which points near each other in space are near each other in memory. Nothing measures in
+curve, in which points near each other in space are near each other in memory. No sensor measures in
 Morton order; it is the best case for the caches, and real recordings lie between the two.
 
-m3c2 makes two epochs of one surface, each sampled anew, the second deformed by up to 5 mm, and core
-points drawn from the first. Prints the files and the radius that holds 50 neighbours as JSON.
+m3c2 makes two epochs of one surface, each with its own sample of points, the second deformed by up to 5 mm,
+and core points drawn from the first. Prints the files and the radius that contains 50 neighbours as JSON.
 """
 
 import argparse
@@ -64,7 +64,7 @@ def morton_order(points):
 
 
 def save(path, points):
-    """Appears whole or not at all."""
+    """Writes a file so that it is never incomplete."""
     unfinished = path.with_suffix(".tmp")
     with open(unfinished, "wb") as file:
         np.save(file, points)

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""boresight's kernels and their peers on the same files, in one go.
+"""Compares boresight's kernels with their peers on the same files.
 
 usage: python3 benches/kernels/run.py [--quick] [--crates] ...
 
-Makes a virtual environment with the peers, builds boresight, makes the clouds (see clouds.py), runs
-boresight and every peer in turn, each run a fresh process, so that noise of the machine meets all
+Creates a virtual environment with the peers, builds boresight, makes the clouds (see clouds.py), runs
+boresight and every peer in turn, each run in a new process, so that noise of the machine affects all
 alike, prints tables of medians and ratios, and writes them into docs/performance.md between its two
-markers. Then asserts that the numbers agree (see agreement.py); exit code 1 where they do not.
+markers. Then checks that the numbers agree (see agreement.py); exit code 1 if they do not.
 
-What is counted. Peers: from arrays in memory to results in memory, search structures included (see
-with_peer.py). boresight: the stages between reading and writing of its --json output. Whole processes,
-with reading, writing, and for the peers the start of Python, are in a table of their own.
+Times of peers: from arrays in memory to results in memory, including search structures (see
+with_peer.py). Times of boresight: the stages between reading and writing in its --json output. Times of
+whole processes, with reading, writing, and for the peers the start of Python, are in a separate table.
 """
 
 import argparse
@@ -47,11 +47,11 @@ class Case:
 
     kernel: str
     points: int
-    goal: float  # how many times less time than the best peer
+    goal: float  # wanted factor by which boresight is faster than the best peer
     core: int = 0
 
     def described(self):
-        """What the tables say of it; throughput counts points, of M3C2 core points."""
+        """Its description in the tables; throughput counts points, for M3C2 core points."""
         return {"title": self.title, "kernel": self.kernel, "points": self.points, "goal": self.goal,
                 "units": self.core or self.points}
 
@@ -93,12 +93,12 @@ def main():
 
 
 def measure(python, binary, kernel, cases, given):
-    """All that the page says of a kernel."""
+    """The section of the page on a kernel."""
     clouds = [files(python, case, given.work) for case in cases]
     section = {"cases": [{**case.described(), "runs": rounds(python, binary, case, made, given)}
                          for case, made in zip(cases, clouds)]}
     if given.crates and kernel == "features":
-        # One size shows it; searching one by one takes minutes for a million points.
+        # One size is enough; searching point by point takes minutes for a million points.
         section["indices"] = crates(cases[0], clouds[0], given)
     if binary:
         say(f"agreement: {kernel}")
@@ -118,19 +118,19 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small clouds, one round, nothing written: a minute")
     parser.add_argument("--only", default="features,thin,m3c2", metavar="KERNEL,...",
-                        help="measure these; what the page says of the others is that of the last time")
+                        help="measure these; the page keeps the last results of the others")
     parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="rounds of all programs [3]")
     parser.add_argument("--boresight", type=Path, metavar="FILE", help="a binary to run instead of building one")
     parser.add_argument("--peers-only", action="store_true", help="without boresight; nothing written")
     parser.add_argument("--crates", action="store_true", help="neighbour indices of Rust crates too (see crates/)")
     parser.add_argument("--venv", type=Path, default=ROOT / "target" / "bench-venv", metavar="DIR")
     parser.add_argument("--work", type=Path, default=ROOT / "target" / "bench-kernels", metavar="DIR",
-                        help="the clouds, 3 GB; made where missing")
+                        help="the clouds, 3 GB; made if missing")
     parser.add_argument("--no-write", action="store_true", help="only print")
     given = parser.parse_args()
     if given.quick:
         given.repetitions, given.no_write = 1, True
-    # Peers run inside the folder of the clouds: py4dgeo writes a log into the one it is started in.
+    # Peers run in the folder of the clouds: py4dgeo writes a log into its working directory.
     given.work, given.venv = given.work.resolve(), given.venv.absolute()
     given.work.mkdir(parents=True, exist_ok=True)
     return given
@@ -167,7 +167,7 @@ def boresight_command(binary, kernel, paths, out):
     commands = {
         "features": lambda: ["features", paths["cloud"], "--neighbours", NEIGHBOURS, "--features", "omnivariance"],
         "thin": lambda: ["thin", paths["cloud"], "--voxel-m", VOXEL_M],
-        # The cloud to judge comes first, its reference, whose normals are taken, second.
+        # The compared cloud comes first, then its reference, whose normals are used.
         "m3c2": lambda: ["compare", paths["epoch2"], paths["epoch1"], "--core", paths["core"],
                          "--cylinder-radius-m", CYLINDER_RADIUS_M, "--max-distance-m", MAX_DISTANCE_M,
                          "--normal-radii-m", ",".join(map(str, NORMAL_RADII_M))],
@@ -189,7 +189,7 @@ def boresight(binary, kernel, paths, threads, out):
 
 
 def peer(python, name, kernel, paths, threads, radius_m):
-    """One run of a peer, whose numpy works on one thread: nothing here gains from more."""
+    """One run of a peer, whose numpy uses one thread: more would not help here."""
     command = [python, str(HERE / "with_peer.py"), name, kernel, str(threads), *map(str, paths.values())]
     if radius_m:
         command += ["--radius", str(radius_m)]

@@ -68,7 +68,7 @@ def rate(case, seconds):
 
 
 def best_lines(cases):
-    """boresight beside the fastest peer of each case."""
+    """boresight compared with the fastest peer of each case."""
     lines = [row("case", "points", "threads", "best peer", "M/s", "boresight M/s", "best peer : boresight", "goal"),
              row("---", "---", "---:", "---", *["---:"] * 4)]
     for case in cases:
@@ -100,13 +100,13 @@ def case_lines(case):
 
 
 def parts(runs):
-    """The median seconds of each part that matters, where there is more than one."""
+    """The median seconds of each relevant part, if there is more than one."""
     names = [name for name in runs[0]["parts"] if name != "copying in"]
     return ", ".join(f"{name} {number(median(runs, 'parts', name))}" for name in names) if len(names) > 1 else ""
 
 
 def deterministic(case):
-    """Which programs gave the same bytes in every run, at both numbers of threads."""
+    """The programs that gave the same bytes in every run, with both numbers of threads."""
     lines = ["Results by their bytes, at one and two threads:", ""]
     for name in dict.fromkeys(run["program"] for run in case["runs"]):
         said = []
@@ -139,7 +139,7 @@ def index_lines(indices):
 
 
 def process_lines(cases):
-    """Whole processes: reading, writing and starting included."""
+    """Whole processes, including reading, writing and start-up."""
     lines = ["### Whole processes", "",
              "boresight reads the points and writes results to disk; peers start Python, read the points and write "
              "nothing. Shuffled points.", "",

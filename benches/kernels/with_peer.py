@@ -1,10 +1,10 @@
-"""One peer on one case, timed from arrays in memory to results in memory; prints one JSON line.
+"""Runs one peer on one case, timed from arrays in memory to results in memory; prints one JSON line.
 
 usage: with_peer.py PEER CASE THREADS FILE... [--radius M] [--save FILE]
 
-The peers' search structures are counted, and told apart where the peer lets us. Threads are set by
-the peer's own parameter, or by OMP_NUM_THREADS, which must be in the environment, or, for pgeof, which
-takes as many as there are processors, by the processors this process may use.
+The times include the peers' search structures, which are listed separately if the peer allows it. The
+number of threads is set by the peer's own parameter, or by OMP_NUM_THREADS, which must be in the
+environment, or, for pgeof, which uses all processors, by the processors that this process may use.
 """
 
 import argparse
@@ -59,8 +59,8 @@ def features_open3d(clock, points, given):
 
 
 def features_small_gicp(clock, points, given):
-    """Covariances only, whose eigenvalues small_gicp replaces by (0.001, 1, 1): no omnivariance can be
-    had from them, and the time is less than that of the whole."""
+    """Covariances only, whose eigenvalues small_gicp replaces by (0.001, 1, 1): omnivariance cannot be
+    computed from them, and the time is less than that of the full task."""
     import small_gicp
 
     with clock("copying in"):
@@ -73,7 +73,7 @@ def features_small_gicp(clock, points, given):
 
 
 def features_jakteristics(clock, points, given):
-    """Neighbours within a radius that holds 50 in the median, as it has no search for the k nearest."""
+    """Neighbours within a radius that contains 50 in the median, as jakteristics has no search for the k nearest."""
     import jakteristics
 
     with clock("index"):
@@ -84,8 +84,8 @@ def features_jakteristics(clock, points, given):
 
 
 def features_pgeof(clock, points, given):
-    """knn_search and compute_features, which gives all eleven features in single precision; its volume is the
-    cube root of the product of standard deviations, so that omnivariance is its square."""
+    """knn_search and compute_features, which computes all eleven features in single precision; pgeof's volume is
+    the cube root of the product of standard deviations, so omnivariance is its square."""
     import pgeof
 
     with clock("copying in"):
@@ -106,7 +106,7 @@ def thin_small_gicp(clock, points, given):
 
 
 def thin_open3d(clock, points, given):
-    """The classes of open3d.geometry, on one thread whatever is asked."""
+    """The classes of open3d.geometry, which always use one thread."""
     import open3d as o3d
 
     with clock("copying in"):

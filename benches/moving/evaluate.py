@@ -1,15 +1,15 @@
-"""Errors of placed points, and the gap between two scanners, of one drive, as one JSON line.
+"""Prints errors of the points of one drive, and the gap between its two scanners, as one JSON line.
 
 usage: evaluate.py DRIVE --trajectory CSV --mountings FILE
 
 DRIVE is a folder made by `boresight simulate`. Its points are placed with the given trajectory and
-mountings, and with the true ones. Both placements take the same recorded points, so that noise of the
-scanners cancels, and their difference is the error vector of a point. Mountings are constants, as in
-truth/mounting.toml, calibration.toml or a project, or come with time, as in mounting.csv.
+mountings, and with the true trajectory and mountings. Both placements use the same recorded points, so
+that noise of the scanners cancels; the difference is the error vector of a point. Mountings are
+constant, as in truth/mounting.toml, calibration.toml or a project, or given by time, as in mounting.csv.
 
 points: root mean square of the 3-D error of all points on the field.
 gap: means of the error vectors in cells of 5 cm that both scanners saw in one pass, within 5 s; root
-mean squares of the difference, left minus right: along the normal of the plane through the true points
+mean squares of their difference, left minus right: along the normal of the plane through the true points
 of the cell, upwards, and in 3-D.
 """
 
@@ -28,7 +28,7 @@ QUATERNION = ["qx", "qy", "qz", "qw"]
 
 
 def table(path):
-    """Columns of a CSV file by name; those that are no numbers as texts."""
+    """Columns of a CSV file by name; columns that are not numbers are returned as text."""
     with open(path, newline="") as file:
         rows = list(csv.reader(line for line in file if not line.startswith("#")))
     columns = {}
@@ -41,13 +41,13 @@ def table(path):
 
 
 class Transform:
-    """A rigid transform that changes with time: linear, and along great circles, between its rows."""
+    """A rigid transform as a function of time: linear, and along great circles, between its rows."""
 
     def __init__(self, time_s, position_m, rotation):
         self.time_s, self.position_m, self.rotation = np.asarray(time_s), np.asarray(position_m), rotation
 
     def at(self, time_s):
-        """Rotations and translations; the first and last are held beyond the ends."""
+        """Rotations and translations; constant before the first and after the last row."""
         if len(self.time_s) == 1:
             n = len(time_s)
             return Rotation.from_quat(np.repeat(self.rotation.as_quat(), n, 0)), np.repeat(self.position_m, n, 0)
@@ -63,7 +63,7 @@ def trajectory(path):
 
 
 def constant(scanner):
-    """The transform of a [[scanner]] table; `bonn` angles are those of the transposed rotation."""
+    """The transform of a [[scanner]] table; `bonn` angles describe the transposed rotation."""
     if "quaternion_xyzw" in scanner:
         rotation = Rotation.from_quat(scanner["quaternion_xyzw"])
     else:
@@ -97,7 +97,7 @@ def truth(drive):
 
 
 def profiles(path):
-    """Times, x and z (m) of all profiles of a recording; not a number where nothing was measured."""
+    """Times, x and z (m) of all profiles of a recording; NaN where nothing was measured."""
     width = int(np.fromfile(path, "<u4", 1, offset=52)[0])
     record = np.dtype([("time_s", "<f8"), ("_1", "V28"), ("offset_um", "<i4", 2), ("scale_nm", "<u4", 2),
                        ("_2", "V8"), ("x", "<i2", width), ("_3", "V4"), ("z", "<i2", width),
@@ -110,7 +110,7 @@ def profiles(path):
 
 
 def errors(drive, poses, mounts):
-    """Of each scanner: times, true positions and error vectors of its points on the field."""
+    """For each scanner: times, true positions and error vectors of its points on the field."""
     size_m = tomllib.loads((drive / "truth" / "scene.toml").read_text())["field"]["size_m"]
     true_poses, true_mounts = truth(drive)
     for name in true_mounts:
@@ -131,12 +131,12 @@ def place(time_s, poses, mounts, rows, point):
 
 
 def gaps(left, right):
-    """Of each cell and pass that both saw: difference of the mean errors, left minus right, and the normal."""
+    """For each cell and pass that both saw: difference of the mean errors, left minus right, and the normal."""
     time_s, true, error = (np.concatenate(pair) for pair in zip(left, right))
     is_left = np.arange(len(time_s)) < len(left[0])
     cell = np.floor(true[:, :2] / CELL_M).astype(np.int64)
     key = cell[:, 0] << 20 | cell[:, 1]
-    # Where a cell is seen again after a time, it is another pass.
+    # If a cell is seen again after a time, that is another pass.
     order = np.lexsort((time_s, key))
     new = (np.diff(key[order]) != 0) | (np.diff(time_s[order]) > PASS_GAP_S)
     group = np.empty(len(order), dtype=np.int64)

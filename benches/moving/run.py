@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""boresight and KinScanCal on the same drives, with mountings that move and that do not, in one go.
+"""Compares boresight with KinScanCal on the same drives, with rigid and with moving mountings.
 
 usage: python3 benches/moving/run.py [--rows rigid,walk] [--peer FOLDER] [--work DIR] ...
 
 Simulates a drive for each row, estimates its poses with `boresight trajectory` (the first of two
 steps), runs the peer with these poses and the true mountings of the robot at rest, compares the points
-and the gap between the scanners with the truth (see evaluate.py), and prints a table. "Two steps" are
-the same poses with the same mountings, unchanged: what the peer is given. The joint adjustment's time
-is that of the example `joint` as a whole, with simulation, trajectory and its own comparison; the peer's
-begins where the poses are ready. All run on one thread.
+and the gap between the scanners with the truth (see evaluate.py), and prints a table. "Two steps" means
+the same poses with the same mountings, unchanged: the input of the peer. The time of the joint adjustment
+is that of the whole example `joint`, with simulation, trajectory and its own comparison; the time of the
+peer begins when the poses are ready. All run on one thread.
 
-The peer is cloned, unless --peer names a checkout. It takes a normal from the neighbours within 1 cm,
-at least ten: the simulator's default of 320 points and 25 profiles a second has too few of them where
-the robot drives faster than over boards, and a real scanner many more.
+The peer is cloned, unless --peer names a checkout. It computes a normal from the neighbours within 1 cm,
+at least ten. The simulator's default of 320 points per profile and 25 profiles per second has too few of
+them where the robot drives faster than over boards; a real scanner has many more.
 """
 
 import argparse
@@ -29,13 +29,13 @@ from common import ROOT, build, environment, measured, row, say, version
 
 PACKAGES = ["numpy==2.4.6", "scipy==1.17.1", "scikit-learn==1.9.1", "pandas==3.1.1", "matplotlib==3.11.2",
             "laspy==2.7.0", "alive_progress", "colorama", "plyfile", "rich"]
-# Where so many windows fail in a row that the peer's spline has no solution, it is run again with fewer:
-# knots come every six windows.
+# If so many windows fail in a row that the peer's spline has no solution, the peer is run again with fewer
+# windows: there is a knot every six windows.
 WIDE_STEP_M = 0.2
 PEER, COMMIT = "https://github.com/Engineering-Geodesy-Bonn/KinScanCal", "c6146d5"
 
-# The drive of `simulate --scenario plain`, and the first passes of `demo`: on its whole drive the
-# peer takes most of an hour, for windows that fail.
+# The drive of `simulate --scenario plain`, and the first passes of `demo`: on the whole drive of `demo`
+# the peer takes most of an hour, because windows fail.
 BACK_AND_FORTH = [{"from_m": [(1.25, 6.25)[k % 2], 1.5 + 0.6 * k], "to_m": [(6.25, 1.25)[k % 2], 1.5 + 0.6 * k]}
                   for k in range(6)]
 OVER_BOARDS = [{"board": board, "heading_deg": heading} for heading, boards in [(90.0, (0, 1)), (270.0, (4, 3))]
@@ -80,9 +80,9 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--rows", default=",".join(ROWS), metavar="ROW,ROW", help=f"[{','.join(ROWS)}]")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--binary", metavar="FILE", help="boresight; built where not given")
-    parser.add_argument("--joint", metavar="FILE", help="the example of this name; built where not given")
-    parser.add_argument("--peer", type=Path, metavar="DIR", help="checkout of KinScanCal; cloned where not given")
+    parser.add_argument("--binary", metavar="FILE", help="boresight; built if not given")
+    parser.add_argument("--joint", metavar="FILE", help="the example of this name; built if not given")
+    parser.add_argument("--peer", type=Path, metavar="DIR", help="checkout of KinScanCal; cloned if not given")
     parser.add_argument("--venv", type=Path, default=ROOT / "target" / "bench-moving-venv", metavar="DIR")
     parser.add_argument("--work", type=Path, default=ROOT / "target" / "bench-moving", metavar="DIR")
     given = parser.parse_args()
@@ -106,7 +106,7 @@ def checkout(folder):
 
 
 def toml(value):
-    """As an inline value."""
+    """A value as inline TOML."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {toml(of)}" for key, of in value.items()) + "}"
     if isinstance(value, list):
@@ -115,7 +115,7 @@ def toml(value):
 
 
 def compare(programs, python, peer, work, scenario):
-    """Errors of each method on one drive, with the seconds it took."""
+    """Errors of each method on one drive, with its run time in seconds."""
     binary, joint = programs
     work.mkdir(parents=True, exist_ok=True)
     file, drive = work / "scenario.toml", work / "simulated" / "drive-1"

@@ -1,17 +1,18 @@
-"""KinScanCal on one drive: writes its mountings by time, prints one JSON line.
+"""Runs KinScanCal on one drive, writes its mountings by time, and prints one JSON line.
 
 usage: with_peer.py PEER_FOLDER DRIVE --trajectory CSV --mountings FILE --work DIR [--step-m M]
 
-PEER_FOLDER is a checkout of KinScanCal, which is run as it is, with its own settings; only its global
-offset is set to zero, for worlds with a local origin. Its main.py is passed by: it copies results into
-a data set's folders and plots them with a library beyond its requirements. Its stages are called as there.
-Into DIR go what it reads (input, calibration), what it writes (output), its log, and mounting.csv.
+PEER_FOLDER is a checkout of KinScanCal, which is run unchanged, with its own settings; only its global
+offset is set to zero, for worlds with a local origin. Its main.py is not used, because it copies results into
+a data set's folders and plots them with a library that is not among its requirements; this script calls the
+same stages as main.py. DIR receives its input (input, calibration), its output (output), its log, and
+mounting.csv.
 
-Two things would end it for reasons beside the matter. Windows are spread evenly over the way and knots of
-its spline over time: where the robot rests, knots have no windows. So recordings are cut to when it moves;
-its mountings are held before and after. And where no neighbours match, its ICP raises an error: such a
-window counts as failed, like those that it gives up itself. Where so many fail in a row that a knot has
-none left, its spline is singular, and "solved" is false.
+Two problems that have nothing to do with the comparison would end the peer. First, windows are equally spaced
+along the path but knots of its spline in time: while the robot rests, knots have no windows. Therefore
+recordings are cut to the time of motion; the mountings are constant before and after. Second, its ICP raises
+an error if no neighbours match: such a window counts as failed, like the windows that it rejects itself. If
+so many fail in a row that a knot has none left, its spline is singular, and "solved" is false.
 """
 
 import argparse
@@ -32,13 +33,13 @@ MOVING_M_S = 0.05
 
 
 def moving(poses):
-    """When the robot is first and last faster than a crawl."""
+    """The first and the last time at which the robot is faster than a crawl."""
     speed = np.linalg.norm(np.gradient(poses.position_m, poses.time_s, axis=0), axis=1)
     return poses.time_s[speed > MOVING_M_S][[0, -1]]
 
 
 def write_recording(recording, span_s, path):
-    """A processed recording: of every profile its time, count, and x, y, z (mm) and intensities."""
+    """Writes a processed recording: for every profile its time, count, x, y, z (mm) and intensities."""
     with open(path, "wb") as out:
         for time_s, x, z in zip(*profiles(recording)):
             if not span_s[0] < time_s < span_s[1]:
@@ -80,8 +81,8 @@ def prepare(given):
 
 
 def calibrate(work):
-    """The stages of the peer's main.py, from reading to mountings at every profile, and whether it got there."""
-    sys.modules["open3d"] = ModuleType("open3d")  # only draws; large, and needs libraries of the system
+    """The stages of the peer's main.py, from reading to mountings at every profile, and whether they succeeded."""
+    sys.modules["open3d"] = ModuleType("open3d")  # only used for drawing; large, and needs system libraries
     from src.core.KinematicCalibration import KinematicCalibration
     from src.icp.SymPlane2PlaneICP import SymPlane2PlaneICP
 
@@ -109,7 +110,7 @@ def calibrate(work):
 
 
 def write_mountings(peer, path):
-    """Its splines of mountings, evaluated at the profiles, as mounting.csv."""
+    """Writes the peer's mounting splines, evaluated at the profiles, as mounting.csv."""
     with open(path, "w") as out:
         out.write("time_s,scanner,x_m,y_m,z_m,qx,qy,qz,qw\n")
         for name, found in (("left", peer.kcalL.xint), ("right", peer.kcalR.xint)):
@@ -124,7 +125,7 @@ def main():
     parser.add_argument("drive", type=Path)
     for name in ("--trajectory", "--mountings", "--work"):
         parser.add_argument(name, type=Path, required=True)
-    parser.add_argument("--step-m", type=float, help="distance between windows, if not that of its settings")
+    parser.add_argument("--step-m", type=float, help="distance between windows, instead of the peer's setting")
     given = parser.parse_args()
     prepare(given)
     sys.path.insert(0, str(given.peer.resolve()))

@@ -1,9 +1,9 @@
-"""Root mean square errors of a trajectory table to the truth, as one JSON line.
+"""Prints root mean square errors of a trajectory table against the truth, as one JSON line.
 
 usage: accuracy.py TRUTH_CSV TRAJECTORY_CSV
 
 Both are tables with the columns time_s, east_m, north_m, up_m, qx, qy, qz, qw; poses are compared
-where the times agree to 10 us. Position in 3-D; the rotation error R_estimate R_truth^T as a vector
+if their times agree to 10 us. The position error is 3-D. The rotation error R_estimate R_truth^T is a vector
 in world axes, whose horizontal part is the tilt and whose upward part is the yaw.
 """
 
@@ -25,7 +25,7 @@ def read(path):
 
 
 def errors(truth, found):
-    """RMSE in mm and degrees of the poses `found` whose times `truth` has too."""
+    """RMSE in mm and degrees of the poses `found` whose times are also in `truth`."""
     at = np.searchsorted(truth[:, 0], found[:, 0] - SAME_TIME_S)
     at = np.minimum(at, len(truth) - 1)
     met = np.abs(truth[at, 0] - found[:, 0]) < SAME_TIME_S

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""boresight and gtsam on the same logs, in one go.
+"""Compares boresight with gtsam on the same logs.
 
 usage: python3 benches/trajectory/run.py [--quick] [--pose-case] [--drives 5,20,60] ...
 
-Makes a virtual environment with gtsam, builds boresight, makes the logs, runs both in turn
-(boresight, gtsam, boresight, ...) so that noise of the machine meets both, prints medians and ratios,
+Creates a virtual environment with gtsam, builds boresight, makes the logs, runs both in turn
+(boresight, gtsam, boresight, ...) so that noise of the machine affects both, prints medians and ratios,
 and writes them into docs/performance.md between its two markers.
 
-What is counted. gtsam: the time inside its C++ optimiser alone; making the graph in Python is told
-apart, reading the logs and asking for covariances are left out. boresight: from parsed logs to poses
-with standard deviations (`stages.estimate.seconds`), nothing of it left out. Peak memory is that of
-the whole process; for gtsam what it had before the first factor was made (Python, numpy, the logs)
-is subtracted, for boresight nothing.
+Time of gtsam: only the time inside its C++ optimiser. The time of building the graph in Python is listed
+separately; reading the logs and computing covariances are left out. Time of boresight: from parsed logs to
+poses with standard deviations (`stages.estimate.seconds`), with nothing left out. Peak memory is that of
+the whole process; for gtsam the memory before the first factor (Python, numpy, the logs) is subtracted,
+for boresight nothing.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from common import (MIB, ROOT, build, environment, heading_line, measured, media
 PACKAGES = ["gtsam==4.3.0", "numpy", "scipy"]
 MARGINALS_LIMIT_S = 120.0
 
-# What is run on each drive: boresight's arguments beside gtsam's solver and nodes.
+# Runs on each drive: boresight's arguments, and gtsam's solver and nodes.
 PAIRS = {
     "batch, IMU nodes": (("imu", []), ("lm", "imu")),
     "batch, IMU nodes, boresight on one thread": (("imu", ["--threads", "1"]), None),
@@ -82,7 +82,7 @@ def arguments():
 
 
 def logs(given, python):
-    """Length in minutes and folder of every drive."""
+    """The length in minutes and the folder of every drive."""
     simulate = [python, str(HERE / "simulate.py")]
     drives = []
     if given.pose_case:
@@ -98,7 +98,7 @@ def logs(given, python):
 
 
 def boresight(python, binary, folder, nodes, flags, plain):
-    """One run of boresight; None where this version cannot do it."""
+    """One run of boresight; None if this version cannot do it."""
     if plain and (nodes != "imu" or "--online" in flags):
         return None
     project = folder / ("project.toml" if plain else f"project-{nodes}.toml")
@@ -150,7 +150,7 @@ def alternate(python, binary, folder, ours, theirs, repetitions, given):
 
 
 def beyond_the_solution(python, folder):
-    """gtsam's marginal covariances, and its accuracy with exact headings; at either kind of node."""
+    """gtsam's marginal covariances, and its accuracy with exact headings, for both kinds of nodes."""
     flags = ["--marginals", str(MARGINALS_LIMIT_S), "--exact-headings"]
     say(f"{folder.name}: gtsam's covariances")
     return {nodes: gtsam(python, folder, "lm", nodes, flags) for nodes in ("imu", "prism")}
@@ -200,7 +200,7 @@ def errors(runs, which):
 
 
 def notes(given, drives, found, extra):
-    """What the tables leave out."""
+    """Notes on results that are not in the tables."""
     lines = []
     counted = {run["counted"] for runs in found.values() for run in runs["boresight"]}
     if counted:

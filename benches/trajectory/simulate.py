@@ -1,4 +1,4 @@
-"""Logs of a simulated drive, as boresight's own files, with the truth beside them.
+"""Writes logs of a simulated drive in boresight's own formats, and the truth.
 
 usage: simulate.py OUT_DIR --minutes M [--seed 1]
        simulate.py OUT_DIR --convert POSE_CASE_DIR
@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 GRAVITY_M_S2 = 9.81
 STANDARD_GRAVITY_M_S2 = 9.80665
 IMU_HZ, PRISM_HZ, HEADING_HZ = 100, 7.0, 5.0
-SUBSTEPS = 10  # of the truth in one IMU sample
+SUBSTEPS = 10  # steps of the truth in one IMU sample
 CHUNK = 60 * IMU_HZ  # IMU samples simulated at a time
 
 LEVER_ARM_M = np.array([0.20, 0.05, 1.50])
@@ -38,7 +38,7 @@ GYRO_TURN_ON = np.array([1.5e-3, -1.0e-3, 0.8e-3])
 ACCEL_TURN_ON = np.array([0.03, -0.02, 0.04])
 
 REST_S, START_S = 10.0, 5.0
-OVAL_RAD_S = 0.057  # of the curve parameter, at full speed
+OVAL_RAD_S = 0.057  # rate of the curve parameter at full speed
 
 
 def state(t):
@@ -71,7 +71,7 @@ def ideal_imu(first, count):
     middle = edges[:-1] + h / 2
     _, _, at_edges = state(edges)
     rate = (at_edges[:-1].inv() * at_edges[1:]).as_rotvec() / h
-    d = 1e-3  # of the central difference: truncation and rounding are both below 1e-6 m/s2
+    d = 1e-3  # step of the central difference: truncation and rounding are both below 1e-6 m/s2
     before, here, after = (state(middle + shift)[0] for shift in (-d, 0.0, d))
     acceleration = (after - 2 * here + before) / d**2
     force = state(middle)[2].inv().apply(acceleration + [0, 0, GRAVITY_M_S2])
@@ -121,7 +121,7 @@ SIMULATED = {
 
 
 def convert(folder):
-    """A folder in the form of tests/data/pose_case, and what its estimators may know."""
+    """Reads a folder in the form of tests/data/pose_case, with the constants that an estimator may know."""
     table = lambda name: np.loadtxt(folder / name, delimiter=",", skiprows=1)
     timed = lambda rows: np.column_stack([np.arange(len(rows)) / IMU_HZ, rows])
     heading = table("heading.csv")

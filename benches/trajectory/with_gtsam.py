@@ -1,20 +1,20 @@
-"""gtsam on boresight's logs: the same factors, the same sigmas. One JSON line.
+"""Runs gtsam on boresight's logs, with the same factors and the same sigmas; prints one JSON line.
 
 usage: with_gtsam.py CASE_DIR lm|isam2 imu|prism [--marginals SECONDS] [--exact-headings]
 
-CASE_DIR holds what simulate.py writes. `lm` is Levenberg-Marquardt over the whole drive; `isam2`
-one incremental update a prism epoch. Nodes lie at every IMU sample or at prism epochs only; biases
-at prism epochs in both. Factors, all evaluated in C++: ImuFactor, BetweenFactorConstantBias,
-GPSFactorArm (prism with lever arm), PoseRotationPrior3D (heading; 10 rad of sigma leave roll and
-pitch free). At prism nodes a heading is moved to the nearest node by the integrated gyro.
+CASE_DIR holds the output of simulate.py. `lm` is Levenberg-Marquardt over the whole drive; `isam2` is
+one incremental update per prism epoch. Nodes are at every IMU sample or at prism epochs only; biases are
+at prism epochs in both cases. Factors, all evaluated in C++: ImuFactor, BetweenFactorConstantBias,
+GPSFactorArm (prism with lever arm), PoseRotationPrior3D (heading; a sigma of 10 rad leaves roll and
+pitch free). With nodes at prism epochs, a heading is moved to the nearest node by the integrated gyro.
 
-PoseRotationPrior3D takes the upward part of the rotation's logarithm for the yaw error. That is off by
+PoseRotationPrior3D uses the upward part of the rotation's logarithm as the yaw error. That is off by
 about half of roll times pitch, 0.002 deg on a robot that leans by 0.6 and 0.4 deg. With
---exact-headings the drive is solved once more with the roll and pitch found in the prior's rotation,
-which makes the error the yaw's alone; the accuracy of that solution is reported beside.
+--exact-headings the drive is solved once more with the estimated roll and pitch in the prior's rotation,
+so that the error is that of the yaw alone; the accuracy of this solution is reported as well.
 
 gtsam 4.3.0 walks its elimination trees recursively and overflows a stack of 8 MiB on long drives, so
-the script asks for an unlimited one. iSAM2 eliminates by QR, which gtsam names for poorly conditioned
+the script requests an unlimited stack. iSAM2 eliminates by QR, which gtsam names for poorly conditioned
 problems: with its default, Cholesky, it stops in the first update at IMU nodes ("indeterminate
 linear system"). Relinearisation is checked at every update, with a threshold of 0.01.
 
@@ -42,7 +42,7 @@ from accuracy import errors, read
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 INTEGRATION_SIGMA = 1e-5  # m/sqrt(s)
-REST_S = 5.0  # of standing at the start, for the first gyro bias
+REST_S = 5.0  # standstill at the start, used for the first gyro bias
 ATTITUDE0_SIGMA_RAD, VELOCITY0_SIGMA_M_S = 0.1, 0.05
 ACCEL_BIAS0_SIGMA, GYRO_BIAS0_SIGMA = 0.1, 5e-3
 
@@ -52,7 +52,7 @@ def peak_bytes():
 
 
 class Stopwatch:
-    """Adds up wall and processor time of what runs inside `with`."""
+    """Adds up wall and processor time of the code inside `with`."""
 
     def __init__(self):
         self.wall, self.cpu, self.last = 0.0, 0.0, 0.0
@@ -67,7 +67,7 @@ class Stopwatch:
 
 
 class Drive:
-    """The logs and what the project file says of them."""
+    """The logs and their settings in the project file."""
 
     def __init__(self, folder):
         table = lambda name: np.loadtxt(folder / name, delimiter=",", skiprows=1)
@@ -104,7 +104,7 @@ class Factors:
         self.heading_noise = diagonal(np.array([10.0, 10.0, d.heading_sigma]))
         resting = d.gyro[: int(REST_S / d.dt)].mean(axis=0)
         self.bias0 = gtsam.imuBias.ConstantBias(np.zeros(3), resting)
-        self.leaning = None  # the rotation of a node, where the headings are to be exact
+        self.leaning = None  # the rotation of a node, if the headings must be exact
         self.prism_of = {int(i): k for k, i in enumerate(d.prism_at)}
         turned = np.concatenate([[0.0], np.cumsum((d.gyro[:, 2] - resting[2]) * d.dt)])
         self.headings_of = {}
@@ -131,7 +131,7 @@ class Factors:
             graph.add(gtsam.PoseRotationPrior3D(X(i), rotation, self.heading_noise))
 
     def epoch(self, graph, k, bias):
-        """Everything between the prism epochs k - 1 and k, the IMU integrated about `bias`.
+        """Adds the factors between the prism epochs k - 1 and k, with the IMU integrated about `bias`.
 
         Returns the new nodes with the preintegrated measurement that leads to each."""
         d = self.drive
@@ -161,7 +161,7 @@ def levenberg_marquardt(factors, marginals_s):
         factors.start(graph)
         for k in range(1, epochs):
             ends.extend(j for j, _ in factors.epoch(graph, k, factors.bias0))
-        # The start knows nothing of the truth: level, headings and prism interpolated.
+        # The start does not use the truth: level attitude, interpolated headings and prism positions.
         yaw = np.interp(ends, d.heading_at, np.unwrap(d.yaw))
         prism = np.stack([np.interp(ends, d.prism_at, d.prism[:, a]) for a in range(3)], axis=1)
         position = prism - Rotation.from_euler("Z", yaw[:, None]).apply(d.lever)
@@ -185,7 +185,7 @@ def levenberg_marquardt(factors, marginals_s):
 
 
 def marginals(graph, found, ends, limit_s):
-    """Every pose's covariance, or how many there were when the time was up."""
+    """Computes every pose's covariance within a time limit, and reports how many were computed."""
     watch = Stopwatch()
     with watch:
         all_of_them = gtsam.Marginals(graph, found)
@@ -244,8 +244,8 @@ def isam2(factors):
 
 
 def with_unlimited_stack():
-    """Starts this program anew where the stack is limited and may be freed: the limit counts from
-    the start of a program."""
+    """Restarts this program if the stack is limited and the limit may be raised: a new limit takes effect
+    when a program starts."""
     unlimited = resource.RLIM_INFINITY
     soft, hard = resource.getrlimit(resource.RLIMIT_STACK)
     if soft != unlimited and hard == unlimited:

@@ -1,5 +1,5 @@
-//! The same days by what else could be asked: two steps with the first scanner fixed, and the joint adjustment with
-//! the first scanner known.
+//! The same days evaluated by two other methods: two steps with the first scanner fixed, and the joint adjustment
+//! with the first scanner known.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use boresight::progress::Silent;
 
 use super::field_days::{FieldDay, offset, right_in_left};
 
-/// The first scanner is known to this, the other to that: metres, radians.
+/// Standard deviations of the mountings of the first scanner and of the other scanner: metres, radians.
 const FIRST: f64 = 1e-6;
 const OTHER: f64 = 0.02;
 

@@ -1,5 +1,5 @@
-//! Campaigns of simulated days, on one of which the right scanner is knocked: what the drift watch finds, day by day,
-//! beside the truth.
+//! Campaigns of simulated days, on one of which the right scanner is knocked. Compares the results of the drift watch
+//! with the truth, day by day.
 //!
 //! `cargo run --release --example drift -- 3 1`
 
@@ -18,7 +18,7 @@ use field_days::{FieldDay, Knock, date, scenario};
 const USAGE: &str =
     "drift [SEEDS] [FIRST] [--days N] [--knocked DAY] [--passes N] [--page FILE] [--engines]";
 
-/// 2 mm and 0.1°, each seed along and about other axes of the body.
+/// Knocks of 2 mm and 0.1°, for each seed along and about other axes of the body.
 const KNOCKS: [Knock; 3] = [
     Knock {
         shift_m: [0.0, 0.0, 0.002],
@@ -38,7 +38,7 @@ struct Options {
     seeds: u64,
     first: u64,
     days: u64,
-    /// 0: never.
+    /// Day of the knock; 0 for none.
     knocked: u64,
     passes: usize,
     page: Option<String>,
@@ -80,7 +80,7 @@ fn campaign(seed: u64, options: &Options, all: &mut Sums) -> Result<()> {
         truths.push(field.truth);
         days.push((date(day), found));
     }
-    // Mountings of the twin do nothing from day to day: limits are at their tightest.
+    // The simulated mountings do not change from day to day, so the limits are at their tightest.
     let settings = ChartSettings {
         day_sigma_m: 0.0,
         day_sigma_rad: 0.0,
@@ -165,7 +165,7 @@ fn campaign(seed: u64, options: &Options, all: &mut Sums) -> Result<()> {
     Ok(())
 }
 
-/// Millimetres, thousandths of a degree.
+/// Factor of a component to millimetres or thousandths of a degree.
 fn unit(component: usize) -> f64 {
     if component < 3 {
         1e3
@@ -174,10 +174,10 @@ fn unit(component: usize) -> f64 {
     }
 }
 
-/// Errors and errors over sigma.
+/// Statistics of errors and of errors divided by sigma.
 #[derive(Default)]
 struct Sums {
-    /// Number, sums of errors and their squares, of ratios and their squares.
+    /// For each component: number, sums of errors and their squares, sums of ratios and their squares.
     all: [[f64; 5]; 6],
     inside: f64,
 }

@@ -1,4 +1,4 @@
-//! The cases: what is wrong with a drive, and what is estimated.
+//! The cases: faults of a drive, and the parameters that are estimated.
 
 use boresight::Result;
 use boresight::error::Error;
@@ -13,12 +13,12 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::joint_drive::Setup;
 
-/// Beyond the case, for experiments.
+/// Further options for experiments.
 #[derive(Default)]
 pub struct Options {
     /// Keys of the scenario with values, as TOML: `soil.clod_height_m=0.02`.
     pub set: Vec<String>,
-    /// In the place of the demo or the plain field: a preset or a file.
+    /// A preset or a file instead of the demo or the plain field.
     pub scenario: Option<String>,
     pub nodes: Nodes,
     pub surfel_m: Option<f64>,
@@ -64,22 +64,22 @@ pub const NAMES: [&str; 33] = [
     "even",
 ];
 
-/// Plants of the drives with clods.
+/// Density of plants in the drives with clods.
 const PLANTS_PER_M2: f64 = 10.0;
 
-/// What a calibration leaves of mountings, metres and radians.
+/// Standard deviations of mountings after a calibration, metres and radians.
 const KNOWN_SIGMAS: [f64; 2] = [2e-4, 1e-4];
 
-/// Directions of a revolution of the lidar: half of what such lidars have.
+/// Directions in a revolution of the lidar: half as many as real lidars have.
 const LIDAR_COLUMNS: usize = 720;
 
-/// Length of what is kept and left out in turn of odd and even halves, seconds: about a pass.
+/// Length of the pieces that the cases `odd` and `even` keep and leave out in turn, seconds: about a pass.
 const HALF_S: f64 = 25.0;
 
-/// What the sun does to the frame, metres and degrees.
+/// Deformation of the frame by the sun's heat, metres and degrees.
 const WARMING: (f64, f64) = (0.008, 0.2);
 
-/// How late stamps are, seconds.
+/// Delay of time stamps, seconds.
 const LATE_S: f64 = 0.02;
 
 /// The setup of a case for a seed.
@@ -106,7 +106,7 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         }
         "odd" | "even" => setup.keep = Some((HALF_S, name == "even")),
         "shift" => {
-            // As large as the sigmas that are assumed where none are given.
+            // As large as the sigmas that are assumed if none are given.
             let sigma = JointSettings::default().reference;
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut draw = |sigma: f64| Vec3::from_fn(|_, _| normal(&mut rng) * sigma);
@@ -233,7 +233,7 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
     Ok(setup)
 }
 
-/// A frame that bends with roll and pitch by this share of what the simulator's does, and with nothing else.
+/// A frame that bends only with roll and pitch, by this share of the simulator's default.
 fn bend(scenario: &mut Scenario, share: f64) {
     let deformation = &mut scenario.deformation;
     deformation.enabled = true;
@@ -243,14 +243,14 @@ fn bend(scenario: &mut Scenario, share: f64) {
     (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
 }
 
-/// A frame that moves at random, each scanner on its own.
+/// A frame whose mountings move at random, each scanner independently.
 fn walk(scenario: &mut Scenario) {
     bend(scenario, 0.0);
     let deformation = &mut scenario.deformation;
     (deformation.walk_m, deformation.walk_deg) = (0.0015, 0.08);
 }
 
-/// A spinning lidar that looks ahead and down, in the place of the right scanner.
+/// A spinning lidar that looks ahead and down, which replaces the right scanner.
 fn lidar() -> ScannerSettings {
     ScannerSettings {
         name: "lidar".into(),
@@ -263,7 +263,7 @@ fn lidar() -> ScannerSettings {
     }
 }
 
-/// Saves most of two steps: from a few millimetres off the truth, with the finest voxels alone.
+/// Saves most of the time of the two steps: they start a few millimetres from the truth, with only the finest voxels.
 fn start_near(project: &mut Project, truth: &[BodyFromScanner]) {
     let off = Vec3::new(0.001, -0.0005, 0.0003);
     for (scanner, truth) in project.scanners.iter_mut().zip(truth) {
@@ -289,12 +289,12 @@ fn settings(project: &mut Project) -> &mut TrajectorySettings {
     }
 }
 
-/// The scenario with other values of some keys.
+/// The scenario with new values of some keys.
 fn with_keys(scenario: Scenario, keys: &[String]) -> Result<Scenario> {
     if keys.is_empty() {
         return Ok(scenario);
     }
-    let wrong = |key: &str, why: String| Error::data(format!("--set {key}: {why}"), "KEY=VALUE");
+    let wrong = |key: &str, reason: String| Error::data(format!("--set {key}: {reason}"), "KEY=VALUE");
     let text = toml::to_string(&scenario).map_err(|e| wrong("", e.to_string()))?;
     let mut all: toml::Table = text
         .parse()

@@ -1,5 +1,5 @@
-//! Simulates drives by seed, adjusts each in two steps and in one piece, and compares both with the
-//! truth: the tables of docs/joint.md.
+//! Simulates drives with different seeds, adjusts each in two steps and jointly, and compares both results
+//! with the truth: the tables of docs/joint.md.
 //!
 //! `cargo run --release --example joint -- 30 1 --case reference`
 
@@ -21,7 +21,7 @@ use cases::Options;
 use joint_drive::Run;
 use summary::Summary;
 
-/// Kept poses are so far apart, seconds.
+/// Interval of the poses that are written, seconds.
 const STEP_S: f64 = 0.02;
 
 const USAGE: &str = "joint [SEEDS] [FIRST] [--case NAME]… [--set KEY=VALUE]… [--nodes imu] \
@@ -59,7 +59,7 @@ struct Arguments {
     first: u64,
     cases: Vec<String>,
     eigen: bool,
-    /// Where the poses and mountings by time of the last drive go.
+    /// Folder for the poses and mountings by time of the last drive.
     keep: Option<PathBuf>,
     options: Options,
 }
@@ -106,7 +106,7 @@ impl Arguments {
     }
 }
 
-/// `trajectory.csv` and `mounting.csv`, evenly in time.
+/// Writes `trajectory.csv` and `mounting.csv` at equal intervals.
 fn write(folder: &Path, run: &Run) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let drive = &run.joint.drives[0];

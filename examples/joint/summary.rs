@@ -6,13 +6,13 @@ use boresight::statistics::{NORMAL_97_5, chi_square, mean, rms};
 
 use super::joint_drive::{Found, Run, SIX};
 
-/// z of both ends of 99 %.
+/// Normal quantile of the two-sided 99 % interval.
 const NORMAL_99_5: f64 = 2.575_829_303_548_901;
 
-/// tx ty tz rx ry rz.
+/// Parameters of a mounting: tx ty tz rx ry rz.
 const NAMES: [&str; SIX] = ["tx mm", "ty mm", "tz mm", "rx °", "ry °", "rz °"];
 
-/// Metres in millimetres and radians in degrees.
+/// Factor of a parameter from metres to millimetres or from radians to degrees.
 fn unit(parameter: usize) -> f64 {
     if parameter % SIX < 3 {
         1e3
@@ -32,7 +32,7 @@ fn millimetres(metres: f64) -> String {
     format!("{:.3}", 1e3 * metres)
 }
 
-/// Both methods' errors of one drive, in a few lines.
+/// Prints both methods' errors of one drive in a few lines.
 pub fn print_seed(case: &str, seed: u64, run: &Run) {
     let [two, one] = run.errors();
     let sigmas = run.sigmas();
@@ -160,7 +160,7 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
     }
 }
 
-/// Share of all coordinates that lie within their 95 % intervals.
+/// Share of all coordinates within their 95 % intervals.
 fn inside(points: &[[Vec3; 2]]) -> f64 {
     let all = points
         .iter()
@@ -171,8 +171,8 @@ fn inside(points: &[[Vec3; 2]]) -> f64 {
     mean(&within)
 }
 
-/// Errors along the eigenvectors of the correlation matrix, normalised: which combination of
-/// parameters is off, where single ones do not show it.
+/// Prints normalised errors along the eigenvectors of the correlation matrix. They show a wrong combination of
+/// parameters that single parameters do not show.
 pub fn print_directions(run: &Run) {
     let covariance = &run.joint.covariance;
     let sigmas = run.sigmas();
@@ -199,19 +199,19 @@ pub fn print_directions(run: &Run) {
 /// The results of all drives of a case.
 pub struct Summary {
     case: String,
-    /// Of each drive: errors of 18 parameters by two steps, by the joint adjustment, and sigmas:
-    /// left, right, right relative to left.
+    /// For each drive: errors of 18 parameters (left, right, right relative to left) by two steps and by
+    /// the joint adjustment, and their sigmas.
     parameters: Vec<[Vec<f64>; 3]>,
     chi_squares: Vec<f64>,
-    /// Poses and points of both methods, millimetres.
+    /// Errors of poses and points by both methods, millimetres.
     places: Vec<[f64; 4]>,
-    /// Names and ratios of the groups; root mean squares of the positions' means over blocks, of all
-    /// axes.
+    /// Names and ratios of the groups, and the root mean squares over all axes of the positions' means
+    /// over blocks.
     ratios: Vec<Vec<(String, f64)>>,
     refused: usize,
     iterations: Vec<f64>,
     seconds: Vec<[f64; 2]>,
-    /// Constants: name, unit, value, sigma.
+    /// For each drive, its constants: name with unit, value, sigma.
     constants: Vec<Vec<(String, f64, f64)>>,
 }
 
@@ -277,7 +277,7 @@ impl Summary {
         self.constants.push(constants.chain(late).collect());
     }
 
-    /// Of all drives.
+    /// A value of [`Self::parameters`] for all drives.
     fn column(&self, method: usize, parameter: usize) -> Vec<f64> {
         let of_each = self.parameters.iter();
         of_each.map(|drive| drive[method][parameter]).collect()

@@ -6,15 +6,15 @@ use std::time::{Duration, Instant};
 
 use boresight::project::Project;
 
-/// Reading takes no longer.
+/// Longest time that reading may take.
 const LONGEST: Duration = Duration::from_secs(1);
 
-/// Reads a project file, and what it prints of itself, which is the same project.
+/// Reads a project file, prints it and reads the result, which must be the same project.
 fn read(path: &Path) {
     let Some(project) = read_one(path) else {
         return;
     };
-    // The files that it names do not exist.
+    // The files that the project names do not exist.
     if let Err(error) = project.check_files() {
         assert!(!error.to_string().is_empty());
     }

@@ -1,5 +1,4 @@
-//! Runs one input of a fuzz target and aborts if it costs too much memory; the readers themselves check
-//! time and results.
+//! Runs one input of a fuzz target and aborts if it uses too much memory; `readers` checks time and results.
 
 mod memory;
 pub mod readers;
@@ -13,14 +12,14 @@ use readers::{Scratch, Target};
 #[global_allocator]
 static ALLOCATOR: memory::Counting = memory::Counting;
 
-/// Allocations of a call stay below this many times its input and [`SPARE_BYTES`].
+/// Allocations of a call must stay below this many times the size of its input plus [`SPARE_BYTES`].
 const MOST_TIMES_INPUT: usize = 4;
 const SPARE_BYTES: usize = 64 << 20;
 
-/// Hands `bytes` to every reader that the target `name` has.
+/// Passes `bytes` to every reader of the target `name`.
 ///
 /// # Panics
-/// A fault of a reader, which ends the process: the fuzzer keeps the input.
+/// On a fault of a reader. This ends the process, and the fuzzer keeps the input.
 pub fn run(name: &str, bytes: &[u8]) {
     static PLACE: OnceLock<(&'static Target, Scratch)> = OnceLock::new();
     let (target, scratch) = PLACE.get_or_init(|| {
@@ -32,13 +31,13 @@ pub fn run(name: &str, bytes: &[u8]) {
     });
 }
 
-/// Runs `call`, which aborts if it has more bytes in use at a time than an input of so many bytes may cost.
+/// Runs `call`; aborts if `call` has more bytes in use at a time than an input of `input` bytes may need.
 pub fn limited(input: usize, call: &mut dyn FnMut()) {
     memory::limited(MOST_TIMES_INPUT * input + SPARE_BYTES, call);
 }
 
-/// A new folder in memory if the system has such a place; it is left behind, because the fuzzer ends without
-/// dropping anything. `TMPDIR` names another place.
+/// A new folder, in memory if the system has `/dev/shm`. It is not removed, because the fuzzer ends without
+/// dropping anything. `TMPDIR` selects another place.
 pub fn folder() -> PathBuf {
     let memory = Path::new("/dev/shm");
     let place = match std::env::var_os("TMPDIR") {

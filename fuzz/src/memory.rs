@@ -1,21 +1,21 @@
-//! An allocator that counts the bytes in use and ends the process when a call takes too many.
+//! An allocator that counts the bytes in use and ends the process when a call uses too many.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// Bytes in use, of all threads.
+/// Bytes in use in all threads.
 static IN_USE: AtomicUsize = AtomicUsize::new(0);
-/// More bytes in use end the process.
+/// Most bytes that may be in use; beyond this limit the process ends.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
 
-/// The system's allocator with a count.
+/// The system's allocator, which also counts bytes.
 pub struct Counting;
 
 fn add(size: usize) {
     let in_use = IN_USE.fetch_add(size, Relaxed).wrapping_add(size);
     let limit = LIMIT.load(Relaxed);
     if in_use > limit {
-        // Whatever the message allocates is not counted.
+        // Allocations for the message must not trigger the limit again.
         LIMIT.store(usize::MAX, Relaxed);
         let over = in_use - limit;
         eprintln!("an allocation of {size} bytes exceeds the limit of the call by {over} bytes");
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Growth in place or a copy: the old bytes count until the new ones are there.
+        // Growth in place or a copy: the old bytes count until the new bytes exist.
         add(size);
         let moved = unsafe { System.realloc(at, layout, size) };
         let gone = if moved.is_null() { size } else { layout.size() };
@@ -51,7 +51,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Runs `call`, which may have `most` more bytes in use than there are now.
+/// Runs `call`, which may use at most `most` bytes more than are in use now.
 pub fn limited(most: usize, call: &mut dyn FnMut()) {
     struct Unlimited;
     impl Drop for Unlimited {

@@ -1,5 +1,5 @@
-//! What each fuzz target does with an input: it is read as a user reads a file, by its path. The replay of the
-//! corpora in `tests/corpora.rs` does the same.
+//! The readers of each fuzz target. An input is read like a user's file, by its path. The replay of the corpora in
+//! `tests/corpora.rs` does the same.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,15 +10,15 @@ use boresight::format;
 use boresight::nalgebra::Vector3;
 use boresight::sensor::{Observations, TotalStation};
 
-/// A reader takes no longer for a file of a few kilobytes.
+/// Longest time that a reader may take for a file of a few kilobytes.
 const LONGEST: Duration = Duration::from_secs(1);
 
 /// Formats that are fuzzed together.
 pub struct Target {
-    /// Also of the folder with its corpus.
+    /// Name of the target and of the folder with its corpus.
     pub name: &'static str,
-    /// Names of the file: with the first one every reader is called, with the others those of what the format
-    /// holds.
+    /// Names of the file. With the first name every reader is called, with the others only the readers of the
+    /// format's contents.
     pub files: &'static [&'static str],
     /// Parts of a recording that are read by name.
     pub parts: &'static [&'static str],
@@ -74,7 +74,7 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Puts into `folder`, which is empty, the times of KITTI poses and the records of KITTI stamps.
+    /// Fills `folder`, which must be empty, with the times of KITTI poses and the records of KITTI time stamps.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -93,11 +93,11 @@ impl Scratch {
     }
 }
 
-/// Calls `around` with a function for each reader of `target` that has it read `bytes`.
+/// Calls `around` for each reader of `target`, with a function that makes the reader read `bytes`.
 ///
 /// # Panics
-/// A reader that takes more than a second, an error that does not name the file, a result that its documentation
-/// excludes.
+/// If a reader takes more than a second, if an error does not name the file, or if a result contradicts the
+/// documentation of the reader.
 pub fn read_all(
     target: &Target,
     scratch: &Scratch,
@@ -123,7 +123,7 @@ pub fn read_all(
     }
 }
 
-/// Calls a reader; again if it was slow, as the machine may have been busy.
+/// Calls a reader, and repeats the call if it was slow, as the machine may have been busy.
 fn timed(name: &str, read: Reader, path: &Path) {
     let mut fastest = Duration::MAX;
     for _ in 0..3 {
@@ -131,7 +131,7 @@ fn timed(name: &str, read: Reader, path: &Path) {
         let outcome = read(path);
         fastest = fastest.min(start.elapsed());
         if let Err(error) = outcome {
-            // The file, or one beside it that belongs to it.
+            // The error must name the file or a companion file.
             let file = format::file_of(path);
             let folder = file.parent().map(|folder| folder.display().to_string());
             let text = error.to_string();
@@ -149,7 +149,7 @@ fn timed(name: &str, read: Reader, path: &Path) {
 
 type Reader = fn(&Path) -> Result<()>;
 
-/// Name, reader, and whether it reads what a format holds.
+/// Name, reader, and whether the reader reads contents of a format.
 type Entry = (&'static str, Reader, fn(format::Format) -> bool);
 
 /// Readers that can be given a part of a file.
@@ -319,7 +319,7 @@ fn read_frame_log(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What was salvaged has nothing to salvage.
+/// Checks that salvaging accounts for every byte of the input.
 fn salvage(path: &Path) -> Result<()> {
     let kept = path.with_file_name("kept.csv");
     let outcome = format::salvage(path, &kept);

@@ -1,4 +1,4 @@
-//! Checksums of mutated inputs, without which hardly any would get past the first check of its reader.
+//! Repairs the checksums of mutated inputs; otherwise hardly any input would pass the first check of its reader.
 
 use crc::{CRC_16_KERMIT, CRC_32_ISCSI, Crc};
 
@@ -49,7 +49,7 @@ pub fn nmea(bytes: &mut [u8]) {
     }
 }
 
-/// Whether an input with this seed keeps its wrong checksums: one of eight.
+/// Whether an input with this seed keeps its wrong checksums, which one input in eight does.
 pub fn is_left(seed: u32) -> bool {
     seed.is_multiple_of(8)
 }

@@ -29,10 +29,7 @@ fn codes_are_those_of_geocompy() {
         ReturnCode(1293).to_string(),
         "1293 TMC_BUSY (measuring is busy)"
     );
-    assert_eq!(
-        ReturnCode(60_000).to_string(),
-        "60000 (a code not known here)"
-    );
+    assert_eq!(ReturnCode(60_000).to_string(), "60000 (unknown code)");
 }
 
 #[test]

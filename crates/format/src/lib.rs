@@ -1,4 +1,4 @@
-//! Readers and writers of sensor logs, scans, trajectories and clouds; clouds larger than memory: a part of [boresight](https://crates.io/crates/boresight), which hands it on whole.
+//! Readers and writers of sensor logs, scans, trajectories and clouds; clouds larger than memory. Part of [boresight](https://crates.io/crates/boresight), which re-exports all of it.
 //!
 //! Data flows down this list, and modules import only from above:
 //!
@@ -12,5 +12,5 @@ pub mod format;
 pub mod sensor;
 pub mod tiles;
 
-// The modules of earlier crates, under the names that they have in `boresight`.
+// Modules of the crates below, under the names that they have in `boresight`.
 use boresight_cloud::{cloud, comparison, error, geometry, output, progress, statistics, stored};

@@ -1,4 +1,4 @@
-//! The file `project.toml`: parsed and validated: a part of [boresight](https://crates.io/crates/boresight), which hands it on whole.
+//! Parsing and validation of the file `project.toml`. Part of [boresight](https://crates.io/crates/boresight), which re-exports all of it.
 //!
 //! Data flows down this list, and modules import only from above:
 //!
@@ -8,7 +8,7 @@
 
 pub mod project;
 
-// The modules of earlier crates, under the names that they have in `boresight`.
+// Modules of the crates below, under the names that they have in `boresight`.
 use boresight_cloud::{comparison, error, geometry};
 use boresight_estimation::{calibration, joint, trajectory, verdict};
 use boresight_format::{format, sensor};

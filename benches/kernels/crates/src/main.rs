@@ -1,5 +1,5 @@
-//! Builds an index over a cloud, finds the k nearest neighbours of each of its points, and prints the
-//! times as one JSON line an index.
+//! Builds each index over a cloud, finds the k nearest neighbours of each of its points, and prints the
+//! times as one JSON line per index.
 //!
 //! usage: neighbour-indices CLOUD THREADS K
 
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         });
         println!("{line}");
     }
-    // The sums are over the same numbers in another order.
+    // The sums add the same numbers in another order.
     let sum = runs[0].reach_sum_m;
     match runs
         .iter()
@@ -84,7 +84,7 @@ fn nearest(points: &[Vec3], k: NonZero<usize>) -> Run {
     }
 }
 
-/// All neighbours at once, which finds an order of the queries of its own.
+/// All neighbours in one call, which chooses its own order of the queries.
 fn nearest_of_all(points: &[Vec3], k: NonZero<usize>) -> Run {
     let (index, build_s) = timed(|| NeighbourIndex::new(points));
     let (found, query_s) = timed(|| index.nearest_of_all(points, k.get()));
@@ -99,7 +99,7 @@ fn nearest_of_all(points: &[Vec3], k: NonZero<usize>) -> Run {
     }
 }
 
-/// The structure tensors too.
+/// As above, and also the structure tensors.
 fn surroundings(points: &[Vec3], k: NonZero<usize>) -> Run {
     let (index, build_s) = timed(|| NeighbourIndex::new(points));
     let (reach_sum_m, query_s) = timed(|| {

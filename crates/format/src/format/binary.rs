@@ -61,7 +61,7 @@ impl Number {
     }
 }
 
-/// The fields of x, y, z, intensity and time in a record.
+/// Indices of the x, y, z, intensity and time fields of a record.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fields {
     pub(crate) xyz: [Option<usize>; 3],
@@ -70,7 +70,7 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    /// Records that field `index` is called `name`, if it is one of these.
+    /// Stores the `index` of a field if its `name` is that of a coordinate, the intensity or the time.
     pub(crate) fn note(&mut self, name: &str, index: usize) {
         match name.to_ascii_lowercase().as_str() {
             "x" => self.xyz[0] = Some(index),
@@ -82,7 +82,7 @@ impl Fields {
         }
     }
 
-    /// Appends a record to a cloud, unless a coordinate is not finite: such points were not
+    /// Appends a record to a cloud, unless a coordinate is not finite: such a point was not
     /// measured.
     pub(crate) fn push(&self, values: &[f64], cloud: &mut PointCloud) {
         let at = |index: Option<usize>| index.map(|i| values[i]);

@@ -26,14 +26,14 @@ pub fn detect(path: &Path) -> Result<Format> {
         bytes: &start,
         size,
     };
-    let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|is_one| is_one(&start));
+    let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|matches| matches(&start));
     if let Some(kind) = KINDS.iter().find(is_signed) {
         return Ok(Format(kind));
     }
     if is_parquet(path) {
         return by_parquet(path).map(Format);
     }
-    // The content is ambiguous: the name decides if it can, and its reader reports what is wrong.
+    // The content is ambiguous: the extension decides if it is known, and its reader reports errors.
     let extension = extension(path);
     let is_named = |kind: &&&Kind| kind.extensions.contains(&extension.as_str());
     match KINDS.iter().find(is_named) {
@@ -58,7 +58,7 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
             continue;
         }
         if !numbers(text, &mut cells) {
-            // CloudCompare marks its header; no other table is read behind this mark.
+            // CloudCompare marks its header with `//`; native tables never have this mark.
             let (text, is_marked) = match text.strip_prefix("//") {
                 Some(rest) => (rest, true),
                 None => (text, false),
@@ -80,7 +80,7 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
             refuse_matrix(path, &mut lines, cells)?;
             return Ok(format);
         }
-        // A header with other names is not a comment on lines of x y z.
+        // A header with unknown names must not pass for a comment above lines of x y z.
         if comment.len() == cells.len()
             && comment
                 .first()
@@ -112,7 +112,7 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
     Err(nothing_in(path, "line of data"))
 }
 
-/// Reports a matrix.
+/// An error if the file is a 4 by 4 matrix.
 fn refuse_matrix(path: &Path, lines: &mut Lines, cells: Vec<f64>) -> Result<()> {
     match is_matrix(lines, cells)? {
         true => Err(Error::format(
@@ -125,8 +125,8 @@ fn refuse_matrix(path: &Path, lines: &mut Lines, cells: Vec<f64>) -> Result<()> 
     }
 }
 
-/// Whether four lines of four numbers, the last 0 0 0 1, are all that there is: a transformation, which could
-/// be read as four points.
+/// Whether the file holds just four lines of four numbers, the last 0 0 0 1. This is a transformation, which
+/// would otherwise be read as four points.
 fn is_matrix(lines: &mut Lines, mut cells: Vec<f64>) -> Result<bool> {
     let mut rows = 1;
     while rows <= 4 && cells.len() == 4 {
@@ -147,7 +147,7 @@ fn is_matrix(lines: &mut Lines, mut cells: Vec<f64>) -> Result<bool> {
     Ok(false)
 }
 
-/// What a text may be.
+/// Expected content of a text file, in error messages.
 const KNOWN: &str = "the columns of an IMU, prism or heading log, of profiles, a trajectory or a cloud, or one \
                      of the binary formats";
 
@@ -156,11 +156,11 @@ fn unknown(lines: &Lines, names: &[String]) -> Error {
 }
 
 fn listed(names: &[String]) -> String {
-    let found: String = names.join(", ").chars().take(200).collect();
-    format!("`{found}`")
+    let shown: String = names.join(", ").chars().take(200).collect();
+    format!("`{shown}`")
 }
 
-/// The table in a Parquet file.
+/// The format of the table in a Parquet file.
 fn by_parquet(path: &Path) -> Result<&'static Kind> {
     let header = parquet::header(path)?;
     if header.is_foreign_cloud {
@@ -170,21 +170,21 @@ fn by_parquet(path: &Path) -> Result<&'static Kind> {
     by_columns(&header.names).ok_or_else(unknown)
 }
 
-/// The table with these columns. A prism log and a cloud with times can have the same columns, but
-/// a cloud begins with its coordinates.
+/// The format of the table with these columns. A prism log and a cloud with times can have the same
+/// columns, but a cloud begins with its coordinates.
 fn by_columns(names: &[String]) -> Option<&'static Kind> {
     let has_columns = |kind: &&&Kind| kind.columns.is_some_and(|columns| columns.are_in(names));
-    let found = *KINDS.iter().find(has_columns)?;
+    let kind = *KINDS.iter().find(has_columns)?;
     let is_cloud = names.first().is_some_and(|name| name == "east_m")
         || names.iter().any(|n| n == "intensity" || n == "scanner");
-    match found.id == positions::POSITION_TABLE.id && is_cloud {
+    match kind.id == positions::POSITION_TABLE.id && is_cloud {
         true => Some(&cloud_table::CLOUD_TABLE),
-        false => Some(found),
+        false => Some(kind),
     }
 }
 
-/// The table of another program with this header.
+/// The format of another program's table with this header.
 fn by_header(names: &[String]) -> Option<&'static Kind> {
-    let has_header = |kind: &&&Kind| kind.header.is_some_and(|is_one| is_one(names));
+    let has_header = |kind: &&&Kind| kind.header.is_some_and(|matches| matches(names));
     KINDS.iter().find(has_header).copied()
 }

@@ -1,6 +1,6 @@
-//! Extents of the files of an index.
+//! Extents of the cloud files that an index lists.
 
-/// A file of an index and where its points are.
+/// A file of an index and the extent of its points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Extent {
     /// The plot.

@@ -11,7 +11,7 @@ use crate::error::{Error, Location, Result};
 /// Approximate number of points that readers return at a time.
 pub(crate) const CHUNK_POINTS: usize = 200_000;
 
-/// A file, or a part of one that is named behind it: `drive.mcap#/left/points` is a topic of a recording.
+/// A file, or a part of it, named after a `#`: `drive.mcap#/left/points` is a topic of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Part {
     pub(crate) file: PathBuf,
@@ -19,7 +19,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// A `#` in the name of a file that exists is a part of its name.
+    /// Splits a path at the `#`. If a file with the full name exists, the `#` belongs to its name.
     pub(crate) fn of(path: &Path) -> Self {
         let text = path.to_string_lossy();
         let marks = || text.match_indices('#').map(|(at, _)| at);
@@ -30,7 +30,7 @@ impl Part {
     }
 }
 
-/// The file of a path that may name a part of it, such as a topic of a recording.
+/// The file of a path that may also name a part of the file, such as a topic of a recording.
 pub fn file_of(path: &Path) -> PathBuf {
     Part::of(path).file
 }
@@ -38,14 +38,14 @@ pub fn file_of(path: &Path) -> PathBuf {
 /// Opens a file that must not be empty; also returns its size in bytes.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     let path = &file_of(path);
-    // Opening a pipe waits until somebody writes to it.
+    // Opening a pipe would wait for a writer.
     let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     if !metadata.is_file() {
-        let found = match metadata.is_dir() {
+        let file_type = match metadata.is_dir() {
             true => "a folder",
             false => "a pipe or a device",
         };
-        return Err(Error::format(path, Location::Whole, found, "a file"));
+        return Err(Error::format(path, Location::Whole, file_type, "a file"));
     }
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     if metadata.len() == 0 {
@@ -69,10 +69,10 @@ pub(crate) fn first_bytes(path: &Path, file: &mut File) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The first bytes of a Parquet file, which are also its last.
+/// The first bytes of a Parquet file, and also its last.
 const PARQUET: &[u8] = b"PAR1";
 
-/// Whether a file is Parquet; false for one that cannot be read.
+/// Whether a file is Parquet; false if it cannot be read.
 pub fn is_parquet(path: &Path) -> bool {
     open(path).is_ok_and(|(mut file, _)| {
         let mut start = [0; PARQUET.len()];
@@ -80,7 +80,7 @@ pub fn is_parquet(path: &Path) -> bool {
     })
 }
 
-/// The error of a file with the right format but no content.
+/// The error for a file of the right format without content.
 pub(crate) fn nothing_in(path: &Path, what: &str) -> Error {
     Error::format(
         path,
@@ -97,11 +97,11 @@ pub(crate) fn extension(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-/// Decoders in use.
+/// Number of decoders running.
 static GUARDED: AtomicUsize = AtomicUsize::new(0);
 
-/// Keeps the text of panics of decoders off the terminal, on whatever thread they happen: they become errors.
-/// Those of this program are printed as ever.
+/// Keeps panic messages of third-party decoders off the terminal, on any thread, because these panics become
+/// errors. Panics of this program are printed as usual.
 fn silence_decoders() {
     static ONCE: Once = Once::new();
     const DECODERS: [&str; 8] = [
@@ -149,11 +149,11 @@ pub(crate) fn guarded<T>(
     })
 }
 
-/// Name of the log of the system's clock in a recording, and of that of all events.
+/// Names of two logs in a recording: of the system's clock, and of all events.
 pub(crate) const CLOCK_LOG: &str = "clock.csv";
 pub(crate) const EVENT_LOG: &str = "events.csv";
 
-/// Whether a file lies in the folder of a recording.
+/// Whether a file is in the folder of a recording.
 pub(crate) fn is_in_recording(path: &Path) -> bool {
     let is_there = |name| path.with_file_name(name).is_file();
     is_there(CLOCK_LOG) && is_there(EVENT_LOG)

@@ -1,4 +1,4 @@
-//! All files of what is named by one.
+//! All files that are read together with a file.
 
 use std::path::{Path, PathBuf};
 
@@ -6,15 +6,15 @@ use super::detect::detect;
 use super::file::file_of;
 use super::recorded;
 
-/// The files that are read where this path is named: the file of it, and those that belong to it, of which some may
-/// be missing.
+/// All files that are read for this path: its own file, and the files that belong to it. Some of these may be
+/// missing.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let file = file_of(path);
-    let beside = detect(&file).ok().and_then(|format| format.0.beside);
-    let others = beside.map_or(Vec::new(), |of| of(&file));
+    let list_companions = detect(&file).ok().and_then(|format| format.0.beside);
+    let companions = list_companions.map_or(Vec::new(), |list| list(&file));
     let recorded = recorded::beside(&file);
     std::iter::once(file)
-        .chain(others)
+        .chain(companions)
         .chain(recorded)
         .collect()
 }

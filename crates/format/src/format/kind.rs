@@ -1,4 +1,4 @@
-//! What a file format is: how a file of it is told, and what is read from it.
+//! Description of a file format: how it is detected, and which readers it has.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::sensor::{GeographicFix, HeadingFix, ImuSample, Observations, PoseReco
 pub(crate) struct Start<'a> {
     /// Up to 4096 bytes.
     pub(crate) bytes: &'a [u8],
-    /// Of the whole file.
+    /// Size of the whole file, bytes.
     pub(crate) size: u64,
 }
 
@@ -23,44 +23,47 @@ impl Start<'_> {
     }
 }
 
-/// A record of a recording at the beginning of some bytes.
+/// A complete record at the beginning of a byte slice.
 pub(crate) struct WholeRecord {
+    /// Bytes.
     pub(crate) length: usize,
+    /// Seconds.
     pub(crate) time_s: f64,
 }
 
-/// Tells the record at the beginning of some bytes, if all of it is there and its time is one of those asked for;
-/// the time is looked at first, as this is asked at every byte.
+/// Finds a complete record at the beginning of a byte slice whose time satisfies the condition. The time is checked
+/// first, because this function is called at every byte.
 pub(crate) type RecordAt = fn(&[u8], &dyn Fn(f64) -> bool) -> Option<WholeRecord>;
 
-/// A reader of a file.
+/// A function that reads a file.
 pub(crate) type Reader<T> = fn(&Path) -> Result<T>;
 
-/// Units and frame of what a file holds and whether they are found in it, given by the format, or assumed: a short line.
+/// Units and frame of a file's content in one line, and whether the file or its format states them or they are
+/// assumed.
 #[derive(Clone, Copy)]
 pub(crate) enum Frame {
     /// The same for all files of the format.
     Fixed(&'static str),
-    /// Each file tells.
+    /// Read from each file.
     OfFile(Reader<String>),
 }
 
-/// A file format. Each has its constant in the file of its reader, and a line in the table of
+/// A file format. Each format is a constant in the module of its reader and is listed in
 /// [`kinds`](super::kinds).
 pub(crate) struct Kind {
-    /// As in JSON.
+    /// Name in JSON.
     pub(crate) id: &'static str,
-    /// In words.
+    /// Name in messages.
     pub(crate) name: &'static str,
-    /// Whether a file that begins so is one.
+    /// Whether a file with this beginning has this format.
     pub(crate) signature: Option<fn(&Start<'_>) -> bool>,
-    /// The header of a table; the first needed column is the time where it has one.
+    /// Columns of a table. The first needed column is the time if the table has one.
     pub(crate) columns: Option<Columns<'static>>,
-    /// Whether a table with this header is one, where other programs name the columns.
+    /// Whether a table with this header has this format, for tables of other programs.
     pub(crate) header: Option<fn(&[String]) -> bool>,
-    /// Whether its lines, which have only numbers, begin with these.
+    /// Whether these numbers can be the first line, for text without a header.
     pub(crate) numbers: Option<fn(&[f64]) -> bool>,
-    /// Ends of names, where the content does not tell.
+    /// File extensions, for files whose content is ambiguous.
     pub(crate) extensions: &'static [&'static str],
     pub(crate) imu: Option<Reader<Vec<ImuSample>>>,
     pub(crate) heading: Option<Reader<Vec<HeadingFix>>>,
@@ -69,24 +72,25 @@ pub(crate) struct Kind {
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
     pub(crate) cloud: Option<Reader<PointCloud>>,
     pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
-    /// Tells a whole record at the beginning of bytes, for salvaging.
+    /// Finds a complete record at the beginning of a byte slice, for salvaging.
     pub(crate) record: Option<RecordAt>,
-    /// The coordinate reference system that a file names, as WKT.
+    /// Reads the coordinate reference system of a file, as WKT.
     pub(crate) wkt: Option<Reader<Option<String>>>,
-    /// Where each record with a time ends, bytes, and its time, where that is not a line of a table.
+    /// The end of each record that has a time (bytes from the start of the file) and its time, for formats whose
+    /// records are not lines of a table.
     pub(crate) record_ends: Option<Reader<Vec<(u64, f64)>>>,
-    /// Other files that are read with one, those that are missing too where they would be.
+    /// Other files that are read together with a file, at the paths where they belong, even if they are missing.
     pub(crate) beside: Option<fn(&Path) -> Vec<PathBuf>>,
-    /// What else a file holds, in a line.
+    /// All contents of a file in one line, for formats that hold several kinds of measurements.
     pub(crate) contents: Option<Reader<String>>,
     /// Units and frame.
     pub(crate) frame: Frame,
-    /// What a user should know of it.
+    /// A remark for the user.
     pub(crate) note: &'static str,
 }
 
 impl Kind {
-    /// Of which nothing is known yet.
+    /// A format without readers.
     pub(crate) const fn new(id: &'static str, name: &'static str) -> Self {
         Self {
             id,
@@ -114,7 +118,7 @@ impl Kind {
     }
 }
 
-/// A file format that is told, and in most cases read.
+/// A file format that is detected and, in most cases, read.
 #[derive(Clone, Copy)]
 pub struct Format(pub(crate) &'static Kind);
 

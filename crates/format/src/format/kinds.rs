@@ -3,8 +3,8 @@
 use super::kind::Kind;
 use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
-/// Each is tried in this order: those with signatures that others do not have first, and tables with more
-/// columns before those with fewer.
+/// All formats in the order in which detection tries them: first those with unique signatures; tables with
+/// more columns before tables with fewer.
 pub(crate) const KINDS: [&Kind; 39] = [
     &las::kind::LAS,
     &las::kind::LAZ,
@@ -53,10 +53,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_format_says_its_units_and_frame() {
+    fn every_format_states_its_units_and_frame() {
         for kind in KINDS {
-            let says_it = !matches!(kind.frame, Frame::Fixed(""));
-            assert!(says_it, "{}", kind.id);
+            let states_frame = !matches!(kind.frame, Frame::Fixed(""));
+            assert!(states_frame, "{}", kind.id);
         }
     }
 }

@@ -1,11 +1,11 @@
 //! File formats, one per file, reading and writing; format detection.
 //!
-//! What is read from which format stands in `kinds.rs`, one line each. The readers are sorted by what they give:
-//! clouds, logs, poses, profiles, mountings; LAS, ROS and Parquet give several of these.
+//! `kinds.rs` lists the formats, one line each. Readers are grouped by the data that they return: clouds, logs,
+//! poses, profiles, mountings; LAS, ROS and Parquet hold several of these.
 //!
 //! Angles in files are in degrees if the column name says so; records use radians. Every reader
-//! returns data or one [`Error`](crate::error::Error) that names the file, the line or byte, what was
-//! found and what was expected.
+//! returns data or one [`Error`](crate::error::Error) that names the file, the line or byte, the content
+//! found and the content expected.
 
 mod binary;
 mod cloud;

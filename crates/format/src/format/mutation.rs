@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Pieces that parsers are known to stumble over.
+/// Inputs that often break parsers.
 const PIECES: [&[u8]; 14] = [
     b"",
     b",",
@@ -20,8 +20,8 @@ const PIECES: [&[u8]; 14] = [
     b"\0",
 ];
 
-/// Calls `read` with a file at `path` for each of `count` damaged copies of `valid`; the same
-/// copies every time. Nothing is expected of `read` but that it returns.
+/// Calls `read` for each of `count` damaged copies of `valid`, written to `path`; the same copies
+/// every time. `read` must return but may fail.
 pub(crate) fn for_each_damaged(path: &Path, valid: &[u8], count: u32, mut read: impl FnMut()) {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = move |below: usize| {

@@ -1,4 +1,4 @@
-//! Stands for the reader and the writer of Parquet in a program that is built without them.
+//! Stand-in for the Parquet reader and writer in a program built without them.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -16,7 +16,7 @@ fn absent(path: &Path) -> Error {
     )
 }
 
-/// The names of the columns, which are not known.
+/// The header of a file, which this program cannot read.
 pub(crate) struct Header {
     pub(crate) names: Vec<String>,
     pub(crate) is_foreign_cloud: bool,
@@ -128,7 +128,7 @@ mod tests {
     use crate::format::{detect, read_cloud, read_imu};
 
     #[test]
-    fn parquet_is_told_and_refused() {
+    fn parquet_is_detected_and_refused() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.parquet");
         std::fs::write(&path, b"PAR1 and more").unwrap();

@@ -1,4 +1,4 @@
-//! Project files, which are told from data but are read elsewhere.
+//! Project files, which are detected here but read elsewhere.
 
 use super::kind::{Frame, Kind};
 

@@ -20,15 +20,15 @@ use crate::sensor::{
     HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, project_fixes,
 };
 
-/// The reader of what a file holds. A text table that has other columns, or is of no known format, is given
-/// to the native `table`'s reader, which names the column that is missing.
+/// The reader that `select` chooses from the format of a file. A text table with other columns, or a file of an
+/// unknown format, is given to the reader of the native `table`, which names the missing column.
 ///
 /// # Errors
 /// A file that cannot be opened, or of a format without such measurements.
 fn reader<T>(
     path: &Path,
     what: &str,
-    of: impl Fn(&Kind) -> Option<T>,
+    select: impl Fn(&Kind) -> Option<T>,
     table: &'static Kind,
 ) -> Result<T> {
     let kind = match detect(path) {
@@ -37,10 +37,10 @@ fn reader<T>(
         Err(_) => table,
     };
     let is_table = kind.columns.is_some();
-    if let Some(reader) = of(kind).or_else(|| of(table).filter(|_| is_table)) {
+    if let Some(reader) = select(kind).or_else(|| select(table).filter(|_| is_table)) {
         return Ok(reader);
     }
-    let names = KINDS.iter().filter(|kind| of(kind).is_some());
+    let names = KINDS.iter().filter(|kind| select(kind).is_some());
     let names: Vec<&str> = names.map(|kind| kind.name).collect();
     let expected = format!("{what}: {}", names.join(", "));
     Err(Error::format(path, Location::Whole, kind.name, expected))
@@ -62,49 +62,49 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 /// # Errors
 /// A file of another format, and errors of the format's reader.
 pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
-    let of = |kind: &Kind| kind.heading;
-    let mut fixes = reader(path, "a heading log", of, &native::HEADING_TABLE)?(path)?;
+    let select = |kind: &Kind| kind.heading;
+    let mut fixes = reader(path, "a heading log", select, &native::HEADING_TABLE)?(path)?;
     let clock = sensor_clock(path)?;
     put_on_common_time(clock.as_ref(), fixes.iter_mut().map(|f| &mut f.time_s));
     Ok(fixes)
 }
 
-/// Reads a position log, rows in the order of the file. `observations` selects what to read of a table with
-/// coordinates and polar observations, and gives the instrument for polar ones. A row without a range is
-/// rejected, not an error.
+/// Reads a position log, rows in the order of the file. `observations` selects coordinates or polar
+/// observations if a table has both, and gives the instrument for polar observations. A row without a range is
+/// rejected; it is not an error.
 ///
 /// # Errors
 /// A file of another format, errors of the format's reader, no row with a range.
 pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
-    let of = |kind: &Kind| kind.positions;
-    let read = reader(path, "a position log", of, &positions::POSITION_TABLE)?;
-    let mut found = read(path, observations)?;
+    let select = |kind: &Kind| kind.positions;
+    let read = reader(path, "a position log", select, &positions::POSITION_TABLE)?;
+    let mut positions = read(path, observations)?;
     let clock = sensor_clock(path)?;
-    let times = found.fixes.iter_mut().map(|f| &mut f.time_s);
+    let times = positions.fixes.iter_mut().map(|f| &mut f.time_s);
     put_on_common_time(clock.as_ref(), times);
-    let better: HashMap<u64, f64> = station_times(path)?
+    let corrected_times: HashMap<u64, f64> = station_times(path)?
         .into_iter()
-        .map(|(written_s, better_s)| (written_s.to_bits(), better_s))
+        .map(|(written_s, corrected_s)| (written_s.to_bits(), corrected_s))
         .collect();
-    for fix in &mut found.fixes {
-        if let Some(better_s) = better.get(&fix.time_s.to_bits()) {
-            fix.time_s = *better_s;
+    for fix in &mut positions.fixes {
+        if let Some(corrected_s) = corrected_times.get(&fix.time_s.to_bits()) {
+            fix.time_s = *corrected_s;
         }
     }
-    Ok(found)
+    Ok(positions)
 }
 
-/// Puts the own times of a recorded sensor on the common time of its recording.
+/// Converts times of a recorded sensor's own clock to the common time of its recording.
 fn put_on_common_time<'a>(clock: Option<&SensorClock>, times_s: impl Iterator<Item = &'a mut f64>) {
     if let Some(clock) = clock {
         times_s.for_each(|time_s| *time_s = clock.common_s(*time_s));
     }
 }
 
-/// Reads a trajectory: times increase.
+/// Reads a trajectory with increasing times.
 ///
 /// # Errors
-/// A file of another format, and errors of the format's reader; SBET, which has geographic positions; times
+/// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; times
 /// that do not increase; no poses.
 pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
     reader(
@@ -115,10 +115,10 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
     )?(path)
 }
 
-/// As [`read_positions`]; geographic positions are projected.
+/// Reads a position log like [`read_positions`], and projects geographic positions.
 ///
 /// # Errors
-/// As there; geographic positions where no projected system is named, or outside of it.
+/// Those of [`read_positions`]; geographic positions if `crs` is `None` or if they lie outside of it.
 pub fn read_projected_positions(
     path: &Path,
     observations: &Observations,
@@ -148,11 +148,11 @@ pub fn read_projected_positions(
     })
 }
 
-/// As [`read_trajectory`], for a body with these axes; geographic poses, which are those of a body with x
-/// forward, y left, z up, are projected and turned to them.
+/// Reads a trajectory like [`read_trajectory`], for a body with these axes. Geographic poses, which refer to a
+/// body with x forward, y left, z up, are projected and turned to these axes.
 ///
 /// # Errors
-/// As there; geographic poses where no projected system is named, or outside of it.
+/// Those of [`read_trajectory`]; geographic poses if `crs` is `None` or if they lie outside of it.
 pub fn read_projected_trajectory(
     path: &Path,
     axes: BodyAxes,
@@ -178,8 +178,8 @@ fn unprojected(path: &Path) -> Error {
     )
 }
 
-/// Reads a cloud. Points marked as not measured are left out; times and intensities are kept if every point
-/// has them.
+/// Reads a cloud. Points marked as not measured are left out; times and intensities are returned only if every
+/// point has them.
 ///
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points.
@@ -205,7 +205,7 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// The coordinate reference system that a cloud file names, as WKT; `None` where it names none.
+/// The coordinate reference system of a cloud file, as WKT; `None` if the file names none.
 ///
 /// # Errors
 /// A file that is missing, damaged or of an unknown format.
@@ -216,7 +216,7 @@ pub fn crs_wkt(path: &Path) -> Result<Option<String>> {
     }
 }
 
-/// Units and frame of what a file holds, and whether they are found in it or assumed, in a line.
+/// Units and frame of a file's content, and whether the file states them or they are assumed, in one line.
 ///
 /// # Errors
 /// A file that is missing, damaged or of an unknown format.
@@ -227,20 +227,20 @@ pub fn describe_frame(path: &Path) -> Result<String> {
     }
 }
 
-/// Opens a recording of a scanner, in bounded memory where the format allows it.
+/// Opens a recording of a scanner, which is read in bounded memory if the format allows it.
 ///
 /// # Errors
 /// A file that is missing, empty, or of a format without points in the frame of a scanner.
 pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
-    let of = |kind: &Kind| kind.profiles;
-    let profiles = reader(path, "profiles", of, &profile::PROFILE_TABLE)?(path)?;
+    let select = |kind: &Kind| kind.profiles;
+    let profiles = reader(path, "profiles", select, &profile::PROFILE_TABLE)?(path)?;
     Ok(match sensor_clock(path)? {
         Some(clock) => Box::new(OnCommonTime { profiles, clock }),
         None => profiles,
     })
 }
 
-/// Profiles of a recorded scanner, on the common time of its recording.
+/// Profiles of a recorded scanner with times on the common clock of its recording.
 struct OnCommonTime {
     profiles: Box<dyn ProfileReader>,
     clock: SensorClock,
@@ -284,10 +284,10 @@ mod tests {
         let read = |axes| read_projected_trajectory(&path, axes, Some(&crs)).unwrap();
         let (flu, frd) = (read(BodyAxes::Flu), read(BodyAxes::Frd));
         for ((pose, flu), frd) in poses.iter().zip(&flu).zip(&frd) {
-            let of = |record: &PoseRecord, axis| record.world_from_body.rotation * axis;
-            assert!((of(pose, Vec3::y()) - of(flu, Vec3::y())).norm() < 1e-9);
-            assert!((of(pose, Vec3::x()) - of(frd, Vec3::x())).norm() < 1e-9);
-            assert!((of(pose, Vec3::z()) + of(frd, Vec3::z())).norm() < 1e-9);
+            let axis_of = |record: &PoseRecord, axis| record.world_from_body.rotation * axis;
+            assert!((axis_of(pose, Vec3::y()) - axis_of(flu, Vec3::y())).norm() < 1e-9);
+            assert!((axis_of(pose, Vec3::x()) - axis_of(frd, Vec3::x())).norm() < 1e-9);
+            assert!((axis_of(pose, Vec3::z()) + axis_of(frd, Vec3::z())).norm() < 1e-9);
             let apart = pose.world_from_body.translation_m - frd.world_from_body.translation_m;
             assert!(apart.norm() < 1e-6);
         }

@@ -1,4 +1,4 @@
-//! Copies of damaged recordings and tables with all that is whole.
+//! Salvage of damaged recordings and tables: copies of their undamaged records and rows.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
@@ -11,10 +11,10 @@ use super::kinds::KINDS;
 use crate::error::{Error, Location, Result};
 use crate::format::text::lines::Separator;
 
-/// What was kept of a file.
+/// Numbers of the records and bytes salvaged from a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Salvaged {
-    /// Profiles of a recording, or rows of a table.
+    /// Profiles of a recording, or rows of a table, in the copy.
     pub kept: u64,
     /// Rows of a table that were left out.
     pub dropped_rows: u64,
@@ -22,37 +22,38 @@ pub struct Salvaged {
     pub dropped_bytes: u64,
     /// Places where something was left out.
     pub places: u64,
-    /// Byte of the first of them.
+    /// Byte offset of the first such place.
     pub first_byte: Option<u64>,
 }
 
 impl Salvaged {
-    fn drop(&mut self, at: u64, bytes: u64, follows: bool) {
+    /// Counts `bytes` left out at offset `at`; `continues` if they belong to the same place as the last ones.
+    fn add_dropped(&mut self, at: u64, bytes: u64, continues: bool) {
         self.dropped_bytes += bytes;
-        self.places += u64::from(!follows);
+        self.places += u64::from(!continues);
         self.first_byte.get_or_insert(at);
     }
 }
 
-/// Bytes that are looked at together; no record is as long.
+/// Number of bytes in memory, more than the longest record has.
 const WINDOW: usize = 4 << 20;
-/// Longer lines are not of a table.
+/// Lines of this many bytes or more do not belong to a table.
 const LONGEST_LINE: u64 = 1 << 20;
-/// Profiles behind a damage do not follow later, seconds: bytes that only look like a profile seldom have such
-/// a time.
+/// Longest accepted interval between the profiles before and after damage, seconds. Bytes that only look like a
+/// profile seldom have a time within it.
 const LONGEST_PAUSE_S: f64 = 3600.0;
 
-/// Writes `to`, a copy of a recording (`.bin`) or of a text table without what is damaged: records and rows
-/// that are cut off, that cannot be read, or that contain a value that is no finite number.
+/// Writes a copy of a recording (`.bin`) or of a text table to `to`. The copy leaves out records and rows that
+/// are cut off, that cannot be read, or that contain a value that is not a finite number.
 ///
 /// # Errors
-/// Files that cannot be read or written, that are of another format, or in which nothing is whole.
+/// Files that cannot be read or written, or that have another format; a file without an undamaged record or row.
 pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
-    let known = detect(path).ok().map(|format| format.0);
+    let detected = detect(path).ok().map(|format| format.0);
     let is_parquet = file::is_parquet(path);
-    let found = match known.and_then(|kind| kind.record) {
+    let salvaged = match detected.and_then(|kind| kind.record) {
         Some(record) => records(path, to, record),
-        None if known.is_none_or(is_text) && !is_parquet => rows(path, to),
+        None if detected.is_none_or(is_text) && !is_parquet => rows(path, to),
         None => {
             let kinds = KINDS.iter().filter(|kind| kind.record.is_some());
             let names: Vec<&str> = kinds.map(|kind| kind.name).collect();
@@ -61,21 +62,21 @@ pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
             } else {
                 "another format"
             };
-            let found = known
+            let found = detected
                 .filter(|_| !is_parquet)
                 .map_or(other, |kind| kind.name);
             let expected = format!("a text table, or {}", names.join(", "));
             return Err(Error::format(path, Location::Whole, found, expected));
         }
     }?;
-    match found.kept {
+    match salvaged.kept {
         0 => Err(Error::format(
             path,
             Location::Whole,
-            "nothing that is whole",
+            "no undamaged content",
             "profiles or rows",
         )),
-        _ => Ok(found),
+        _ => Ok(salvaged),
     }
 }
 
@@ -87,9 +88,9 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
     let (mut from, total) = file::open(path)?;
     let out = File::create(to).map_err(|e| Error::io(to, e))?;
     let mut out = BufWriter::with_capacity(1 << 20, out);
-    let mut found = Salvaged::default();
+    let mut salvaged = Salvaged::default();
     let mut window: Vec<u8> = Vec::new();
-    // Of the window's begin in the file, and of the next byte in the window.
+    // Offset of the window in the file, and of the next byte in the window.
     let (mut start, mut at) = (0u64, 0usize);
     let mut last_s: Option<f64> = None;
     let mut is_damaged = false;
@@ -110,14 +111,14 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
             })
         };
         match record(&window[at..], &fits) {
-            // The one behind it is whole and earlier: the time of this one is wrong.
+            // The next record is complete and earlier, so that the time of this one is wrong.
             Some(whole)
                 if record(&window[at + whole.length..], &|time_s| {
                     fits(time_s) && time_s < whole.time_s
                 })
                 .is_some() =>
             {
-                found.drop(start + at as u64, whole.length as u64, is_damaged);
+                salvaged.add_dropped(start + at as u64, whole.length as u64, is_damaged);
                 is_damaged = true;
                 at += whole.length;
             }
@@ -125,19 +126,19 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
                 out.write_all(&window[at..at + whole.length])
                     .map_err(|e| Error::io(to, e))?;
                 at += whole.length;
-                found.kept += 1;
+                salvaged.kept += 1;
                 last_s = Some(whole.time_s);
                 is_damaged = false;
             }
             None => {
-                found.drop(start + at as u64, 1, is_damaged);
+                salvaged.add_dropped(start + at as u64, 1, is_damaged);
                 is_damaged = true;
                 at += 1;
             }
         }
     }
     out.flush().map_err(|e| Error::io(to, e))?;
-    Ok(found)
+    Ok(salvaged)
 }
 
 fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
@@ -145,7 +146,7 @@ fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
     let mut from = BufReader::with_capacity(1 << 20, from);
     let out = File::create(to).map_err(|e| Error::io(to, e))?;
     let mut out = BufWriter::with_capacity(1 << 20, out);
-    let mut found = Salvaged::default();
+    let mut salvaged = Salvaged::default();
     let mut columns = Columns::default();
     let (mut line, mut start) = (Vec::new(), 0u64);
     let mut is_damaged = false;
@@ -168,24 +169,24 @@ fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
         if is_whole {
             out.write_all(&line).map_err(|e| Error::io(to, e))?;
         } else {
-            found.drop(start, read, is_damaged);
-            found.dropped_rows += 1;
+            salvaged.add_dropped(start, read, is_damaged);
+            salvaged.dropped_rows += 1;
         }
         is_damaged = !is_whole;
         start += read;
     }
-    found.kept = columns.rows;
+    salvaged.kept = columns.rows;
     out.flush().map_err(|e| Error::io(to, e))?;
-    Ok(found)
+    Ok(salvaged)
 }
 
-/// What a cell of a table holds.
+/// The content of a cell of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cell {
     Empty,
     Number,
-    /// Infinite, or not a number.
-    NoNumber,
+    /// Infinite or NaN.
+    NotFinite,
     Text,
 }
 
@@ -195,7 +196,7 @@ fn cells(text: &str) -> Vec<Cell> {
         cells.push(match cell.parse::<f64>() {
             _ if cell.is_empty() => Cell::Empty,
             Ok(value) if value.is_finite() => Cell::Number,
-            Ok(_) => Cell::NoNumber,
+            Ok(_) => Cell::NotFinite,
             Err(_) => Cell::Text,
         });
         Ok(())
@@ -203,20 +204,20 @@ fn cells(text: &str) -> Vec<Cell> {
     cells
 }
 
-/// The columns of a table, by its header and its first row.
+/// The columns of a table, known from its header and its first row.
 #[derive(Default)]
 struct Columns {
-    /// Of the last line of text before the first row.
+    /// Number of cells in the last line of text before the first row.
     header: Option<usize>,
-    /// Whether each holds text.
+    /// Whether each column holds text.
     are_text: Option<Vec<bool>>,
     rows: u64,
 }
 
 impl Columns {
-    /// Takes in a line; whether it is whole.
+    /// Adds a line; returns whether it is undamaged.
     fn fit(&mut self, cells: &[Cell]) -> bool {
-        let is_row = cells.contains(&Cell::Number) || cells.contains(&Cell::NoNumber);
+        let is_row = cells.contains(&Cell::Number) || cells.contains(&Cell::NotFinite);
         if self.are_text.is_none() && !is_row {
             self.header = Some(cells.len());
             return true;
@@ -227,7 +228,7 @@ impl Columns {
                 .are_text
                 .as_ref()
                 .is_none_or(|are_text| are_text[i.min(are_text.len() - 1)]);
-            *cell != Cell::NoNumber && (*cell != Cell::Text || is_text)
+            *cell != Cell::NotFinite && (*cell != Cell::Text || is_text)
         });
         if !are_numbers || width.is_some_and(|width| width != cells.len()) {
             return false;
@@ -315,7 +316,7 @@ mod tests {
             "# made by hand\ntime_s,x_m,note\n1,2,a\n3,4,c\n5,,d\n"
         );
         assert_eq!((found.kept, found.dropped_rows, found.places), (3, 3, 3));
-        // A row that is cut or no number is not what the others are measured by.
+        // A row that is cut off or not finite does not determine the columns.
         let text = "time_s,x_m,z_m\n1,2\n1,NaN,2\n2,3,4\n3,inf,1\n";
         let (found, kept) = salvaged("a.csv", text.as_bytes()).unwrap();
         assert_eq!(String::from_utf8(kept).unwrap(), "time_s,x_m,z_m\n2,3,4\n");

@@ -1,19 +1,20 @@
-//! What a frame may follow beside its tilt and acceleration: temperatures, loads, pressures.
+//! Logs of quantities that may bend the frame besides tilt and acceleration: temperatures, loads, pressures.
 
-/// Most columns of a log that mountings follow.
+/// Largest number of log columns that a mounting may depend on.
 pub const MAX_FRAME_COLUMNS: usize = 2;
 
-/// Columns of a log by time, in any units.
+/// Columns of a log as functions of time, in any units.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameLog {
-    /// Ascending times, seconds, each with a value of every column; zero for columns that it does not have.
+    /// Rows in ascending order of time: seconds, and a value of each column; absent columns are zero.
     pub rows: Vec<(f64, [f64; MAX_FRAME_COLUMNS])>,
     /// Number of columns.
     pub columns: usize,
 }
 
 impl FrameLog {
-    /// Linear between rows, constant before the first and after the last; zero without any.
+    /// The values at a time: linear between rows, constant before the first and after the last; zero if
+    /// there are no rows.
     pub fn at(&self, time_s: f64) -> [f64; MAX_FRAME_COLUMNS] {
         let next = self.rows.partition_point(|(row_s, _)| *row_s <= time_s);
         let row = |index: usize| self.rows.get(index);

@@ -4,9 +4,9 @@ use super::{GeographicFix, PositionFix};
 use crate::error::{Error, Result};
 use crate::geometry::{Mat3, Projection, Vec3};
 
-/// The positions in east, north and up of `system`, without a datum shift; up is the ellipsoidal
-/// height. Standard deviations along true east and north become covariances along those of the
-/// grid.
+/// Projects positions to east, north and up of `system`, without a datum shift; up is the ellipsoidal
+/// height. Standard deviations along true east and north become covariances along grid east and
+/// north.
 ///
 /// # Errors
 /// A position outside the system, named with its time.

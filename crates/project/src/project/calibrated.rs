@@ -1,4 +1,4 @@
-//! A project with what an earlier run found.
+//! Projects with mountings or poses from an earlier run.
 
 use std::path::Path;
 
@@ -16,11 +16,11 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
     }
     let source = &Source::read(path)?;
     let written: Mountings = source.parsed()?;
-    let found = resolve::scanners(source, &written.scanner)?;
+    let calibrated = resolve::scanners(source, &written.scanner)?;
     let mut project = project.clone();
     for scanner in &mut project.scanners {
-        let Some(same) = found.iter().find(|found| found.name == scanner.name) else {
-            let names: Vec<String> = found.iter().map(|s| format!("`{}`", s.name)).collect();
+        let Some(same) = calibrated.iter().find(|s| s.name == scanner.name) else {
+            let names: Vec<String> = calibrated.iter().map(|s| format!("`{}`", s.name)).collect();
             let only = match names.is_empty() {
                 true => "no scanners".to_owned(),
                 false => format!("only {}", names.join(", ")),

@@ -32,21 +32,21 @@ pub struct Project {
     pub reference: Option<Reference>,
     /// Settings of the calibration in two steps, from which the joint adjustment starts.
     pub calibration: CalibrationSettings,
-    /// Whether its scales follow from the points (`calibration.voxel_sizes_m = "auto"`): they are then those
-    /// of a close-range scanner until points are read.
+    /// Whether the scales of the calibration follow from the points (`calibration.voxel_sizes_m = "auto"`). Until
+    /// points are read, the scales are those of a close-range scanner.
     pub has_auto_scales: bool,
     /// Whether trajectory and mountings are adjusted jointly (`calibration.method = "joint"`);
-    /// [`CalibrationSettings::method`] is then that of the start and of the fallback.
+    /// [`CalibrationSettings::method`] is then the method of the start and of the fallback.
     pub is_joint: bool,
     /// Settings of the joint adjustment, and uncertainties of the inputs that only it uses.
     pub joint: JointSettings,
-    /// What mountings may follow beside tilt, acceleration and time.
+    /// The log of further quantities that may bend the frame, besides tilt, acceleration and time.
     pub bending: Option<FrameLogFile>,
     /// Settings of the comparisons.
     pub comparison: ComparisonSettings,
-    /// What results are held against.
+    /// Limits that the results must meet.
     pub acceptance: Acceptance,
-    /// Who made the report.
+    /// Title, author and organisation of the report.
     pub imprint: Imprint,
     /// Other drives, adjusted together with this one.
     pub drives: Vec<OtherDrive>,
@@ -89,12 +89,12 @@ pub struct LogFile {
     pub time_offset_s: f64,
 }
 
-/// A file of what a frame may follow.
+/// A log of quantities that may bend the frame, such as temperatures and loads.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameLogFile {
     /// The file.
     pub log: LogFile,
-    /// Names of its columns, 1 to [`MAX_FRAME_COLUMNS`](crate::sensor::MAX_FRAME_COLUMNS).
+    /// Names of the columns that are used, 1 to [`MAX_FRAME_COLUMNS`](crate::sensor::MAX_FRAME_COLUMNS).
     pub columns: Vec<String>,
 }
 
@@ -105,8 +105,8 @@ pub struct PositionLog {
     pub path: PathBuf,
     /// Common time = sensor time + this, seconds.
     pub time_offset_s: f64,
-    /// The kind of its observations; the station of polar ones is in world coordinates, before the
-    /// project's origin is subtracted.
+    /// The kind of its observations. The station of polar observations is in world coordinates, before
+    /// the project's origin is subtracted.
     pub observations: Observations,
 }
 
@@ -115,7 +115,7 @@ pub struct PositionLog {
 pub struct PosesFile {
     /// Absolute.
     pub path: PathBuf,
-    /// Further files with the same poses at other times, as those of each scanner's profiles.
+    /// Further files of the same trajectory at other times, such as the times of each scanner's profiles.
     pub others: Vec<PathBuf>,
     /// Common time = time in the file + this, seconds.
     pub time_offset_s: f64,
@@ -126,7 +126,7 @@ pub struct PosesFile {
 }
 
 impl PosesFile {
-    /// All its files.
+    /// All files of poses.
     pub fn paths(&self) -> impl Iterator<Item = &PathBuf> {
         std::iter::once(&self.path).chain(&self.others)
     }
@@ -147,9 +147,9 @@ pub struct Scanner {
     pub body_from_scanner: BodyFromScanner,
     /// The convention of the angles in the project file.
     pub convention: EulerConvention,
-    /// Which of tx ty tz rx ry rz are held fixed.
+    /// Whether tx, ty, tz, rx, ry, rz are held fixed.
     pub fixed: [bool; 6],
-    /// How the mounting follows the load, if it does.
+    /// The change of the mounting with the load on the frame, if there is one.
     pub compliance: Option<Compliance>,
 }
 

@@ -12,11 +12,11 @@ use crate::trajectory::PositionKind;
 /// See [`Project::check_files`].
 pub(super) fn check(project: &Project) -> Result<()> {
     check_own_files(project)?;
-    others(project).try_for_each(|other| check_other(project, &other))?;
+    other_drives(project).try_for_each(|other| check_other(project, &other))?;
     check_distinct(project)
 }
 
-/// Another drive and where it is written.
+/// Another drive and its position in the project file.
 struct Other<'a> {
     /// `drive` or `evaluation`.
     array: &'static str,
@@ -38,8 +38,8 @@ impl Other<'_> {
     }
 }
 
-/// The drives that are adjusted with the project's own, then those that are evaluated.
-fn others(project: &Project) -> impl Iterator<Item = Other<'_>> {
+/// The drives that are adjusted together with the project's own drive, then the drives that are evaluated.
+fn other_drives(project: &Project) -> impl Iterator<Item = Other<'_>> {
     let arrays = [
         ("drive", &project.drives),
         ("evaluation", &project.evaluations),
@@ -54,8 +54,8 @@ fn others(project: &Project) -> impl Iterator<Item = Other<'_>> {
     })
 }
 
-/// Every file that the project reads itself, with its key.
-fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
+/// Every file that the project itself names, with its key.
+fn named_files(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
     let mut files: Vec<(Vec<Step<'static>>, &Path)> = Vec::new();
     let file = |table| vec![Step::Key(table), Step::Key("file")];
     match &project.motion {
@@ -69,14 +69,14 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
                     .filter(move |p| p.kind == kind);
                 of_kind.count()
             };
-            let mut seen = [0; 2];
+            let mut numbered = [0; 2];
             for (log, settings) in logs.positions.iter().zip(&logs.settings.positions) {
                 let (table, which) = match settings.kind {
                     PositionKind::Prism => ("prism", 0),
                     PositionKind::Gnss => ("gnss", 1),
                 };
-                let index = (count(settings.kind) > 1).then_some(Step::Index(seen[which]));
-                seen[which] += 1;
+                let index = (count(settings.kind) > 1).then_some(Step::Index(numbered[which]));
+                numbered[which] += 1;
                 let mut steps = vec![Step::Key(table)];
                 steps.extend(index);
                 steps.push(Step::Key("file"));
@@ -118,14 +118,14 @@ fn named(project: &Project) -> Vec<(Vec<Step<'static>>, &Path)> {
 }
 
 fn check_own_files(project: &Project) -> Result<()> {
-    named(project)
+    named_files(project)
         .iter()
         .try_for_each(|(steps, path)| check_exists(project, steps, path))
 }
 
 /// See [`Project::files`].
 pub(super) fn files(project: &Project) -> Vec<PathBuf> {
-    let named = named(project).into_iter();
+    let named = named_files(project).into_iter();
     named.flat_map(|(_, path)| files_of(path)).collect()
 }
 
@@ -133,7 +133,7 @@ pub(super) fn files(project: &Project) -> Vec<PathBuf> {
 pub(super) fn inputs(project: &Project) -> Vec<PathBuf> {
     let mut inputs = vec![project.path.clone()];
     inputs.extend(files(project));
-    for other in others(project) {
+    for other in other_drives(project) {
         inputs.push(other.drive.project.clone());
         // An unreadable file is reported when it is needed.
         if let Ok(drive) = resolve::read(&other.drive.project) {
@@ -172,22 +172,26 @@ fn check_other(project: &Project, other: &Other<'_>) -> Result<()> {
     Err(other.error(project, found, "a drive of the same platform"))
 }
 
-/// Checks that no project is adjusted twice, which would count its measurements twice, and that
-/// none is evaluated that is adjusted, which would test nothing.
+/// Checks that no drive is adjusted twice, which would count its measurements twice, and that no
+/// evaluated drive is also adjusted, which would test nothing.
 fn check_distinct(project: &Project) -> Result<()> {
-    // Every path was read before, so that it has a canonical form.
+    // Every path has been read, so it has a canonical form.
     let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let mut adjusted = vec![canonical(&project.path)];
-    for other in others(project) {
+    for other in other_drives(project) {
         let path = canonical(&other.drive.project);
-        let again = adjusted.contains(&path);
+        let is_adjusted = adjusted.contains(&path);
         match other.array {
-            "drive" if again => {
+            "drive" if is_adjusted => {
                 let found = format!("the drive {:?} twice", path.display().to_string());
-                return Err(other.error(project, found, "each drive once, the project's own too"));
+                return Err(other.error(
+                    project,
+                    found,
+                    "each drive once, including the project's own",
+                ));
             }
             "drive" => adjusted.push(path),
-            _ if again => {
+            _ if is_adjusted => {
                 let found = format!(
                     "an evaluation with {:?}, which is adjusted",
                     path.display().to_string()

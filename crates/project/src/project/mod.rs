@@ -25,18 +25,18 @@ use std::path::{Path, PathBuf};
 use crate::error::Result;
 use crate::geometry::{BodyAxes, BodyFromScanner};
 
-/// The mountings of a project, or of a `calibration.toml`.
+/// The mountings in a project or in a `calibration.toml`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mountings {
     /// Name and mounting of each scanner.
     pub scanners: Vec<(String, BodyFromScanner)>,
-    /// Axes of the body; `None` for a calibration, which does not say them.
+    /// Axes of the body; `None` for a calibration, which does not contain them.
     pub axes: Option<BodyAxes>,
     /// Whether the calibration is marked as not usable.
     pub is_unusable: bool,
 }
 
-/// Reads the mountings of a project, or of a `calibration.toml`.
+/// Reads the mountings in a project or in a `calibration.toml`.
 ///
 /// # Errors
 /// A file that cannot be read, a mistake in it, no scanner.
@@ -49,23 +49,23 @@ impl Project {
     /// checks that they exist.
     ///
     /// # Errors
-    /// Names the file, the line, what was found and what was expected: unknown keys with the
-    /// nearest known one, missing keys, values out of range, sections that exclude each other.
+    /// Unknown keys, with the nearest known key; missing keys; values out of range; sections that exclude
+    /// each other. Errors name the file, the line, the content found and the content expected.
     pub fn read(path: &Path) -> Result<Self> {
         resolve::read(path)
     }
 
-    /// Checks the text of a project file as if it stood in the file at `path`, which need not exist.
+    /// Checks the text of a project file as if it were in the file at `path`, which need not exist.
     ///
     /// # Errors
-    /// As for [`Project::read`].
+    /// Those of [`Project::read`].
     pub fn parse(text: String, path: &Path) -> Result<Self> {
         resolve::project(&Source::of(text, path)?)
     }
 
-    /// Checks that every referenced file exists, and that the projects of the other drives can be
-    /// read, that their files exist, and that they contain only scanners of this project with the
-    /// same body axes; and that no drive is adjusted twice, or evaluated after it was adjusted.
+    /// Checks that every referenced file exists. Also checks that the projects of the other drives can be
+    /// read, that their files exist, that they contain only scanners of this project with the same body
+    /// axes, and that no drive is adjusted twice or both adjusted and evaluated.
     ///
     /// # Errors
     /// Names the first missing file, its key and the line.
@@ -73,29 +73,28 @@ impl Project {
         files::check(self)
     }
 
-    /// Every file that the project itself names, but for those of other drives.
+    /// Every file that is read for the project itself, without the files of its other drives.
     pub fn files(&self) -> Vec<PathBuf> {
         files::files(self)
     }
 
-    /// Every file read for the project: its own, and those of its other drives.
+    /// Every file that is read for the project, including the project files and the files of its other drives.
     pub fn inputs(&self) -> Vec<PathBuf> {
         files::inputs(self)
     }
 
-    /// The project with the mountings and time offsets of its scanners as in a `calibration.toml`,
-    /// which is what [`Project::scanners_to_toml`] prints. Scanners are matched by name; tables of
-    /// other scanners and the profiles that the file names are ignored, as it may be that of
-    /// another drive.
+    /// The project with the mountings and time offsets of its scanners from a `calibration.toml`, as
+    /// [`Project::scanners_to_toml`] prints it. Scanners are matched by name. Tables of other scanners and
+    /// the profiles in the file are ignored, as the calibration may be of another drive.
     ///
     /// # Errors
-    /// The file cannot be read, a mistake in it, a scanner that it does not have.
+    /// The file cannot be read, a mistake in it, a scanner of the project that it does not have.
     pub fn with_calibration(&self, path: &Path) -> Result<Self> {
         calibrated::with_calibration(self, path)
     }
 
-    /// The project with the poses of this file in place of its logs or its own poses, as if
-    /// `[trajectory]` had only this `file`. The file is not opened.
+    /// The project with the poses of this file instead of its logs or poses, as if `[trajectory]` had
+    /// only this `file`. The file is not opened.
     ///
     /// # Errors
     /// A relative path without a current folder.

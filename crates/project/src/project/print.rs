@@ -129,7 +129,7 @@ fn mounting_motion(motion: &MountingMotion) -> written::MountingMotion {
     }
 }
 
-/// What is assumed stays so where it is not written.
+/// Assumed standard deviations are not written, so that they remain assumptions when the file is read.
 fn write_reference(reference: &Reference, sigma: &ReferenceSigma) -> written::Reference {
     written::Reference {
         file: reference.path.clone(),
@@ -223,7 +223,7 @@ fn write_logs(logs: &Logs, written: &mut Written) {
     let noise = &settings.imu;
     written.frame.gravity_m_s2 = Some(settings.gravity_m_s2);
     written.frame.grid_convergence_deg = Some(degrees(settings.heading.grid_convergence_rad));
-    // The instability where it gives the very walk that is used, else the walk itself.
+    // The instability if it gives exactly the random walk in use, else the random walk itself.
     let gyro = datasheet(noise.gyro_bias_walk, ImuNoise::gyro_bias_walk);
     let accel = datasheet(noise.accel_bias_walk, ImuNoise::accel_bias_walk);
     written.imu = Some(written::Imu {
@@ -315,8 +315,8 @@ fn degrees(angle_rad: f64) -> f64 {
     preimage(angle_rad, f64::to_radians)
 }
 
-/// The shortest decimal that the linear `unit` maps exactly to `value`; if no f64 does, the
-/// nearest.
+/// The shortest decimal that the linear `unit` maps exactly to `value`; if there is no such f64, the
+/// nearest one.
 fn preimage(value: f64, unit: fn(f64) -> f64) -> f64 {
     let guess = value / unit(1.0);
     (0..DIGITS)
@@ -326,7 +326,7 @@ fn preimage(value: f64, unit: fn(f64) -> f64) -> f64 {
         .unwrap_or(guess)
 }
 
-/// The decimal of at most ten digits that `unit` maps exactly to `value`.
+/// The decimal of at most ten digits that `unit` maps exactly to `value`, if there is one.
 fn datasheet(value: f64, unit: fn(f64) -> f64) -> Option<f64> {
     let candidate = preimage(value, unit);
     (unit(candidate) == value && rounded(candidate, 9) == candidate).then_some(candidate)

@@ -1,4 +1,4 @@
-//! Values with alternative forms in the file: one or several, a number or a list.
+//! Values with alternative forms in the file: one value or several, a number or a list.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -97,7 +97,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Tables<T> {
     }
 }
 
-/// One number for all three axes, or three.
+/// One number for all three axes, or three numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Numbers(pub [f64; 3]);
 

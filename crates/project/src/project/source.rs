@@ -8,7 +8,7 @@ use crate::error::{Error, Location, Result};
 
 /// A project file, or a part of one.
 pub struct Source {
-    /// Absolute.
+    /// Absolute path.
     pub path: PathBuf,
     text: String,
 }
@@ -29,7 +29,7 @@ impl Source {
             let expected = "a project file, such as `project.toml` in it";
             return Err(Error::format(path, Location::Whole, "a folder", expected));
         }
-        // Opening a pipe waits until somebody writes to it.
+        // Opening a pipe would wait for a writer.
         if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
             return Err(Error::format(
                 path,
@@ -40,10 +40,10 @@ impl Source {
         }
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
         let text = String::from_utf8(bytes).map_err(|error| {
-            let good = error.utf8_error().valid_up_to();
+            let valid_bytes = error.utf8_error().valid_up_to();
             Error::format(
                 path,
-                Location::Byte(good as u64),
+                Location::Byte(valid_bytes as u64),
                 "bytes that are not UTF-8",
                 "UTF-8 text",
             )
@@ -51,7 +51,7 @@ impl Source {
         Self::of(text, path)
     }
 
-    /// The text as if it stood in the file.
+    /// A source with this text, as if it were in the file at `path`.
     pub fn of(text: String, path: &Path) -> Result<Self> {
         let path = std::path::absolute(path).map_err(|source| Error::io(path, source))?;
         Ok(Self { path, text })
@@ -62,17 +62,17 @@ impl Source {
         self.text
     }
 
-    /// The content of the file.
+    /// Parses the text.
     pub fn parsed<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|error| self.explain(&error))
     }
 
-    /// Whether the text begins so.
+    /// Whether the file begins with this text.
     pub fn begins_with(&self, text: &str) -> bool {
         self.text.starts_with(text)
     }
 
-    /// Makes `file`, relative to the folder of the project file, absolute.
+    /// The absolute path of `file`, which is relative to the folder of the project file.
     pub fn absolute(&self, file: &Path) -> PathBuf {
         match self.path.parent() {
             Some(folder) => folder.join(file),
@@ -85,7 +85,7 @@ impl Source {
         Error::format(&self.path, self.locate(steps), found, expected)
     }
 
-    /// The line of the key reached by `steps`, or of the last one that exists.
+    /// The line of the key reached by `steps`, or of the last step that exists.
     pub fn locate(&self, steps: &[Step<'_>]) -> Location {
         let Ok(root) = DeTable::parse(&self.text) else {
             return Location::Whole;
@@ -97,24 +97,28 @@ impl Source {
             let next = match *step {
                 Step::Key(name) => {
                     // `[[prism]]` with one table is equivalent to `[prism]`.
-                    let one =
+                    let is_single =
                         |value: &DeValue<'_>| value.as_array().is_some_and(|all| all.len() == 1);
                     let inside = match value {
-                        Some(value) if one(value) => value.get(0).map(|element| element.get_ref()),
+                        Some(value) if is_single(value) => {
+                            value.get(0).map(|element| element.get_ref())
+                        }
                         other => other,
                     };
-                    let here = table.or_else(|| inside.and_then(DeValue::as_table));
-                    let entry =
-                        here.and_then(|table| table.iter().find(|(key, _)| key.get_ref() == name));
+                    let current = table.or_else(|| inside.and_then(DeValue::as_table));
+                    let entry = current
+                        .and_then(|table| table.iter().find(|(key, _)| key.get_ref() == name));
                     entry.map(|(key, value)| (key.span().start, value.get_ref()))
                 }
                 Step::Index(index) => value
                     .and_then(|value| value.get(index))
                     .map(|element| (element.span().start, element.get_ref())),
             };
-            let Some((start, found)) = next else { break };
+            let Some((start, next_value)) = next else {
+                break;
+            };
             at = self.line(start);
-            (table, value) = (None, Some(found));
+            (table, value) = (None, Some(next_value));
         }
         at
     }
@@ -132,9 +136,9 @@ impl Source {
         let message = error.message().trim();
         let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
         let (found, expected) = if message.starts_with("unknown field") {
-            one_of("the unknown key", &names)
+            unknown_name("the unknown key", &names)
         } else if message.starts_with("unknown variant") {
-            one_of("the unknown value", &names)
+            unknown_name("the unknown value", &names)
         } else if message.starts_with("missing field") && !names.is_empty() {
             (
                 format!("a table without `{}`", names[0]),
@@ -155,7 +159,7 @@ impl Source {
     }
 }
 
-/// User-friendly names of Rust types.
+/// A user-friendly name of a Rust type.
 fn type_in_words(expected: &str) -> String {
     match expected {
         "f64" => "a number",
@@ -168,8 +172,9 @@ fn type_in_words(expected: &str) -> String {
     .to_owned()
 }
 
-/// What was found and what was expected, nearest name first, if `names[0]` is not among the rest.
-fn one_of(kind: &str, names: &[&str]) -> (String, String) {
+/// The texts "found" and "expected" for the unknown name `names[0]`; the rest are the known names, and the nearest
+/// comes first.
+fn unknown_name(kind: &str, names: &[&str]) -> (String, String) {
     let (unknown, known) = names.split_first().unwrap_or((&"", &[]));
     let found = format!("{kind} `{unknown}`");
     let expected = match nearest(unknown, known) {

@@ -31,9 +31,9 @@ pub struct Written {
     pub gnss: Tables<Gnss>,
     /// Headings of the baseline between two antennas.
     pub heading: Option<Heading>,
-    /// What mountings may follow beside tilt, acceleration and time.
+    /// A log of further quantities that may bend the frame, besides tilt, acceleration and time.
     pub bending: Option<Bending>,
-    /// How the trajectory is estimated, or poses instead of the logs.
+    /// Settings of the estimation of the trajectory, or poses instead of the logs.
     pub trajectory: Option<Trajectory>,
     /// A scanner.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -49,10 +49,10 @@ pub struct Written {
     /// M3C2; radii, not diameters.
     #[serde(default)]
     pub comparison: Comparison,
-    /// What results are held against.
+    /// Limits that the results must meet.
     #[serde(default)]
     pub acceptance: Acceptance,
-    /// Who made the report.
+    /// Title, author, organisation and logo of the report.
     #[serde(default, skip_serializing_if = "Report::is_empty")]
     pub report: Report,
     /// Another drive, adjusted together with this one.
@@ -86,7 +86,7 @@ pub struct Frame {
     pub crs: Option<String>,
     /// Grid heading = true heading − this.
     pub grid_convergence_deg: Option<f64>,
-    /// Gravity where the drive was.
+    /// Gravity at the place of the drive.
     pub gravity_m_s2: Option<f64>,
 }
 
@@ -122,17 +122,18 @@ pub struct Prism {
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. For polar observations
-    /// that of tracking, added to the instrument's noise in quadrature, and 0 unless given if any of
-    /// `sigma_distance_m`, `sigma_distance_ppm`, `sigma_angle_arcsec` is.
+    /// Standard deviation of each coordinate, or of east, north, up, if the log gives none. For polar observations, it
+    /// is the standard deviation of tracking, which is added to the instrument's noise in quadrature; it is 0 if it is
+    /// not given but any of `sigma_distance_m`, `sigma_distance_ppm`, `sigma_angle_arcsec` is.
     pub sigma_m: Option<Numbers>,
-    /// Standard deviation of errors that last, besides `sigma_m`: of each coordinate, or of east, north, up.
+    /// Standard deviation of time-correlated errors, in addition to `sigma_m`: of each coordinate, or of east, north,
+    /// up.
     pub sigma_correlated_m: Option<Numbers>,
-    /// With `sigma_correlated_m`: how long they last.
+    /// With `sigma_correlated_m`: correlation time of these errors.
     pub correlation_s: Option<f64>,
-    /// Prism in the body frame, from the IMU.
+    /// Position of the prism in the body frame, from the IMU.
     pub lever_arm_m: [f64; 3],
-    /// Standard deviation of each coordinate of the lever arm; positions of mountings are no better known.
+    /// Standard deviation of each coordinate of the lever arm. It also limits the accuracy of mounting positions.
     pub sigma_lever_arm_m: Option<f64>,
     /// Loss of large residuals: `"none"`, `"huber"`, `"cauchy"`, `"truncated"`.
     pub loss: Option<Loss>,
@@ -140,7 +141,7 @@ pub struct Prism {
     pub observations: Option<ObservationKind>,
     /// Position of the total station in the world, for the line of sight and for polar observations.
     pub station_m: Option<[f64; 3]>,
-    /// Azimuth of its horizontal zero, clockwise from grid north: the log is then polar.
+    /// Azimuth of the total station's horizontal zero, clockwise from grid north; if given, the log is polar.
     pub station_orientation_deg: Option<f64>,
     /// `"zenith"`: 0 upwards; `"elevation"`: 0 at the horizon.
     pub vertical_angle: Option<VerticalAngle>,
@@ -154,7 +155,7 @@ pub struct Prism {
     pub sigma_angle_arcsec: Option<f64>,
 }
 
-/// What to read from a position log that contains coordinates and polar observations.
+/// The observations to read from a position log that contains coordinates and polar observations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ObservationKind {
@@ -177,13 +178,14 @@ pub struct Gnss {
     /// Standard deviation of each coordinate, or of east, north, up, if the log gives none.
     /// Positions are in projected or local coordinates.
     pub sigma_m: Option<Numbers>,
-    /// Standard deviation of errors that last, besides `sigma_m`: of each coordinate, or of east, north, up.
+    /// Standard deviation of time-correlated errors, in addition to `sigma_m`: of each coordinate, or of east, north,
+    /// up.
     pub sigma_correlated_m: Option<Numbers>,
-    /// With `sigma_correlated_m`: how long they last.
+    /// With `sigma_correlated_m`: correlation time of these errors.
     pub correlation_s: Option<f64>,
-    /// Antenna in the body frame, from the IMU.
+    /// Position of the antenna in the body frame, from the IMU.
     pub lever_arm_m: [f64; 3],
-    /// Standard deviation of each coordinate of the lever arm; positions of mountings are no better known.
+    /// Standard deviation of each coordinate of the lever arm. It also limits the accuracy of mounting positions.
     pub sigma_lever_arm_m: Option<f64>,
     /// Loss of large residuals: `"none"`, `"huber"`, `"cauchy"`, `"truncated"`.
     pub loss: Option<Loss>,
@@ -201,11 +203,11 @@ pub struct Heading {
     pub sigma_deg: Option<f64>,
     /// Standard deviation of the pitch if the log has a pitch without one. Default: as `sigma_deg`.
     pub sigma_pitch_deg: Option<f64>,
-    /// Standard deviation of errors that last, besides `sigma_deg`.
+    /// Standard deviation of time-correlated errors, in addition to `sigma_deg`.
     pub sigma_correlated_deg: Option<f64>,
-    /// With `sigma_correlated_deg`: how long they last.
+    /// With `sigma_correlated_deg`: correlation time of these errors.
     pub correlation_s: Option<f64>,
-    /// From the antenna baseline to the body's x axis, clockwise.
+    /// Angle from the antenna baseline to the body's x axis, clockwise.
     pub mounting_offset_deg: Option<f64>,
     /// Loss of large residuals: `"none"`, `"huber"`, `"cauchy"`, `"truncated"`.
     pub loss: Option<Loss>,
@@ -215,8 +217,8 @@ pub struct Heading {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trajectory {
-    /// Poses instead of `[imu]`, `[prism]`, `[gnss]`, `[heading]`; several files are poses of one drive at different
-    /// times, as those of each scanner's profiles.
+    /// Poses instead of `[imu]`, `[prism]`, `[gnss]`, `[heading]`. Several files are poses of one drive at different
+    /// times, such as the times of each scanner's profiles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<Files>,
     /// With `file`: common time = time in the file + this.
@@ -225,19 +227,20 @@ pub struct Trajectory {
     pub sigma_position_m: Option<f64>,
     /// With `file`: standard deviation about each axis if the file gives none.
     pub sigma_rotation_deg: Option<f64>,
-    /// With `file`: how long errors of the poses last.
+    /// With `file`: correlation time of the errors of the poses.
     pub correlation_s: Option<f64>,
-    /// Without `file`: `"prism"`, a node at each position and at least one per second; `"imu"`, at every IMU sample.
+    /// Without `file`: `"prism"`, a node at each position and at least one per second; `"imu"`, a node at every IMU
+    /// sample.
     pub nodes: Option<Nodes>,
-    /// Without `file`: `"auto"`, the constants that the drive contradicts, each of them said; or a list of `<prism or
-    /// gnss>.time_offset`, `<prism or gnss>.lever_arm`, `<prism>.incidence_bias` (needs `station_m`),
+    /// Without `file`: `"auto"`, the constants that the drive contradicts, each of which is reported; or a list of
+    /// `<prism or gnss>.time_offset`, `<prism or gnss>.lever_arm`, `<prism>.incidence_bias` (needs `station_m`),
     /// `heading.mounting_offset`, `heading.time_offset`, `frame.gravity`, `imu.noise_scale`; `[]` for none.
     pub estimate: Option<toml::Value>,
-    /// Without `file`: the velocity is held at zero where the logs show rest.
+    /// Without `file`: whether the velocity is held at zero while the logs show rest.
     pub zero_velocity: Option<bool>,
-    /// Points are left out if the standard deviation of a coordinate of their pose is larger. Default: no limit.
+    /// Points are left out if the standard deviation of a coordinate of their pose exceeds this. Default: no limit.
     pub max_sigma_position_m: Option<f64>,
-    /// Points are left out if the standard deviation of their pose about an axis is larger. Default: no limit.
+    /// Points are left out if the standard deviation of their pose about an axis exceeds this. Default: no limit.
     pub max_sigma_rotation_deg: Option<f64>,
 }
 
@@ -255,21 +258,22 @@ pub struct Scanner {
     pub translation_m: [f64; 3],
     /// α, β, γ in `rotation_convention`, to some degrees; this or `quaternion_xyzw` is required.
     pub rotation_deg: Option<[f64; 3]>,
-    /// Instead of the angles: body from scanner.
+    /// Instead of the angles: the quaternion that turns scanner axes into body axes.
     pub quaternion_xyzw: Option<[f64; 4]>,
     /// `"zyx"`: R = Rz(γ) Ry(β) Rx(α); `"bonn"`: its transpose, as in the paper. R turns the scanner's axes into the
     /// body's.
     pub rotation_convention: Option<EulerConvention>,
-    /// Parameters held at their values, of `tx ty tz rx ry rz`. Default: none.
+    /// Parameters held at their values, from `tx ty tz rx ry rz`. Default: none.
     pub fixed: Option<Vec<String>>,
-    /// `["time_offset"]`: the joint adjustment corrects it. Default: none.
+    /// `["time_offset"]`: the joint adjustment corrects the time offset. Default: none.
     pub estimate: Option<Vec<String>>,
-    /// A table as in `calibration.toml`: how the mounting follows the load on the frame. Default: not at all.
+    /// A table as in `calibration.toml`: the change of the mounting with the load on the frame. Default: no change.
     pub compliance: Option<Compliance>,
 }
 
-/// `[scanner.compliance]`: the mounting under another load than that at which it is the given one. Loads
-/// are the direction up along the body's x and y axes, and its acceleration along them in units of gravity.
+/// `[scanner.compliance]`: the change of the mounting with the load. The given mounting is valid at the reference load.
+/// The four loads are the x and y components, in body axes, of the upward direction and of the acceleration in units
+/// of gravity.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Compliance {
@@ -293,10 +297,10 @@ pub struct Reference {
     pub file: PathBuf,
     /// Standard deviation of a shift of the whole reference, along each axis. Default 0.002.
     pub sigma_m: Option<f64>,
-    /// Standard deviation of a tilt of the whole reference, about each axis; it and `sigma_m` are marked as assumed if
-    /// neither is given. Default 0.005.
+    /// Standard deviation of a tilt of the whole reference, about each axis. This and `sigma_m` are marked as assumed
+    /// if neither is given. Default 0.005.
     pub sigma_deg: Option<f64>,
-    /// Standard deviation of errors of its surface that span decimetres. Default: assumed by the
+    /// Standard deviation of errors of the reference surface that extend over decimetres. Default: assumed by the
     /// joint adjustment.
     pub sigma_surface_m: Option<f64>,
 }
@@ -305,21 +309,22 @@ pub struct Reference {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// From coarse to fine. `"auto"`: 10, 8, 6, 4, 2 times and once the spacing of the points, which counts as at least
-    /// 5 mm, or 1/150 of the ranges if that is less; coarser ones come first where the clouds lie farther apart.
+    /// Voxel sizes from coarse to fine. `"auto"`: 10, 8, 6, 4, 2 times and once the spacing of the points, which counts
+    /// as at least 5 mm, or 1/150 of the ranges if that is less; coarser sizes come first if the clouds lie farther
+    /// apart.
     pub voxel_sizes_m: Option<toml::Value>,
     /// Number of points in each neighbourhood.
     pub neighbours: Option<usize>,
     /// `"joint"`: one adjustment of trajectory and mountings; `"two-step"`: the mountings after the trajectory;
-    /// `"paper"`: as the paper.
+    /// `"paper"`: as in the paper.
     pub method: Option<Method>,
     /// Largest number of iterations per scale.
     pub max_iterations: Option<usize>,
-    /// A point of the same scanner and voxel belongs to another pass if it is this much later.
+    /// A point in the same voxel from the same scanner belongs to another pass if it is later by this much.
     pub pass_gap_s: Option<f64>,
 }
 
-/// How trajectory and mountings are estimated.
+/// Method of estimating trajectory and mountings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -334,7 +339,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// The method of the second step; that of the start if there is one adjustment.
+    /// The method of the second step; for the joint adjustment, the method of its start.
     pub fn of_second_step(self) -> calibration::Method {
         match self {
             Self::Joint | Self::TwoStep => calibration::Method::TwoStep,
@@ -347,16 +352,16 @@ impl Method {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// Size of the patches of the surface. Default: ten times the finest voxel.
+    /// Size of the surface patches (surfels). Default: ten times the finest voxel.
     pub surfel_m: Option<f64>,
     /// Largest number of iterations.
     pub max_iterations: Option<usize>,
-    /// How much mountings may move: `"rigid"`, `"compliance"` (with the load), `"slow-knots"`, `"dense-knots"` (also with
-    /// time); `"auto"`: rigid, and as much more as the drive asks for.
+    /// Model of moving mountings: `"rigid"`, `"compliance"` (with the load), `"slow-knots"`, `"dense-knots"` (also with
+    /// time); `"auto"`: rigid, or the least motion that the drive requires.
     pub mounting: Option<MountingMotion>,
 }
 
-/// `[bending]`: what mountings may follow beside tilt, acceleration and time
+/// `[bending]`: a log of further quantities that may bend the frame, besides tilt, acceleration and time
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bending {
@@ -364,24 +369,24 @@ pub struct Bending {
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
-    /// One or two of its columns, in any units: a temperature, a load.
+    /// One or two columns of the table, in any units: a temperature, a load.
     pub columns: Vec<String>,
 }
 
-/// How much mountings may move.
+/// Model of moving mountings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MountingMotion {
-    /// As much as the tests of the adjustment ask for.
+    /// The model that the tests of the adjustment require.
     #[default]
     Auto,
-    /// Not at all.
+    /// No motion.
     Rigid,
-    /// Linearly with the load, and with time.
+    /// Motion that is linear in the load and in time.
     Compliance,
-    /// And slowly, in any way.
+    /// Compliance, and slow motion of any form.
     SlowKnots,
-    /// And as fast as the trajectory is known.
+    /// Compliance, and motion as fast as the trajectory can resolve.
     DenseKnots,
 }
 
@@ -391,21 +396,21 @@ pub enum MountingMotion {
 pub struct Comparison {
     /// Spacing of core points.
     pub core_spacing_m: Option<f64>,
-    /// Radii of the neighbourhoods for normals; the most planar one is used.
+    /// Radii of the neighbourhoods for normals; the most planar neighbourhood is used.
     pub normal_radii_m: Option<Vec<f64>>,
     /// Radius of the cylinder.
     pub cylinder_radius_m: Option<f64>,
     /// Half length of the cylinder.
     pub max_distance_m: Option<f64>,
-    /// Added to the level of detection.
+    /// Registration error, added to the level of detection.
     pub registration_error_m: Option<f64>,
     /// `"mean"` and standard deviation, or `"median"` and inter-quartile range.
     pub aggregation: Option<Aggregation>,
-    /// Distribution behind the level of detection: `"normal"`, or `"student"`, valid for few points too.
+    /// Distribution for the level of detection: `"normal"`, or `"student"`, which is also valid for few points.
     pub detection: Option<Detection>,
-    /// Cylinders along the normal only, not against it.
+    /// Whether cylinders extend only along the normal, not against it.
     pub one_sided: Option<bool>,
-    /// Fewest points of either cloud for a distance.
+    /// Least number of points of each cloud for a distance.
     pub min_points: Option<u32>,
 }
 
@@ -413,13 +418,13 @@ pub struct Comparison {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Acceptance {
-    /// Largest standard deviation of a mounting's position that is accepted.
+    /// Largest accepted standard deviation of a mounting's position.
     pub sigma_translation_m: Option<f64>,
-    /// Largest standard deviation of a mounting's rotation that is accepted.
+    /// Largest accepted standard deviation of a mounting's rotation.
     pub sigma_rotation_deg: Option<f64>,
-    /// Largest median and NMAD of distances between clouds that are accepted.
+    /// Largest accepted median and NMAD of distances between clouds.
     pub distance_m: Option<f64>,
-    /// Least share of the common field that distances rest on.
+    /// Least accepted share of the common field that the distances cover.
     pub coverage: Option<f64>,
 }
 
@@ -429,11 +434,11 @@ pub struct Acceptance {
 pub struct Report {
     /// Heading of the page. Default: the calibration of the drive.
     pub title: Option<String>,
-    /// Who answers for it.
+    /// Person responsible for the report.
     pub author: Option<String>,
-    /// Where they work.
+    /// Organisation of the author.
     pub organisation: Option<String>,
-    /// A PNG, JPEG, WebP or SVG file.
+    /// Logo: a PNG, JPEG, WebP or SVG file.
     pub logo: Option<PathBuf>,
 }
 
@@ -449,6 +454,6 @@ impl Report {
 pub struct OtherDrive {
     /// Letters, digits, `-` and `_`.
     pub name: String,
-    /// Its project file, relative to this one.
+    /// Its project file, relative to this project file.
     pub project: PathBuf,
 }

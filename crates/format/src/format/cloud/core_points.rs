@@ -23,7 +23,7 @@ const WITH_NORMALS: Columns = Columns {
 pub struct CorePoints {
     /// East, north, up, metres.
     pub points: Vec<Vec3>,
-    /// As in the file, of any length, one for each point; empty if the file has none.
+    /// Normals as in the file, of any length, one for each point; empty if the file has none.
     pub normals: Vec<Vec3>,
 }
 

@@ -1,4 +1,4 @@
-//! Clouds written in the format that the end of their name asks for.
+//! Writing of clouds in the format that the end of the file name selects.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use crate::format::{copc_sink, e57_sink, parquet_sink, ply_sink};
 /// Creates or replaces a file for a cloud of this shape.
 type Create = fn(&Path, &CloudShape) -> Result<Box<dyn CloudSink>>;
 
-/// Ends of names and their writers; the first that fits.
+/// Ends of names and their writers; the first one that matches is used.
 const WRITERS: [(&str, Create); 7] = [
     (".copc.laz", copc_sink),
     (".laz", las_sink),
@@ -26,16 +26,16 @@ const WRITERS: [(&str, Create); 7] = [
 fn writer(path: &Path) -> Option<Create> {
     let name = path.file_name()?.to_str()?.to_lowercase();
     let mut writers = WRITERS.iter();
-    let found = writers.find(|(end, _)| name.ends_with(end))?;
-    Some(found.1)
+    let (_, create) = writers.find(|(end, _)| name.ends_with(end))?;
+    Some(*create)
 }
 
-/// Whether the end of a name asks for a format in which clouds are written.
+/// Whether the end of a name selects a format in which clouds are written.
 pub fn is_cloud_name(path: &Path) -> bool {
     writer(path).is_some()
 }
 
-/// Creates or replaces a cloud file, in the format that the end of its name asks for: `.copc.laz`, `.laz`,
+/// Creates or replaces a cloud file in the format that the end of its name selects: `.copc.laz`, `.laz`,
 /// `.las`, `.e57`, `.ply`, `.parquet` or `.csv`.
 ///
 /// # Errors

@@ -1,16 +1,16 @@
-//! Coordinate reference systems that files name: the well-known text of OGC (WKT 1, and WKT 2 of ISO 19162).
+//! Coordinate reference systems in files: the well-known text of OGC (WKT 1, and WKT 2 of ISO 19162).
 //!
-//! Only name, code and unit are looked up, for `inspect`: nothing is projected or converted.
+//! Only name, code and unit are read, for `inspect`: nothing is projected or converted.
 
-/// A keyword with its brackets.
+/// A keyword and the content of its brackets.
 struct Node<'a> {
     depth: usize,
     keyword: &'a str,
-    /// Quoted texts and bare numbers between the brackets, not those of nodes within.
+    /// Quoted texts and bare numbers between the brackets, without those of nested nodes.
     values: Vec<&'a str>,
 }
 
-/// The nodes of a well-known text, each before those within it.
+/// The nodes of a well-known text, each before its nested nodes.
 fn nodes(text: &str) -> Vec<Node<'_>> {
     let mut nodes: Vec<Node<'_>> = Vec::new();
     let mut open: Vec<usize> = Vec::new();
@@ -23,7 +23,7 @@ fn nodes(text: &str) -> Vec<Node<'_>> {
             b'"' | b',' | b']' | b')' | b'[' | b'(' => {}
             _ => continue,
         }
-        // All of these are single bytes in UTF-8.
+        // All of these characters are single bytes in UTF-8.
         let piece = text[start..at].trim_matches(|c: char| c == '"' || c.is_whitespace());
         start = at + 1;
         match byte {
@@ -58,10 +58,10 @@ const GEOGRAPHIC: [&str; 5] = [
     "GEODCRS",
     "GEODETICCRS",
 ];
-/// Units differ from the metre if they do by more than this.
+/// Relative tolerance within which a unit is the metre.
 const SAME_UNIT: f64 = 1e-9;
 
-/// What a coordinate is in, and that the readers take it for metres if it is not.
+/// Text for the unit of coordinates; if it is not the metre, the text also says that the readers assume metres.
 pub(crate) fn describe_unit(name: &str, metres: f64) -> String {
     match (metres - 1.0).abs() < SAME_UNIT {
         true => "metres".to_owned(),
@@ -69,20 +69,20 @@ pub(crate) fn describe_unit(name: &str, metres: f64) -> String {
     }
 }
 
-/// What is said of coordinates that are angles.
+/// Text for coordinates that are angles.
 pub(crate) const ANGLES: &str = "latitude and longitude, but read as metres";
 
-/// Code, name and unit of the coordinate reference system in a well-known text; `None` of other texts.
+/// Code, name and unit of the coordinate reference system in a well-known text; `None` for other texts.
 pub(crate) fn describe(text: &str) -> Option<String> {
     let nodes = nodes(text.trim_end_matches('\0'));
     let root = nodes.first()?;
     let find = |keywords: &[&str]| {
-        let is_one = |node: &Node<'_>| {
+        let matches = |node: &Node<'_>| {
             keywords
                 .iter()
                 .any(|k| node.keyword.eq_ignore_ascii_case(k))
         };
-        nodes.iter().position(is_one)
+        nodes.iter().position(matches)
     };
     let projected = find(&PROJECTED);
     let horizontal = projected.or_else(|| find(&GEOGRAPHIC));
@@ -109,8 +109,8 @@ pub(crate) fn describe(text: &str) -> Option<String> {
     let name: String = name.chars().take(80).collect();
     let unit = match (projected, horizontal) {
         (Some(at), _) => {
-            // The unit of the coordinates is a child of a projected system, or in WKT 2 of its last axis;
-            // those of ellipsoids and parameters come before it.
+            // The unit of the coordinates is a child of a projected system, or in WKT 2 of its last axis.
+            // The units of ellipsoids and parameters come before it.
             let depth = nodes[at].depth + 1;
             let is_unit = |node: &&Node<'_>| {
                 let keyword = node.keyword.to_ascii_uppercase();
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_text_is_no_panic() {
+    fn damaged_text_does_not_panic() {
         for end in 0..UTM.len() {
             let _ = describe(&UTM[..end]);
             let _ = describe(&UTM[end..]);

@@ -29,7 +29,7 @@ fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
     )
 }
 
-/// The file's `coordinateMetadata`, which holds WKT.
+/// The `coordinateMetadata` of a file, which holds WKT.
 fn wkt(path: &Path) -> Result<Option<String>> {
     let (mut file, size) = open(path)?;
     let head = first_bytes(path, &mut file)?;
@@ -44,7 +44,7 @@ fn wkt(path: &Path) -> Result<Option<String>> {
     })
 }
 
-/// E57 is in metres; the coordinate reference system is that of the file, if it names one.
+/// Units and frame of a file: metres, and the coordinate reference system that the file names, if any.
 fn describe_frame(path: &Path) -> Result<String> {
     let (mut file, size) = open(path)?;
     let head = first_bytes(path, &mut file)?;

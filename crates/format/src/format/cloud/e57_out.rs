@@ -1,4 +1,4 @@
-//! Clouds written point by point as E57 (ASTM E2807).
+//! Writer of clouds, point by point, as E57 (ASTM E2807).
 
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
@@ -14,22 +14,22 @@ use crate::format::cloud::sink_checks::{check_position, plain_names};
 use crate::format::file::guarded;
 use crate::format::las::extra::{ExtraDimension, ExtraKind};
 
-/// Points handed to the encoder at a time, and batches that may wait for it.
+/// Points passed to the encoder at a time, and most batches that wait for it.
 const BATCH: usize = 4096;
 const WAITING: usize = 4;
 
-/// Namespace of the dimensions: its prefix, and its name, which is no address.
+/// Namespace of the dimensions: its prefix, and its name, which is not an address.
 const PREFIX: &str = "boresight";
 const NAMESPACE: &str = "urn:boresight:dimensions";
 
-/// Stand for the identifiers of the file and of its cloud until the points are known.
+/// Placeholders of the identifiers of the file and of its cloud until the points are known.
 const FILE_ID: &str = "{00000000-0000-8000-8000-000000000001}";
 const CLOUD_ID: &str = "{00000000-0000-8000-8000-000000000002}";
 
-/// What the encoder is given.
+/// Input of the encoder.
 enum Piece {
     Points(Vec<RawValues>),
-    /// The end of the points: the identifiers, without braces.
+    /// The end of the points, with the identifiers without braces.
     End {
         file_id: String,
         cloud_id: String,
@@ -43,8 +43,8 @@ struct E57Sink {
     dimensions: Vec<ExtraDimension>,
     batch: Vec<RawValues>,
     identity: Identity,
-    /// Both are `None` once the encoder has ended. Its writer borrows from the file, so they live
-    /// together on a thread.
+    /// This and the next field are `None` once the encoder has ended. The encoder's writer borrows
+    /// from the file, so both live on a thread.
     pieces: Option<SyncSender<Piece>>,
     encoder: Option<JoinHandle<Result<()>>>,
 }
@@ -53,8 +53,8 @@ struct E57Sink {
 /// `intensity` (single precision) and `timeStamp` (s, as given, without a start time) if the shape
 /// has them, the dimensions as attributes of an extension with the prefix `boresight`, and the WKT
 /// of the coordinate reference system as `coordinateMetadata`. Characters of the dimensions' names
-/// other than ASCII letters, digits, `-` and `_` become `_`. A cloud without points is a file
-/// without clouds. The same points give the same bytes: the identifiers are made from checksums of
+/// other than ASCII letters, digits, `-` and `_` become `_`. Without points, the file has no
+/// cloud. The same points give the same bytes: the identifiers are made from checksums of
 /// the content, and there is no date.
 ///
 /// # Errors
@@ -62,7 +62,7 @@ struct E57Sink {
 pub fn e57_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
     let names = plain_names(path, shape, &[])?;
     let prototype = prototype(shape, &names);
-    // The encoder reads back what it has written.
+    // The encoder reads from the file that it writes.
     let file = OpenOptions::new()
         .read(true)
         .write(true)
@@ -92,7 +92,7 @@ pub fn e57_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
     }))
 }
 
-/// The values of a point, in the order in which they are written.
+/// Names and types of the values of a point, in the order in which they are written.
 fn prototype(shape: &CloudShape, names: &[String]) -> Vec<Record> {
     let double = RecordDataType::F64;
     let record = |name, data_type| Record { name, data_type };
@@ -125,7 +125,7 @@ fn prototype(shape: &CloudShape, names: &[String]) -> Vec<Record> {
     records
 }
 
-/// Writes the points as they come; without an end, the file stays incomplete.
+/// Writes the points as they arrive. If [`Piece::End`] never arrives, the file stays incomplete.
 fn encode(
     file: File,
     prototype: Vec<Record>,
@@ -139,14 +139,14 @@ fn encode(
         .iter()
         .any(|record| matches!(record.name, RecordName::Unknown { .. }));
     let mut writer = E57Writer::new(file, FILE_ID)?;
-    // The text is written as it is, between marks that it must not contain.
+    // The text is written as CDATA, whose end mark `]]>` it must not contain.
     writer.set_coordinate_metadata(wkt.map(|wkt| wkt.replace("]]>", "]] >")));
     if has_dimensions {
         writer.register_extension(Extension::new(PREFIX, NAMESPACE))?;
     }
     let mut piece = pieces.recv();
     if let Ok(Piece::End { file_id, .. }) = &piece {
-        // Readers stumble over a cloud without points, and not over a file without clouds.
+        // Some readers fail on a cloud without points, but not on a file without clouds.
         return writer.finalize_customized_xml(|xml| Ok(with_id(&xml, FILE_ID, file_id)));
     }
     let mut points = writer.add_pointcloud(CLOUD_ID, prototype)?;
@@ -182,9 +182,9 @@ fn encode(
     }
 }
 
-/// The description of the file with an identifier in its place.
-fn with_id(xml: &str, place: &str, id: &str) -> String {
-    xml.replacen(place, &format!("{{{id}}}"), 1)
+/// The XML section with an identifier in place of its placeholder.
+fn with_id(xml: &str, placeholder: &str, id: &str) -> String {
+    xml.replacen(placeholder, &format!("{{{id}}}"), 1)
 }
 
 fn problem(path: &Path, error: &::e57::Error) -> Error {
@@ -213,7 +213,7 @@ impl E57Sink {
         self.end()
     }
 
-    /// Waits for the encoder.
+    /// Waits for the encoder to end.
     fn end(&mut self) -> Result<()> {
         self.pieces = None;
         let Some(encoder) = self.encoder.take() else {
@@ -273,7 +273,7 @@ impl CloudSink for E57Sink {
 
 impl Drop for E57Sink {
     fn drop(&mut self) {
-        // The encoder ends when no more pieces can come; its file is closed before it is removed.
+        // The encoder ends when no more pieces can arrive. Its file must be closed before it is removed.
         self.pieces = None;
         if let Some(encoder) = self.encoder.take() {
             let _ = encoder.join();
@@ -281,7 +281,7 @@ impl Drop for E57Sink {
     }
 }
 
-/// Checksums of the content: of the shape, the positions, the times and the other values.
+/// Checksums of the content: one each of the shape, the positions, the times and the other values.
 struct Identity([crc32fast::Hasher; 4]);
 
 impl Identity {
@@ -307,8 +307,8 @@ impl Identity {
         }
     }
 
-    /// Identifiers of the file and of its cloud, of the kind that applications define (RFC 9562,
-    /// version 8).
+    /// Identifiers of the file and of its cloud: UUIDs of version 8, which applications define
+    /// (RFC 9562).
     fn finish(&self) -> (String, String) {
         let sums = self.0.clone().map(crc32fast::Hasher::finalize);
         let bits = sums

@@ -38,7 +38,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     let mut header = vec![0; length];
     bytes.take(&mut header, "the header")?;
     let header = String::from_utf8_lossy(&header).into_owned();
-    let unfit = |bytes: &Bytes| {
+    let unsupported = |bytes: &Bytes| {
         let found: String = header.trim().chars().take(200).collect();
         bytes.error(
             format!("`{found}`"),
@@ -50,14 +50,14 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
     } else if header.contains("'<f4'") {
         Number::F32
     } else {
-        return Err(unfit(&bytes));
+        return Err(unsupported(&bytes));
     };
     let shape = header
         .split_once("'shape': (")
         .and_then(|(_, rest)| rest.split_once(", 3)"))
         .and_then(|(n, _)| n.parse::<u64>().ok());
     let (Some(n), true) = (shape, header.contains("'fortran_order': False")) else {
-        return Err(unfit(&bytes));
+        return Err(unsupported(&bytes));
     };
     bytes.check(n.saturating_mul(3 * kind.size() as u64), "coordinates")?;
     let mut cloud = PointCloud::default();

@@ -8,10 +8,10 @@ use crate::format::binary::{Bytes, Fields, Number};
 use crate::format::kind::{Frame, Kind};
 use crate::geometry::Vec3;
 
-/// Compressed points may not unpack to more than so many times their size and so many bytes: scans do so to two to
-/// ten times.
-const MOST_EXPANDED: u64 = 32;
-const ALWAYS_BYTES: u64 = 16_000_000;
+/// Compressed points may unpack to at most this many times their size plus this many bytes. Scans unpack to two to
+/// ten times their size.
+const MAX_EXPANSION: u64 = 32;
+const EXPANSION_ALLOWANCE_BYTES: u64 = 16_000_000;
 
 pub(crate) const PCD: Kind = Kind {
     signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
@@ -39,7 +39,7 @@ pub(crate) struct Header {
     repeats: Vec<usize>,
 }
 
-/// Above the repetition count of any descriptor field.
+/// Largest accepted COUNT of a field, above that of any feature descriptor.
 const MOST_REPEATS: usize = 4096;
 
 pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
@@ -54,16 +54,16 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
         let mut words = line.split_ascii_whitespace();
         let key = words.next().unwrap_or_default();
         let rest: Vec<&str> = words.collect();
-        let whole = |text: Option<&&str>| text.and_then(|text| text.parse::<u64>().ok());
+        let integer = |text: Option<&&str>| text.and_then(|text| text.parse::<u64>().ok());
         match key {
             "VERSION" | "VIEWPOINT" => {}
             "FIELDS" => names = rest.iter().map(|s| (*s).to_owned()).collect(),
             "SIZE" => sizes = rest.iter().map(|s| (*s).to_owned()).collect(),
             "TYPE" => kinds = rest.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>(),
             "COUNT" => repeats = rest.iter().map(|s| s.parse().unwrap_or(0)).collect(),
-            "WIDTH" => area[0] = whole(rest.first()),
-            "HEIGHT" => area[1] = whole(rest.first()),
-            "POINTS" => points = whole(rest.first()),
+            "WIDTH" => area[0] = integer(rest.first()),
+            "HEIGHT" => area[1] = integer(rest.first()),
+            "POINTS" => points = integer(rest.first()),
             "DATA" => {
                 break match rest.as_slice() {
                     ["ascii"] => Encoding::Text,
@@ -152,7 +152,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
         .map(|(kind, n)| kind.size() * n)
         .collect();
     let length: usize = sizes.iter().sum();
-    let whole = header.count.saturating_mul(length as u64);
+    let total_bytes = header.count.saturating_mul(length as u64);
     match header.encoding {
         Encoding::Text => {
             for _ in 0..header.count {
@@ -171,7 +171,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
             }
         }
         Encoding::Binary => {
-            bytes.check(whole, "points")?;
+            bytes.check(total_bytes, "points")?;
             let mut record = vec![0; length];
             for _ in 0..header.count {
                 bytes.take(&mut record, "a point")?;
@@ -188,8 +188,8 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
             bytes.take(&mut head, "the sizes of the compressed points")?;
             let size = |at: usize| u64::from(Number::U32.read(&head[at..], false) as u32);
             let (packed, unpacked) = (size(0), size(4));
-            // Three bytes of LZF unpack to at most 264.
-            if unpacked != whole || unpacked > packed.saturating_mul(264) {
+            // Three bytes of LZF unpack to at most 264 bytes.
+            if unpacked != total_bytes || unpacked > packed.saturating_mul(264) {
                 return Err(bytes.error(
                     format!("{packed} bytes that unpack to {unpacked}"),
                     format!("{} points of {length} bytes", header.count),
@@ -198,9 +198,9 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
             bytes.check(packed, "compressed points")?;
             let in_memory = header.count.saturating_mul(size_of::<Vec3>() as u64);
             if unpacked.max(in_memory)
-                > MOST_EXPANDED
+                > MAX_EXPANSION
                     .saturating_mul(packed)
-                    .saturating_add(ALWAYS_BYTES)
+                    .saturating_add(EXPANSION_ALLOWANCE_BYTES)
             {
                 return Err(bytes.error(
                     format!("{packed} bytes that unpack to {unpacked}"),
@@ -212,7 +212,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
             bytes.take(&mut input, "compressed points")?;
             let columns = unpack(&input, unpacked as usize)
                 .ok_or_else(|| bytes.error("damaged compression", "LZF"))?;
-            // As many as were unpacked.
+            // The file held this many points, so that the allocation is bounded.
             cloud.points.reserve_exact(header.count as usize);
             // All values of a field are stored together.
             for i in 0..header.count as usize {
@@ -232,7 +232,7 @@ pub(crate) fn read(path: &Path) -> Result<PointCloud> {
 /// bits are the length − 2 of a copy (if 7, the next byte is added), and its lower five bits and
 /// the next byte are the distance − 1.
 fn unpack(input: &[u8], length: usize) -> Option<Vec<u8>> {
-    // What a damaged header claims is not taken before it is there.
+    // A damaged header must not allocate memory for bytes that the file does not have.
     let mut out = Vec::with_capacity(length.min(8 * input.len()));
     let mut input = input.iter().copied();
     while let Some(control) = input.next() {

@@ -89,7 +89,7 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
         }
     }
     let (Some(encoding), Some(count)) = (encoding, count) else {
-        return Err(bytes.error("a header without format or vertices", "both"));
+        return Err(bytes.error("a header without format or vertices", "a header with both"));
     };
     for axis in ["x", "y", "z"] {
         if !names.iter().any(|name| name == axis) {

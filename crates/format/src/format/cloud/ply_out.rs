@@ -1,4 +1,4 @@
-//! Clouds written point by point as binary little-endian PLY.
+//! Writer of clouds, point by point, as binary little-endian PLY.
 
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -29,8 +29,8 @@ struct PlySink {
 /// Creates or replaces a PLY file: for each point `x`, `y`, `z` (m) as `double`, `time_s` (s) as
 /// `double` and `intensity` as `float` if the shape has them, and the dimensions as `float`,
 /// `double` or `uint`. Characters of their names other than ASCII letters, digits, `-` and `_`
-/// become `_`. PLY has no place for the coordinate reference system, so it is not kept. A cloud
-/// without points is a valid file. The same points give the same bytes.
+/// become `_`. PLY has no field for the coordinate reference system, so it is lost. A cloud
+/// without points gives a valid file. The same points give the same bytes.
 ///
 /// # Errors
 /// Dimensions whose names clash; a file that cannot be written.
@@ -74,8 +74,8 @@ pub fn ply_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
 }
 
 impl PlySink {
-    /// The header, which has the same length for any number of points: a comment fills the place
-    /// of the digits that are missing, because some readers take leading zeros for octal numbers.
+    /// The header, which has the same length for any number of points: a comment is shortened as
+    /// the number grows. Leading zeros would not do, because some readers take them for octal numbers.
     fn header(&self) -> String {
         let count = self.count.to_string();
         let fill = "-".repeat(DIGITS - count.len());

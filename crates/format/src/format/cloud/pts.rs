@@ -1,4 +1,4 @@
-//! PTS and PTX of Leica: text, x y z intensity and optional colours; PTX in grids with a transform.
+//! PTS and PTX of Leica: text with x y z intensity and optional colours; PTX has grids with a transform.
 
 use std::path::Path;
 
@@ -48,7 +48,7 @@ fn push(cloud: &mut PointCloud, p: Vec3, cells: &[f64]) {
     }
 }
 
-/// Intensities are kept if all points have them.
+/// Drops the intensities unless all points have one.
 fn drop_partial_intensities(mut cloud: PointCloud) -> PointCloud {
     if cloud.intensity.len() != cloud.points.len() {
         cloud.intensity.clear();
@@ -114,7 +114,7 @@ pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
             let point = Vec3::new(world(0), world(1), world(2));
             if !is_finite(&point) {
                 return Err(lines.error(
-                    "a point that the transform takes out of all bounds",
+                    "a point that the transform makes infinite",
                     "finite coordinates",
                 ));
             }

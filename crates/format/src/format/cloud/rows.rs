@@ -1,4 +1,4 @@
-//! Clouds read with every value that a cloud file can be given.
+//! Reader of clouds with all values that the cloud writers can write.
 
 use std::path::Path;
 
@@ -15,23 +15,24 @@ use crate::format::{ExtraDimension, ExtraKind};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// A cloud with its times, intensities and, from LAS and LAZ, extra dimensions; other fields of these are left out.
+/// An open cloud with its times and intensities and, from LAS and LAZ, its extra dimensions. Other fields of LAS are
+/// left out.
 pub struct CloudRows {
     shape: CloudShape,
     points: Points,
 }
 
 enum Points {
-    /// Read point by point.
+    /// A file that is read point by point.
     Las(LasFile, Vec<ExtraColumn>),
     Memory(PointCloud),
 }
 
 impl CloudRows {
-    /// Opens LAS and LAZ, and reads other files whole.
+    /// Opens a LAS or LAZ file; files of other formats are read into memory.
     ///
     /// # Errors
-    /// As [`read_cloud`].
+    /// Those of [`read_cloud`].
     pub fn open(path: &Path) -> Result<Self> {
         let wkt = crs_wkt(path)?;
         if detect(path)?.is_las() {
@@ -52,7 +53,7 @@ impl CloudRows {
         let length = usize::from(header.point_format().extra_bytes);
         let (mut dimensions, mut columns) = (Vec::new(), Vec::new());
         for (name, column) in extra_columns(&file) {
-            // A name can be longer than what its writers allow; a dimension without a type has no values.
+            // Dimensions without a name or a type, or outside the extra bytes, are left out.
             if column.fits(length) && !name.is_empty() {
                 dimensions.push(ExtraDimension::new(&name, column.kind(), ""));
                 columns.push(column);
@@ -77,7 +78,7 @@ impl CloudRows {
             low: Vec3::new(bounds.min.x, bounds.min.y, bounds.min.z),
             high: Vec3::new(bounds.max.x, bounds.max.y, bounds.max.z),
             has_time: file.has_time(),
-            // Adjusted standard GPS time is given as Unix time, as everything else that is absolute.
+            // Adjusted standard GPS time is converted to Unix time, like all other absolute times.
             clock: match header.gps_time_type() {
                 las::GpsTimeType::Standard => CloudClock::Unix,
                 las::GpsTimeType::Week => CloudClock::GpsWeek,
@@ -92,7 +93,7 @@ impl CloudRows {
         })
     }
 
-    /// What all points have.
+    /// The shape of the cloud.
     pub fn shape(&self) -> &CloudShape {
         &self.shape
     }
@@ -106,7 +107,7 @@ impl CloudRows {
         }
     }
 
-    /// What is left out: fields of LAS that points can have and this does not give, in words.
+    /// Names of the fields of LAS that are left out; empty for other formats.
     pub fn left_out(&self) -> &'static str {
         match &self.points {
             Points::Memory(_) => "",
@@ -117,7 +118,7 @@ impl CloudRows {
         }
     }
 
-    /// Whether intensities are whole numbers from 0 to 65535, as LAS holds them.
+    /// Whether intensities are whole numbers from 0 to 65535, as LAS stores them.
     pub fn has_whole_intensities(&self) -> bool {
         match &self.points {
             Points::Memory(cloud) => {
@@ -128,7 +129,7 @@ impl CloudRows {
         }
     }
 
-    /// Calls `each` with every point in order. `progress` advances by one for each; the caller begins and
+    /// Calls `each` with every point in order. `progress` advances by one for each point; the caller begins and
     /// ends the stage.
     ///
     /// # Errors
@@ -141,7 +142,7 @@ impl CloudRows {
         let expected = self.len();
         let (mut file, columns) = match self.points {
             Points::Las(file, columns) => (file, columns),
-            Points::Memory(cloud) => return of_memory(&cloud, progress, each),
+            Points::Memory(cloud) => return for_each_in_memory(&cloud, progress, each),
         };
         let mut values = vec![0.0; columns.len()];
         let is_unix = self.shape.clock == CloudClock::Unix;
@@ -178,7 +179,7 @@ impl CloudRows {
     }
 }
 
-fn of_memory(
+fn for_each_in_memory(
     cloud: &PointCloud,
     progress: &dyn Progress,
     each: &mut dyn FnMut(&CloudPoint<'_>) -> Result<()>,
@@ -200,7 +201,7 @@ fn of_memory(
 }
 
 impl ExtraColumn {
-    /// The type in which its values are written.
+    /// The type in which the values of the column are written.
     fn kind(&self) -> ExtraKind {
         match self.is_small_count() {
             true => ExtraKind::U32,

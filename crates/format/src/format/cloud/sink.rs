@@ -1,11 +1,11 @@
-//! What a cloud file takes, in any format that is written.
+//! Interface of the cloud writers, the same for all formats.
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::las::extra::ExtraDimension;
 use crate::geometry::Vec3;
 
-/// What the times of a cloud count.
+/// The time scale of a cloud.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum CloudClock {
     /// Seconds of the GPS week.
@@ -14,15 +14,15 @@ pub enum CloudClock {
     AdjustedGps,
     /// Seconds since 1970-01-01 UTC, without leap seconds.
     Unix,
-    /// Seconds of some clock.
+    /// Seconds of an unknown clock.
     #[default]
     Unknown,
 }
 
 impl CloudClock {
-    /// What times between `first_s` and `last_s` can be: Unix time after July 2017, seconds of a week, or unknown.
-    /// A clock that starts with the sensor cannot be told from that of a week, and from July 2027 on seconds since
-    /// 1980 not from those since 1970.
+    /// The likely time scale of times between `first_s` and `last_s`: Unix time after July 2017, seconds of a week,
+    /// or unknown. Seconds since the start of the sensor cannot be distinguished from seconds of the week, nor, from
+    /// July 2027 on, seconds since 1980 from seconds since 1970.
     pub fn of_span(first_s: f64, last_s: f64) -> Self {
         const WEEK_S: f64 = 604_800.0;
         const UNIX_S: [f64; 2] = [1.5e9, 4.1e9];
@@ -36,7 +36,7 @@ impl CloudClock {
     }
 }
 
-/// The grid of whole steps on which the coordinates of a LAS file lie.
+/// The grid on which the coordinates of a LAS file lie: whole steps from an offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CloudGrid {
     /// Metres.
@@ -45,18 +45,18 @@ pub struct CloudGrid {
     pub step_m: f64,
 }
 
-/// What is known of a cloud before its first point is written.
+/// Properties of a cloud that must be known before its first point is written.
 #[derive(Debug, Clone, Default)]
 pub struct CloudShape {
     /// Lowest coordinates (east, north, up), metres.
     pub low: Vec3,
     /// Highest coordinates, metres.
     pub high: Vec3,
-    /// The grid of the coordinates, where they come from LAS; its formats keep it.
+    /// The grid of the coordinates if they come from LAS; LAS, LAZ and COPC are written on the same grid.
     pub grid: Option<CloudGrid>,
     /// Whether points have times.
     pub has_time: bool,
-    /// What their times count.
+    /// Time scale of the times.
     pub clock: CloudClock,
     /// Whether points have intensities.
     pub has_intensity: bool,
@@ -67,7 +67,7 @@ pub struct CloudShape {
 }
 
 impl CloudShape {
-    /// Of a cloud in memory, without dimensions.
+    /// The shape of a cloud in memory, without dimensions.
     pub fn of(cloud: &PointCloud, wkt: Option<String>) -> Self {
         let first = cloud.points.first().copied().unwrap_or_default();
         let times = cloud.time_s.iter().copied();
@@ -92,15 +92,16 @@ impl CloudShape {
 pub struct CloudPoint<'a> {
     /// East, north, up, metres.
     pub position: Vec3,
-    /// Seconds; ignored where the shape has no times.
+    /// Seconds; ignored if the shape has no times.
     pub time_s: f64,
-    /// As recorded; ignored where the shape has no intensities.
+    /// As recorded; ignored if the shape has no intensities.
     pub intensity: f32,
-    /// Values of the dimensions, in their order; missing ones are NaN.
+    /// Values of the dimensions, in their order; missing values are NaN.
     pub values: &'a [f64],
 }
 
-/// An open cloud file. Dropped unfinished, it leaves an incomplete file behind: the caller stages it.
+/// An open cloud file. If it is dropped unfinished, the file stays incomplete: the caller must write to a temporary
+/// name first.
 pub trait CloudSink {
     /// Appends a point.
     ///
@@ -120,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clocks_are_told_by_their_span() {
+    fn clocks_follow_from_the_span() {
         let cases = [
             ((0.0, 300.0), CloudClock::GpsWeek),
             ((604_700.0, 604_900.0), CloudClock::Unknown),

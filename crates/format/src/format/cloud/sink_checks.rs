@@ -1,14 +1,14 @@
-//! What the cloud writers check before they write.
+//! Checks that the cloud writers make before they write.
 
 use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::sink::{CloudPoint, CloudShape};
 
-/// Refuses a point whose position is not finite: readers take it for one that was not measured.
+/// Checks that the position of a point is finite: readers would take the point for one that was not measured.
 ///
 /// # Errors
-/// Such a point.
+/// A position that is not finite.
 pub(crate) fn check_position(path: &Path, point: &CloudPoint<'_>) -> Result<()> {
     let p = point.position;
     if p.iter().all(|v| v.is_finite()) {
@@ -28,11 +28,11 @@ pub(crate) fn check_position(path: &Path, point: &CloudPoint<'_>) -> Result<()> 
 }
 
 /// The names of the dimensions of `shape` for a format whose names have only ASCII letters, digits,
-/// `-` and `_` and begin with a letter or `_`: each other character becomes `_`, and one is put before
+/// `-` and `_` and begin with a letter or `_`. Each other character becomes `_`, and a `_` is put before
 /// a first character that is a digit or `-`. `reserved` are the names of the standard values.
 ///
 /// # Errors
-/// A name that is empty, not unique or reserved; all in lower case, since readers may ignore case.
+/// A name that is empty, not unique or reserved; case is ignored, since readers may ignore it.
 pub(crate) fn plain_names(
     path: &Path,
     shape: &CloudShape,

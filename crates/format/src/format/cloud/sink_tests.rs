@@ -1,4 +1,4 @@
-//! What all cloud writers must do.
+//! Tests that all cloud writers must pass.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -74,10 +74,10 @@ fn rows(centre: Vec3, count: usize) -> Vec<Row> {
     (0..count)
         .map(|i| {
             let t = i as f64;
-            let beside = Vec3::new((t * 0.37).sin() * 20.0, (t * 0.11).cos() * 15.0, t * 1e-3);
+            let offset = Vec3::new((t * 0.37).sin() * 20.0, (t * 0.11).cos() * 15.0, t * 1e-3);
             let values = vec![(t * 0.3).cos() * 0.01, t / 7.0, f64::from(i as u32 % 3)];
             Row {
-                position: centre + beside,
+                position: centre + offset,
                 time_s: 300_000.0 + t * 1e-4,
                 intensity: f64::from(i as u32 * 7 % 65_536),
                 values: match i {
@@ -206,13 +206,13 @@ fn read_copc(path: &Path) -> Vec<Row> {
     rows
 }
 
-/// Bit by bit, but all NaN are the same.
+/// Exact equality, with NaN equal to NaN.
 fn same(a: f64, b: f64) -> bool {
     a == b || a.is_nan() && b.is_nan()
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn written_points_are_read_back() {
     let dir = tempfile::tempdir().unwrap();
     for centre in [Vec3::zeros(), Vec3::new(500_000.0, 5_500_000.0, -120.0)] {
         let rows = rows(centre, 10_000);

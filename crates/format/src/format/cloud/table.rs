@@ -42,7 +42,7 @@ pub(crate) fn read_table(path: &Path) -> Result<PointCloud> {
         cloud.time_s.push(row[3]);
         cloud.intensity.push(row[4] as f32);
     }
-    // A column that is not there is empty in every row.
+    // An absent column is empty in every row.
     cloud.forget_incomplete();
     Ok(cloud)
 }

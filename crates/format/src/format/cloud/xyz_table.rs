@@ -1,13 +1,13 @@
-//! Clouds as text of other programs: a header with the columns x, y and z, then one point a line.
+//! Clouds as text of other programs: a header with the columns x, y and z, then one point per line.
 //!
 //! The header may be `X,Y,Z,Intensity`, `"X","Y","Z","GpsTime"` (PDAL), `# x y z` (NumPy) or `//X Y Z R G B`
-//! (CloudCompare), with columns in any order, separated by commas, semicolons or white space; before or behind it
-//! there may be a line with the number of points, which must be right. The header has no units: coordinates are taken
-//! for metres, the columns `GpsTime`, `gps_time`, `time` or `time_s` for seconds. `Intensity` is read too, other
-//! columns are not.
+//! (CloudCompare), with columns in any order, separated by commas, semicolons or white space. The line before or
+//! after it may hold the number of points, which must be correct. The header has no units: coordinates are assumed
+//! to be metres, and the columns `GpsTime`, `gps_time`, `time` or `time_s` seconds. `Intensity` is read too; other
+//! columns are ignored.
 //!
-//! A table that begins with its time and has no intensity may be a log of positions, and one with angles or a
-//! quaternion one of poses: neither is taken for a cloud.
+//! A table that begins with its time and has no intensity may be a log of positions, and a table with angles or a
+//! quaternion may be a log of poses: neither is accepted as a cloud.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ pub(crate) const XYZ_TABLE: Kind = Kind {
     ..Kind::new("xyz-csv", "cloud (text with the columns x, y, z)")
 };
 
-/// A name without what writers spell differently: `gps_time` as `GpsTime`.
+/// A name without differences of spelling: `gps_time` and `GpsTime` become `gpstime`.
 fn plain(name: &str) -> String {
     name.to_lowercase().replace('_', "")
 }
@@ -48,17 +48,17 @@ fn is_header(names: &[String]) -> bool {
         && (!begins_with_time || has(INTENSITY))
 }
 
-/// The columns that are read and how lines are split.
+/// The columns that are read, and the separator of lines.
 struct Header {
     names: Vec<String>,
-    /// Of x, y, z, the time and the intensity.
-    places: [Option<usize>; 5],
+    /// Column indices of x, y, z, the time and the intensity.
+    indices: [Option<usize>; 5],
     separator: Separator,
 }
 
 impl Header {
     fn of(lines: &Lines, names: Vec<String>, separator: Separator) -> Result<Self> {
-        let mut places = [None; 5];
+        let mut indices = [None; 5];
         for (at, name) in names.iter().enumerate() {
             let slot = match plain(name).as_str() {
                 "x" => 0,
@@ -68,20 +68,23 @@ impl Header {
                 time if TIMES.contains(&time) => 3,
                 _ => continue,
             };
-            if let Some(other) = places[slot].replace(at) {
-                let found = format!("the columns {} and {name} of one meaning", names[other]);
+            if let Some(other) = indices[slot].replace(at) {
+                let found = format!(
+                    "the columns {} and {name} with the same meaning",
+                    names[other]
+                );
                 return Err(lines.error(found, "each of x, y, z, time and intensity once"));
             }
         }
         Ok(Self {
             names,
-            places,
+            indices,
             separator,
         })
     }
 
-    /// The numbers of a line: those of columns that the file does not have, or leaves empty, are NaN. Otherwise what
-    /// was found and what was expected.
+    /// The numbers of a line; absent columns and empty cells are NaN. The error holds the text found and the text
+    /// expected.
     fn row(
         &self,
         text: &str,
@@ -89,7 +92,7 @@ impl Header {
     ) -> std::result::Result<[f64; 5], (String, String)> {
         let mut row = [f64::NAN; 5];
         let count = separator.split(text, |at, cell| {
-            let Some(slot) = self.places.iter().position(|place| *place == Some(at)) else {
+            let Some(slot) = self.indices.iter().position(|index| *index == Some(at)) else {
                 return Ok(());
             };
             let cell = cell.trim_matches('"');
@@ -127,16 +130,16 @@ impl Header {
     }
 }
 
-/// The text behind the mark of a comment.
+/// The text after the mark of a comment.
 fn comment(text: &str) -> Option<&str> {
     text.strip_prefix('#').or_else(|| text.strip_prefix("//"))
 }
 
-/// Reads a cloud: times and intensities are kept if every point has them.
+/// Reads a cloud. Times and intensities are returned only if every point has them.
 ///
 /// # Errors
 /// A line with another number of values than the header, coordinates that are not finite numbers, decimal commas, a
-/// column twice, another number of points than the file says.
+/// repeated column, a number of points other than the file announces.
 fn read(path: &Path) -> Result<PointCloud> {
     let mut lines = Lines::open(path)?;
     let mut header: Option<Header> = None;
@@ -171,10 +174,10 @@ fn read(path: &Path) -> Result<PointCloud> {
             return Err(lines.error(format!("`{found}`"), "a header with x, y, z"));
         };
         if cloud.points.is_empty() {
-            // NumPy separates the names in a comment as its user wrote them, and the numbers otherwise.
-            let own = Separator::of(text);
-            if header.row(text, own).is_ok() {
-                header.separator = own;
+            // NumPy writes the names in a comment as its user gave them, and may separate the numbers otherwise.
+            let separator = Separator::of(text);
+            if header.row(text, separator).is_ok() {
+                header.separator = separator;
             }
         }
         let row = header.row(text, header.separator);
@@ -226,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn headers_of_other_programs_are_told_and_read() {
+    fn headers_of_other_programs_are_detected_and_read() {
         for text in [
             "x,y,z\n1,2,3\n4,5,6\n",
             "X Y Z\n1 2 3\n4 5 6\n",
@@ -277,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn other_tables_are_no_clouds() {
+    fn other_tables_are_not_clouds() {
         for text in [
             "time,x,y,z\n1,2,3,4\n",
             "x,y,z,roll,pitch,yaw\n1,2,3,4,5,6\n",
@@ -296,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_line() {
+    fn errors_name_the_line() {
         let found = message("X;Y;Z\n1,5;2,5;3,5\n");
         assert!(
             found
@@ -364,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_are_no_panic() {
+    fn damaged_files_do_not_panic() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         let valid = b"//X Y Z Intensity GpsTime\n2\n1 2 3 4 5.5\n-4 5e3 6 7 8.25\n";

@@ -4,9 +4,9 @@ use super::inspection::{Bounds, Gap, Inspection};
 use super::picture::Picture;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// Number of gaps kept.
+/// Largest number of gaps listed.
 const MOST_GAPS: usize = 10;
-/// Most intervals from which the median is taken.
+/// Largest number of intervals from which the median is taken.
 const MOST_INTERVALS: usize = 1_000_000;
 
 /// Collects the times of a stream.
@@ -23,7 +23,7 @@ pub(super) struct Times {
 }
 
 impl Times {
-    fn see(&mut self, time_s: f64) {
+    fn add(&mut self, time_s: f64) {
         let span = self.span.get_or_insert([time_s; 2]);
         *span = [span[0].min(time_s), span[1].max(time_s)];
         let Some(last) = self.last.replace(time_s) else {
@@ -62,33 +62,33 @@ impl Times {
             return;
         }
         into.epochs = self.span.map(|_| self.epochs);
-        let Some(middle) = median(self.intervals.clone()) else {
+        let Some(median_s) = median(self.intervals.clone()) else {
             return;
         };
-        let mut off = std::mem::take(&mut self.intervals);
-        off.iter_mut()
-            .for_each(|interval| *interval = (*interval - middle).abs());
-        into.rate_hz = Some(1.0 / middle);
-        into.jitter_s = median(off).map(|off| SIGMAS_PER_MAD * off);
+        let mut deviations_s = std::mem::take(&mut self.intervals);
+        deviations_s
+            .iter_mut()
+            .for_each(|interval| *interval = (*interval - median_s).abs());
+        into.rate_hz = Some(1.0 / median_s);
+        into.jitter_s = median(deviations_s).map(|mad_s| SIGMAS_PER_MAD * mad_s);
         into.gaps = self.longest;
-        into.gaps.retain(|gap| gap.duration_s > 5.0 * middle);
+        into.gaps.retain(|gap| gap.duration_s > 5.0 * median_s);
     }
 }
 
-/// Gathers the records of a stream: how many there are, their times, and the ranges of named
-/// columns.
-pub(super) struct Gather {
+/// Summary of the records of a stream: their number, their times, and the ranges of named columns.
+pub(super) struct StreamSummary {
     pub(super) count: u64,
     pub(super) clock: Times,
     bounds: Vec<Bounds>,
     picture: Option<Picture>,
-    /// Of the last record.
+    /// Values of the last record.
     values: Vec<f64>,
 }
 
-impl Gather {
-    /// Of records that hold `names` beside their time.
-    pub(super) fn of(names: &[&str]) -> Self {
+impl StreamSummary {
+    /// The summary of records that hold `names` in addition to their time.
+    pub(super) fn of_columns(names: &[&str]) -> Self {
         let bounds = |name: &&str| Bounds {
             column: (*name).to_owned(),
             min: f64::INFINITY,
@@ -98,24 +98,24 @@ impl Gather {
             count: 0,
             clock: Times::default(),
             bounds: names.iter().map(bounds).collect(),
-            picture: Picture::of(names),
+            picture: Picture::of_columns(names),
             values: Vec::with_capacity(names.len()),
         }
     }
 
-    /// Takes in a record; NaN stands for what it does not hold.
-    pub(super) fn see(&mut self, time_s: f64, values: impl IntoIterator<Item = f64>) {
+    /// Adds a record; NaN stands for absent values, also for an absent time.
+    pub(super) fn add(&mut self, time_s: f64, values: impl IntoIterator<Item = f64>) {
         self.count += 1;
         if !time_s.is_nan() {
-            self.clock.see(time_s);
+            self.clock.add(time_s);
         }
         self.values.clear();
         self.values.extend(values);
         if let Some(picture) = &mut self.picture {
-            picture.see(&self.values);
+            picture.add(&self.values);
         }
         for (bounds, &value) in self.bounds.iter_mut().zip(&self.values) {
-            // Both are false for NaN.
+            // Both comparisons are false for NaN.
             if value < bounds.min {
                 bounds.min = value;
             }
@@ -125,6 +125,7 @@ impl Gather {
         }
     }
 
+    /// Writes the summary into an inspection.
     pub(super) fn report(mut self, into: &mut Inspection) {
         self.bounds.retain(|b| b.min <= b.max);
         into.bounds = self.bounds;

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use crate::format::kind::Format;
 use crate::format::text::civil::utc;
 
-/// An interval of time that is much longer than the others.
+/// An interval between neighbouring times that is much longer than the others.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Gap {
-    /// Last time before it, seconds.
+    /// Last time before the gap, seconds.
     pub start_s: f64,
     /// Length, seconds.
     pub duration_s: f64,
@@ -26,16 +26,16 @@ pub struct Bounds {
     pub max: f64,
 }
 
-/// The content of a file in numbers.
+/// A summary of the content of a file.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Inspection {
     /// The file.
     pub path: PathBuf,
     /// Its format.
     pub format: Format,
-    /// Units and frame of the content, and whether they are found in the file, given by its format, or assumed.
+    /// Units and frame of the content, and whether the file or its format states them or they are assumed.
     pub frame: String,
-    /// Its size.
+    /// Its size in bytes.
     pub bytes: u64,
     /// Rows, samples, poses or points.
     pub count: u64,
@@ -99,7 +99,7 @@ impl fmt::Display for Inspection {
         }
         for Bounds { column, min, max } in &self.bounds {
             let (name, unit) = split_unit(column);
-            // Angles are shown as people read them.
+            // Angles are shown in degrees.
             let (factor, unit) = match unit {
                 "rad" => (1f64.to_degrees(), "°"),
                 _ => (1.0, unit),

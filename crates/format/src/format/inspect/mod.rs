@@ -1,4 +1,4 @@
-//! The content of a file in numbers with units, without keeping it in memory.
+//! A summary of the content of a file: numbers with units, collected without keeping the content in memory.
 
 mod gather;
 mod inspection;
@@ -19,16 +19,16 @@ use crate::format::poses::sbet;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
 use crate::sensor::Observations;
-use gather::Gather;
+use gather::StreamSummary;
 pub use inspection::{Bounds, Gap, Inspection};
 
 /// Columns of points.
 const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 
-/// Reads a file through and says what it holds.
+/// Reads a whole file and summarises its content.
 ///
 /// # Errors
-/// All errors of its reader, and project files, which are not data.
+/// All errors of the file's reader; a project file, which is not data.
 pub fn inspect(path: &Path) -> Result<Inspection> {
     let format = detect(path)?;
     let (_, bytes) = open(path)?;
@@ -88,15 +88,15 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     let range = find(["slope_distance_m", "slope_dist_m"]);
     let mut without_range = 0;
     let mut table = Table::open(path, columns)?;
-    let mut seen = Gather::of(&wanted);
+    let mut summary = StreamSummary::of_columns(&wanted);
     let mut row = vec![0.0; wanted.len()];
     while table.next_row(&mut row)? {
         let has_range = !range.is_some_and(|i| row[i] <= 0.0);
         without_range += usize::from(!has_range);
         let values = if has_range { &row[..] } else { &[] };
-        seen.see(time.map_or(f64::NAN, |i| row[i]), values.iter().copied());
+        summary.add(time.map_or(f64::NAN, |i| row[i]), values.iter().copied());
     }
-    if seen.count == 0 {
+    if summary.count == 0 {
         return Err(nothing_in(path, "row"));
     }
     if without_range > 0 {
@@ -106,12 +106,12 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
         ));
     }
     report.columns = table.names().to_vec();
-    let repeated = seen.clock.repeated;
-    seen.report(report);
+    let repeated = summary.clock.repeated;
+    summary.report(report);
     if let Some(time) = time {
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
     }
-    // Of profiles and clouds many points share a time, of logs no two records should.
+    // In profiles and clouds many points share a time; in logs no two records should.
     let kind = report.format.0;
     let is_log = kind.imu.is_some() || kind.positions.is_some() || kind.heading.is_some();
     if is_log && repeated > 0 {
@@ -126,33 +126,34 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
 fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut reader = open_profiles(path)?;
     let mut chunk = Vec::new();
-    let mut seen = Gather::of(&POINT);
+    let mut summary = StreamSummary::of_columns(&POINT);
     while reader.next_chunk(&mut chunk)? {
         for point in &chunk {
             let p = &point.position_m;
-            seen.see(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
+            summary.add(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         }
     }
-    seen.report(report);
+    summary.report(report);
     Ok(())
 }
 
 fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mut seen = Gather::of(&POINT[..3]);
+    let mut summary = StreamSummary::of_columns(&POINT[..3]);
     for pose in read_trajectory(path)? {
         let position = pose.world_from_body.translation_m;
-        seen.see(pose.time_s, position.iter().copied());
+        summary.add(pose.time_s, position.iter().copied());
     }
-    seen.report(report);
+    summary.report(report);
     Ok(())
 }
 
-/// A log of several sensors: the first of what it may hold that it does hold, and what else there is.
+/// Summarises a log that may hold several kinds of measurements: the first kind that can be read, in the order
+/// IMU, headings, geographic positions, positions, and a note of the other contents.
 fn inspect_log(path: &Path, kind: &Kind, report: &mut Inspection) -> Result<()> {
     if let Some(contents) = kind.contents {
         report.notes.push(contents(path)?);
     }
-    let mut missing = None;
+    let mut first_error = None;
     for inspect in [
         inspect_imu,
         inspect_heading,
@@ -160,79 +161,79 @@ fn inspect_log(path: &Path, kind: &Kind, report: &mut Inspection) -> Result<()> 
         inspect_positions,
     ] {
         match inspect(path, kind) {
-            Some(Ok(seen)) => {
-                seen.report(report);
+            Some(Ok(summary)) => {
+                summary.report(report);
                 return Ok(());
             }
-            Some(Err(error)) => missing = missing.or(Some(error)),
+            Some(Err(error)) => first_error = first_error.or(Some(error)),
             None => {}
         }
     }
     match kind.contents {
         Some(_) => Ok(()),
-        None => missing.map_or(Ok(()), Err),
+        None => first_error.map_or(Ok(()), Err),
     }
 }
 
-fn inspect_imu(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+fn inspect_imu(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.imu.map(|read| {
-        let mut seen = Gather::of(&IMU.needed[1..]);
+        let mut summary = StreamSummary::of_columns(&IMU.needed[1..]);
         for sample in read(path)? {
             let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
-            seen.see(sample.time_s, gyro.iter().chain(accel.iter()).copied());
+            summary.add(sample.time_s, gyro.iter().chain(accel.iter()).copied());
         }
-        Ok(seen)
+        Ok(summary)
     })
 }
 
-fn inspect_heading(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+fn inspect_heading(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.heading.map(|read| {
-        let mut seen = Gather::of(&["heading_deg", "pitch_deg"]);
+        let mut summary = StreamSummary::of_columns(&["heading_deg", "pitch_deg"]);
         for fix in read(path)? {
             let pitch_deg = fix.pitch_rad.map_or(f64::NAN, f64::to_degrees);
-            seen.see(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
+            summary.add(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
         }
-        Ok(seen)
+        Ok(summary)
     })
 }
 
-fn inspect_geographic(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+fn inspect_geographic(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.geographic.map(|read| {
-        let mut seen = Gather::of(&["latitude_deg", "longitude_deg", "height_m"]);
+        let mut summary = StreamSummary::of_columns(&["latitude_deg", "longitude_deg", "height_m"]);
         for fix in read(path)? {
             let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
-            seen.see(fix.time_s, [latitude, longitude, fix.height_m]);
+            summary.add(fix.time_s, [latitude, longitude, fix.height_m]);
         }
-        Ok(seen)
+        Ok(summary)
     })
 }
 
-fn inspect_positions(path: &Path, kind: &Kind) -> Option<Result<Gather>> {
+fn inspect_positions(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.positions.map(|read| {
-        let mut seen = Gather::of(&["east_m", "north_m", "up_m"]);
+        let mut summary = StreamSummary::of_columns(&["east_m", "north_m", "up_m"]);
         for fix in read(path, &Observations::AsFound)?.fixes {
-            seen.see(fix.time_s, fix.position_m.iter().copied());
+            summary.add(fix.time_s, fix.position_m.iter().copied());
         }
-        Ok(seen)
+        Ok(summary)
     })
 }
 
 fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mut seen = Gather::of(&sbet::COLUMNS[1..]);
+    let mut summary = StreamSummary::of_columns(&sbet::COLUMNS[1..]);
     sbet::for_each(path, |row| {
-        seen.see(row[0], row[1..].iter().copied());
+        summary.add(row[0], row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
-    seen.report(report);
+    summary.report(report);
     Ok(())
 }
 
 fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
     let mut file = LasFile::open(path)?;
-    let mut seen = Gather::of(&POINT);
+    let mut summary = StreamSummary::of_columns(&POINT);
     while file.read(CHUNK_POINTS, |_, point| {
         let p = &point.position;
-        seen.see(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
+        summary.add(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         Ok(())
     })? > 0
     {}
@@ -244,19 +245,19 @@ fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
                 .to_owned(),
         );
     }
-    seen.report(report);
+    summary.report(report);
     Ok(())
 }
 
 fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
     let cloud = read_cloud(path)?;
-    let mut seen = Gather::of(&POINT);
+    let mut summary = StreamSummary::of_columns(&POINT);
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
         let time_s = cloud.time_s.get(i).copied().unwrap_or(f64::NAN);
-        seen.see(time_s, [p.x, p.y, p.z, intensity]);
+        summary.add(time_s, [p.x, p.y, p.z, intensity]);
     }
-    seen.report(report);
+    summary.report(report);
     Ok(())
 }
 

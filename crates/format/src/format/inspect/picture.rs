@@ -1,12 +1,12 @@
 //! A tiny picture of points from above, of characters with eight dots each.
 
-/// Characters of a line at most, and lines.
+/// Most characters in a line, and most lines.
 const COLUMNS: usize = 60;
 const LINES: usize = 15;
-/// Dots of a character across and down.
+/// Dots of a character, across and down.
 const ACROSS: usize = 2;
 const DOWN: usize = 4;
-/// Points that are kept: of more, every second one is dropped again and again.
+/// Most points in memory: whenever there are more, every second one is dropped.
 const MOST_POINTS: usize = 40_000;
 /// The first of the 256 characters with eight dots, and the bit of each dot, line by line.
 const EMPTY: u32 = 0x2800;
@@ -14,35 +14,36 @@ const BITS: [[u32; ACROSS]; DOWN] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [
 
 /// Collects points while a file is read.
 pub(super) struct Picture {
-    /// Places of both coordinates among the values of a record.
-    places: [usize; 2],
+    /// Indices of both coordinates among the values of a record.
+    indices: [usize; 2],
     points: Vec<[f64; 2]>,
+    /// One of this many points is taken.
     every: u64,
-    seen: u64,
+    added: u64,
 }
 
 impl Picture {
-    /// Of the coordinates among these names, if there are any.
-    pub(super) fn of(names: &[&str]) -> Option<Self> {
-        let place = |wanted: &str| names.iter().position(|name| *name == wanted);
+    /// A picture of the horizontal coordinates among these names; `None` if there are none.
+    pub(super) fn of_columns(names: &[&str]) -> Option<Self> {
+        let index = |wanted: &str| names.iter().position(|name| *name == wanted);
         let pairs = [("east_m", "north_m"), ("x_m", "y_m")];
-        let places = pairs
+        let indices = pairs
             .iter()
-            .find_map(|(x, y)| Some([place(x)?, place(y)?]))?;
+            .find_map(|(x, y)| Some([index(x)?, index(y)?]))?;
         Some(Self {
-            places,
+            indices,
             points: Vec::new(),
             every: 1,
-            seen: 0,
+            added: 0,
         })
     }
 
-    pub(super) fn see(&mut self, values: &[f64]) {
-        self.seen += 1;
+    pub(super) fn add(&mut self, values: &[f64]) {
+        self.added += 1;
         let point = self
-            .places
-            .map(|place| values.get(place).copied().unwrap_or(f64::NAN));
-        if !self.seen.is_multiple_of(self.every) || !point.iter().all(|x| x.is_finite()) {
+            .indices
+            .map(|index| values.get(index).copied().unwrap_or(f64::NAN));
+        if !self.added.is_multiple_of(self.every) || !point.iter().all(|x| x.is_finite()) {
             return;
         }
         if self.points.len() == MOST_POINTS {
@@ -56,7 +57,8 @@ impl Picture {
         self.points.push(point);
     }
 
-    /// The lines from top to bottom, to one scale; none of points that have no extent in both directions.
+    /// The lines from top to bottom, in the same scale in both directions; none if the points have no extent in
+    /// one of them.
     pub(super) fn lines(&self) -> Vec<String> {
         let bound = |axis: usize, start: f64, choose: fn(f64, f64) -> f64| {
             self.points
@@ -74,11 +76,11 @@ impl Picture {
         if !has_extent || !step.is_normal() {
             return Vec::new();
         }
-        let of = |value: f64, from: f64| ((value - from) / step).round() as usize;
-        let lines = of(high[1], low[1]) / DOWN + 1;
+        let dot = |value: f64, from: f64| ((value - from) / step).round() as usize;
+        let lines = dot(high[1], low[1]) / DOWN + 1;
         let mut cells = vec![[0u32; COLUMNS]; lines];
         for [x, y] in &self.points {
-            let (right, down) = (of(*x, low[0]), of(high[1], *y));
+            let (right, down) = (dot(*x, low[0]), dot(high[1], *y));
             cells[down / DOWN][right / ACROSS] |= BITS[down % DOWN][right % ACROSS];
         }
         let line = |cells: &[u32; COLUMNS]| {
@@ -97,7 +99,7 @@ mod tests {
 
     #[test]
     fn a_square_is_drawn_to_scale() {
-        let mut picture = Picture::of(&["x_m", "y_m", "z_m"]).unwrap();
+        let mut picture = Picture::of_columns(&["x_m", "y_m", "z_m"]).unwrap();
         for i in 0..200_000 {
             let t = f64::from(i) / 50_000.0;
             let (side, along) = (t as usize, t.fract());
@@ -107,7 +109,7 @@ mod tests {
                 [1.0 - along, 1.0],
                 [0.0, 1.0 - along],
             ][side];
-            picture.see(&[x, y, 5.0]);
+            picture.add(&[x, y, 5.0]);
         }
         assert!(picture.points.len() <= MOST_POINTS);
         let lines = picture.lines();
@@ -123,14 +125,14 @@ mod tests {
 
     #[test]
     fn points_on_a_line_along_an_axis_have_no_picture() {
-        let mut picture = Picture::of(&["east_m", "north_m"]).unwrap();
-        (0..5).for_each(|i| picture.see(&[f64::from(i), 1.0]));
+        let mut picture = Picture::of_columns(&["east_m", "north_m"]).unwrap();
+        (0..5).for_each(|i| picture.add(&[f64::from(i), 1.0]));
         assert!(picture.lines().is_empty());
-        assert!(Picture::of(&["x_m", "z_m"]).is_none());
-        let mut tiny = Picture::of(&["x_m", "y_m"]).unwrap();
+        assert!(Picture::of_columns(&["x_m", "z_m"]).is_none());
+        let mut tiny = Picture::of_columns(&["x_m", "y_m"]).unwrap();
         [0.0, 5e-324, 1e-322]
             .iter()
-            .for_each(|x| tiny.see(&[*x, *x]));
+            .for_each(|x| tiny.add(&[*x, *x]));
         assert!(tiny.lines().is_empty());
     }
 }

@@ -12,10 +12,10 @@
 //! | `num_chars` | length of the answer of the instrument, bytes |
 //!
 //! The instrument answers in radians, metres and milliseconds since it was switched on, and the
-//! group computes x = d sin v sin h, y = d sin v cos h, z = d cos v. Its export divides `ts_time`
-//! by 1000; in a corrected export it is also shifted to the clock of the computer, and `ref_time`
-//! lacks the duration of the transmission. Recordings made without the export have the same
-//! columns, but milliseconds. The header does not tell the two apart; the reader does by the span
+//! group computes x = d sin v sin h, y = d sin v cos h, z = d cos v. The export divides `ts_time`
+//! by 1000. A corrected export also shifts `ts_time` to the clock of the computer and subtracts the
+//! duration of the transmission from `ref_time`. Recordings made without the export have the same
+//! columns, but milliseconds. The header is the same in both cases; the reader compares the spans
 //! of the two clocks.
 
 use std::path::Path;
@@ -26,7 +26,7 @@ use crate::format::kind::{Frame, Kind};
 use crate::format::text::table::{Columns, Table};
 use crate::sensor::{Observations, PolarObservation, Positions, RejectedRow};
 
-/// The columns that are needed and those that are used if present; others are ignored.
+/// The columns that are needed and the columns that are used if present; others are ignored.
 pub(crate) const COLUMNS: Columns = Columns {
     needed: &["ref_time", "ts_time", "h_angle", "v_angle", "distance"],
     optional: &["num_chars", "geocom_return_code", "rpc_return_code"],
@@ -66,7 +66,7 @@ pub struct RtsObservation {
 }
 
 impl RtsObservation {
-    /// The observation at `time_s`, one of its two times or a combination of them.
+    /// The polar observation with the time `time_s`: one of the two times, or a combination of them.
     pub fn at(&self, time_s: f64) -> PolarObservation {
         PolarObservation {
             time_s,
@@ -82,7 +82,7 @@ impl RtsObservation {
 pub struct RtsObservations {
     /// In the order of the file.
     pub observations: Vec<RtsObservation>,
-    /// Rows without a range or without a time of the instrument; their times are those of arrival.
+    /// Rows without a range or without a time of the instrument, with their times of arrival.
     pub rejected: Vec<RejectedRow>,
 }
 
@@ -93,7 +93,7 @@ pub struct RtsObservations {
 /// range.
 pub fn read_polar(path: &Path) -> Result<RtsObservations> {
     use std::f64::consts::TAU;
-    // Instruments round 2π, and corrections for delays may pass it.
+    // Instruments round 2π, and corrections for delays may exceed it.
     const SLACK_RAD: f64 = 1e-2;
     let mut table = Table::open(path, &COLUMNS)?;
     let mut found = RtsObservations::default();
@@ -109,7 +109,7 @@ pub fn read_polar(path: &Path) -> Result<RtsObservations> {
             geocom_code,
             rpc_code,
         ] = row;
-        // The instrument's clock does not count before it has measured.
+        // The time of the instrument is zero before its first measurement.
         if slope_distance_m <= 0.0 || instrument_time_s == 0.0 {
             let mut reason = match slope_distance_m {
                 0.0 => "zero range".to_owned(),
@@ -164,7 +164,7 @@ pub fn read_polar(path: &Path) -> Result<RtsObservations> {
     Ok(found)
 }
 
-/// Whether the clock of the instrument runs a thousand times as fast as that of the computer.
+/// Whether the clock of the instrument counts a thousand times as fast as the clock of the computer.
 fn counts_milliseconds(observations: &[RtsObservation]) -> bool {
     let (Some(first), Some(last)) = (observations.first(), observations.last()) else {
         return false;
@@ -173,7 +173,7 @@ fn counts_milliseconds(observations: &[RtsObservation]) -> bool {
     MILLISECONDS.contains(&(span / (last.ref_time_s - first.ref_time_s)))
 }
 
-/// Positions by an instrument, at the times of the computer.
+/// Reads positions relative to an instrument, at the times of the computer.
 fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     let Observations::Polar(instrument) = observations else {
         return Err(Error::format(
@@ -187,7 +187,7 @@ fn read_positions(path: &Path, observations: &Observations) -> Result<Positions>
     let observed = found.observations.iter();
     Ok(Positions {
         fixes: observed
-            .map(|seen| instrument.position_fix(&seen.at(seen.ref_time_s)))
+            .map(|rts| instrument.position_fix(&rts.at(rts.ref_time_s)))
             .collect(),
         rejected: found.rejected,
     })
@@ -244,7 +244,7 @@ mod tests {
         };
         let fix = instrument.position_fix(&first.at(first.ref_time_s));
         assert!((fix.position_m - Vec3::x() * 25.5).norm() < 1e-12);
-        // The coordinates of the group.
+        // The coordinates that the group computes.
         let second = found.observations[1];
         let (d, h, v) = (25.0, 6.25_f64, 1.5_f64);
         let expected = Vec3::new(v.sin() * h.sin(), v.sin() * h.cos(), v.cos()) * d;
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn milliseconds_are_told_by_the_span() {
+    fn milliseconds_follow_from_the_span() {
         let recording = EXPORT
             .replace(",812.5,", ",812500,")
             .replace(",812.7,", ",812700,");

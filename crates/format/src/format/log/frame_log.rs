@@ -1,4 +1,4 @@
-//! Logs of what a frame may follow: temperatures, loads, pressures.
+//! Logs of quantities that may bend the frame: temperatures, loads, pressures.
 
 use std::path::Path;
 
@@ -7,8 +7,8 @@ use crate::format::file::nothing_in;
 use crate::format::text::table::{Columns, Table};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS};
 
-/// Reads `time_s` and the named columns, at most [`MAX_FRAME_COLUMNS`], of a text table. What else it has is
-/// ignored, so that a column of an IMU's log can be named.
+/// Reads `time_s` and the named columns, at most [`MAX_FRAME_COLUMNS`], of a text table. Other columns are
+/// ignored, so that a column of an IMU log can be named.
 ///
 /// # Errors
 /// A column that the table does not have, cells that are not finite numbers, times that do not ascend, no rows.

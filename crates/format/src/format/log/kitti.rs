@@ -14,15 +14,15 @@ use crate::sensor::{ImuSample, PoseRecord};
 const POSE: usize = 12;
 /// Numbers in an OXTS record.
 const OXTS: usize = 30;
-/// Place in an OXTS record of the acceleration ax, ay, az along the axes of the body, m/s².
+/// Index in an OXTS record of the acceleration ax, ay, az along the axes of the body, m/s².
 const ACCEL: usize = 11;
-/// Place in an OXTS record of the angular rate wx, wy, wz about the axes of the body, rad/s.
+/// Index in an OXTS record of the angular rate wx, wy, wz about the axes of the body, rad/s.
 const GYRO: usize = 17;
 
 pub(crate) const POSES: Kind = Kind {
     numbers: Some(looks_like_poses),
     poses: Some(read_poses),
-    beside: Some(|path| places_of_times(path).into()),
+    beside: Some(|path| candidate_times_paths(path).into()),
     note: "poses of a camera: x of the body is to the right, y down, z ahead",
     frame: Frame::Fixed(
         "metres (the format); world: the first camera, turned to z up; body: the camera, x right, y down, z forward",
@@ -33,7 +33,7 @@ pub(crate) const POSES: Kind = Kind {
 pub(crate) const OXTS_TIMES: Kind = Kind {
     signature: Some(|start| is_time_stamp(start.bytes)),
     imu: Some(|path| read_imu(path.parent().unwrap_or(Path::new("")))),
-    beside: Some(records_of),
+    beside: Some(record_files),
     frame: Frame::Fixed("rad/s and m/s² (the format); body frame x forward, y left, z up"),
     ..Kind::new(
         "kitti-oxts",
@@ -41,7 +41,7 @@ pub(crate) const OXTS_TIMES: Kind = Kind {
     )
 };
 
-/// `2011-09-26 13:02:25.594360375`.
+/// Whether a file begins with a time stamp such as `2011-09-26 13:02:25.594360375`.
 fn is_time_stamp(start: &[u8]) -> bool {
     let pattern = b"0000-00-00 00:00:00.";
     let fits = |(byte, like): (&u8, &u8)| match like {
@@ -54,7 +54,7 @@ fn is_time_stamp(start: &[u8]) -> bool {
 /// Tolerance of the columns of a rotation matrix: four decimals stay within it.
 const ROTATION_SLACK: f64 = 1e-3;
 
-/// Whether these could be the numbers of the first line of a pose file: 12 that hold a rotation.
+/// Whether these could be the numbers of the first line of a pose file: 12 numbers with a rotation.
 fn looks_like_poses(line: &[f64]) -> bool {
     line.len() == POSE && pose(line).is_some()
 }
@@ -63,7 +63,7 @@ fn looks_like_poses(line: &[f64]) -> bool {
 fn pose(cells: &[f64]) -> Option<WorldFromBody> {
     let matrix = Mat3::from_fn(|row, column| cells[4 * row + column]);
     let off = (matrix.transpose() * matrix - Mat3::identity()).abs().max();
-    // Not a number must fail.
+    // NaN must fail.
     if !(off <= ROTATION_SLACK && matrix.determinant() > 0.0) {
         return None;
     }
@@ -79,24 +79,24 @@ fn pose(cells: &[f64]) -> Option<WorldFromBody> {
     Some(WorldFromBody::new(rotation, translation_m))
 }
 
-/// In a world whose x and y axes are level and z is up: that of the file is the first camera, with y down and
-/// z ahead, which become −z and y.
+/// The pose in a world with level x and y axes and z up. The world of the file is the first camera with y down
+/// and z ahead; these axes become −z and y.
 fn upright(pose: WorldFromBody) -> WorldFromBody {
     let about_x = Rotation::from_axis_angle(&Vec3::x_axis(), -std::f64::consts::FRAC_PI_2);
     let t = pose.translation_m;
     WorldFromBody::new(about_x * pose.rotation, Vec3::new(t.x, t.z, -t.y))
 }
 
-/// Reads a pose file: 12 numbers a line, the row-major 3 × 4 matrix from the left camera at that
-/// frame to the left camera at the first one. **Cameras have x right, y down and z forward**: the
-/// world of these poses has z forward, not up, and the body is the camera.
+/// Reads a pose file: 12 numbers per line, the row-major 3 × 4 matrix from the left camera at that
+/// frame to the left camera at the first frame. **Cameras have x right, y down and z forward**: the
+/// world of the file has z forward, not up, and the body is the camera.
 ///
-/// Pose files have no times. They come from `times.txt` with one time in seconds per line, looked
-/// for beside the pose file, in the folder above, and where the odometry benchmark has it:
+/// Pose files have no times. They come from a `times.txt` with one time in seconds per line, which is
+/// searched for beside the pose file, in the folder above, and where the odometry benchmark has it:
 /// `sequences/00/times.txt` for `poses/00.txt`.
 ///
 /// # Errors
-/// No `times.txt`, or one of another length or with times that do not increase; lines without 12
+/// No `times.txt`; a `times.txt` of another length or with times that do not increase; lines without 12
 /// finite numbers, matrices that are not rotations, no poses.
 pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
     let mut lines = Lines::open(path)?;
@@ -139,8 +139,8 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
     Ok(records)
 }
 
-/// Where the times of a pose file may be, the first place first.
-fn places_of_times(poses: &Path) -> [PathBuf; 3] {
+/// Possible paths of the times of a pose file, in the order of the search.
+fn candidate_times_paths(poses: &Path) -> [PathBuf; 3] {
     let folder = poses.parent().unwrap_or(Path::new(""));
     let above = folder.join("..");
     let sequence = poses.file_stem().unwrap_or_default();
@@ -151,8 +151,8 @@ fn places_of_times(poses: &Path) -> [PathBuf; 3] {
     ]
 }
 
-/// The files of records beside a `timestamps.txt`.
-fn records_of(times: &Path) -> Vec<PathBuf> {
+/// The record files beside a `timestamps.txt`.
+fn record_files(times: &Path) -> Vec<PathBuf> {
     let folder = times.parent().unwrap_or(Path::new("")).join("data");
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut records: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
@@ -160,16 +160,18 @@ fn records_of(times: &Path) -> Vec<PathBuf> {
     records
 }
 
-/// The file of times that belongs to a pose file, and its times in seconds.
+/// The file of times of a pose file, and its times in seconds.
 fn times(poses: &Path) -> Result<(PathBuf, Vec<f64>)> {
-    let places = places_of_times(poses);
-    let Some(path) = places.iter().find(|place| place.is_file()) else {
-        let places = places.map(|place| place.display().to_string()).join(" or ");
+    let candidates = candidate_times_paths(poses);
+    let Some(path) = candidates.iter().find(|candidate| candidate.is_file()) else {
+        let candidates = candidates
+            .map(|candidate| candidate.display().to_string())
+            .join(" or ");
         return Err(Error::format(
             poses,
             Location::Whole,
             "poses without times",
-            format!("a file with one time in seconds per pose: {places}"),
+            format!("a file with one time in seconds per pose: {candidates}"),
         ));
     };
     let mut lines = Lines::open(path)?;
@@ -186,7 +188,7 @@ fn times(poses: &Path) -> Result<(PathBuf, Vec<f64>)> {
     Ok((path.clone(), times_s))
 }
 
-/// The `oxts` folder of a drive; a folder that is one itself.
+/// The `oxts` folder of a drive; `folder` itself if it has no such folder.
 fn oxts_folder(folder: &Path) -> PathBuf {
     let inner = folder.join("oxts");
     match inner.is_dir() {
@@ -195,9 +197,9 @@ fn oxts_folder(folder: &Path) -> PathBuf {
     }
 }
 
-/// Reads the IMU of a raw drive: the folder of the drive or its `oxts` folder, with
-/// `timestamps.txt` and one file of 30 numbers per line of it, `data/0000000000.txt`. The body has
-/// x forward, y left and z up; the specific force includes gravity.
+/// Reads the IMU of a raw drive. `folder` is the folder of the drive or its `oxts` folder, with
+/// `timestamps.txt` and, for each of its lines, a file of 30 numbers such as `data/0000000000.txt`. The
+/// body has x forward, y left and z up; the specific force includes gravity.
 ///
 /// Times are seconds of the Unix epoch if the computer that recorded them had UTC: time stamps have
 /// a date, but no time zone. A double resolves them to 0.2 µs.
@@ -451,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_read_along_are_known() {
+    fn companion_files_are_listed() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| {
             let path = dir.path().join(name);

@@ -44,7 +44,7 @@ pub(crate) const POLAR: Columns = Columns {
     optional: &["status"],
 };
 /// Logs of Leica total stations as recorded by drone and robotics groups: coordinates relative to
-/// the instrument (x to the east of its horizontal zero, y along it, z up) together with the
+/// the instrument (y along its horizontal zero, x to the right of it, z up) together with the
 /// observations they come from (horizontal angle clockwise, vertical angle from the horizon).
 pub(crate) const TPS: Columns = Columns {
     needed: &[
@@ -99,28 +99,28 @@ pub(crate) const TPS_TABLE: Kind = Kind {
 /// - polar, `time_s, slope_distance_m, horizontal_deg, vertical_deg` and optionally `status`;
 /// - both, `sec_of_day, x_m, y_m, z_m, slope_dist_m, hz_deg, v_deg, status`.
 ///
-/// `observations` selects what to read if the file contains both, and gives the instrument for
-/// polar ones. A row without a range is rejected, not an error; its status is reported but not
-/// interpreted, because it depends on the instrument.
+/// `observations` selects coordinates or polar observations if the file contains both, and gives the
+/// instrument for polar observations. A row without a range is rejected; it is not an error. Its status
+/// is reported but not interpreted, because its meaning depends on the instrument.
 ///
 /// # Errors
 /// Missing columns, cells that are not finite numbers, standard deviations or covariances that are
 /// not positive, geographic coordinates, vertical angles outside the instrument's convention, polar
 /// observations without an instrument, no rows, no row with a range.
 pub(crate) fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
-    let found = read_new_positions(path, observations)?;
-    if found.fixes.is_empty() {
-        let rejected = found.rejected.len();
+    let positions = read_new_positions(path, observations)?;
+    if positions.fixes.is_empty() {
+        let rejected = positions.rejected.len();
         if rejected > 0 {
             let found = format!("{rejected} rows, none with a range");
             return Err(error(path, found, "at least one position"));
         }
         return Err(nothing_in(path, "position"));
     }
-    Ok(found)
+    Ok(positions)
 }
 
-/// As [`read_positions`] for a part of a log, which may contain no position.
+/// Reads a part of a log like [`read_positions`]; it may contain no position.
 pub fn read_new_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     // A missing header is reported by the reader of coordinates.
     let names = header_names(path).unwrap_or_default();
@@ -187,7 +187,7 @@ fn is_geographic(name: &str) -> bool {
     ["lat", "latitude", "lon", "lng", "long", "longitude"].contains(&first)
 }
 
-/// Reads all rows of a table; `record` returns a fix, or the reason for rejection.
+/// Reads all rows of a table; `record` returns a fix, or the reason for its rejection.
 fn read<const N: usize>(
     path: &Path,
     columns: &Columns,
@@ -241,7 +241,7 @@ fn polar(
     if let Some(reason) = without_range(slope_distance_m, status) {
         return Ok(Err(reason));
     }
-    let (known, expected) = match instrument.vertical {
+    let (is_in_range, expected) = match instrument.vertical {
         VerticalAngle::Zenith => (
             (0.0..=360.0).contains(&vertical_deg),
             "0 to 360 from the zenith; for angles from the horizon set vertical_angle = \
@@ -253,7 +253,7 @@ fn polar(
              \"zenith\" in the project",
         ),
     };
-    if !known {
+    if !is_in_range {
         return Err(table.error(
             format!("a vertical angle of {vertical_deg} degrees"),
             expected,
@@ -289,7 +289,7 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
             if covariance.cholesky().is_none() {
                 return Err(table.error(
                     format!("the covariance {ee}, {nn}, {uu}, {en}, {eu}, {nu} m2"),
-                    "a positive definite one",
+                    "a positive definite covariance",
                 ));
             }
             Some(covariance)
@@ -311,8 +311,9 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     })
 }
 
-/// Writes a log of coordinates that [`read_positions`](crate::format::read_positions) reads back exactly: with `sigma_m` if that
-/// describes all covariances, else with three standard deviations or six covariances.
+/// Writes a log of coordinates that [`read_positions`](crate::format::read_positions) reads back exactly: with
+/// `sigma_m` if one standard deviation describes each covariance, else with three standard deviations or six
+/// covariances.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -1,10 +1,11 @@
-//! Binary logs of SBG Systems' Ellipse, Ekinox and other devices: the protocol sbgECom, of which IMU
-//! samples, headings and positions of GNSS and UTC are read; all other messages are counted. Layouts,
-//! scales and states are those of the maker's description of sbgECom 5.2; messages of older versions
-//! are shorter at their ends, where nothing is that is needed here.
+//! Binary logs of SBG Systems' Ellipse, Ekinox and other devices in the protocol sbgECom. IMU samples,
+//! GNSS headings and positions, and UTC are read; all other messages are counted. Layouts, scales and
+//! states are those of the manufacturer's description of sbgECom 5.2. Messages of older versions lack
+//! fields at their ends, but none that is needed here.
 //!
-//! The axes of the IMU are the device's, x forward, y right, z down, unless it was set up to turn its
-//! measurements to those of the vehicle; at rest and level it measures −9.8 m/s² along z.
+//! The axes of the IMU are those of the device, x forward, y right, z down, unless the device was
+//! configured to turn its measurements to the axes of the vehicle. At rest and level it measures
+//! −9.8 m/s² along z.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -43,57 +44,59 @@ pub(crate) const LOG: kind::Kind = kind::Kind {
     ..kind::Kind::new("sbg", "log of IMU and GNSS (SBG sbgECom)")
 };
 
-/// How often a message is in a log.
+/// The number of messages of one kind in a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct KindCount {
-    /// The maker's name without `SBG_ECOM_LOG_`, or the numbers of class and message.
+    /// The manufacturer's name without `SBG_ECOM_LOG_`, or the numbers of class and message.
     pub(crate) name: String,
-    /// Whole frames.
+    /// Complete frames.
     pub(crate) frames: u64,
-    /// Those among them with a measurement, judged by status and values; all of a message that is
+    /// Frames with a valid measurement according to status and values; all frames if the kind is
     /// only counted.
     pub(crate) usable: u64,
 }
 
-/// What a log contains.
+/// The content of a log.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Counts {
-    /// Whole frames.
+    /// Complete frames.
     pub(crate) frames: u64,
-    /// Those of each kind, ordered by class and message.
+    /// Frames of each kind, ordered by class and message.
     pub(crate) by_kind: Vec<KindCount>,
-    /// Bytes outside whole frames: damaged, cut off, or of another protocol on the same line (NMEA).
+    /// Bytes outside complete frames: damaged, cut off, or of another protocol on the same line (NMEA).
     pub(crate) damaged_bytes: u64,
     /// Unbroken runs of such bytes.
     pub(crate) damaged_places: u64,
-    /// Earliest and latest time, seconds as in [`read_imu`]; `None` without a message that has one.
+    /// Earliest and latest time, seconds as in [`read_imu`]; `None` if no message has a time.
     pub(crate) span_s: Option<(f64, f64)>,
-    /// Times are UTC, seconds of the Unix epoch, not of the clock of the device.
+    /// Whether times are UTC, seconds of the Unix epoch; otherwise they are of the clock of the device.
     pub(crate) is_utc: bool,
 }
 
-/// Whether a whole frame with the right CRC is among these first bytes of a file.
+/// Whether these first bytes of a file contain a complete frame with the right CRC.
 pub(crate) fn looks_like(start: &[u8]) -> bool {
     (0..start.len()).any(|i| matches!(start_of(&start[i..]), Start::Frame(_)))
 }
 
-/// Reads the samples of the IMU in the order of the log: those of IMU_SHORT, which come at the rate of
-/// the IMU, or else those of IMU_DATA, which the maker advises against (extrapolated to another rate).
-/// FAST_IMU_DATA of old firmware is not read, because its steps of 0.01 m/s² and 1 mrad/s are too coarse.
-/// Samples are left out if the device had lost contact to its IMU; a saturated sample is kept.
+/// Reads the samples of the IMU in the order of the log. IMU_SHORT is used, which has the rate of the
+/// IMU; if the log has none, IMU_DATA, which the manufacturer advises against (it is extrapolated to
+/// another rate). FAST_IMU_DATA of old firmware is not read, because its steps of 0.01 m/s² and 1 mrad/s
+/// are too coarse. Samples are left out if the device had lost contact to its IMU; saturated samples
+/// are kept.
 ///
-/// Both messages give rates and accelerations, in rad/s and m/s², although the maker's library calls
-/// them delta angles and delta velocities: they are taken as they are, not divided by an interval. A
-/// device whose output is slower than its IMU averages the samples of the interval. Of the two sets in
-/// IMU_DATA, equal according to the maker, the second is taken, like in the maker's own exports.
+/// Both messages give rates and accelerations, in rad/s and m/s², although the manufacturer's library
+/// calls them delta angles and delta velocities: they are used as they are, not divided by an interval.
+/// A device whose output is slower than its IMU averages the samples of the interval. IMU_DATA has two
+/// sets, which are equal according to the manufacturer; the second is used, as in the manufacturer's own
+/// exports.
 ///
 /// Times are UTC in seconds of the Unix epoch if the log has UTC_TIME messages with valid UTC, else
-/// seconds of the clock of the device. Each UTC_TIME message gives a time on both clocks; only those of
-/// the best state in the log count (leap seconds known, aligned to the pulse per second), and between
-/// them the difference of the clocks is interpolated, so that times do not step once a second. The
+/// seconds of the clock of the device. Each UTC_TIME message gives a time on both clocks. Only messages
+/// of the best state in the log are used (leap seconds known, aligned to the pulse per second), and the
+/// difference of the clocks is interpolated between them, so that times do not step once a second. The
 /// clock of the device counts microseconds in 32 bits since it was switched on; roll-overs are undone.
-/// The maker does not say where in its interval a sample is stamped: this may be an offset of up to an
-/// interval.
+/// The manufacturer does not document where in its interval a sample is stamped: times may be off by up
+/// to one interval.
 ///
 /// # Errors
 /// No frame, no usable sample; a clock that goes back (the device was restarted), UTC that steps.
@@ -115,16 +118,16 @@ pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     })
 }
 
-/// Reads the true headings of the baseline from the main to the auxiliary antenna, those of the first
-/// receiver (GPS1_HDT) or, if it has none, of the second; times as in [`read_imu`].
+/// Reads the true headings of the baseline from the main to the auxiliary antenna: those of the first
+/// receiver (GPS1_HDT) or, if it has none, of the second. Times are as in [`read_imu`].
 ///
-/// Messages without a computed solution, or whose standard deviation is not within 0 to 180 degrees,
-/// are left out, as the maker's library does. The pitch is absent unless its standard deviation is
-/// within 0 to 90 degrees. The maker calls it "from the master to the rover" and does not give its
-/// sign; it is taken as the elevation of the auxiliary antenna above the main one.
+/// Messages without a computed solution, or with a standard deviation outside 0 to 180 degrees, are
+/// left out, as in the manufacturer's library. The pitch is absent unless its standard deviation is
+/// within 0 to 90 degrees. The manufacturer calls it "from the master to the rover" and does not give
+/// its sign; it is read as the elevation of the auxiliary antenna above the main antenna.
 ///
 /// # Errors
-/// As [`read_imu`].
+/// Those of [`read_imu`].
 pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     let expected = "GPS1_HDT or GPS2_HDT with a solution";
     read(
@@ -138,12 +141,12 @@ pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     )
 }
 
-/// Reads the positions of the main antenna of the first receiver (GPS1_POS) or, if it has none, of the
-/// second; times as in [`read_imu`]. Messages without a computed solution, or without a standard
-/// deviation (the maker's 9999 m), are left out.
+/// Reads the positions of the main antenna: those of the first receiver (GPS1_POS) or, if it has none,
+/// of the second. Times are as in [`read_imu`]. Messages without a computed solution, or with a standard
+/// deviation of 9999 m, which stands for an unknown one, are left out.
 ///
 /// # Errors
-/// As [`read_imu`].
+/// Those of [`read_imu`].
 pub(crate) fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
     let expected = "GPS1_POS or GPS2_POS with a solution";
     read(
@@ -157,7 +160,7 @@ pub(crate) fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
     )
 }
 
-/// Where each sample of the IMU ends, bytes, and its time as in [`read_imu`].
+/// The end of each IMU sample, in bytes from the start of the file, and its time as in [`read_imu`].
 fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
     let overview = Overview::of(path)?;
     let mut ends = Vec::new();
@@ -170,7 +173,7 @@ fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
     Ok(ends)
 }
 
-/// Counts what a log contains; a restart of the device is not an error here.
+/// Counts the messages of a log; a restart of the device is not an error here.
 ///
 /// # Errors
 /// No frame.
@@ -178,7 +181,7 @@ pub(crate) fn summary(path: &Path) -> Result<Counts> {
     Ok(Overview::of(path)?.counts)
 }
 
-/// Reads the usable messages of the first of `kinds` that has any.
+/// Reads the usable messages of the first of `kinds` that has usable messages.
 fn read<T>(
     path: &Path,
     kinds: [Kind; 2],
@@ -203,7 +206,7 @@ fn read<T>(
 }
 
 impl Counts {
-    /// What a log contains, in a line.
+    /// The content of the log in one line.
     fn describe(&self) -> String {
         let kind = |count: &KindCount| match count.frames - count.usable {
             0 => format!("{} {}", count.frames, count.name),
@@ -218,22 +221,22 @@ impl Counts {
     }
 }
 
-/// What the first pass over a log finds.
+/// The result of a first pass over a log.
 #[derive(Debug, Default)]
 struct Overview {
     counts: Counts,
-    /// Frames, and the usable ones among them.
+    /// Number of frames, and number of usable frames.
     by_kind: BTreeMap<Kind, [u64; 2]>,
     utc: Utc,
-    /// Byte where the clock of the device goes back, and seconds by which it does.
+    /// Byte offset at which the clock of the device goes back, and by how many seconds.
     restart: Option<(u64, f64)>,
 }
 
 impl Overview {
     fn of(path: &Path) -> Result<Self> {
-        // Messages of GNSS are late by less.
+        // GNSS messages are late by less than this.
         const BACK_US: i64 = 10_000_000;
-        let mut found = Self::default();
+        let mut overview = Self::default();
         let mut span_us: Option<(i64, i64)> = None;
         let mut messages = Messages::open(path)?;
         loop {
@@ -241,8 +244,8 @@ impl Overview {
             let Some(message) = messages.next()? else {
                 break;
             };
-            found.counts.frames += 1;
-            let count = found.by_kind.entry(message.kind).or_default();
+            overview.counts.frames += 1;
+            let count = overview.by_kind.entry(message.kind).or_default();
             count[0] += 1;
             count[1] += u64::from(message.content.is_some() || !is_read(message.kind));
             let Some((device_us, content)) = message.content else {
@@ -255,27 +258,27 @@ impl Overview {
                 .filter(|b| *b > BACK_US)
             {
                 let restart = (message.at, clock::seconds(1000 * back_us));
-                found.restart.get_or_insert(restart);
+                overview.restart.get_or_insert(restart);
             }
             if let Content::Utc { unix_ns, trust } = content {
-                found.utc.add(message.at, device_us, unix_ns, trust);
+                overview.utc.add(message.at, device_us, unix_ns, trust);
             }
         }
-        if found.counts.frames == 0 {
-            return Err(nothing_in(path, "whole frame of sbgECom"));
+        if overview.counts.frames == 0 {
+            return Err(nothing_in(path, "complete sbgECom frame"));
         }
-        let counts = &mut found.counts;
+        let counts = &mut overview.counts;
         counts.damaged_bytes = messages.frames.other_bytes;
         counts.damaged_places = messages.frames.other_runs;
-        counts.is_utc = found.utc.is_known();
-        counts.span_s = span_us.map(|(a, b)| (found.utc.time_s(a), found.utc.time_s(b)));
-        let named = found.by_kind.iter().map(|(kind, count)| KindCount {
+        counts.is_utc = overview.utc.is_known();
+        counts.span_s = span_us.map(|(a, b)| (overview.utc.time_s(a), overview.utc.time_s(b)));
+        let named = overview.by_kind.iter().map(|(kind, count)| KindCount {
             name: names::name(*kind),
             frames: count[0],
             usable: count[1],
         });
         counts.by_kind = named.collect();
-        Ok(found)
+        Ok(overview)
     }
 
     /// Checks that the times of the log are on one clock.
@@ -292,11 +295,11 @@ impl Overview {
     }
 }
 
-/// A message; its content and time on the clock of the device, microseconds, if it has both.
+/// A message with its content and its time on the clock of the device, microseconds, if it has both.
 struct Message {
-    /// Its place in the file, bytes.
+    /// Start of the message in the file, bytes.
     at: u64,
-    /// That of what follows it.
+    /// End of the message in the file, bytes.
     end: u64,
     kind: Kind,
     content: Option<(i64, Content)>,
@@ -321,7 +324,7 @@ impl Messages {
         let Some(frame) = self.frames.next()? else {
             return Ok(None);
         };
-        // Stamps of messages without a solution may be anything, and must not move the clock.
+        // Stamps of messages without a solution are arbitrary and must not move the clock.
         let content = fields::content(&frame)
             .map(|(stamp_us, content)| (self.clock.unwrapped_us(stamp_us), content));
         Ok(Some(Message {

@@ -1,17 +1,17 @@
-//! Text exports of the maker's program sbgBasicLogger (sbgECom 4 and 5) for devices of SBG Systems:
-//! one file per message, `imuShort.txt`, `imuData.txt` or `gnss1Hdt.txt`. A line of names and a line of
-//! units are followed by rows, tabs between cells:
+//! Text exports of the program sbgBasicLogger of SBG Systems (sbgECom 4 and 5): one file per message,
+//! `imuShort.txt`, `imuData.txt` or `gnss1Hdt.txt`. A line of names and a line of units are followed by
+//! rows, with tabs between cells:
 //!
 //! ```text
 //! timestamp  status      accelX     accelY     accelZ     gyroX        gyroY        gyroZ        temperature
 //! (us)       (na)        (m.s^-2)   (m.s^-2)   (m.s^-2)   (deg.s^-1)   (deg.s^-1)   (deg.s^-1)   (degC)
 //! ```
 //!
-//! Instead of `timestamp` the first column is `iso8601Time` if the program was asked for UTC. Exports
+//! If the program was asked for UTC, the first column is `iso8601Time` instead of `timestamp`. Exports
 //! of sbgCenter and Qinertia are not read.
 //!
-//! The program takes the UTC of the device for local time: on a computer whose time zone is not UTC,
-//! its times are off by the zone. The binary log has no such fault, and is to be preferred.
+//! The program treats the UTC of the device as local time: on a computer whose time zone is not UTC,
+//! times are off by the zone. The binary log does not have this fault and should be preferred.
 
 use std::path::Path;
 
@@ -66,13 +66,13 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
     is_timed && has("status") && (is_imu || HEADING.iter().all(|(name, _)| has(name)))
 }
 
-/// Reads the samples of the IMU in the order of the file: of IMU_SHORT or IMU_DATA in the axes of the
-/// device, see [`read_imu`](crate::format::log::sbg::read_imu) of the binary log; also of FAST_IMU_DATA, whose file
-/// looks the same. Samples without contact to the IMU are left out.
+/// Reads the samples of the IMU in the order of the file. They are those of IMU_SHORT or IMU_DATA in the
+/// axes of the device, see [`read_imu`](crate::format::log::sbg::read_imu) of the binary log; or those of
+/// FAST_IMU_DATA, whose file has the same columns. Samples without contact to the IMU are left out.
 ///
-/// Times are UTC in seconds of the Unix epoch if the export has them; rows before the device knew UTC
-/// are then left out. Otherwise they are seconds of the clock of the device, whose roll-overs are
-/// undone. If the program was asked to average samples, times are those of the last of each group.
+/// Times are UTC in seconds of the Unix epoch if the export has UTC; rows before the device knew UTC
+/// are then left out. Otherwise times are seconds of the clock of the device, with roll-overs undone. If
+/// the program was asked to average samples, the time is that of the last sample of each group.
 ///
 /// # Errors
 /// Missing columns, other units, cells that are not finite numbers, no usable row.
@@ -92,11 +92,11 @@ pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
     )
 }
 
-/// Reads the true headings of the baseline from the main to the auxiliary antenna; rows without a
-/// solution are left out, and times given, as in the binary log and in [`read_imu`].
+/// Reads the true headings of the baseline from the main to the auxiliary antenna. Rows without a
+/// solution are left out as in the binary log; times are as in [`read_imu`].
 ///
 /// # Errors
-/// As [`read_imu`].
+/// Those of [`read_imu`].
 pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     read(
         path,
@@ -156,9 +156,9 @@ fn read<const N: usize, T>(
         let status = cells[header.status];
         let state = status_bits(status).ok_or_else(|| bad(status, "a status of 32 bits"))?;
         let mut row = [0.0; N];
-        for (value, place) in row.iter_mut().zip(header.places) {
-            let number = cells[place].parse().ok().filter(|v: &f64| v.is_finite());
-            *value = number.ok_or_else(|| bad(cells[place], "a finite number"))?;
+        for (value, index) in row.iter_mut().zip(header.indices) {
+            let number = cells[index].parse().ok().filter(|v: &f64| v.is_finite());
+            *value = number.ok_or_else(|| bad(cells[index], "a finite number"))?;
         }
         records.extend(record(time_s, state, &row));
     }
@@ -177,8 +177,8 @@ fn read<const N: usize, T>(
 struct Header<const N: usize> {
     is_utc: bool,
     status: usize,
-    /// Of the wanted columns.
-    places: [usize; N],
+    /// Indices of the wanted columns.
+    indices: [usize; N],
     width: usize,
 }
 
@@ -186,36 +186,36 @@ impl<const N: usize> Header<N> {
     fn read(lines: &mut Lines, wanted: &[(&str, &str); N]) -> Result<Self> {
         lines.advance()?;
         let names = Separator::Space.names(lines.text());
-        let place = |wanted: &str| names.iter().position(|name| name == wanted);
+        let index = |wanted: &str| names.iter().position(|name| name == wanted);
         let missing = |name: &str| {
             let found: String = lines.text().chars().take(200).collect();
             let expected = format!("a header of sbgBasicLogger with {name}");
             lines.error(format!("`{found}`"), expected)
         };
-        let is_utc = match place(UTC.0) {
+        let is_utc = match index(UTC.0) {
             Some(0) => true,
-            _ if place(STAMP.0) == Some(0) => false,
+            _ if index(STAMP.0) == Some(0) => false,
             _ => return Err(missing("timestamp or iso8601Time in the first column")),
         };
-        let status = place("status").ok_or_else(|| missing("status"))?;
-        let mut places = [0; N];
-        for (slot, (name, _)) in places.iter_mut().zip(wanted) {
-            *slot = place(name).ok_or_else(|| missing(name))?;
+        let status = index("status").ok_or_else(|| missing("status"))?;
+        let mut indices = [0; N];
+        for (slot, (name, _)) in indices.iter_mut().zip(wanted) {
+            *slot = index(name).ok_or_else(|| missing(name))?;
         }
         lines.advance()?;
         let units = Separator::Space.names(lines.text());
         let time = (0, if is_utc { UTC } else { STAMP });
-        let columns = places.into_iter().zip(*wanted).chain([time]);
-        for (place, (name, unit)) in columns {
-            if units.get(place).is_none_or(|found| found != unit) {
-                let found = units.get(place).map_or("no unit", String::as_str);
+        let columns = indices.into_iter().zip(*wanted).chain([time]);
+        for (index, (name, unit)) in columns {
+            if units.get(index).is_none_or(|other| other != unit) {
+                let found = units.get(index).map_or("no unit", String::as_str);
                 return Err(lines.error(format!("{found} of {name}"), unit));
             }
         }
         Ok(Self {
             is_utc,
             status,
-            places,
+            indices,
             width: names.len(),
         })
     }
@@ -276,8 +276,8 @@ mod tests {
     }
 
     #[test]
-    fn exports_of_the_maker_are_read() {
-        // Written by sbgBasicLogger 5.2.590; the values are those of the binary log before.
+    fn exports_of_the_manufacturer_are_read() {
+        // Written by sbgBasicLogger 5.2.590; the values are those of the binary log in the tests of `sbg`.
         let [sample] = with_file(IMU_UTC, read_imu).unwrap()[..] else {
             panic!("one sample");
         };
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_name_what_is_wrong() {
+    fn errors_name_the_fault() {
         for (from, to, expected) in [
             ("accelY", "accel", "line 1: found `timestamp"),
             (

@@ -62,7 +62,7 @@ pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 /// the order of the file.
 ///
 /// # Errors
-/// As [`read_imu`]; also a standard deviation that is not positive, or that of a missing pitch.
+/// Those of [`read_imu`]; a standard deviation that is not positive, or that belongs to a missing pitch.
 pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     read_rows::<5, _>(path, &HEADING, "heading", |row, table| {
         let radians = |value: f64| (!value.is_nan()).then(|| value.to_radians());
@@ -83,7 +83,7 @@ pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     })
 }
 
-/// Reads every row of a table in the order of the file; `N` is the number of wanted columns.
+/// Reads every row of a table in the order of the file; `N` is the number of columns.
 pub(crate) fn read_rows<const N: usize, T>(
     path: &Path,
     columns: &Columns,
@@ -102,7 +102,7 @@ pub(crate) fn read_rows<const N: usize, T>(
     Ok(records)
 }
 
-/// An optional standard deviation.
+/// Checks a standard deviation; NaN stands for an absent one and gives `None`.
 pub(crate) fn sigma(value: f64, name: &str, table: &Table) -> Result<Option<f64>> {
     if value.is_nan() {
         Ok(None)
@@ -159,8 +159,8 @@ impl TableWriter {
     }
 }
 
-/// Writes records as a table of the needed columns and those others that any record has a value
-/// for, as Parquet where the name ends so; `row` gives all values of a record, NaN where it has none.
+/// Writes records as a table with the needed columns and those optional columns for which any record has a
+/// value; as Parquet if the name ends in `.parquet`. `row` gives all values of a record, NaN for absent values.
 pub(crate) fn write_rows<const N: usize, T>(
     path: &Path,
     columns: &Columns,
@@ -207,8 +207,8 @@ pub fn write_imu(path: &Path, samples: &[ImuSample]) -> Result<()> {
     })
 }
 
-/// Writes a heading log in degrees, which [`read_heading`](crate::format::read_heading) reads back to a relative 1e-15; with
-/// columns for standard deviations and pitch if any fix has them.
+/// Writes a heading log in degrees that [`read_heading`](crate::format::read_heading) reads back to a relative
+/// 1e-15, with columns for standard deviations and pitch if any fix has them.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -216,7 +216,13 @@ pub fn write_heading(path: &Path, fixes: &[HeadingFix]) -> Result<()> {
     let degrees = |value: Option<f64>| value.map_or(f64::NAN, f64::to_degrees);
     write_rows(path, &HEADING, fixes, |fix| {
         let heading_deg = fix.heading_rad.to_degrees();
-        let others = [fix.sigma_rad, fix.pitch_rad, fix.pitch_sigma_rad].map(degrees);
-        [fix.time_s, heading_deg, others[0], others[1], others[2]]
+        let optional = [fix.sigma_rad, fix.pitch_rad, fix.pitch_sigma_rad].map(degrees);
+        [
+            fix.time_s,
+            heading_deg,
+            optional[0],
+            optional[1],
+            optional[2],
+        ]
     })
 }

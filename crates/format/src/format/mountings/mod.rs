@@ -1,4 +1,4 @@
-//! Mountings of scanners, read, and written for other programs.
+//! Readers of scanner mountings, and writers for other programs.
 
 pub(super) mod bonn_xml;
 pub(super) mod others;

@@ -1,6 +1,6 @@
 //! Mountings for other programs: URDF, static transforms of ROS 2, and pipelines of PDAL.
 //!
-//! All hold body_from_scanner as it is: the origin and the axes of the scanner in the frame of the
+//! All of them hold body_from_scanner itself: the origin and the axes of the scanner in the frame of the
 //! body, metres. Numbers are written in the shortest form that reads back as the same number,
 //! without exponents.
 
@@ -13,11 +13,11 @@ use crate::error::{Error, Result};
 use crate::geometry::BodyFromScanner;
 use crate::geometry::attitude::roll_pitch_yaw;
 
-/// A robot with one link for the body and one for each scanner, which fixed joints connect. `rpy`
-/// are radians about the fixed axes x, y, z, as URDF defines them: R = Rz(y) Ry(p) Rx(r).
+/// A robot in URDF with a link for the body and a link for each scanner, connected by fixed joints.
+/// `rpy` are radians about the fixed axes x, y, z, as URDF defines them: R = Rz(y) Ry(p) Rx(r).
 ///
 /// # Errors
-/// Names that are empty, equal or cannot be names of frames, and transforms that are not finite.
+/// Names that are empty, equal or not valid as names of frames; transforms that are not finite.
 pub fn urdf(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<String> {
     check(body, scanners)?;
     let body = xml(body);
@@ -45,7 +45,7 @@ pub fn urdf(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<String
 /// scanner, with the body as its parent.
 ///
 /// # Errors
-/// As [`urdf`].
+/// Those of [`urdf`].
 pub fn ros_launch(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<String> {
     check(body, scanners)?;
     let mut text =
@@ -53,7 +53,7 @@ pub fn ros_launch(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<
                     def generate_launch_description():\n    return LaunchDescription([\n"
             .to_owned();
     for (i, (name, mounting)) in scanners.iter().enumerate() {
-        // Names of nodes have letters, digits and underscores only.
+        // Names of nodes may have letters, digits and underscores only.
         let word = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let node: String = name.chars().map(word).collect();
         text += &format!(
@@ -87,7 +87,7 @@ pub fn ros_launch(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<
 /// The same transforms in YAML, with the fields of a `tf2_msgs/msg/TFMessage`.
 ///
 /// # Errors
-/// As [`urdf`].
+/// Those of [`urdf`].
 pub fn ros_transforms(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<String> {
     check(body, scanners)?;
     if scanners.is_empty() {
@@ -113,7 +113,7 @@ pub fn ros_transforms(body: &str, scanners: &[(String, BodyFromScanner)]) -> Res
     Ok(text)
 }
 
-/// A stage of PDAL in the order of its JSON.
+/// A stage of a PDAL pipeline, with its fields in the order of the JSON.
 #[derive(Serialize)]
 struct Stage {
     #[serde(rename = "type")]
@@ -127,9 +127,9 @@ struct Pipeline {
     pipeline: [Stage; 1],
 }
 
-/// A pipeline of PDAL that takes the points of one scanner to the frame of the body:
+/// A pipeline of PDAL that transforms the points of one scanner to the frame of the body:
 /// `filters.transformation` with body_from_scanner as a row-major 4 × 4 matrix. It has no reader and
-/// no writer, so it serves `pdal translate scanner.las body.las --json mounting.json`.
+/// no writer, for use in `pdal translate scanner.las body.las --json mounting.json`.
 ///
 /// # Errors
 /// A transform that is not finite.
@@ -154,14 +154,14 @@ pub fn pdal_pipeline(mounting: &BodyFromScanner) -> Result<String> {
     Ok(text.unwrap_or_default() + "\n")
 }
 
-/// Names that tf2 and the quoting of all these formats can carry.
+/// Checks that tf2 and all these formats can represent the names, and that the mountings are finite.
 fn check(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<()> {
-    let mut seen = BTreeSet::new();
+    let mut names = BTreeSet::new();
     for name in std::iter::once(body).chain(scanners.iter().map(|(name, _)| name.as_str())) {
         let breaks = |c: char| {
             c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{fffe}' | '\u{ffff}')
         };
-        let why = if name.is_empty() {
+        let reason = if name.is_empty() {
             "a frame without a name"
         } else if name.contains(breaks) {
             "it has control characters"
@@ -169,14 +169,14 @@ fn check(body: &str, scanners: &[(String, BodyFromScanner)]) -> Result<()> {
             "it begins or ends with a space"
         } else if name.starts_with(['/', '-']) {
             "it begins with / or -"
-        } else if !seen.insert(name) {
+        } else if !names.insert(name) {
             "two frames have this name"
         } else {
             continue;
         };
         return Err(Error::data(
-            format!("the name {name:?} of a frame cannot be used: {why}"),
-            "name the body and its scanners by different words, such as base_link and left",
+            format!("the name {name:?} of a frame cannot be used: {reason}"),
+            "give the body and its scanners different names, such as base_link and left",
         ));
     }
     let mut mountings = scanners.iter();
@@ -190,12 +190,12 @@ fn check_finite(name: &str, mounting: &BodyFromScanner) -> Result<()> {
     }
     Err(Error::data(
         format!("the mounting of {name} is not finite"),
-        "write a mounting that was determined",
+        "write a mounting whose values are known",
     ))
 }
 
-/// A number with a decimal point and without an exponent: readers of YAML take `1` for an integer
-/// and `1e-7` for a text.
+/// A number with a decimal point and without an exponent: YAML reads `1` as an integer and `1e-7` as a
+/// string.
 fn decimal(value: f64) -> String {
     // Minus zero becomes zero.
     let mut text = (value + 0.0).to_string();
@@ -205,12 +205,12 @@ fn decimal(value: f64) -> String {
     text
 }
 
-/// A string in double quotes, as JSON, YAML and Python read it.
+/// A string in double quotes that JSON, YAML and Python all read.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }
 
-/// The value of an attribute.
+/// Text escaped as the value of an XML attribute.
 fn xml(text: &str) -> String {
     let mut escaped = String::new();
     for c in text.chars() {

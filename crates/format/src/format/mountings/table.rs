@@ -1,4 +1,4 @@
-//! The mountings by time that a run writes as `mounting.csv`: told, so that they are not taken for profiles.
+//! The mountings by time that a run writes as `mounting.csv`. They are detected so that they are not read as profiles.
 
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::table::Columns;
@@ -17,7 +17,7 @@ mod tests {
     use crate::format::{detect, inspect};
 
     #[test]
-    fn mountings_by_time_are_no_profiles() {
+    fn mountings_by_time_are_not_profiles() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("mounting.csv");
         let text = "time_s,scanner,x_m,y_m,z_m,qx,qy,qz,qw\n1,left,0,0,1,0,0,0,1\n";

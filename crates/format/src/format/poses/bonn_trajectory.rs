@@ -1,4 +1,4 @@
-//! Trajectories of the Bonn robot, `.trj`: 16 numbers per line, or the first 10 of them, `#` comments.
+//! Trajectories of the Bonn robot, `.trj`: 16 numbers per line, or only the first 10 of them; `#` begins a comment.
 //!
 //! time (s), x y z (m), velocity (m/s, 3), roll pitch yaw (rad; R = Rz(yaw) Ry(pitch) Rx(roll)
 //! rotates from the body to the axes of x y z), accelerometer bias (m/s², 3), gyro bias (rad/s, 3).
@@ -26,7 +26,7 @@ pub(crate) const TRJ: Kind = Kind {
 const LONG: usize = 16;
 const SHORT: usize = 10;
 
-/// Reads a `.trj`: all lines are of one length.
+/// Reads a `.trj`; all lines must have as many numbers as the first.
 pub(crate) fn read(path: &Path) -> Result<Vec<PoseRecord>> {
     match first_width(path)? {
         SHORT => read_lines::<SHORT>(path, |row, _| Ok(pose(row))),
@@ -43,7 +43,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<PoseRecord>> {
     }
 }
 
-/// How many numbers the first line has.
+/// The number of numbers in the first line.
 fn first_width(path: &Path) -> Result<usize> {
     let (mut lines, mut cells) = (Lines::open(path)?, Vec::new());
     lines.next_numbers(

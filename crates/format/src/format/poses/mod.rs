@@ -1,4 +1,4 @@
-//! Poses, and what projects them.
+//! Trajectories.
 
 pub(super) mod bonn_trajectory;
 pub(super) mod sbet;

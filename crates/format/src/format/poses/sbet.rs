@@ -51,7 +51,7 @@ pub(crate) const SBET: Kind = Kind {
     ..Kind::new("sbet", "trajectory (SBET, geographic)")
 };
 
-/// Says what to do instead; damage is reported first.
+/// Refuses geographic poses and names the remedy; damage to the file is reported first.
 fn refuse(path: &Path) -> Result<Vec<PoseRecord>> {
     for_each(path, |_| ())?;
     Err(Error::data(
@@ -90,7 +90,7 @@ pub(crate) fn for_each(path: &Path, mut take: impl FnMut(&[f64; 17])) -> Result<
     })
 }
 
-/// Calls `take` with every record and the byte at which it begins, until it fails.
+/// Calls `take` with the byte offset of every record and the record, until it fails.
 fn try_for_each(path: &Path, mut take: impl FnMut(u64, &[f64; 17]) -> Result<()>) -> Result<()> {
     let mut bytes = Bytes::open(path)?;
     let mut buffer = [0; RECORD];
@@ -114,7 +114,7 @@ fn try_for_each(path: &Path, mut take: impl FnMut(u64, &[f64; 17]) -> Result<()>
 ///
 /// # Errors
 /// A file that is cut off or has numbers that are not finite, times that do not increase, positions
-/// outside `system`, no records; each with its byte.
+/// outside `system`, no records. Errors of a record name its byte.
 pub fn read_sbet(path: &Path, system: &Projection) -> Result<Vec<PoseRecord>> {
     let mut records: Vec<PoseRecord> = Vec::new();
     try_for_each(path, |at, values| {

@@ -1,4 +1,4 @@
-//! Poses as SBET, for programs that take trajectories in that form.
+//! Writer of SBET, for programs that read trajectories in that format.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -9,10 +9,10 @@ use crate::geometry::attitude::roll_pitch_heading;
 use crate::geometry::{GridPoint, Projection, Rotation, Vec3, so3};
 use crate::sensor::PoseRecord;
 
-/// Smaller numbers are rounding errors, and readers that tell SBET by its numbers refuse them.
+/// Smaller numbers are rounding errors. Readers that detect SBET by its numbers reject them.
 const LEAST: f64 = 1e-12;
 
-/// A pose against true north, and where it is.
+/// A pose relative to true north, at a geographic position.
 struct Level {
     time_s: f64,
     latitude_rad: f64,
@@ -24,19 +24,19 @@ struct Level {
     velocity_m_s: Vec3,
 }
 
-/// Writes poses in the projected coordinates of `system`, of a body with x forward, y left, z up,
-/// which [`read_sbet`](crate::format::read_sbet) reads back to 0.1 mm and 1e-7 rad. The third coordinate is
+/// Writes poses in the projected coordinates of `system`, for a body with x forward, y left, z up.
+/// [`read_sbet`](crate::format::read_sbet) reads them back to 0.1 mm and 1e-7 rad. The third coordinate is
 /// written as ellipsoidal height, times as they are.
 ///
 /// The wander angle is 0: platform headings are true headings, velocities are to the north, west and
-/// up. Velocities and angular rates are central differences of the poses, one-sided at both ends,
-/// whatever velocities the poses have; accelerations are the same of these velocities, along the axes
-/// of the body, without gravity. Accelerations and rates are of x forward, y right, z down, and
-/// relative to the ground, without the rotation of the earth.
+/// up. Velocities and angular rates are central differences of the poses, one-sided at both ends;
+/// velocities of the poses themselves are not used. Accelerations are the same differences of these
+/// velocities, along the axes of the body, without gravity. Accelerations and rates have the axes x
+/// forward, y right, z down, and are relative to the ground, without the rotation of the earth.
 ///
 /// # Errors
 /// The file cannot be written; numbers that are not finite, times that do not increase, or positions
-/// outside `system`, all before anything is written.
+/// outside `system`, which are found before anything is written.
 pub fn write_sbet(path: &Path, poses: &[PoseRecord], system: &Projection) -> Result<()> {
     let levels = levels(poses, system)?;
     let file = File::create(path).map_err(|e| Error::io(path, e))?;
@@ -53,15 +53,15 @@ pub fn write_sbet(path: &Path, poses: &[PoseRecord], system: &Projection) -> Res
     write().map_err(|e| Error::io(path, e))
 }
 
-/// The neighbours of pose `i` of `count` and the poses between which differences are taken.
+/// The indices of the neighbours of pose `i` of `count`, between which differences are taken.
 fn around(i: usize, count: usize) -> (usize, usize) {
     (i.saturating_sub(1), (i + 1).min(count.saturating_sub(1)))
 }
 
 fn levels(poses: &[PoseRecord], system: &Projection) -> Result<Vec<Level>> {
-    let refused = |time_s: f64, why: String| {
+    let refused = |time_s: f64, reason: String| {
         Error::data(
-            format!("pose at {time_s} s: {why}"),
+            format!("pose at {time_s} s: {reason}"),
             "write poses in the projected coordinates of the system",
         )
     };
@@ -69,7 +69,7 @@ fn levels(poses: &[PoseRecord], system: &Projection) -> Result<Vec<Level>> {
     let mut levels = Vec::with_capacity(poses.len());
     for (i, pose) in poses.iter().enumerate() {
         let (time_s, t) = (pose.time_s, pose.world_from_body.translation_m);
-        // Not a number must fail.
+        // NaN must fail.
         if !(time_s > last_s && time_s.is_finite()) {
             return Err(refused(time_s, format!("it follows {last_s} s")));
         }
@@ -118,7 +118,7 @@ fn grid_velocity_m_s(poses: &[PoseRecord], i: usize) -> Vec3 {
     }
 }
 
-/// Without the scale of the projection.
+/// A velocity without the scale of the projection.
 fn true_size(v: &Vec3, point: &GridPoint) -> Vec3 {
     Vec3::new(v.x / point.scale, v.y / point.scale, v.z)
 }

@@ -55,13 +55,13 @@ pub(crate) const TUM: Kind = Kind {
     ..Kind::new("tum", "trajectory (TUM)")
 };
 
-/// The names of its columns in a comment, as its writers give them.
+/// Column names of TUM, as programs write them in a comment.
 pub(crate) const TUM_COLUMNS: [&str; 8] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 /// Tolerance of the length of a quaternion: four decimals stay within it.
 const QUATERNION_SLACK: f64 = 1e-3;
 
-/// The rotation of a quaternion; its bits are kept if its length is 1.
+/// The rotation of a quaternion, or its length if that is not 1. A quaternion of unit length is kept bit by bit.
 fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
     let length = q.norm();
@@ -149,8 +149,8 @@ pub(crate) fn read_lines<const N: usize>(
     Ok(records)
 }
 
-/// Writes the native table, read back bit by bit by [`read_trajectory`](crate::format::read_trajectory);
-/// velocities, biases and standard deviations as columns where any pose has them.
+/// Writes the native table, which [`read_trajectory`](crate::format::read_trajectory) reads back bit by bit.
+/// Velocities, biases and standard deviations get columns if any pose has them.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -176,8 +176,9 @@ pub fn write_trajectory(path: &Path, poses: &[PoseRecord]) -> Result<()> {
     })
 }
 
-/// Writes `timestamp tx ty tz qx qy qz qw` below a comment that names these columns, read back bit
-/// by bit by [`read_trajectory`](crate::format::read_trajectory). What else the poses hold is not written.
+/// Writes `timestamp tx ty tz qx qy qz qw` below a comment that names these columns;
+/// [`read_trajectory`](crate::format::read_trajectory) reads it back bit by bit. Velocities, biases and standard
+/// deviations are not written.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -191,7 +192,7 @@ pub fn write_tum(path: &Path, poses: &[PoseRecord]) -> Result<()> {
                 &pose.world_from_body.translation_m,
                 &pose.world_from_body.rotation,
             );
-            // The shortest form that reads back as the same number.
+            // Numbers are written in the shortest form that reads back as the same number.
             writeln!(
                 out,
                 "{} {} {} {} {} {} {} {}",
@@ -228,7 +229,7 @@ mod tests {
         assert_eq!(found, poses);
         let bits = |pose: &PoseRecord| pose.world_from_body.translation_m.map(f64::to_bits);
         assert!(found.iter().map(bits).eq(poses.iter().map(bits)));
-        // What TUM has no columns for is left out.
+        // TUM has no columns for velocities, so they are left out.
         poses[0].velocity_m_s = Some(Vec3::x());
         write_tum(&path, &poses).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), text);

@@ -17,15 +17,15 @@ use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
 
-/// File z = scanner z + this.
+/// z in the file is z in the scanner frame plus this, metres.
 pub(super) const STAND_OFF_M: f64 = 1.150;
-/// Marks a point that was not measured.
+/// Raw coordinate of a point that was not measured.
 const INVALID: i16 = i16::MIN;
-/// Bytes before the count of x values: the width is the last of them.
+/// Bytes before the count of x values; the width is the last field.
 const HEAD: usize = 56;
 /// Bytes from the speed to the width of the intensities.
 const MIDDLE: usize = 24;
-/// More points than any profile scanner measures at once; keeps damaged files from claiming
+/// More points than any profile scanner measures at once; it keeps damaged files from claiming
 /// gigabytes.
 const WIDEST: u32 = 1 << 16;
 /// Beyond the range of any profile scanner; damaged scales and offsets exceed it.
@@ -72,7 +72,7 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
         && u32_at(start, HEAD) == u32_at(start, 52)
 }
 
-/// The record at the beginning of these bytes, if its time fits and all of it is there.
+/// The record at the beginning of these bytes, if its time fits and it is complete.
 fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord> {
     let head = bytes.get(..HEAD).and_then(|head| Head::parse(head).ok())?;
     if !fits(head.time_s) {
@@ -81,16 +81,16 @@ fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord>
     let width = head.width as usize;
     let xs = HEAD + 4 + 2 * width;
     let zs = xs + 4 + 2 * width;
-    let shades = zs + MIDDLE;
+    let intensities = zs + MIDDLE;
     let count = |at: usize| Some(u32_at(bytes.get(..at + 4)?, at) as usize);
-    let shaded = count(shades - 4)?;
-    let is_one = width > 0
+    let intensity_count = count(intensities - 4)?;
+    let is_consistent = width > 0
         && count(HEAD)? == width
         && count(xs)? == width
-        && count(shades)? == shaded
-        && (shaded == width || shaded == 0);
-    let length = shades + 4 + shaded;
-    (is_one && length <= bytes.len()).then_some(WholeRecord {
+        && count(intensities)? == intensity_count
+        && (intensity_count == width || intensity_count == 0);
+    let length = intensities + 4 + intensity_count;
+    (is_consistent && length <= bytes.len()).then_some(WholeRecord {
         length,
         time_s: head.time_s,
     })
@@ -107,7 +107,7 @@ struct Head {
 }
 
 impl Head {
-    /// Parses and checks the head; otherwise the offending byte, what was found and what was
+    /// Parses and checks the head. The error holds the offending byte, the text found and the text
     /// expected.
     fn parse(bytes: &[u8]) -> std::result::Result<Self, (usize, String, String)> {
         let offset = |at| f64::from(i32::from_le_bytes(word(bytes, at))) * 1e-6;
@@ -179,8 +179,8 @@ impl BonnReader {
                 at,
                 format!("only {left} bytes left in the file"),
                 format!(
-                    "{n} more bytes of the profile that starts at byte {} (boresight salvage copies what is \
-                     whole)",
+                    "{n} more bytes of the profile that starts at byte {} (boresight salvage copies the \
+                     undamaged profiles)",
                     self.start
                 ),
             ));
@@ -227,15 +227,15 @@ impl BonnReader {
         let xs = self.take_values(head.width, 2, "x")?;
         let zs = self.take_values(head.width, 2, "z")?;
         let middle = self.take(MIDDLE)?;
-        let shades = u32_at(&self.record, middle + 20);
-        if shades != head.width && shades != 0 {
+        let intensity_count = u32_at(&self.record, middle + 20);
+        if intensity_count != head.width && intensity_count != 0 {
             return Err(self.error(
                 middle + 20,
-                format!("{shades} intensities"),
+                format!("{intensity_count} intensities"),
                 format!("0 or {}, the width of the profile", head.width),
             ));
         }
-        let intensities = self.take_values(shades, 1, "intensity")?;
+        let intensities_at = self.take_values(intensity_count, 1, "intensity")?;
 
         let width = head.width as usize;
         let raw = |at: usize| {
@@ -243,18 +243,19 @@ impl BonnReader {
                 .chunks_exact(2)
                 .map(|pair| i16::from_le_bytes([pair[0], pair[1]]))
         };
-        let shades = self.record[intensities..].iter().copied();
-        let rays = raw(xs).zip(raw(zs)).zip(shades.chain(std::iter::repeat(0)));
+        let intensities = self.record[intensities_at..].iter().copied();
+        let padded = intensities.chain(std::iter::repeat(0));
+        let rays = raw(xs).zip(raw(zs)).zip(padded);
         into.extend(
             rays.filter(|((x, z), _)| *x != INVALID && *z != INVALID)
-                .map(|((x, z), shade)| ScanPoint {
+                .map(|((x, z), intensity)| ScanPoint {
                     time_s: head.time_s,
                     position_m: Vec3::new(
                         f64::from(x) * head.x_scale_m + head.x_offset_m,
                         0.0,
                         f64::from(z) * head.z_scale_m + head.z_offset_m - STAND_OFF_M,
                     ),
-                    intensity: f32::from(shade),
+                    intensity: f32::from(intensity),
                 }),
         );
         Ok(true)
@@ -281,8 +282,8 @@ impl ProfileReader for BonnReader {
     }
 }
 
-/// Writes a recording in the Gocator format: 16-bit coordinates with a scale and an offset, chosen
-/// here for every profile so that the step is as small as its extent allows (30 µm for a profile 2
+/// Writes a recording in this format: 16-bit coordinates with a scale and an offset. These are chosen
+/// for every profile so that the step is as small as its extent allows (30 µm for a profile 2
 /// m wide; the error of a coordinate is at most half a step and half a micrometre).
 #[derive(Debug)]
 pub struct BonnWriter {
@@ -320,8 +321,8 @@ impl BonnWriter {
         })
     }
 
-    /// Appends a profile: for every ray x and z in the scanner frame (m) and the intensity, or
-    /// `None` if nothing was measured. The writer counts the frames.
+    /// Appends a profile: for every ray, x and z in the scanner frame (m) and the intensity, or
+    /// `None` if nothing was measured. The writer numbers the frames.
     ///
     /// # Errors
     /// Times or coordinates outside the range of the format (not finite, beyond a kilometre), too
@@ -378,8 +379,9 @@ impl BonnWriter {
             let z = point.map_or(INVALID, |p| raw(p.1 + STAND_OFF_M, z0, dz));
             record.extend(z.to_le_bytes());
         }
-        for nothing in [0i64; 2] {
-            record.extend(nothing.to_le_bytes());
+        // Speed and drops.
+        for unused in [0i64; 2] {
+            record.extend(unused.to_le_bytes());
         }
         for count in [1, width, width] {
             record.extend(count.to_le_bytes());

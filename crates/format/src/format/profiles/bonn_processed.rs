@@ -1,4 +1,4 @@
-//! Processed recordings of the Bonn group, `.bin`: one little-endian record per profile, of points that were
+//! Processed recordings of the Bonn group, `.bin`: one little-endian record per profile, with the points that were
 //! measured and not masked.
 //!
 //! f64 time (s); u32 n; f32 x\[n\], y\[n\], z\[n\] in the scanner frame (mm); u32 intensity\[n\].
@@ -13,14 +13,14 @@ use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
 
-/// Bytes of time and count, and of a point.
+/// Bytes of time and count, and bytes of a point.
 const HEAD: usize = 12;
 const POINT: usize = 16;
 /// More points than any profile scanner measures at once.
 const WIDEST: u32 = 1 << 16;
 /// Beyond the range of any profile scanner, millimetres.
 const FARTHEST_MM: f32 = 1e5;
-/// Profiles of one recording that follow each other are not further apart, seconds.
+/// Longest interval between successive profiles of one recording, seconds.
 const LONGEST_PAUSE_S: f64 = 3600.0;
 
 pub(crate) const RECORDING: Kind = Kind {
@@ -38,7 +38,7 @@ fn number(bytes: &[u8], at: usize, kind: Number) -> f64 {
     kind.read(&bytes[at..], false)
 }
 
-/// Time and number of points of a record, if they can be.
+/// Time and number of points of a record, if they are plausible.
 fn head(bytes: &[u8]) -> Option<(f64, u32)> {
     if bytes.len() < HEAD {
         return None;
@@ -49,7 +49,7 @@ fn head(bytes: &[u8]) -> Option<(f64, u32)> {
     (is_time && count <= WIDEST).then_some((time_s, count))
 }
 
-/// Whether the first record, and the second as far as it is there, could be of such a file.
+/// Whether a file may begin with these bytes: the first record and the head of the second, if present, are plausible.
 fn looks_like(start: &Start<'_>) -> bool {
     let Some((first_s, count)) = head(start.bytes) else {
         return false;
@@ -58,22 +58,22 @@ fn looks_like(start: &Start<'_>) -> bool {
     if length as u64 > start.size {
         return false;
     }
-    let whole = (start.bytes.len() - HEAD).min(12 * count as usize) / 4;
-    let coordinates = (0..whole).map(|i| number(start.bytes, HEAD + 4 * i, Number::F32));
+    let available = (start.bytes.len() - HEAD).min(12 * count as usize) / 4;
+    let coordinates = (0..available).map(|i| number(start.bytes, HEAD + 4 * i, Number::F32));
     let are_near = coordinates
         .into_iter()
         .all(|x| x.abs() < f64::from(FARTHEST_MM));
     let next = start.bytes.get(length..).filter(|rest| rest.len() >= HEAD);
-    let follows = match next {
+    let is_followed = match next {
         Some(rest) => head(rest)
             .is_some_and(|(next_s, _)| next_s >= first_s && next_s - first_s < LONGEST_PAUSE_S),
-        // Only the first profile is seen: it must say something.
+        // Only the first profile is available: it must not be empty.
         None => count > 0,
     };
-    are_near && follows && (count > 0 || first_s > 0.0)
+    are_near && is_followed && (count > 0 || first_s > 0.0)
 }
 
-/// The record at the beginning of these bytes, if its time fits, all of it is there, and its coordinates can be.
+/// The record at the beginning of these bytes, if its time fits, it is complete, and its coordinates are plausible.
 fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord> {
     let (time_s, count) = head(bytes).filter(|(time_s, _)| fits(*time_s))?;
     let n = count as usize;
@@ -82,7 +82,7 @@ fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord>
     let are_near = coordinates
         .into_iter()
         .all(|bytes| number(bytes, 0, Number::F32).abs() < f64::from(FARTHEST_MM));
-    // Nothing but zeros would do for an empty profile at no time.
+    // Zeros alone would pass for an empty profile at time 0.
     (are_near && (n > 0 || time_s > 0.0)).then_some(WholeRecord { length, time_s })
 }
 
@@ -139,18 +139,17 @@ impl ProcessedReader {
         self.bytes
             .take(&mut self.record, "the points of a profile")?;
         for i in 0..n {
-            let of_block = |block: usize| 4 * (block * n + i);
-            let [x, y, z] =
-                [0, 1, 2].map(|block| number(&self.record, of_block(block), Number::F32));
+            let index = |block: usize| 4 * (block * n + i);
+            let [x, y, z] = [0, 1, 2].map(|block| number(&self.record, index(block), Number::F32));
             let position_m = Vec3::new(x, y, z) * 1e-3;
-            // Not a number is not near.
+            // NaN is not near.
             let is_near = position_m.norm() < 1e-3 * f64::from(FARTHEST_MM);
             if !is_near {
                 let found = format!("the point {x}, {y}, {z} mm");
-                let at = at + (HEAD + of_block(0)) as u64;
+                let at = at + (HEAD + index(0)) as u64;
                 return Err(error(&mut self.bytes, at, found, "coordinates below 100 m"));
             }
-            let intensity = number(&self.record, of_block(3), Number::U32) as f32;
+            let intensity = number(&self.record, index(3), Number::U32) as f32;
             into.push(ScanPoint {
                 time_s,
                 position_m,

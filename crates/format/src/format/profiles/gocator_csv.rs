@@ -1,7 +1,7 @@
 //! Profiles of LMI Gocator line profile sensors, exported from recorded data as CSV (Gocator Line Profile Sensors User
 //! Manual, "CSV Converter Tool", which describes version 2 of the file).
 //!
-//! The file consists of blocks: a line with the name, lines of headers and values, a line `End`.
+//! The file consists of blocks. A block is a line with its name, lines of headers and values, and a line `End`.
 //!
 //! | block | content |
 //! |---|---|
@@ -10,25 +10,26 @@
 //! | `Profile` | uniform spacing: x (mm) in the header, rows of z (mm) or of intensities |
 //! | `RawProfile` | point cloud profiles: rows of x (mm), of z (mm) or of intensities |
 //!
-//! A block of profiles begins with `Frame Count, Column Count, X Offset, Y Offset, Z Offset` and their values. Then
-//! follow `Frame, Source, Time, Encoder, Z Encoder, Inputs, Exposure, Y, Axis` and the columns of the profile; a profile
-//! has one row for each `Axis`: `X`, `Z` or `I`. Other blocks (`Ranges`, `Part`, `Surface`, …) are skipped: a surface has
-//! one time for all its lines.
+//! A block of profiles begins with `Frame Count, Column Count, X Offset, Y Offset, Z Offset` and their values. The next
+//! header has `Frame, Source, Time, Encoder, Z Encoder, Inputs, Exposure, Y, Axis` and the columns of the profile; a
+//! profile has one row for each `Axis`: `X`, `Z` or `I`. Other blocks (`Ranges`, `Part`, `Surface`, …) are skipped: a
+//! surface has one time for all its lines.
 //!
-//! Not in the manual, but in a file of a snapshot sensor with a block `Part`: a point that was not measured is an empty
-//! cell, and coordinates contain the offsets of the block. Both are taken to hold for profiles; columns that do not
-//! begin at the X Offset are refused. `-`, which marks an absent value in `DeviceInfo`, is taken for an empty cell.
+//! Two facts are not in the manual, but come from a file of a snapshot sensor with a block `Part`: a point that was not
+//! measured is an empty cell, and coordinates contain the offsets of the block. Both are assumed for profiles too;
+//! columns that do not begin at the X Offset are refused. `-`, which marks an absent value in `DeviceInfo`, is read as an
+//! empty cell.
 //!
 //! # Frame
-//! The axes stay those of the sensor: x along the laser line, z towards the sensor; millimetres become metres, and the
-//! origin is that of the file. `Y` is not read: a profile lies in the plane y = 0. The transform of the alignment is
-//! taken to be applied to the data; one that tilts the profile out of this plane is refused, because y of each point is
-//! not in the file.
+//! The axes are those of the sensor: x along the laser line, z towards the sensor; millimetres become metres, and the
+//! origin is that of the file. `Y` is not read: a profile lies in the plane y = 0. The data are assumed to contain the
+//! transform of the alignment. A transform that tilts the profile out of this plane is refused, because the file does
+//! not have y of each point.
 //!
 //! # Times
-//! The maker gives the unit of the time stamps as 1/1.024 µs of the sensor's clock (knowledge base, "Unit of timestamp
-//! in Gocator CSV export file", firmware 3 and 4; `GoStamp` of the SDK 5.3); the manual gives none. If the first two
-//! profiles are a period of the trigger apart in microseconds, microseconds are read instead.
+//! The manufacturer gives the unit of the time stamps as 1/1.024 µs of the sensor's clock (knowledge base, "Unit of
+//! timestamp in Gocator CSV export file", firmware 3 and 4; `GoStamp` of the SDK 5.3); the manual gives none. If the
+//! interval of the first two profiles, read in microseconds, is a period of the trigger, microseconds are used instead.
 
 use std::path::{Path, PathBuf};
 
@@ -45,16 +46,16 @@ mod blocks;
 #[cfg(test)]
 mod tests;
 
-/// The maker's unit of time.
+/// The manufacturer's unit of time.
 const TICK_S: f64 = 1e-6 / 1.024;
-/// A trigger rate fits a unit of time this well, relatively; the units differ by 0.024.
+/// Relative tolerance within which a trigger rate fits a unit of time; the units differ by 0.024.
 const RATE_SLACK: f64 = 0.005;
 
 pub(crate) const EXPORT: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
     profiles: Some(|path| Ok(Box::new(GocatorCsv::open(path)?))),
     frame: Frame::OfFile(|path| Ok(GocatorCsv::open(path)?.describe_frame())),
-    note: "read as the maker describes it: no file of a real line sensor with profiles was at hand",
+    note: "read as the manufacturer describes it: no file of a real line sensor with profiles was available",
     ..Kind::new("gocator-csv", "profiles (Gocator CSV export)")
 };
 
@@ -92,27 +93,27 @@ impl GocatorCsv {
         Ok(reader)
     }
 
-    /// Goes to the first row of the profiles; also returns the trigger rate, hertz.
+    /// Opens a file at the first row of its profiles; also returns the trigger rate, hertz.
     fn at_rows(path: &Path) -> Result<(Self, Option<f64>)> {
         let mut lines = Lines::open(path)?;
         let mut rate_hz = None;
-        let mut tilted = None;
-        let mut others = Vec::new();
+        let mut tilt_error = None;
+        let mut block_names = Vec::new();
         loop {
             if !lines.advance()? {
                 return Err(Error::format(
                     path,
                     Location::Whole,
-                    format!("the blocks {}", others.join(", ")),
+                    format!("the blocks {}", block_names.join(", ")),
                     "a block Profile or RawProfile: surfaces and ranges have no profiles with times",
                 ));
             }
             match lines.text().to_owned().as_str() {
                 "" => {}
                 "Info" => rate_hz = read_info(&mut lines)?,
-                "DeviceInfo" => tilted = tilt(&mut lines)?,
+                "DeviceInfo" => tilt_error = tilt(&mut lines)?,
                 block @ ("Profile" | RAW) => {
-                    if let Some(error) = tilted {
+                    if let Some(error) = tilt_error {
                         return Err(error);
                     }
                     let layout = Layout::read(&mut lines, block)?;
@@ -132,16 +133,16 @@ impl GocatorCsv {
                 block => {
                     let block: String = block.chars().take(40).collect();
                     skip(&mut lines, &block)?;
-                    if others.len() < 10 {
-                        others.push(block);
+                    if block_names.len() < 10 {
+                        block_names.push(block);
                     }
                 }
             }
         }
     }
 
-    /// The unit of the time stamps, seconds: that of the maker, unless the first two profiles are a period of the
-    /// trigger apart in microseconds.
+    /// The unit of the time stamps, seconds: the manufacturer's, unless the interval of the first two profiles in
+    /// microseconds is a period of the trigger.
     fn tick_s(&mut self, rate_hz: f64) -> Result<f64> {
         let Some(first) = self.next_row()? else {
             return Ok(TICK_S);
@@ -159,8 +160,8 @@ impl GocatorCsv {
 
     fn describe_frame(&self) -> String {
         let clock = match self.tick_s == TICK_S {
-            true => "1/1.024 µs (the maker's unit)",
-            false => "microseconds (found from the trigger rate)",
+            true => "1/1.024 µs (the manufacturer's unit)",
+            false => "microseconds (derived from the trigger rate)",
         };
         format!(
             "millimetres (the format), times in {clock} of the sensor's clock; scanner frame: x along the laser line, \
@@ -168,7 +169,7 @@ impl GocatorCsv {
         )
     }
 
-    /// The next row; `None` behind the last one.
+    /// The next row; `None` after the last one.
     fn next_row(&mut self) -> Result<Option<Row>> {
         if let Some(row) = self.next.take() {
             return Ok(Some(row));
@@ -213,7 +214,7 @@ impl GocatorCsv {
             let found = format!("frame {frame} without a row of its coordinates");
             return Err(self
                 .lines
-                .error(found, "a row Z, and X of point cloud profiles"));
+                .error(found, "a row Z, and a row X for point cloud profiles"));
         };
         for (i, (x, z)) in x_mm.iter().zip(&z_mm).enumerate() {
             if x.is_nan() || z.is_nan() {
@@ -233,13 +234,13 @@ impl GocatorCsv {
         Ok(true)
     }
 
-    /// Checks that a profile follows the one before it and is of the same sensor.
+    /// Checks that a profile is not earlier than the last one and comes from the same sensor.
     fn check_order(&mut self, source: f64, time_s: f64) -> Result<()> {
         let first = *self.source.get_or_insert(source);
         if source != first {
             return Err(self.lines.error(
                 format!("profiles of source {source} among those of source {first}"),
-                "one sensor in a file: export each on its own",
+                "one sensor per file: export each sensor separately",
             ));
         }
         if time_s < self.last_time_s {

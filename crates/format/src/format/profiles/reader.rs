@@ -5,8 +5,8 @@ use crate::sensor::ScanPoint;
 
 /// A recording of one scanner, read once from start to end.
 pub trait ProfileReader: Send {
-    /// Replaces the content of `into` by the next points in time order, about 200,000 at most;
-    /// returns false and leaves `into` empty at the end.
+    /// Replaces the content of `into` with the next points in time order, about 200,000 at most.
+    /// At the end, returns false and leaves `into` empty.
     ///
     /// # Errors
     /// Data that are damaged or violate the format; times that go backwards; a recording without

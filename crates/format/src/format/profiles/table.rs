@@ -23,7 +23,7 @@ pub(crate) const PROFILE_TABLE: Kind = Kind {
     ..Kind::new("profile-csv", "profiles (table)")
 };
 
-/// Opens `time_s, x_m, z_m`.
+/// Opens a native table, `time_s, x_m, z_m` and optionally `y_m`, `intensity`.
 pub(crate) fn open_table(path: &Path) -> Result<Box<dyn ProfileReader>> {
     Ok(Box::new(TableProfiles {
         table: Table::open(path, &PROFILES)?,
@@ -74,8 +74,8 @@ impl ProfileReader for TableProfiles {
     }
 }
 
-/// Writes profiles as a native table that [`open_profiles`](crate::format::open_profiles) reads back exactly, with `y_m` if any
-/// point is outside the profile plane.
+/// Writes profiles as a native table that [`open_profiles`](crate::format::open_profiles) reads back exactly, with
+/// `y_m` if any point is outside the profile plane.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -11,7 +11,7 @@ use super::walk::Walk;
 use super::wire::{Decoded, Encoding, Fault, Message};
 use crate::error::{Error, Result};
 
-/// More channels are damage.
+/// Largest accepted number of channels; a larger one is damage.
 const MOST_CHANNELS: usize = 1 << 16;
 
 /// A topic of a bag.
@@ -23,9 +23,9 @@ pub(crate) struct Topic {
     pub(crate) message_type: String,
     /// Number of messages.
     pub(crate) count: u64,
-    /// When the first and the last message were recorded, seconds; not the stamps of their headers.
+    /// Times at which the first and the last message were recorded, seconds; not the stamps in their headers.
     pub(crate) recorded_s: Option<(f64, f64)>,
-    /// How the messages are serialised.
+    /// Serialisation of the messages.
     pub(super) encoding: Encoding,
     /// The channels of the topic, in increasing order.
     pub(super) channels: Vec<u32>,
@@ -39,7 +39,7 @@ pub(super) fn topics(path: &Path) -> Result<Vec<Topic>> {
     Ok(Directory::from_messages(path)?.topics())
 }
 
-/// What a bag contains.
+/// The channels and schemas of a bag.
 #[derive(Default)]
 struct Directory {
     schemas: BTreeMap<u32, String>,
@@ -48,7 +48,7 @@ struct Directory {
 }
 
 impl Directory {
-    /// Reads the indices after the chunks without unpacking these; `None` if they are incomplete.
+    /// Reads the indices after the chunks without unpacking the chunks; `None` if the indices are incomplete.
     fn from_indices(path: &Path) -> Result<Option<Self>> {
         let mut walk = Walk::open(path)?;
         let mut directory = Self::default();
@@ -98,7 +98,7 @@ impl Directory {
         Ok(directory)
     }
 
-    /// Adds what a record of `walk` tells.
+    /// Adds the content of a record of `walk`.
     fn note(&mut self, record: Record<'_>, walk: &Walk) -> Result<()> {
         let (channel, span) = match record {
             Record::Schema { id, name } => {
@@ -120,27 +120,27 @@ impl Directory {
         self.check(self.spans.len(), walk)
     }
 
-    /// Refuses more channels than MCAP can count.
+    /// Checks that there are no more channels than MCAP can number.
     fn check(&self, channels: usize, walk: &Walk) -> Result<()> {
         if channels <= MOST_CHANNELS {
             return Ok(());
         }
         Err(walk.error(
             format!("more than {MOST_CHANNELS} channels"),
-            "fewer channels",
+            format!("at most {MOST_CHANNELS}"),
         ))
     }
 
-    /// The channels, those of one topic with the same type together.
+    /// The topics; channels of one topic with the same type are merged.
     fn topics(self) -> Vec<Topic> {
-        let mut found: BTreeMap<(String, String, Encoding), (Span, Vec<u32>)> = BTreeMap::new();
+        let mut merged: BTreeMap<(String, String, Encoding), (Span, Vec<u32>)> = BTreeMap::new();
         for (id, channel) in self.channels {
             let message_type = match channel.message_type {
                 TypeName::Known(name) => name,
                 TypeName::Schema(id) => self.schemas.get(&id).cloned().unwrap_or_default(),
             };
             let key = (channel.topic, short_type(&message_type), channel.encoding);
-            let (span, ids) = found.entry(key).or_default();
+            let (span, ids) = merged.entry(key).or_default();
             span.add(self.spans.get(&id).copied().unwrap_or_default());
             ids.push(id);
         }
@@ -153,26 +153,26 @@ impl Directory {
             encoding,
             channels,
         };
-        found.into_iter().map(topic).collect()
+        merged.into_iter().map(topic).collect()
     }
 }
 
-/// The messages of one topic in the order of the file, which is that of recording.
+/// The messages of one topic in the order of the file, which is the order of recording.
 pub(super) struct Messages {
     walk: Walk,
     topic: Topic,
     /// The records of the current chunk, or the content of a message outside of chunks.
     block: Vec<u8>,
-    /// Where the next record begins in it.
+    /// Start of the next record in the block.
     at: usize,
-    /// Where the current message is in it.
+    /// Range of the current message in the block.
     message: Range<usize>,
     /// Messages so far.
     count: u64,
 }
 
 impl Messages {
-    /// The messages of a topic of this bag, from its start.
+    /// Opens a bag before the first message of a topic.
     pub(super) fn open(path: &Path, topic: Topic) -> Result<Self> {
         Ok(Self {
             walk: Walk::open(path)?,
@@ -214,7 +214,7 @@ impl Messages {
     /// Goes to the next message of the current chunk; false at its end.
     fn advance_in_chunk(&mut self) -> Result<bool> {
         let mut rest = Cursor(&self.block[self.at..]);
-        let mut found = None;
+        let mut size = None;
         while let Some(raw) = self.walk.split(&mut rest)? {
             if raw.kind != Kind::Message {
                 continue;
@@ -222,16 +222,16 @@ impl Messages {
             if let Record::Message { channel, data, .. } = self.walk.parse(raw)?
                 && self.has(channel)
             {
-                found = Some(data.len());
+                size = Some(data.len());
                 break;
             }
         }
         self.at = self.block.len() - rest.0.len();
-        let Some(size) = found else {
+        let Some(size) = size else {
             self.at = self.block.len();
             return Ok(false);
         };
-        // A message ends where its record does.
+        // A message ends at the end of its record.
         self.message = self.at - size..self.at;
         Ok(true)
     }
@@ -256,7 +256,7 @@ impl Messages {
             .map_err(|fault| self.error(fault))
     }
 
-    /// A format error at the record with the current message, or its chunk.
+    /// A format error at the record of the current message, or at its chunk.
     pub(super) fn error(&self, fault: Fault) -> Error {
         let place = format!("message {} of {}", self.count, self.topic.name);
         self.walk

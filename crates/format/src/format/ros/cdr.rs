@@ -1,22 +1,22 @@
 //! The serialisation of ROS 2: Common Data Representation of the OMG (XCDR 1 and plain XCDR 2).
 //!
-//! Four bytes tell byte order and version. Numbers are aligned to their size, counted from the end
-//! of these four bytes; plain XCDR 2 aligns 64-bit numbers to 4 bytes. A string is its length with
-//! the final zero byte as u32, its bytes and the zero byte.
+//! The first four bytes give byte order and version. Numbers are aligned to their size, counted from
+//! the end of these four bytes; plain XCDR 2 aligns 64-bit numbers to 4 bytes. A string is its length
+//! including the final zero byte (u32), its bytes and the zero byte.
 
 use super::wire::{Decoded, Fault, Rest, Wire, stamp_s};
 
 /// A message being decoded.
 pub(super) struct Cdr<'a> {
-    /// After the four bytes.
+    /// Unread bytes after the first four.
     rest: Rest<'a>,
     big_endian: bool,
-    /// Numbers are aligned to their size, at most to this.
+    /// Largest alignment of a number, bytes.
     widest: usize,
 }
 
 impl<'a> Cdr<'a> {
-    /// Reads the four bytes at the start of a message.
+    /// Reads the first four bytes of a message.
     pub(super) fn new(bytes: &'a [u8]) -> Decoded<Self> {
         let kind = Rest::new(bytes).take(4)?;
         let (big_endian, widest) = match kind {
@@ -58,7 +58,7 @@ impl<'a> Wire<'a> for Cdr<'a> {
 
     fn text(&mut self) -> Decoded<&'a [u8]> {
         let text = self.bytes()?;
-        // Some writers give the empty string without its zero byte.
+        // Some writers write the empty string without its zero byte.
         Ok(text.strip_suffix(&[0]).unwrap_or(text))
     }
 

@@ -1,4 +1,4 @@
-//! The chunks of a bag: unpacked into their records.
+//! Unpacking of the chunks of a bag into records.
 
 use super::compression::unpack;
 use super::records::{Cursor, Raw};
@@ -8,8 +8,8 @@ use crate::error::Result;
 use crate::format::file;
 
 impl Walk {
-    /// Unpacks the last record, a chunk that was wanted, into `into`, and returns where its records
-    /// begin there.
+    /// Unpacks the last record, a chunk whose data were read, into `into`. Returns the start of its records
+    /// in `into`.
     pub(super) fn unpack(&mut self, into: &mut Vec<u8>) -> Result<usize> {
         let head = match self.container {
             Container::Mcap => mcap::chunk_head(&self.data),
@@ -20,7 +20,10 @@ impl Walk {
             return if self.is_cut {
                 Ok(0)
             } else {
-                Err(self.error("a chunk without a valid head", "size and compression"))
+                Err(self.error(
+                    "a chunk without a valid head",
+                    "a head with size and compression",
+                ))
             };
         };
         let (size, crc, start) = (head.size, head.crc, head.start);
@@ -34,7 +37,7 @@ impl Walk {
         if size > limit && !self.is_cut {
             return Err(self.too_large(size));
         }
-        // A chunk that was not completed does not tell its size.
+        // The head of an incomplete chunk does not have its size.
         let most = if self.is_cut { limit } else { size };
         let left = self.most_unpacked() - self.unpacked;
         if !self.is_cut && size > left {
@@ -62,13 +65,13 @@ impl Walk {
             ));
         };
         *into = unpacked.bytes;
-        // Not more than what was left.
+        // `unpack` returned at most `left` bytes, so this does not exceed the limit.
         self.unpacked += into.len() as u64;
         self.check(size, into.len() as u64, crc, into, unpacked.fault)?;
         Ok(0)
     }
 
-    /// Compares an unpacked chunk with what its head says, unless it is cut off.
+    /// Checks size and checksum of an unpacked chunk against its head, unless the chunk is cut off.
     fn check(
         &self,
         claimed: u64,
@@ -89,7 +92,7 @@ impl Walk {
         if found != claimed {
             return Err(self.error(
                 format!("a chunk of {found} bytes"),
-                format!("{claimed} bytes, as its head says"),
+                format!("{claimed} bytes, as in its head"),
             ));
         }
         if crc != 0 && crc32fast::hash(records) != crc {
@@ -101,7 +104,7 @@ impl Walk {
         Ok(())
     }
 
-    /// Takes the next record out of an unpacked chunk; `None` at its end.
+    /// Takes the next record from an unpacked chunk; `None` at its end.
     pub(super) fn split<'a>(&self, bytes: &mut Cursor<'a>) -> Result<Option<Raw<'a>>> {
         if bytes.0.is_empty() {
             return Ok(None);
@@ -111,7 +114,7 @@ impl Walk {
             None if self.is_cut => Ok(None),
             None => Err(self.error(
                 format!(
-                    "{} bytes at the end of a chunk that are no record",
+                    "{} bytes at the end of a chunk that are not a record",
                     bytes.0.len()
                 ),
                 "a record",

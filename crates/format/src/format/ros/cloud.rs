@@ -1,13 +1,13 @@
 //! Points of `sensor_msgs/PointCloud2` and `sensor_msgs/LaserScan` in the frame of the scanner.
 //!
-//! The time of a point of a cloud, by the type of its time field:
+//! The type of the time field determines the time of a point of a cloud:
 //! - integers of 32 bits are nanoseconds since the stamp of the header (Ouster `t`, Livox
 //!   `offset_time`);
-//! - numbers of 32 bits are seconds since the stamp (Velodyne `time`), negative if the stamp is that
-//!   of the end of the cloud;
-//! - numbers of 64 bits are seconds since the stamp if none exceeds 10, otherwise absolute times in
-//!   the power of 1000 of a second that brings them nearest to the stamp (seconds: Hesai and
-//!   RoboSense `timestamp`; nanoseconds: Livox `timestamp`).
+//! - floating-point numbers of 32 bits are seconds since the stamp (Velodyne `time`), negative if the
+//!   stamp is that of the end of the cloud;
+//! - floating-point numbers of 64 bits are seconds since the stamp if none exceeds 10, otherwise
+//!   absolute times in the power of 1000 of a second that brings them nearest to the stamp (seconds:
+//!   Hesai and RoboSense `timestamp`; nanoseconds: Livox `timestamp`).
 //!
 //! Without such a field every point has the time of the header. Points that are not finite, or zero
 //! in all coordinates, were not measured.
@@ -22,21 +22,21 @@ use crate::sensor::ScanPoint;
 const TIME_NAMES: [&str; 5] = ["t", "time", "timestamp", "time_stamp", "offset_time"];
 /// The names of intensity fields; an earlier name is preferred.
 const INTENSITY_NAMES: [&str; 2] = ["intensity", "reflectivity"];
-/// Longer than any cloud takes.
+/// More seconds than the points of any cloud span.
 const LONGEST_CLOUD_S: f64 = 10.0;
 
-/// A field that is used.
+/// A field of the points that is read.
 #[derive(Clone, Copy)]
-struct Place<'a> {
+struct PointField<'a> {
     name: &'a str,
     offset: usize,
     number: Number,
     big_endian: bool,
 }
 
-impl Place<'_> {
-    /// The value in a point; the field lies within it.
-    fn of(&self, point: &[u8]) -> f64 {
+impl PointField<'_> {
+    /// The value of the field in a point, which must contain the field.
+    fn value_in(&self, point: &[u8]) -> f64 {
         self.number.read(&point[self.offset..], self.big_endian)
     }
 }
@@ -58,7 +58,7 @@ fn number(datatype: u8) -> Option<Number> {
 
 impl<'a> PointCloud2<'a> {
     /// The first of the fields called `names` that the points have.
-    fn place(&self, names: &[&'static str]) -> Decoded<Option<Place<'static>>> {
+    fn field(&self, names: &[&'static str]) -> Decoded<Option<PointField<'static>>> {
         for name in names.iter().copied() {
             let Some(field) = self.fields.iter().find(|f| f.name == name.as_bytes()) else {
                 continue;
@@ -75,7 +75,7 @@ impl<'a> PointCloud2<'a> {
                     "fields within the point",
                 ));
             }
-            return Ok(Some(Place {
+            return Ok(Some(PointField {
                 name,
                 offset,
                 number,
@@ -85,9 +85,9 @@ impl<'a> PointCloud2<'a> {
         Ok(None)
     }
 
-    /// As [`place`](Self::place) for a coordinate, which must exist.
-    fn axis(&self, name: &'static str) -> Decoded<Place<'static>> {
-        self.place(&[name])?.ok_or_else(|| {
+    /// Like [`field`](Self::field), for a coordinate, which must exist.
+    fn axis(&self, name: &'static str) -> Decoded<PointField<'static>> {
+        self.field(&[name])?.ok_or_else(|| {
             let names: Vec<_> = self
                 .fields
                 .iter()
@@ -101,7 +101,7 @@ impl<'a> PointCloud2<'a> {
         })
     }
 
-    /// The bytes of every point, after a check that all exist.
+    /// The bytes of every point, after a check that all points exist.
     fn records(&self) -> Decoded<impl Iterator<Item = &'a [u8]> + use<'a>> {
         let (step, width) = (self.point_step as usize, self.width as usize);
         let (row_step, height) = (self.row_step as usize, self.height as usize);
@@ -143,20 +143,20 @@ impl<'a> PointCloud2<'a> {
             return Ok(Vec::new());
         }
         let axes = [self.axis("x")?, self.axis("y")?, self.axis("z")?];
-        let intensity = self.place(&INTENSITY_NAMES)?;
-        let time = self.place(&TIME_NAMES)?;
+        let intensity = self.field(&INTENSITY_NAMES)?;
+        let time = self.field(&TIME_NAMES)?;
         let mut points = Vec::with_capacity(count);
         for record in records {
-            let [x, y, z] = axes.map(|axis| axis.of(record));
+            let [x, y, z] = axes.map(|axis| axis.value_in(record));
             let position_m = Vec3::new(x, y, z);
             if !crate::geometry::is_finite(&position_m) || position_m == Vec3::zeros() {
                 continue;
             }
             points.push(ScanPoint {
-                // In the unit of the file until all are known.
-                time_s: time.map_or(0.0, |time| time.of(record)),
+                // In the unit of the file until all times are known.
+                time_s: time.map_or(0.0, |time| time.value_in(record)),
                 position_m,
-                intensity: intensity.map_or(0.0, |place| place.of(record) as f32),
+                intensity: intensity.map_or(0.0, |field| field.value_in(record) as f32),
             });
         }
         self.convert_times(time, &mut points)?;
@@ -166,13 +166,13 @@ impl<'a> PointCloud2<'a> {
     }
 
     /// Converts the times of the points from those of the file to seconds.
-    fn convert_times(&self, time: Option<Place<'_>>, points: &mut [ScanPoint]) -> Decoded<()> {
+    fn convert_times(&self, time: Option<PointField<'_>>, points: &mut [ScanPoint]) -> Decoded<()> {
         let Some(time) = time else {
             points.iter_mut().for_each(|p| p.time_s = self.time_s);
             return Ok(());
         };
         let highest = points.iter().map(|p| p.time_s.abs());
-        // `max` of numbers would skip those that are not.
+        // `f64::max` would skip NaN.
         let highest = highest.fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
         let unit = match time.number {
             Number::I32 | Number::U32 => Some((self.time_s, 1e-9)),
@@ -197,8 +197,8 @@ impl<'a> PointCloud2<'a> {
     }
 }
 
-/// The unit, seconds, of an absolute time that is about `stamp_s`. If the clocks differ, the size of
-/// the time decides: it then counts from 1970 or from 1980.
+/// The unit, in seconds, that brings an absolute time near `stamp_s`. If the clocks differ, the
+/// magnitude decides, for times since 1970 or 1980.
 fn unit_of_absolute(time: f64, stamp_s: f64) -> Option<f64> {
     const UNITS_S: [f64; 4] = [1.0, 1e-3, 1e-6, 1e-9];
     let is_near = |unit: &&f64| (0.5..2.0).contains(&(time * **unit / stamp_s));
@@ -209,7 +209,7 @@ fn unit_of_absolute(time: f64, stamp_s: f64) -> Option<f64> {
 
 impl LaserScan {
     /// The points in the x-y plane of the scanner in time order, at most `most`. Ranges outside the
-    /// limits of the message were not measured.
+    /// limits of the message are left out: they were not measured.
     pub(super) fn points(&self, most: usize) -> Decoded<Vec<ScanPoint>> {
         let count = self.ranges_m.len();
         too_many(count, most)?;
@@ -244,7 +244,7 @@ impl LaserScan {
     }
 }
 
-/// Refuses more points than the size of the file allows.
+/// Checks that there are no more points than the size of the file allows.
 fn too_many(count: usize, most: usize) -> Decoded<()> {
     if count <= most {
         return Ok(());
@@ -265,10 +265,10 @@ mod tests {
             (1.7e9, 1.7e9, Some(1.0)),
             (1.7e12, 1.7e9, Some(1e-3)),
             (1.7e18, 1.7e9, Some(1e-9)),
-            // Since the start of the scanner, as the stamp.
+            // Times since the start of the scanner, like the stamp.
             (1.2e12, 1200.0, Some(1e-9)),
             (1.2e9, 1200.0, Some(1e-6)),
-            // Another clock than the stamp's, or none.
+            // A clock other than the stamp's, or no stamp.
             (1.7e15, 1200.0, Some(1e-6)),
             (1.7e18, 0.0, Some(1e-9)),
             (5e4, 0.0, None),

@@ -4,14 +4,14 @@ use std::io::Read;
 
 /// Bytes unpacked at a time.
 const PIECE: usize = 1 << 16;
-/// Chunks are taken to unpack to at most this many times their size before they are seen to do.
+/// Memory reserved before unpacking, in multiples of the packed size; it grows if a chunk unpacks to more.
 const USUAL_RATIO: usize = 8;
 
-/// What was unpacked.
+/// The result of unpacking.
 pub(crate) struct Unpacked {
-    /// The bytes, at most as many as allowed.
+    /// The unpacked bytes, at most as many as allowed.
     pub(crate) bytes: Vec<u8>,
-    /// Why it ended before the end of the packed data, if it did.
+    /// The reason why unpacking stopped before the end of the packed data, if it did.
     pub(crate) fault: Option<String>,
 }
 
@@ -32,7 +32,7 @@ pub(crate) fn unpack(
         ),
         b"zstd" => {
             let mut decoder = ruzstd::decoding::FrameDecoder::new();
-            // The decoder holds the window and a few blocks in a buffer of a power of two of bytes.
+            // The decoder keeps the window and a few blocks in a buffer whose size is a power of two.
             let largest_buffer = 1 << limit.max(1).ilog2();
             decoder.set_max_window_size(largest_buffer - largest_buffer / 64);
             match ruzstd::decoding::StreamingDecoder::new_with_decoder(packed, decoder) {
@@ -47,7 +47,7 @@ pub(crate) fn unpack(
     })
 }
 
-/// Reads until the end, a fault or `most` bytes. Memory grows with what is there, not with what the
+/// Reads until the end, a fault or `most` bytes. Memory grows with the data, not with the size that the
 /// file claims.
 pub(crate) fn read(mut source: impl Read, packed: usize, most: usize) -> Unpacked {
     let mut bytes = Vec::with_capacity(most.min(packed.saturating_mul(USUAL_RATIO)));
@@ -62,7 +62,7 @@ pub(crate) fn read(mut source: impl Read, packed: usize, most: usize) -> Unpacke
         let left = most - bytes.len();
         let taken = n.min(left);
         if bytes.capacity() - bytes.len() < taken {
-            // Doubles, but never beyond what is allowed.
+            // Doubles the capacity, but never beyond the limit.
             bytes.reserve_exact(bytes.len().max(PIECE).min(left));
         }
         bytes.extend_from_slice(&piece[..taken]);

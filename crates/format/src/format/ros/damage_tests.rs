@@ -1,4 +1,4 @@
-//! Damaged and cut bags: an error or the undamaged part, never a panic and never a long wait.
+//! Damaged and cut bags: readers return an error or the undamaged part, never panic and never take long.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::tests::{SAMPLES, points_of, sample};
 use super::*;
 
-/// Numbers that only look random.
+/// A pseudo-random number generator.
 struct Dice(u64);
 
 impl Dice {
@@ -68,7 +68,7 @@ fn read_everything(path: &Path) -> bool {
     success
 }
 
-/// Writes `count` damaged copies of every sample and hands them to `check`.
+/// Writes `count` damaged copies of every sample and passes each to `check`.
 fn for_damaged(count: u64, mut check: impl FnMut(&Path)) {
     let dir = tempfile::tempdir().unwrap();
     let path: PathBuf = dir.path().join("damaged");
@@ -93,11 +93,11 @@ fn damage_is_an_error_or_harmless() {
         assert!(start.elapsed().as_secs_f64() < 1.0);
         cases += 1;
     });
-    println!("{cases} damaged bags, of which {readable} could be read in part");
+    println!("{cases} damaged bags, {readable} of them readable in part");
 }
 
 #[test]
-fn a_cut_bag_is_read_to_its_last_whole_message() {
+fn a_cut_bag_is_read_to_its_last_complete_message() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cut");
     for name in SAMPLES {
@@ -118,7 +118,7 @@ fn a_cut_bag_is_read_to_its_last_whole_message() {
     }
 }
 
-/// Where the header of the last chunk of a ROS 1 bag begins, and its data.
+/// The offsets of the header and of the data of the last chunk of a ROS 1 bag.
 fn last_chunk(bytes: &[u8]) -> (usize, usize) {
     let length = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     let (mut at, mut last) = (rosbag::MAGIC.len(), (0, 0));
@@ -135,7 +135,7 @@ fn last_chunk(bytes: &[u8]) -> (usize, usize) {
 
 #[test]
 fn an_open_recording_of_ros_1_is_read() {
-    // The recorder writes the place of the index and the sizes of the last chunk at the end.
+    // The recorder writes the position of the index and the sizes of the last chunk only at the end.
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.bag.active");
     for name in ["plain.bag", "bz2.bag", "lz4.bag"] {
@@ -165,7 +165,7 @@ fn damage_in_a_complete_bag_is_reported_with_its_byte() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
     let mut bytes = std::fs::read(sample("plain.mcap")).unwrap();
-    // In the first chunk, whose checksum then differs.
+    // This byte is in the first chunk, whose checksum then differs.
     bytes[2000] ^= 1;
     std::fs::write(&path, &bytes).unwrap();
     let text = read_imu(&path, None).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! The frames that the messages of a recording are in, by the names in their headers.
+//! The frames of the messages of a recording, named in their headers.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::{POSES, points};
 use crate::error::Result;
 use crate::format::file::Part;
 
-/// Topics whose frames are looked up, and characters of a name that are shown.
+/// Most topics whose frames are looked up, and most characters of a name that are shown.
 const MOST_TOPICS: usize = 20;
 const LONGEST_NAME: usize = 60;
 
@@ -44,7 +44,7 @@ impl<'a> Message<'a> for InHeaderAndChild {
     }
 }
 
-/// The frame of the first message of a topic; `None` if it cannot be told.
+/// The frame of the first message of a topic; `None` if it cannot be read.
 fn frame_of(path: &Path, topic: &Topic) -> Option<String> {
     let mut messages = Messages::open(path, topic.clone()).ok()?;
     if !messages.advance().ok()? {
@@ -57,7 +57,7 @@ fn frame_of(path: &Path, topic: &Topic) -> Option<String> {
     .ok()
 }
 
-/// Units and frames of the topics that are read: of the one named behind the file, or of all.
+/// Units and frames of the topic named after the file, or of all topics that can be read.
 pub(super) fn describe(path: &Path) -> Result<String> {
     let part = Part::of(path);
     let bare = |name: &str| name.trim_start_matches('/').to_owned();
@@ -104,7 +104,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
 mod tests {
     use super::*;
 
-    /// The frames that the program with which the recordings were made gave.
+    /// The frames that `tests/data/ros/make.py` wrote.
     #[test]
     fn frames_are_those_of_the_first_messages() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/ros");

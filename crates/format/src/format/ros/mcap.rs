@@ -89,7 +89,7 @@ pub(super) fn chunk_head(content: &[u8]) -> Option<ChunkHead<'_>> {
     let _first_and_last_ns = data.take(16)?;
     let (size, crc) = (data.u64()?, data.u32()?);
     let compression = data.sized()?;
-    // The length of the packed records, which end where the content does.
+    // The length of the packed records, which end at the end of the content.
     let _length = data.u64()?;
     Some(ChunkHead {
         compression,

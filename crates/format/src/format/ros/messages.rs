@@ -1,4 +1,4 @@
-//! The message types that are read, and the records made of them.
+//! The message types that are read, and their conversion to records.
 //!
 //! All times are the stamps in the headers of the messages, not the times of recording.
 
@@ -6,7 +6,7 @@ use super::wire::{Decoded, Fault, Message, Wire};
 use crate::geometry::{Rotation, Vec3, WorldFromBody, is_finite};
 use crate::sensor::{GeographicFix, ImuSample, PoseRecord, PoseSigma};
 
-/// No cloud has more fields; damaged numbers of fields are larger.
+/// Largest accepted number of fields of a cloud; a larger one is damage.
 const MOST_FIELDS: u32 = 1000;
 /// Tolerance of the length of a quaternion: four decimals stay within it.
 const QUATERNION_SLACK: f64 = 1e-3;
@@ -56,10 +56,10 @@ impl<'a> Message<'a> for Imu {
 /// A message with one pose of a body: `nav_msgs/Odometry`, `geometry_msgs/PoseStamped`,
 /// `geometry_msgs/PoseWithCovarianceStamped` or `geometry_msgs/TransformStamped`.
 ///
-/// The world is the frame of the header (an odometry's drifts), the body the child frame or the one
-/// that the pose is of. The twist of an odometry is not used: the definition gives it in body axes,
-/// but many programs leave it at zero or write it in the world frame.
-pub(super) struct Posed {
+/// The world is the frame of the header (it drifts in an odometry), the body is the child frame or the
+/// frame whose pose the message gives. The twist of an odometry is not used: the definition gives it in
+/// body axes, but many programs leave it at zero or write it in the world frame.
+pub(super) struct PoseMessage {
     time_s: f64,
     position_m: Vec3,
     /// x, y, z, w.
@@ -68,12 +68,12 @@ pub(super) struct Posed {
     covariance: Option<[f64; 36]>,
 }
 
-impl Posed {
+impl PoseMessage {
     /// The pose, with standard deviations if the message gives all six.
     ///
-    /// The covariance of ROS refers to fixed axes, those of the frame of the header; these are the
-    /// world axes of [`PoseSigma`], and so its diagonal is taken as it is. A zero, a negative number
-    /// or one that is not finite on the diagonal means that it is not known.
+    /// The covariance of ROS refers to the fixed axes of the frame of the header. These are the world
+    /// axes of [`PoseSigma`], so its diagonal is used as it is. If a number on the diagonal is zero,
+    /// negative or not finite, the standard deviations are unknown.
     pub(super) fn pose(&self) -> Decoded<PoseRecord> {
         finite("position", &self.position_m)?;
         let [x, y, z, w] = self.quaternion;
@@ -90,8 +90,8 @@ impl Posed {
             PoseRecord::new(self.time_s, WorldFromBody::new(rotation, self.position_m));
         record.sigma = self.covariance.and_then(|covariance| {
             let sigma: [f64; 6] = std::array::from_fn(|i| covariance[7 * i].sqrt());
-            let known = sigma.iter().all(|s| s.is_finite() && *s > 0.0);
-            known.then(|| PoseSigma {
+            let is_known = sigma.iter().all(|s| s.is_finite() && *s > 0.0);
+            is_known.then(|| PoseSigma {
                 position_m: Vec3::new(sigma[0], sigma[1], sigma[2]),
                 rotation_rad: Vec3::new(sigma[3], sigma[4], sigma[5]),
             })
@@ -99,7 +99,7 @@ impl Posed {
         Ok(record)
     }
 
-    /// Position, orientation and possibly the covariance after a header.
+    /// Reads position, orientation and, on request, the covariance after a header.
     fn take<'a>(wire: &mut impl Wire<'a>, time_s: f64, with_covariance: bool) -> Decoded<Self> {
         Ok(Self {
             time_s,
@@ -111,13 +111,13 @@ impl Posed {
 }
 
 /// `nav_msgs/Odometry`.
-pub(super) struct Odometry(pub(super) Posed);
+pub(super) struct Odometry(pub(super) PoseMessage);
 /// `geometry_msgs/PoseStamped`.
-pub(super) struct PoseStamped(pub(super) Posed);
+pub(super) struct PoseStamped(pub(super) PoseMessage);
 /// `geometry_msgs/PoseWithCovarianceStamped`.
-pub(super) struct PoseWithCovarianceStamped(pub(super) Posed);
+pub(super) struct PoseWithCovarianceStamped(pub(super) PoseMessage);
 /// `geometry_msgs/TransformStamped`.
-pub(super) struct TransformStamped(pub(super) Posed);
+pub(super) struct TransformStamped(pub(super) PoseMessage);
 
 /// The names of the types with one pose.
 pub(super) const ODOMETRY: &str = "nav_msgs/Odometry";
@@ -132,21 +132,21 @@ impl<'a> Message<'a> for Odometry {
     fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self> {
         let time_s = wire.header_stamp_s()?;
         wire.text()?; // child frame
-        Posed::take(wire, time_s, true).map(Self)
+        PoseMessage::take(wire, time_s, true).map(Self)
     }
 }
 
 impl<'a> Message<'a> for PoseStamped {
     fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self> {
         let time_s = wire.header_stamp_s()?;
-        Posed::take(wire, time_s, false).map(Self)
+        PoseMessage::take(wire, time_s, false).map(Self)
     }
 }
 
 impl<'a> Message<'a> for PoseWithCovarianceStamped {
     fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self> {
         let time_s = wire.header_stamp_s()?;
-        Posed::take(wire, time_s, true).map(Self)
+        PoseMessage::take(wire, time_s, true).map(Self)
     }
 }
 
@@ -154,7 +154,7 @@ impl<'a> Message<'a> for TransformStamped {
     fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self> {
         let time_s = wire.header_stamp_s()?;
         wire.text()?; // child frame
-        Posed::take(wire, time_s, false).map(Self)
+        PoseMessage::take(wire, time_s, false).map(Self)
     }
 }
 
@@ -174,12 +174,12 @@ impl<'a> Message<'a> for NavSatFix {
         let [latitude_deg, longitude_deg, altitude_m] = wire.f64s()?;
         let covariance: [f64; 9] = wire.f64s()?;
         let is_covariance_known = wire.u8()? != 0;
-        // Negative: no fix. The coordinates are then not set, or those of the last fix.
+        // A negative status means no fix. The coordinates are then not set, or those of the last fix.
         if status < 0 {
             return Ok(Self(None));
         }
-        let place = Vec3::new(latitude_deg, longitude_deg, altitude_m);
-        finite("latitude, longitude and altitude", &place)?;
+        let position = Vec3::new(latitude_deg, longitude_deg, altitude_m);
+        finite("latitude, longitude and altitude", &position)?;
         if latitude_deg.abs() > 90.0 || longitude_deg.abs() > 360.0 {
             return Err(Fault::new(
                 format!("latitude {latitude_deg} and longitude {longitude_deg}"),
@@ -204,19 +204,19 @@ impl<'a> Message<'a> for NavSatFix {
 pub(super) struct LaserScan {
     /// Time of the first ray.
     pub(super) time_s: f64,
-    /// About z, from x, of the first ray.
+    /// Angle of the first ray about z, from x.
     pub(super) angle_min_rad: f64,
-    /// From one ray to the next.
+    /// Angle from one ray to the next.
     pub(super) angle_increment_rad: f64,
-    /// From one ray to the next.
+    /// Time from one ray to the next.
     pub(super) time_increment_s: f64,
-    /// Shorter ranges were not measured.
+    /// Lower limit of valid ranges.
     pub(super) range_min_m: f64,
-    /// Longer ranges were not measured.
+    /// Upper limit of valid ranges.
     pub(super) range_max_m: f64,
-    /// Of all rays.
+    /// Ranges of all rays.
     pub(super) ranges_m: Vec<f64>,
-    /// Of all rays, or empty.
+    /// Intensities of all rays, or empty.
     pub(super) intensities: Vec<f64>,
 }
 
@@ -249,9 +249,9 @@ impl<'a> Message<'a> for LaserScan {
 pub(super) struct Field<'a> {
     /// Its name.
     pub(super) name: &'a [u8],
-    /// Bytes from the start of a point.
+    /// Offset in a point, bytes.
     pub(super) offset: u32,
-    /// The number of its type.
+    /// The number of its type, 1 (INT8) to 8 (FLOAT64).
     pub(super) datatype: u8,
 }
 
@@ -259,7 +259,7 @@ pub(super) struct Field<'a> {
 pub(super) struct PointCloud2<'a> {
     /// Stamp of the header, seconds.
     pub(super) time_s: f64,
-    /// Rows.
+    /// Number of rows.
     pub(super) height: u32,
     /// Points of a row.
     pub(super) width: u32,
@@ -312,7 +312,7 @@ impl<'a> Message<'a> for PointCloud2<'a> {
     }
 }
 
-/// Refuses a vector with a component that is not finite.
+/// Checks that all components of a vector are finite.
 fn finite(what: &str, values: &Vec3) -> Decoded<()> {
     if is_finite(values) {
         return Ok(());

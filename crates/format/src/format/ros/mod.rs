@@ -1,7 +1,7 @@
 //! Recordings of ROS: bags of ROS 2 as MCAP (`.mcap`) and of ROS 1 (`.bag`, version 2.0).
 //!
-//! A recording that was cut off is read to its last whole message. The messages of a topic are read
-//! in the order of the file, their times are the stamps in their headers.
+//! A recording that was cut off is read to its last complete message. The messages of a topic are read
+//! in the order of the file; their times are the stamps in their headers.
 
 mod bag;
 mod cdr;
@@ -44,21 +44,21 @@ pub(crate) const BAG: Kind = Kind {
     poses: Some(|path| of_part(path, read_poses)),
     profiles: Some(|path| of_part(path, open_points)),
     contents: Some(|path| Ok(format!("topics: {}", list(&topics(&Part::of(path).file)?)))),
-    note: "one topic of several is named behind the file: `drive.mcap#/topic`",
+    note: "if there are several topics, name one after the file: `drive.mcap#/topic`",
     frame: Frame::OfFile(frames::describe),
     ..Kind::new("ros-bag", "recording (ROS bag or MCAP)")
 };
 
-/// Reads the topic that is named behind the file, or the only one that fits.
+/// Reads the topic that is named after the file, or the only topic of a fitting type.
 fn of_part<T>(path: &Path, read: fn(&Path, Option<&str>) -> Result<T>) -> Result<T> {
     let part = Part::of(path);
     read(&part.file, part.name.as_deref())
 }
 
-/// The types with poses.
+/// The message types with poses.
 const POSES: [&str; 4] = [ODOMETRY, POSE, POSE_WITH_COVARIANCE, TRANSFORM];
 
-/// Whether these are the first bytes of a bag; also of a ROS 1 bag of a version that is not read.
+/// Whether these are the first bytes of a bag, including ROS 1 bags of versions that are not read.
 pub(crate) fn looks_like(start: &[u8]) -> bool {
     start.starts_with(mcap::MAGIC) || start.starts_with(rosbag::ANY_VERSION)
 }
@@ -73,10 +73,10 @@ pub(crate) fn topics(path: &Path) -> Result<Vec<Topic>> {
 }
 
 /// Reads the samples of a topic of `sensor_msgs/Imu` in the order of the file: angular rate and
-/// specific force in the axes of the IMU. Without a name the only such topic is taken.
+/// specific force in the axes of the IMU. If `topic` is `None`, the only such topic is read.
 ///
 /// # Errors
-/// As [`topics`]; no such topic or several; a message that is damaged or lacks one of both sensors.
+/// Those of [`topics`]; no such topic or several; a message that is damaged or lacks one of both sensors.
 pub(crate) fn read_imu(path: &Path, topic: Option<&str>) -> Result<Vec<ImuSample>> {
     let topic = choose(path, topic, &Imu::TYPES, "IMU samples")?;
     read_all(path, topic, "IMU sample", |messages| {
@@ -86,11 +86,11 @@ pub(crate) fn read_imu(path: &Path, topic: Option<&str>) -> Result<Vec<ImuSample
 
 /// Reads the poses of a topic of `nav_msgs/Odometry`, `geometry_msgs/PoseStamped`,
 /// `geometry_msgs/PoseWithCovarianceStamped` or `geometry_msgs/TransformStamped`. The world is the
-/// frame of the headers, the body the one that the poses are of. Without a name the only such topic
-/// is taken.
+/// frame of the headers, the body is the frame whose poses are given. If `topic` is `None`, the only such
+/// topic is read.
 ///
 /// # Errors
-/// As [`read_imu`]; times that do not increase; a quaternion whose length is not 1.
+/// Those of [`read_imu`]; times that do not increase; a quaternion whose length is not 1.
 pub(crate) fn read_poses(path: &Path, topic: Option<&str>) -> Result<Vec<PoseRecord>> {
     let topic = choose(path, topic, &POSES, "poses")?;
     let message_type = topic.message_type.clone();
@@ -111,11 +111,11 @@ pub(crate) fn read_poses(path: &Path, topic: Option<&str>) -> Result<Vec<PoseRec
     })
 }
 
-/// Reads the positions of a topic of `sensor_msgs/NavSatFix` in the order of the file, without the
-/// messages of a receiver that had no fix. Without a name the only such topic is taken.
+/// Reads the positions of a topic of `sensor_msgs/NavSatFix` in the order of the file, without
+/// messages that have no fix. If `topic` is `None`, the only such topic is read.
 ///
 /// # Errors
-/// As [`read_imu`].
+/// Those of [`read_imu`].
 pub(crate) fn read_fixes(path: &Path, topic: Option<&str>) -> Result<Vec<GeographicFix>> {
     let topic = choose(path, topic, &NavSatFix::TYPES, "GNSS fixes")?;
     read_all(path, topic, "GNSS fix", |messages| {
@@ -124,11 +124,11 @@ pub(crate) fn read_fixes(path: &Path, topic: Option<&str>) -> Result<Vec<Geograp
 }
 
 /// Opens a topic of `sensor_msgs/PointCloud2` or `sensor_msgs/LaserScan` as a scanner recording. The
-/// points of a laser scan are in the x-y plane of the scanner. Without a name the only such topic is
-/// taken.
+/// points of a laser scan are in the x-y plane of the scanner. If `topic` is `None`, the only such topic is
+/// opened.
 ///
 /// # Errors
-/// As [`topics`]; no such topic or several.
+/// Those of [`topics`]; no such topic or several.
 pub(crate) fn open_points(path: &Path, topic: Option<&str>) -> Result<Box<dyn ProfileReader>> {
     let topic = choose(path, topic, &points::TYPES, "points")?;
     Ok(Box::new(points::BagPoints::open(path, topic)?))
@@ -153,7 +153,7 @@ fn read_all<T>(
     Ok(records)
 }
 
-/// The topic called `wanted`, with or without the slash before its name, or the only one of these
+/// The topic called `wanted`, with or without the slash before its name, or the only topic of these
 /// `types` that has messages.
 fn choose(path: &Path, wanted: Option<&str>, types: &[&str], what: &str) -> Result<Topic> {
     let topics = topics(path)?;
@@ -171,7 +171,7 @@ fn choose(path: &Path, wanted: Option<&str>, types: &[&str], what: &str) -> Resu
     }
     let all_named = list(candidates.iter().copied());
     candidates.retain(|topic| fits(topic));
-    // A topic that was announced and never used is no choice.
+    // A topic that was announced but has no messages is not a candidate if others have messages.
     if candidates.iter().any(|topic| topic.count > 0) {
         candidates.retain(|topic| topic.count > 0);
     }
@@ -185,7 +185,7 @@ fn choose(path: &Path, wanted: Option<&str>, types: &[&str], what: &str) -> Resu
                 list(several.iter().copied())
             ),
             format!(
-                "the name of one of them behind the file: `{}#{}`",
+                "the name of one topic after the file: `{}#{}`",
                 path.display(),
                 several[0].name
             ),

@@ -10,34 +10,34 @@ use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::profiles::reader::ProfileReader;
 use crate::sensor::ScanPoint;
 
-/// The types with points.
+/// The message types with points.
 pub(super) const TYPES: [&str; 2] = [PointCloud2::TYPE, LaserScan::TYPE];
 
 /// The points of one topic in time order.
 ///
-/// Clouds may overlap in time with their neighbours: the points of one are held back until the next
-/// one shows from when on it has points.
+/// Neighbouring clouds may overlap in time: the points of a cloud are held back until the first time of
+/// the next cloud is known.
 pub(super) struct BagPoints {
     messages: Messages,
-    /// Points not given yet, in time order after `given`.
+    /// Points held back, in time order after `returned`.
     waiting: Vec<ScanPoint>,
-    /// Points at the start of `waiting` that were given.
-    given: usize,
-    /// Points at the start of `waiting` that can be given.
+    /// Number of points at the start of `waiting` that have been returned.
+    returned: usize,
+    /// Number of points at the start of `waiting` that can be returned.
     due: usize,
-    /// Time of the last point given, seconds.
+    /// Time of the last point returned, seconds.
     last_time_s: f64,
     is_at_end: bool,
     is_empty: bool,
 }
 
 impl BagPoints {
-    /// The points of a topic of one of the [`TYPES`].
+    /// Opens a topic of one of the [`TYPES`].
     pub(super) fn open(path: &Path, topic: Topic) -> Result<Self> {
         Ok(Self {
             messages: Messages::open(path, topic)?,
             waiting: Vec::new(),
-            given: 0,
+            returned: 0,
             due: 0,
             last_time_s: f64::NEG_INFINITY,
             is_at_end: false,
@@ -45,10 +45,10 @@ impl BagPoints {
         })
     }
 
-    /// Reads the next cloud or scan and finds out which points can be given.
+    /// Reads the next cloud or scan and determines which points can be returned.
     fn next_cloud(&mut self) -> Result<()> {
-        self.waiting.drain(..self.given);
-        self.given = 0;
+        self.waiting.drain(..self.returned);
+        self.returned = 0;
         if !self.messages.advance()? {
             self.is_at_end = true;
             self.due = self.waiting.len();
@@ -86,10 +86,10 @@ impl ProfileReader for BagPoints {
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
         into.clear();
         while into.len() < CHUNK_POINTS {
-            if self.given < self.due {
-                let end = self.due.min(self.given + CHUNK_POINTS - into.len());
-                into.extend_from_slice(&self.waiting[self.given..end]);
-                self.given = end;
+            if self.returned < self.due {
+                let end = self.due.min(self.returned + CHUNK_POINTS - into.len());
+                into.extend_from_slice(&self.waiting[self.returned..end]);
+                self.returned = end;
             } else if self.is_at_end {
                 break;
             } else {
@@ -126,7 +126,7 @@ mod tests {
         [&[kind], length.as_slice(), content].concat()
     }
 
-    /// Bytes after their number.
+    /// Bytes after their count.
     fn sized(bytes: &[u8]) -> Vec<u8> {
         [&(bytes.len() as u32).to_le_bytes(), bytes].concat()
     }

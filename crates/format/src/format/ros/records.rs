@@ -1,35 +1,35 @@
-//! The records of which both kinds of bag consist.
+//! The records of both kinds of bag.
 
 use super::wire::Encoding;
 
-/// Longer names of topics and types are damage.
+/// Largest accepted length of a name of a topic or type, bytes; a longer name is damage.
 const LONGEST_NAME: usize = 4096;
 
-/// What a record is.
+/// The kind of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// The definition of a message type (MCAP only).
     Schema,
-    /// A topic, or the part of it that one program sent.
+    /// A topic, or the part of a topic that one program sent.
     Channel,
     /// A message.
     Message,
     /// Compressed records.
     Chunk,
-    /// Where the messages of one channel are in the chunk before.
+    /// Positions of the messages of one channel in the preceding chunk.
     Index,
-    /// Nothing follows.
+    /// The end of the messages.
     End,
-    /// Of no interest here.
+    /// A record that is not read.
     Other,
 }
 
 /// A record as it is in the file.
 #[derive(Clone, Copy)]
 pub(super) struct Raw<'a> {
-    /// What it is.
+    /// Its kind.
     pub(super) kind: Kind,
-    /// The header of a record of ROS 1, empty in MCAP.
+    /// The header of a record of ROS 1; empty in MCAP.
     pub(super) head: &'a [u8],
     /// Its content.
     pub(super) data: &'a [u8],
@@ -56,7 +56,7 @@ pub(super) enum Record<'a> {
     Message {
         /// The number of its channel.
         channel: u32,
-        /// When it was recorded, nanoseconds.
+        /// The time at which it was recorded, nanoseconds.
         recorded_ns: u64,
         /// The serialised message.
         data: &'a [u8],
@@ -65,7 +65,7 @@ pub(super) enum Record<'a> {
     Index {
         /// The number of the channel.
         channel: u32,
-        /// When its messages were recorded.
+        /// The times at which its messages were recorded.
         span: Span,
     },
 }
@@ -77,27 +77,27 @@ pub(super) struct Channel {
     pub(super) topic: String,
     /// The message type, or the number of its schema.
     pub(super) message_type: TypeName,
-    /// How its messages are serialised.
+    /// Serialisation of its messages.
     pub(super) encoding: Encoding,
 }
 
 /// The type of the messages of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum TypeName {
-    /// Its name.
+    /// The name of the type.
     Known(String),
-    /// The number of the schema that tells it.
+    /// The number of the schema that has the name.
     Schema(u32),
 }
 
 /// Number of messages with their first and last time of recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Span {
-    /// Messages.
+    /// Number of messages.
     pub(super) count: u64,
-    /// The earliest, nanoseconds.
+    /// The earliest time, nanoseconds.
     pub(super) first_ns: u64,
-    /// The latest, nanoseconds.
+    /// The latest time, nanoseconds.
     pub(super) last_ns: u64,
 }
 
@@ -112,7 +112,7 @@ impl Default for Span {
 }
 
 impl Span {
-    /// One message.
+    /// The span of one message.
     pub(super) fn one(time_ns: u64) -> Self {
         Self {
             count: 1,
@@ -131,13 +131,13 @@ impl Span {
 
 /// The head of a chunk.
 pub(super) struct ChunkHead<'a> {
-    /// How it is compressed: empty, `none`, `bz2`, `lz4` or `zstd`.
+    /// Name of the compression: empty, `none`, `bz2`, `lz4` or `zstd`.
     pub(super) compression: &'a [u8],
-    /// Bytes of the unpacked records, as the file claims.
+    /// Size of the unpacked records according to the file, bytes.
     pub(super) size: u64,
-    /// CRC-32 of the unpacked records, 0 if not given.
+    /// CRC-32 of the unpacked records; 0 if not given.
     pub(super) crc: u32,
-    /// Where the packed records begin in the data of the chunk.
+    /// Start of the packed records in the data of the chunk.
     pub(super) start: usize,
 }
 
@@ -173,7 +173,7 @@ impl<'a> Cursor<'a> {
         self.word().map(u64::from_le_bytes)
     }
 
-    /// Bytes after their number as u32.
+    /// Bytes preceded by their count (u32).
     pub(super) fn sized(&mut self) -> Option<&'a [u8]> {
         let size = self.u32()?;
         self.take(usize::try_from(size).ok()?)
@@ -185,7 +185,7 @@ pub(super) fn name(bytes: &[u8]) -> Option<String> {
     (bytes.len() <= LONGEST_NAME).then(|| String::from_utf8_lossy(bytes).into_owned())
 }
 
-/// The name of a message type as ROS 1 writes it: without the `msg` that ROS 2 adds.
+/// The name of a message type as in ROS 1: without the `msg` that ROS 2 adds.
 pub(super) fn short_type(name: &str) -> String {
     name.replacen("/msg/", "/", 1)
 }

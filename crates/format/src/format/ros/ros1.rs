@@ -9,7 +9,7 @@ pub(super) struct Ros1<'a> {
 }
 
 impl<'a> Ros1<'a> {
-    /// A message from its start.
+    /// Begins to decode a message.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self {
             rest: Rest::new(bytes),

@@ -1,6 +1,6 @@
 //! The records of a ROS 1 bag, version 2.0 (<https://wiki.ros.org/Bags/Format/2.0>): length of the
 //! header (u32), header, length of the data (u32), data; little-endian. A header consists of fields
-//! `name=value`, each after its length (u32); the field `op` tells the kind of the record.
+//! `name=value`, each after its length (u32); the field `op` gives the kind of the record.
 
 use super::records::{Channel, ChunkHead, Cursor, Kind, Raw, Record, Span, TypeName, name};
 use super::wire::Encoding;
@@ -9,7 +9,7 @@ use super::wire::Encoding;
 pub(super) const ANY_VERSION: &[u8] = b"#ROSBAG V";
 /// The first bytes of a file of the version that is read.
 pub(super) const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
-/// Longer headers of records are damage.
+/// Largest accepted length of a record's header, bytes; a longer header is damage.
 pub(super) const LONGEST_HEADER: u32 = 1 << 20;
 
 /// The value of a field of a header.
@@ -57,8 +57,8 @@ pub(super) fn split<'a>(bytes: &mut Cursor<'a>) -> Option<Raw<'a>> {
     })
 }
 
-/// The byte where the index begins, from the header of the first record; 0 if the recording was not
-/// ended.
+/// The byte offset of the index, from the header of the first record; 0 if the recording was not
+/// finished.
 pub(super) fn index_start(header: &[u8]) -> Option<u64> {
     if field(header, b"op")? != [3] {
         return None;
@@ -75,7 +75,7 @@ pub(super) fn parse(raw: Raw<'_>) -> Option<Record<'_>> {
             id: channel,
             channel: Channel {
                 topic: name(field(head, b"topic")?)?,
-                // The data are fields like those of the header.
+                // The data consist of fields like those of the header.
                 message_type: TypeName::Known(name(field(data, b"type")?)?),
                 encoding: Encoding::Ros1,
             },

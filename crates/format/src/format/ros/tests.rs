@@ -123,7 +123,7 @@ fn poses_are_exact_and_have_sigmas_where_the_covariance_is_given() {
 }
 
 #[test]
-fn fixes_are_exact_and_those_without_a_fix_are_left_out() {
+fn fixes_are_exact_and_messages_without_a_fix_are_left_out() {
     for name in SAMPLES {
         let fixes = read_fixes(&sample(name), None).unwrap();
         assert_eq!(fixes.len(), 11, "{name}");
@@ -139,7 +139,7 @@ fn fixes_are_exact_and_those_without_a_fix_are_left_out() {
     }
 }
 
-/// The points of a cloud topic: `expected` gives time after the stamp, y and intensity of point k.
+/// Checks the points of a cloud topic: `expected` gives time after the stamp, y and intensity of point k.
 fn check_clouds(topic: &str, first: usize, expected: impl Fn(usize) -> (f64, f64, f32)) {
     for name in SAMPLES {
         let points = points_of(&sample(name), topic).unwrap();
@@ -187,7 +187,7 @@ fn rings_are_merged_by_time() {
 fn a_laser_scan_is_in_the_x_y_plane() {
     for name in SAMPLES {
         let points = points_of(&sample(name), "scan").unwrap();
-        // Of seven ranges one is infinite and one beyond the limit.
+        // One of seven ranges is infinite, and one is beyond the limit.
         assert_eq!(points.len(), 4 * 5, "{name}");
         for (n, point) in points.iter().enumerate() {
             let k = (n % 5) as f64;
@@ -218,7 +218,7 @@ fn a_choice_between_several_topics_is_left_to_the_caller() {
 }
 
 #[test]
-fn both_kinds_are_told_by_their_first_bytes() {
+fn both_kinds_are_detected_by_their_first_bytes() {
     for name in SAMPLES {
         assert!(looks_like(&std::fs::read(sample(name)).unwrap()));
     }

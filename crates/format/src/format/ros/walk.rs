@@ -9,13 +9,13 @@ use super::{mcap, rosbag};
 use crate::error::{Error, Location, Result};
 use crate::format::file;
 
-/// Allocations never exceed four times the file and this, bytes.
+/// Allocations never exceed four times the size of the file plus this, bytes.
 const SPARE_BYTES: u64 = 16 << 20;
 
-/// All chunks together never unpack to more than this many times the file and so many bytes: what does was
-/// made to keep the reader busy.
-const MOST_UNPACKED: u64 = 250;
-const ALWAYS_UNPACKED: u64 = 12 << 20;
+/// All chunks together may unpack to at most this many times the size of the file plus this many bytes. A file
+/// that unpacks to more is a decompression bomb.
+const MAX_UNPACKED_RATIO: u64 = 250;
+const UNPACKED_ALLOWANCE_BYTES: u64 = 12 << 20;
 
 /// The two kinds of bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,16 +50,16 @@ pub(super) struct Walk {
     reader: BufReader<File>,
     /// Its kind.
     pub(super) container: Container,
-    /// Where the record of the last step begins.
+    /// Start of the record of the last step, bytes.
     pub(super) start: u64,
-    /// Where the next one begins.
+    /// Start of the next record, bytes.
     at: u64,
-    /// Where the last one ends.
+    /// End of the last record of the file, bytes.
     end: u64,
     /// Size of the file in bytes.
     total: u64,
-    /// Records from here on may be cut off, because the recording was not ended or not copied
-    /// completely; before it, this is damage.
+    /// From this byte on, records may be cut off, because the recording was not finished or not copied
+    /// completely. Before it, a record that is cut off is damage.
     may_be_cut_from: u64,
     /// Bytes of all chunks unpacked so far.
     pub(super) unpacked: u64,
@@ -67,7 +67,7 @@ pub(super) struct Walk {
     pub(super) is_cut: bool,
     kind: Kind,
     pub(super) head: Vec<u8>,
-    /// The data of the last record if they were wanted.
+    /// The data of the last record, if its kind was wanted.
     pub(super) data: Vec<u8>,
 }
 
@@ -111,7 +111,7 @@ impl Walk {
         Ok(walk)
     }
 
-    /// An MCAP file that was written to its end repeats its first bytes there.
+    /// Finds the end of the records: a complete MCAP file repeats its first bytes at the end.
     fn find_end_of_mcap(&mut self) -> Result<()> {
         let size = mcap::MAGIC.len() as u64;
         if let Some(end) = self.total.checked_sub(size).filter(|end| *end >= size) {
@@ -126,7 +126,7 @@ impl Walk {
         self.seek(size)
     }
 
-    /// The first record of a ROS 1 bag tells where its index begins.
+    /// Finds the index: the first record of a ROS 1 bag has its position.
     fn find_index_of_rosbag(&mut self) -> Result<()> {
         let first = rosbag::MAGIC.len() as u64;
         self.seek(first)?;
@@ -151,7 +151,7 @@ impl Walk {
         Ok(())
     }
 
-    /// Reads bytes that exist.
+    /// Fills `into`; the file must have as many bytes.
     fn fill(&mut self, into: &mut [u8]) -> Result<()> {
         self.reader
             .read_exact(into)
@@ -160,12 +160,12 @@ impl Walk {
         Ok(())
     }
 
-    /// Bytes to the end of the last record.
+    /// Number of bytes up to the end of the last record.
     fn left(&self) -> u64 {
         self.end.saturating_sub(self.at)
     }
 
-    /// Reads a number of 32 bits if it exists.
+    /// Reads a number of 32 bits; `None` at the end of the records.
     fn length(&mut self) -> Result<Option<u32>> {
         if self.left() < 4 {
             return Ok(None);
@@ -175,8 +175,8 @@ impl Walk {
         Ok(Some(u32::from_le_bytes(word)))
     }
 
-    /// Reads the kind of the next record, its header and the length of its data; `None` if there is
-    /// no whole one.
+    /// Reads the header of the next record and returns its kind and the length of its data; `None` if the
+    /// header is not complete.
     fn prefix(&mut self) -> Result<Option<(Kind, u64)>> {
         self.head.clear();
         match self.container {
@@ -204,8 +204,8 @@ impl Walk {
         }
     }
 
-    /// Goes to the next record and reads its data if its kind is `wanted`; `None` at the end of the
-    /// file, of its messages, or of what there is of it.
+    /// Advances to the next record and reads its data if its kind is `wanted`. `None` at the end of the
+    /// file, at the end of its messages, or where the file is cut off.
     pub(super) fn step(&mut self, wanted: &[Kind]) -> Result<Option<Kind>> {
         self.start = self.at;
         if self.is_cut || self.left() == 0 {
@@ -217,10 +217,10 @@ impl Walk {
                 self.is_cut = true;
                 return Ok(None);
             }
-            return Err(self.error("bytes that are no record", "a record"));
+            return Err(self.error("bytes that are not a record", "a record"));
         };
         let left = self.left();
-        // The recorder of ROS 1 writes the length of a chunk when it is complete.
+        // The recorder of ROS 1 writes the length of a chunk only when the chunk is complete.
         if may_be_cut && kind == Kind::Chunk && length == 0 && self.is_packed() {
             length = u64::MAX;
         }
@@ -251,13 +251,13 @@ impl Walk {
         Ok(Some(kind))
     }
 
-    /// Whether the header of a chunk of a ROS 1 bag tells a compression. Without one the records of
-    /// an incomplete chunk are read like those outside of chunks.
+    /// Whether a chunk of a ROS 1 bag is compressed according to its header. The records of an incomplete
+    /// chunk without compression are read like records outside of chunks.
     fn is_packed(&self) -> bool {
         rosbag::chunk_head(&self.head).is_some_and(|head| head.compression != b"none")
     }
 
-    /// The content of the last record, which was wanted; `None` if it does not fit its kind.
+    /// The content of the last record, whose data were read; `None` if the content does not fit its kind.
     pub(super) fn record(&self) -> Option<Record<'_>> {
         self.container.parse(Raw {
             kind: self.kind,
@@ -266,27 +266,27 @@ impl Walk {
         })
     }
 
-    /// Exchanges the data of the last record, which were wanted, for `into`.
+    /// Swaps the data of the last record, which were read, with `into`.
     pub(super) fn swap_data(&mut self, into: &mut Vec<u8>) {
         std::mem::swap(&mut self.data, into);
     }
 
-    /// The content of a record out of a chunk.
+    /// The content of a record from a chunk.
     pub(super) fn parse<'a>(&self, raw: Raw<'a>) -> Result<Record<'a>> {
         self.container
             .parse(raw)
             .ok_or_else(|| self.unreadable(raw.kind))
     }
 
-    /// The error of a record with another content than its kind demands.
+    /// The error for a record whose content does not fit its kind.
     pub(super) fn unreadable(&self, kind: Kind) -> Error {
         self.error(
             format!("a record ({kind:?}) that ends early or lacks a field"),
-            "a whole record",
+            "a complete record",
         )
     }
 
-    /// The error of a size that a damaged file claims.
+    /// The error for a size that only a damaged file can claim.
     pub(super) fn too_large(&self, size: u64) -> Error {
         let limit = self.largest_allocation();
         self.error(
@@ -300,13 +300,13 @@ impl Walk {
         Error::format(&self.path, Location::Byte(self.start), found, expected)
     }
 
-    /// More bytes are not unpacked from all chunks together.
+    /// Most bytes that all chunks together may unpack to.
     pub(super) fn most_unpacked(&self) -> u64 {
-        let most = self.total.saturating_mul(MOST_UNPACKED);
-        most.saturating_add(ALWAYS_UNPACKED)
+        let most = self.total.saturating_mul(MAX_UNPACKED_RATIO);
+        most.saturating_add(UNPACKED_ALLOWANCE_BYTES)
     }
 
-    /// More bytes are not allocated at once.
+    /// Most bytes that may be allocated at once.
     pub(super) fn largest_allocation(&self) -> u64 {
         self.total.saturating_mul(4).saturating_add(SPARE_BYTES)
     }

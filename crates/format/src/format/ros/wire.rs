@@ -1,19 +1,19 @@
-//! Decoding of ROS messages: what both serialisations have in common.
+//! Decoding of ROS messages: the parts that both serialisations share.
 
-/// No laser scan has more rays; damaged lengths do.
+/// Largest accepted number of rays of a laser scan; a larger one is damage.
 const MOST_RAYS: u32 = 1 << 20;
 
-/// Why a message cannot be used; the reader of the file adds the place.
+/// The reason why a message cannot be read; the reader of the file adds the position.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Fault {
-    /// What was found.
+    /// The content found.
     pub(super) found: String,
-    /// What was expected.
+    /// The content expected.
     pub(super) expected: String,
 }
 
 impl Fault {
-    /// A fault with both texts.
+    /// A fault with these texts.
     pub(super) fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self {
             found: found.into(),
@@ -21,7 +21,7 @@ impl Fault {
         }
     }
 
-    /// A message that ends before its content does.
+    /// The fault of a message that ends early.
     fn short(left: usize, wanted: usize) -> Self {
         Self::new(
             format!("only {left} bytes left in the message"),
@@ -30,17 +30,17 @@ impl Fault {
     }
 }
 
-/// A decoded value, or why there is none.
+/// A decoded value or a fault.
 pub(super) type Decoded<T> = Result<T, Fault>;
 
-/// How the messages of a topic are serialised.
+/// Serialisation of the messages of a topic.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Encoding {
     /// Common Data Representation, of ROS 2.
     Cdr,
     /// The serialisation of ROS 1.
     Ros1,
-    /// Another one, by its name in the file.
+    /// Another serialisation, with its name in the file.
     Other(String),
 }
 
@@ -53,7 +53,7 @@ pub(super) struct Rest<'a> {
 }
 
 impl<'a> Rest<'a> {
-    /// All of a message.
+    /// The rest of a message of which nothing was read.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0 }
     }
@@ -71,9 +71,9 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// A serialisation: gives the values of a message one after another.
+/// A serialisation: decodes the values of a message one after another.
 pub(super) trait Wire<'a> {
-    /// The next `N` bytes, which are one number, as little-endian bytes.
+    /// The next number of `N` bytes, as little-endian bytes.
     fn word<const N: usize>(&mut self) -> Decoded<[u8; N]>;
 
     /// The next `n` bytes as they are.
@@ -90,7 +90,7 @@ pub(super) trait Wire<'a> {
         Ok(self.header()?.0)
     }
 
-    /// An unsigned byte, or a truth value.
+    /// An unsigned byte or a Boolean.
     fn u8(&mut self) -> Decoded<u8> {
         let [byte] = self.word()?;
         Ok(byte)
@@ -106,17 +106,17 @@ pub(super) trait Wire<'a> {
         Ok(u32::from_le_bytes(self.word()?))
     }
 
-    /// A number of 32 bits.
+    /// A floating-point number of 32 bits.
     fn f32(&mut self) -> Decoded<f64> {
         Ok(f64::from(f32::from_le_bytes(self.word()?)))
     }
 
-    /// A number of 64 bits.
+    /// A floating-point number of 64 bits.
     fn f64(&mut self) -> Decoded<f64> {
         Ok(f64::from_le_bytes(self.word()?))
     }
 
-    /// An array of fixed length of numbers of 64 bits.
+    /// An array of `N` floating-point numbers of 64 bits.
     fn f64s<const N: usize>(&mut self) -> Decoded<[f64; N]> {
         let mut values = [0.0; N];
         for value in &mut values {
@@ -131,7 +131,8 @@ pub(super) trait Wire<'a> {
         self.raw(count as usize)
     }
 
-    /// A sequence of numbers of 32 bits. Grows with what is there, not with what its length claims.
+    /// A sequence of floating-point numbers of 32 bits. Memory grows with the data, not with the length that the
+    /// message claims.
     fn f32s(&mut self) -> Decoded<Vec<f64>> {
         let count = self.u32()?;
         if count > MOST_RAYS {
@@ -144,8 +145,8 @@ pub(super) trait Wire<'a> {
 
 /// A message type, decoded from either serialisation.
 pub(super) trait Message<'a>: Sized {
-    /// Takes the fields of the message in the order of its definition; fields after the last one of
-    /// interest may be left.
+    /// Decodes the fields of the message in the order of its definition; fields after the last one that is
+    /// used may be left unread.
     fn decode(wire: &mut impl Wire<'a>) -> Decoded<Self>;
 }
 

@@ -25,7 +25,7 @@ pub(crate) fn days_since_1970(year: i64, month: i64, day: i64) -> Option<i64> {
     Some(365 * year + leap_days + day_of_year - 719_468)
 }
 
-/// The days from 1970-01-01 to a date YYYY-MM-DD; `None` if there is no such date.
+/// The days from 1970-01-01 to a date written as YYYY-MM-DD; `None` if there is no such date.
 pub fn day_number(date: &str) -> Option<i64> {
     let bytes = date.as_bytes();
     let has_marks = bytes.len() == 10 && (bytes[4], bytes[7]) == (b'-', b'-');
@@ -38,9 +38,9 @@ pub fn day_number(date: &str) -> Option<i64> {
     day.filter(|_| has_marks)
 }
 
-/// Year, month and day of so many days since 1970-01-01: the last one that is not later.
+/// Year, month and day of the date that is `days` after 1970-01-01.
 pub(crate) fn civil_date(days: i64) -> (i64, i64, i64) {
-    // Not earlier than the year before, as years have 365.2425 days.
+    // Starts at or before the right year, as years have 365.2425 days on average.
     let mut year = 1970 + (days as f64 / 365.2425).floor() as i64 - 1;
     let begun = |year: i64, month: i64| days_since_1970(year, month, 1).is_some_and(|d| d <= days);
     while begun(year + 1, 1) {
@@ -60,7 +60,7 @@ pub(crate) fn second_of_day(hour: u32, minute: u32, second_s: f64) -> Option<f64
     is_time.then(|| f64::from(hour * 3600 + minute * 60) + second_s)
 }
 
-/// From these times on, Unix seconds, GPS is ahead of UTC by so many whole seconds.
+/// Times (Unix seconds) from which GPS is ahead of UTC, and by how many seconds.
 const LEAP_SECONDS: [(f64, f64); 19] = [
     (315_964_800.0, 0.0),
     (362_793_600.0, 1.0),
@@ -89,14 +89,14 @@ pub(crate) fn gps_from_unix_s(unix_s: f64) -> f64 {
     unix_s - LEAP_SECONDS[0].0 + ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
 }
 
-/// The Unix time at a GPS time, seconds since 1980-01-06: of the two at a leap second, the later one.
+/// The Unix time at a GPS time, seconds since 1980-01-06. A leap second gives the later of its two Unix times.
 pub(crate) fn unix_from_gps_s(gps_s: f64) -> f64 {
     let begun = |(from_s, ahead_s): &&(f64, f64)| from_s - LEAP_SECONDS[0].0 + ahead_s <= gps_s;
     let ahead_s = LEAP_SECONDS.iter().rfind(begun);
     gps_s + LEAP_SECONDS[0].0 - ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
 }
 
-/// Date and time of seconds since 1970, `2026-11-23 08:29:20`.
+/// Formats seconds since 1970 as date and time, `2026-11-23 08:29:20`.
 pub fn civil_time(time_s: f64) -> String {
     let (days, second) = ((time_s / DAY_S).floor(), time_s.rem_euclid(DAY_S));
     let (year, month, day) = civil_date(days as i64);
@@ -105,7 +105,8 @@ pub fn civil_time(time_s: f64) -> String {
     format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}")
 }
 
-/// Seconds of the Unix epoch in words, from 2000 to 2100; `None` for others, which are those of another clock.
+/// Formats seconds of the Unix epoch from 2000 to 2100 as date and time; `None` for other times, which must be of
+/// another clock.
 pub fn utc(time_s: f64) -> Option<String> {
     const FROM_S: f64 = 946_684_800.0;
     const TO_S: f64 = 4_102_444_800.0;

@@ -8,9 +8,9 @@ use crate::error::{Error, Location, Result};
 use crate::format::file;
 use crate::format::parquet;
 
-/// Longer lines are not of a table; the limit keeps binary files from filling the memory.
+/// Lines of this many bytes do not belong to a table; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 20;
-/// More columns are not of a table; each name is compared with all that are known.
+/// Tables do not have more columns; the limit matters because each name is compared with all known names.
 pub(crate) const MOST_COLUMNS: usize = 1024;
 
 /// The lines of a text file, one at a time, without their ends.
@@ -22,8 +22,8 @@ pub(crate) struct Lines {
     number: u64,
     bytes: u64,
     total: u64,
-    /// A last line without an end is left out.
-    whole_only: bool,
+    /// Whether a last line without a line end is left out.
+    complete_only: bool,
 }
 
 impl Lines {
@@ -36,8 +36,8 @@ impl Lines {
             number: 0,
             bytes: 0,
             total,
-            // A recording may end with the power.
-            whole_only: file::is_in_recording(path),
+            // A recording may have ended in the middle of a line when the power failed.
+            complete_only: file::is_in_recording(path),
         })
     }
 
@@ -48,14 +48,14 @@ impl Lines {
             .take(LONGEST_LINE)
             .read_until(b'\n', &mut self.line)
             .map_err(|e| Error::io(&self.path, e))? as u64;
-        if self.whole_only && read < LONGEST_LINE && !self.line.ends_with(b"\n") {
+        if self.complete_only && read < LONGEST_LINE && !self.line.ends_with(b"\n") {
             self.line.clear();
             return Ok(false);
         }
         self.number += 1;
         self.bytes += read;
         let text = match std::str::from_utf8(&self.line) {
-            Ok(_) if read == LONGEST_LINE => Err("a line of more than a mebibyte"),
+            Ok(_) if read == LONGEST_LINE => Err("a line of a mebibyte or more"),
             Ok(text) if text.contains('\0') => Err("zero bytes"),
             Ok(_) => Ok(()),
             Err(_) => Err("bytes that are not text"),
@@ -73,7 +73,7 @@ impl Lines {
         } else {
             &self.line
         };
-        // Checked when it was read.
+        // `advance` has checked that it is UTF-8.
         std::str::from_utf8(bytes).unwrap_or_default().trim_ascii()
     }
 
@@ -87,8 +87,8 @@ impl Lines {
         Ok(false)
     }
 
-    /// Reads the next line that is neither empty nor a comment, which must hold finite numbers, as
-    /// many as `fits` accepts; false at the end.
+    /// Reads the next line that is neither empty nor a comment; false at the end. The line must hold
+    /// finite numbers only, as many as `fits` accepts.
     pub(crate) fn next_numbers(
         &mut self,
         cells: &mut Vec<f64>,
@@ -128,7 +128,7 @@ impl Lines {
     }
 }
 
-/// What stands between the cells of a table.
+/// The separator between the cells of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Separator {
     Comma,
@@ -147,7 +147,7 @@ impl Separator {
         }
     }
 
-    /// Hands every cell of `line` to `take`, with its index, until it fails.
+    /// Passes every cell of `line` with its index to `take`, until `take` fails. Returns the number of cells.
     #[inline]
     pub(crate) fn split<E>(
         self,
@@ -173,7 +173,7 @@ impl Separator {
         Ok(count)
     }
 
-    /// The cells of a header: names without quotes, one more than [`MOST_COLUMNS`] at most.
+    /// The names in a header without quotes, at most one more than [`MOST_COLUMNS`].
     pub(crate) fn names(self, line: &str) -> Vec<String> {
         let mut names = Vec::new();
         let _ = self.split(line, |_, cell| {
@@ -187,7 +187,7 @@ impl Separator {
     }
 }
 
-/// All numbers of a line, whatever separates them; `None` where a cell is no number.
+/// Reads all numbers of a line with any separator; false if a cell is not a number.
 pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
     into.clear();
     Separator::of(line)
@@ -198,8 +198,8 @@ pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
         .is_ok()
 }
 
-/// The names in the header of a table: the first line that is neither empty nor a comment, or the
-/// last comment before numbers. Those of the columns of a Parquet file.
+/// The names in the header of a table, which is the first line that is neither empty nor a comment, or the
+/// last comment before numbers; or the column names of a Parquet file.
 pub(crate) fn header_names(path: &Path) -> Result<Vec<String>> {
     if file::is_parquet(path) {
         return Ok(parquet::header(path)?.names);

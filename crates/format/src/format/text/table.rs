@@ -1,5 +1,5 @@
-//! Tables with columns in any order, told by names with units. As text: a header, `#` comments, and
-//! numbers separated by commas, semicolons or white space. The same as Parquet.
+//! Tables with columns in any order, identified by names with units. A table is either text with a header, `#`
+//! comments, and numbers separated by commas, semicolons or white space; or Parquet.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::format::parquet::Rows;
 use crate::format::text::lines::{Lines, MOST_COLUMNS, Separator, numbers};
 use crate::format::text::unit::factor;
 
-/// The columns that a reader wants: those it needs, then those it can use.
+/// The columns that a reader wants: needed columns, then optional columns.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Columns<'a> {
     pub(crate) needed: &'a [&'a str],
@@ -21,7 +21,7 @@ impl<'a> Columns<'a> {
         self.needed.iter().chain(self.optional).copied()
     }
 
-    /// Whether all required columns are among `names`.
+    /// Whether all needed columns are among `names`.
     pub(crate) fn are_in(&self, names: &[String]) -> bool {
         self.needed
             .iter()
@@ -37,22 +37,23 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// What a column of the file is among the wanted columns.
+/// The wanted column that a column of the file supplies.
 #[derive(Debug, Clone, Copy)]
 struct Slot {
+    /// Index among the wanted columns.
     index: usize,
     may_be_empty: bool,
-    /// From the file's unit to the wanted one.
+    /// Factor from the file's unit to the wanted unit.
     factor: f64,
 }
 
-/// Where the rows come from.
+/// The file from which the rows are read.
 #[derive(Debug)]
 enum Source {
     Text {
         lines: Lines,
         separator: Separator,
-        /// The last line read is a row that has not been returned yet.
+        /// Whether the last line read is a row that has not been returned yet.
         pending: bool,
     },
     Parquet(Box<Rows>),
@@ -63,14 +64,14 @@ enum Source {
 pub(crate) struct Table {
     source: Source,
     names: Vec<String>,
-    /// Of each column of the file.
+    /// Slot of each column of the file; `None` for columns that are not wanted.
     slots: Vec<Option<Slot>>,
     width: usize,
 }
 
 impl Table {
     /// Opens a table and looks up the wanted columns in its header. A comment counts as the header
-    /// if it names the required columns and numbers follow.
+    /// if it names the needed columns and numbers follow.
     pub(crate) fn open(path: &Path, columns: &Columns<'_>) -> Result<Self> {
         if is_parquet(path) {
             return Self::open_parquet(path, columns);
@@ -138,8 +139,8 @@ impl Table {
         })
     }
 
-    /// Reads the next row into `row`: required columns first, then optional ones, NaN if the file
-    /// has no such column or the cell is empty. False at the end.
+    /// Reads the next row into `row`: needed columns first, then optional columns. Values are NaN if the
+    /// file has no such column or the cell is empty. False at the end.
     pub(crate) fn next_row(&mut self, row: &mut [f64]) -> Result<bool> {
         debug_assert_eq!(row.len(), self.width);
         let (names, slots) = (&self.names, &self.slots);
@@ -164,7 +165,7 @@ impl Table {
                 let used = used.filter_map(|(slot, name)| Some(((*slot)?, name)));
                 for (i, (slot, name)) in used.enumerate() {
                     match rows.cell(i) {
-                        // In the wanted unit, too.
+                        // The value must be finite in the wanted unit, too.
                         Some(value) if (value * slot.factor).is_finite() => {
                             row[slot.index] = value * slot.factor;
                         }
@@ -216,7 +217,7 @@ impl Table {
     }
 }
 
-/// Reads the line last read into `row`.
+/// Parses the line last read into `row`.
 fn text_row(
     lines: &Lines,
     separator: Separator,
@@ -227,7 +228,7 @@ fn text_row(
     let outcome = separator.split(lines.text(), |i, cell| match slots.get(i) {
         None | Some(None) => Ok(()),
         Some(Some(slot)) => match cell.parse::<f64>() {
-            // In the wanted unit, too.
+            // The value must be finite in the wanted unit, too.
             Ok(value) if (value * slot.factor).is_finite() => {
                 row[slot.index] = value * slot.factor;
                 Ok(())
@@ -260,17 +261,17 @@ fn match_columns(
     let mut slots = vec![None; names.len()];
     let needed = columns.needed.len();
     for (slot, wanted) in columns.wanted().enumerate() {
-        let mut places = names
+        let mut matches = names
             .iter()
             .enumerate()
-            .filter_map(|(place, name)| Some((place, factor(name, wanted)?)));
-        match (places.next(), places.next()) {
+            .filter_map(|(column, name)| Some((column, factor(name, wanted)?)));
+        match (matches.next(), matches.next()) {
             (Some(_), Some(_)) => {
                 let found = format!("column {wanted} twice");
                 return Err(error(found, "each column once".to_owned()));
             }
-            (Some((place, factor)), None) => {
-                slots[place] = Some(Slot {
+            (Some((column, factor)), None) => {
+                slots[column] = Some(Slot {
                     index: slot,
                     may_be_empty: slot >= needed,
                     factor,
@@ -296,7 +297,7 @@ fn match_columns(
     Ok(slots)
 }
 
-/// The header of an arbitrary file, short enough to print.
+/// The names in a header, short enough to print.
 fn abbreviated(names: &[String]) -> String {
     let text: String = names.join(", ").chars().take(200).collect();
     if text.is_empty() {
@@ -306,7 +307,7 @@ fn abbreviated(names: &[String]) -> String {
     }
 }
 
-/// The name in the file that is closest to `wanted` and is not itself a wanted one.
+/// The name in the file that is closest to `wanted` and is not itself the name of a wanted column.
 fn nearest<'a>(
     wanted: &str,
     names: &'a [String],

@@ -1,9 +1,9 @@
-//! Columns in other units than boresight's, told by the ends of their names.
+//! Columns in units other than boresight's, identified by the ends of their names.
 
 use crate::sensor::STANDARD_GRAVITY_M_S2;
 
-/// Ends of names with the unit that is wanted and the unit that a file may have, and the factor from the
-/// latter to the former.
+/// Ends of names with the wanted unit and with a unit that a file may have, and the factor from the file's unit
+/// to the wanted unit.
 const UNITS: [(&str, &str, f64); 13] = [
     ("_rad_s", "_deg_s", std::f64::consts::PI / 180.0),
     ("_rad_s", "_mrad_s", 1e-3),
@@ -20,8 +20,8 @@ const UNITS: [(&str, &str, f64); 13] = [
     ("_deg", "_gon", 0.9),
 ];
 
-/// The factor from the values of the column `name` to those of `wanted`, if both differ at most in their
-/// unit.
+/// The factor from the values of the column `name` to those of `wanted`, if the names differ only in their
+/// units or not at all.
 pub(crate) fn factor(name: &str, wanted: &str) -> Option<f64> {
     if name == wanted {
         return Some(1.0);

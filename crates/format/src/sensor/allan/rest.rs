@@ -7,21 +7,21 @@ use crate::statistics::median;
 
 /// Length of the blocks over which rates and gravity are averaged and variances computed.
 const BLOCK_S: f64 = 1.0;
-/// Fewest samples in a block: of 16, a variance is known to 37 %.
+/// Fewest samples in a block: 16 samples give a variance to 37 %.
 const FEWEST_IN_BLOCK: usize = 16;
 /// An interval longer than this many medians is a gap.
 const GAP_INTERVALS: f64 = 1.5;
-/// The mean rate of a resting IMU differs less than this between blocks: far above the noise of a
-/// one-second mean, and the slowest turn of a robot.
+/// Largest deviation of a block's mean rate from the median for an IMU at rest: far above the noise of
+/// a one-second mean, and the slowest turn of a robot.
 const MOVING_RATE_RAD_S: f64 = 1.0 / 180.0 * std::f64::consts::PI;
-/// Tolerance of the direction of gravity, to which a bias of 17 mg would contribute as much.
+/// Tolerance of the direction of gravity; a bias of 17 mg tilts it by this much.
 const MOVING_TILT_RAD: f64 = 1.0 / 180.0 * std::f64::consts::PI;
 /// Specific force of an IMU at rest: gravity, apart from bias and scale.
 const GRAVITY_M_S2: std::ops::Range<f64> = 9.3..10.3;
 /// Above this, the IMU is on a turntable or has an implausible bias.
 const LARGEST_MEAN_RATE_RAD_S: f64 = 5.0 / 180.0 * std::f64::consts::PI;
 /// A block whose variance is this many times the median was disturbed: by chance, one in four
-/// million blocks of 16 samples would be.
+/// million blocks of 16 samples exceeds it.
 const DISTURBED_VARIANCE: f64 = 4.0;
 
 /// The longest part of the log without a gap.
@@ -46,13 +46,13 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
             "noise figures need some seconds at rest; check the unit of the times: seconds",
         ));
     }
-    let middle = |pick: fn(&Block) -> Vec3| {
+    let median_of = |pick: fn(&Block) -> Vec3| {
         Vec3::from_fn(|axis, _| median(blocks.iter().map(|b| pick(b)[axis])).unwrap_or(f64::NAN))
     };
-    let (rate, force) = (middle(|b| b.rate), middle(|b| b.force));
-    let moving = |what: String| {
+    let (rate, force) = (median_of(|b| b.rate), median_of(|b| b.force));
+    let moving = |motion: String| {
         Err(Error::data(
-            format!("the IMU is not at rest: {what}"),
+            format!("the IMU is not at rest: {motion}"),
             "use a log recorded at rest, or only its part at rest",
         ))
     };
@@ -86,6 +86,7 @@ pub(super) fn check(imu: &[ImuSample], interval_s: f64) -> Result<Vec<String>> {
     Ok(disturbed(&blocks))
 }
 
+/// A warning if some blocks are much noisier than the median.
 fn disturbed(blocks: &[Block]) -> Vec<String> {
     let medians: [f64; 6] =
         std::array::from_fn(|i| median(blocks.iter().map(|b| b.variance[i])).unwrap_or(f64::NAN));

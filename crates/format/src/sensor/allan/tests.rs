@@ -172,7 +172,7 @@ fn a_gauss_markov_bias_has_the_minimum_of_the_closed_form() {
 }
 
 #[test]
-fn what_a_log_cannot_show_is_not_invented() {
+fn a_short_log_leaves_figures_undetermined() {
     let mut determined = 0;
     for seed in 0..20 {
         let mut noise = Noise::new(40 + seed);
@@ -197,7 +197,7 @@ fn what_a_log_cannot_show_is_not_invented() {
         matches!(found.instability, Figure::AtMost { .. }),
         "{found:?}"
     );
-    // Too short for anything; and a sensor with constant output.
+    // A log too short for any figure, and a sensor with constant output.
     assert_eq!(
         figures(&Noise::new(62).white(40, WHITE)).white,
         Figure::Undetermined
@@ -210,7 +210,7 @@ fn what_a_log_cannot_show_is_not_invented() {
 }
 
 /// Sensors that smooth their output show less noise at short times; the density is taken where the
-/// deviation falls as it should.
+/// deviation falls as that of white noise.
 #[test]
 fn smoothing_in_the_sensor_does_not_lower_the_density() {
     let white = Noise::new(70).white(360_000, WHITE);
@@ -230,12 +230,12 @@ fn resting(seed: u64, seconds: usize) -> Vec<ImuSample> {
     let n = seconds * RATE_HZ as usize;
     let gyro: [Vec<f64>; 3] = std::array::from_fn(|_| noise.white(n, WHITE));
     let accel: [Vec<f64>; 3] = std::array::from_fn(|_| noise.white(n, 5.6e-4));
-    let all = |of: &[Vec<f64>; 3], k: usize| Vec3::new(of[0][k], of[1][k], of[2][k]);
+    let vector = |axes: &[Vec<f64>; 3], k: usize| Vec3::new(axes[0][k], axes[1][k], axes[2][k]);
     (0..n)
         .map(|k| ImuSample {
             time_s: 100.0 + k as f64 / RATE_HZ,
-            gyro_rad_s: all(&gyro, k) + Vec3::new(1.5e-3, -1.0e-3, 0.8e-3),
-            accel_m_s2: all(&accel, k) + Vec3::new(0.1, -0.05, 9.84),
+            gyro_rad_s: vector(&gyro, k) + Vec3::new(1.5e-3, -1.0e-3, 0.8e-3),
+            accel_m_s2: vector(&accel, k) + Vec3::new(0.1, -0.05, 9.84),
         })
         .collect()
 }

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::project::source::nearest;
 use crate::trajectory::{Constant, PositionKind, PositionSettings};
 
-/// For constants: what the drive contradicts is estimated. For scales: they follow from the points.
+/// For constants: those that the drive contradicts are estimated. For scales: they follow from the points.
 pub(in crate::project) const AUTO: &str = "auto";
 
 /// The names listed in `estimate`; `None` for `"auto"`, which is also the default.
@@ -37,7 +37,7 @@ pub(super) fn constants(
 ) -> Result<Vec<Constant>> {
     let all = all_constants(positions);
     let known: Vec<String> = all.iter().map(|c| c.name(positions)).collect();
-    let mut found = Vec::new();
+    let mut listed = Vec::new();
     for name in names {
         let error = |found: String, expected: &str| table.error("estimate", found, expected);
         let Some(index) = known.iter().position(|known| known == name) else {
@@ -49,7 +49,7 @@ pub(super) fn constants(
             ));
         };
         let constant = all[index];
-        if found.contains(&constant) {
+        if listed.contains(&constant) {
             return Err(error(format!("`{name}` twice"), "each constant once"));
         }
         let of_heading = matches!(
@@ -73,9 +73,9 @@ pub(super) fn constants(
                 ),
             ));
         }
-        found.push(constant);
+        listed.push(constant);
     }
-    Ok(found)
+    Ok(listed)
 }
 
 /// All constants of a project with these position sensors.

@@ -1,4 +1,4 @@
-//! From the project as written to the checked project.
+//! Conversion of the project as written to the checked project.
 
 mod estimate;
 mod motion;

@@ -1,4 +1,4 @@
-//! Logs or poses, and the noise of the IMU.
+//! Checks of the source of motion, logs or poses, and of the noise of the IMU.
 
 use super::table::Table;
 use super::{estimate, positions};
@@ -9,7 +9,7 @@ use crate::project::source::{Source, Step};
 use crate::project::written::{self, Written};
 use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise, PoseLimits, TrajectorySettings};
 
-/// Either poses or logs.
+/// The source of motion: either poses or logs.
 pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
     let given = [
         ("imu", written.imu.is_some()),
@@ -50,7 +50,7 @@ pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
     }
 }
 
-/// Limits above 0.
+/// Limits on the uncertainty of poses, which must be above 0.
 pub(super) fn limits(source: &Source, written: &Written) -> Result<PoseLimits> {
     let table = Table::new(source, "trajectory");
     let bound = |key, value: Option<f64>| value.map(|x| table.positive(key, x)).transpose();
@@ -64,10 +64,10 @@ pub(super) fn limits(source: &Source, written: &Written) -> Result<PoseLimits> {
     })
 }
 
-/// Refuses keys that have no meaning here.
-fn refuse(table: &Table<'_>, keys: &[(&str, bool)], why: &str, expected: &str) -> Result<()> {
+/// Checks that none of these keys is given, because they have no meaning here.
+fn refuse(table: &Table<'_>, keys: &[(&str, bool)], reason: &str, expected: &str) -> Result<()> {
     match keys.iter().find(|(_, given)| *given) {
-        Some((key, _)) => Err(table.error(key, format!("{key} {why}"), expected)),
+        Some((key, _)) => Err(table.error(key, format!("{key} {reason}"), expected)),
         None => Ok(()),
     }
 }
@@ -132,8 +132,8 @@ fn logs(
         "without a file of poses",
         "`file` as well; offsets and sigmas of logs belong in their own tables",
     )?;
-    let found = positions::positions(source, all)?;
-    let (positions, position_settings): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let sensors = positions::positions(source, all)?;
+    let (positions, position_settings): (Vec<_>, Vec<_>) = sensors.into_iter().unzip();
     let listed = estimate::listed(&table, trajectory.estimate.as_ref())?;
     let estimate = estimate::constants(
         &table,

@@ -1,4 +1,4 @@
-//! Prisms and GNSS antennas.
+//! Checks of prisms and GNSS antennas.
 
 use super::scanners::check_letters;
 use super::table::Table;
@@ -11,16 +11,16 @@ use crate::project::written::{self, ObservationKind, Written};
 use crate::sensor::{Observations, TotalStation};
 use crate::trajectory::{PositionKind, PositionSettings};
 
-/// Prefixes of the constants of other sensors, for example `heading.time_offset`.
+/// Names that would clash with prefixes of other constants, for example `heading.time_offset`.
 const TAKEN: [&str; 4] = ["frame", "heading", "imu", "trajectory"];
 /// Default standard deviation of a moving prism, metres.
 const PRISM_SIGMA_M: f64 = 0.005;
-/// Default standard deviation of a lever arm, metres: measured with care.
+/// Default standard deviation of a carefully measured lever arm, metres.
 const LEVER_ARM_SIGMA_M: f64 = 0.002;
 /// Default standard deviations of RTK: east, north, up, metres.
 const GNSS_SIGMA_M: [f64; 3] = [0.02, 0.02, 0.04];
 
-/// Radians of an angle in seconds of arc.
+/// Converts seconds of arc to radians.
 pub(in crate::project) fn arcsec_to_radians(arcsec: f64) -> f64 {
     (arcsec / 3600.0).to_radians()
 }
@@ -31,24 +31,24 @@ pub(super) fn positions(
     written: &Written,
 ) -> Result<Vec<(PositionLog, PositionSettings)>> {
     let (prisms, antennas) = (&written.prism.0, &written.gnss.0);
-    let mut found = Vec::new();
-    for (index, one) in prisms.iter().enumerate() {
+    let mut sensors = Vec::new();
+    for (index, written) in prisms.iter().enumerate() {
         let table = table_of(source, "prism", index, prisms.len());
-        found.push(prism(
+        sensors.push(prism(
             &table,
-            one,
-            name(&table, one.name.as_deref(), prisms.len(), &found)?,
+            written,
+            name(&table, written.name.as_deref(), prisms.len(), &sensors)?,
         )?);
     }
-    for (index, one) in antennas.iter().enumerate() {
+    for (index, written) in antennas.iter().enumerate() {
         let table = table_of(source, "gnss", index, antennas.len());
-        found.push(gnss(
+        sensors.push(gnss(
             &table,
-            one,
-            name(&table, one.name.as_deref(), antennas.len(), &found)?,
+            written,
+            name(&table, written.name.as_deref(), antennas.len(), &sensors)?,
         )?);
     }
-    Ok(found)
+    Ok(sensors)
 }
 
 fn table_of<'a>(source: &'a Source, name: &'a str, index: usize, count: usize) -> Table<'a> {
@@ -58,7 +58,7 @@ fn table_of<'a>(source: &'a Source, name: &'a str, index: usize, count: usize) -
     }
 }
 
-/// The given name, or the name of the table if it is the only one.
+/// The given name, or the name of the table if there is only one such table.
 fn name(
     table: &Table<'_>,
     given: Option<&str>,
@@ -88,7 +88,7 @@ fn name(
     Ok(name.to_owned())
 }
 
-/// Standard deviations above 0.
+/// Standard deviations, which must be above 0.
 fn sigmas(table: &Table<'_>, given: Option<Numbers>, default: [f64; 3]) -> Result<Vec3> {
     let Numbers(values) = given.unwrap_or(Numbers(default));
     for value in values {
@@ -101,8 +101,8 @@ fn lever_arm_sigma(table: &Table<'_>, given: Option<f64>) -> Result<f64> {
     table.not_negative("sigma_lever_arm_m", given.unwrap_or(LEVER_ARM_SIGMA_M))
 }
 
-/// Standard deviations and correlation time of the lasting part of the errors.
-fn lasting(
+/// Standard deviations and correlation time of the time-correlated part of the errors.
+fn correlated(
     table: &Table<'_>,
     sigma_m: Option<Numbers>,
     correlation_s: Option<f64>,
@@ -131,7 +131,7 @@ fn gnss(
         observations: Observations::Cartesian,
     };
     let (sigma_correlated_m, correlation_s) =
-        lasting(table, gnss.sigma_correlated_m, gnss.correlation_s)?;
+        correlated(table, gnss.sigma_correlated_m, gnss.correlation_s)?;
     let settings = PositionSettings {
         name,
         kind: PositionKind::Gnss,
@@ -173,7 +173,7 @@ fn prism(
         observations,
     };
     let (sigma_correlated_m, correlation_s) =
-        lasting(table, prism.sigma_correlated_m, prism.correlation_s)?;
+        correlated(table, prism.sigma_correlated_m, prism.correlation_s)?;
     let settings = PositionSettings {
         name,
         kind: PositionKind::Prism,
@@ -188,7 +188,7 @@ fn prism(
     Ok((log, settings))
 }
 
-/// Polar if the orientation of the instrument is given.
+/// The kind of observations: polar if the orientation of the instrument is given.
 fn observations(
     table: &Table<'_>,
     prism: &written::Prism,
@@ -237,15 +237,15 @@ fn observations(
             "both: the instrument's position and the azimuth of its zero",
         ));
     };
-    // If the instrument's noise is given, no default for tracking is added.
-    let stated = noise.iter().any(|(_, value)| value.is_some());
-    let default = if stated { 0.0 } else { PRISM_SIGMA_M };
+    // If any noise of the instrument is given, no default for tracking is added.
+    let has_noise = noise.iter().any(|(_, value)| value.is_some());
+    let default = if has_noise { 0.0 } else { PRISM_SIGMA_M };
     let Numbers([sigma_prism_m, y, z]) = prism.sigma_m.unwrap_or(Numbers([default; 3]));
     if sigma_prism_m != y || y != z {
         return Err(table.error(
             "sigma_m",
             "three values of sigma_m",
-            "one, as polar observations give the rest of the covariance",
+            "one value, as polar observations give the rest of the covariance",
         ));
     }
     let noise_of = |(key, value): (&str, Option<f64>), default| {

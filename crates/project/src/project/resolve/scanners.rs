@@ -1,4 +1,4 @@
-//! Scanners and other drives, and checks of their names.
+//! Checks of scanners and other drives, and of their names.
 
 use super::table::Table;
 use crate::calibration::PARAMETER_NAMES;
@@ -10,10 +10,10 @@ use crate::project::checked::{OtherDrive, Scanner};
 use crate::project::source::{Source, Step, nearest};
 use crate::project::written::{self, Written};
 
-/// What of a scanner can be estimated besides its mounting.
+/// The constant of a scanner that can be estimated besides its mounting.
 pub(in crate::project) const TIME_OFFSET: &str = "time_offset";
 
-/// More than any platform carries: their parameters are estimated together.
+/// More scanners than any platform carries. The limit bounds the number of parameters that are estimated together.
 const MAX_SCANNERS: usize = 1000;
 
 /// The scanners, with unique names.
@@ -112,7 +112,7 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
     })
 }
 
-/// In radians, (δφ, δp) load by load.
+/// The compliance in radians and metres: (δφ, δp) for each load in turn.
 fn compliance(table: &Table<'_>, written: &written::Compliance) -> Result<Compliance> {
     let flat = |turn_deg: &[[f64; 4]; 3], shift_m: &[[f64; 4]; 3]| -> Result<[f64; COMPLIANCE]> {
         let mut all = [0.0; COMPLIANCE];
@@ -133,7 +133,7 @@ fn compliance(table: &Table<'_>, written: &written::Compliance) -> Result<Compli
     })
 }
 
-/// The drives that are adjusted with this one and those that are evaluated, with unique names.
+/// The drives that are adjusted with this one and the drives that are evaluated, with unique names.
 pub(super) fn other_drives(
     source: &Source,
     written: &Written,
@@ -164,11 +164,11 @@ pub(super) fn other_drives(
     Ok((checked(drives), checked(evaluations)))
 }
 
-/// Names become file names and keys of the result: they must be valid for both, and unique even in
-/// file systems that ignore case.
+/// Checks names, which become file names and keys of the result: they must be valid for both, and unique
+/// even in file systems that ignore case.
 fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
-    // `a-b`, where `a` and `b` are names too.
+    // A name `a-b` is a pair if `a` and `b` are names, too.
     let is_pair = |name: &str| {
         let rests = lower
             .iter()
@@ -197,16 +197,16 @@ fn check_names(source: &Source, array: &str, names: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// Names are short and contain no characters with a special meaning.
-pub(super) fn check_letters(table: &Table<'_>, name: &str, why: &str) -> Result<()> {
-    let fit = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
-    if !name.is_empty() && name.chars().count() <= 64 && name.chars().all(fit) {
+/// Checks that a name is short and contains no characters with a special meaning.
+pub(super) fn check_letters(table: &Table<'_>, name: &str, reason: &str) -> Result<()> {
+    let is_allowed = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+    if !name.is_empty() && name.chars().count() <= 64 && name.chars().all(is_allowed) {
         return Ok(());
     }
     Err(table.error(
         "name",
         format!("the name {name:?}"),
-        &format!("1 to 64 letters, digits, `-` or `_`{why}"),
+        &format!("1 to 64 letters, digits, `-` or `_`{reason}"),
     ))
 }
 

@@ -1,4 +1,4 @@
-//! Settings of calibration, joint adjustment and comparison.
+//! Checks of the settings of calibration, joint adjustment, comparison, acceptance and report.
 
 use super::estimate::AUTO;
 use super::table::Table;
@@ -13,7 +13,7 @@ use crate::report::imprint::{self, Imprint};
 use crate::sensor::MAX_FRAME_COLUMNS;
 use crate::verdict::Acceptance;
 
-/// Neighbours of so many points, for each of 250,000 neighbourhoods, take a gigabyte.
+/// With this many neighbours, 250,000 neighbourhoods take a gigabyte.
 const MAX_NEIGHBOURS: usize = 1000;
 
 /// The scales from coarse to fine; `None` for `"auto"`, which is also the default.
@@ -23,35 +23,37 @@ pub(super) fn voxel_sizes(
 ) -> Result<Option<Vec<f64>>> {
     const KEY: &str = "voxel_sizes_m";
     let table = Table::new(source, "calibration");
-    let wrong = |found: &dyn std::fmt::Display, expected| {
+    let value_error = |found: &dyn std::fmt::Display, expected| {
         Err(table.error(KEY, format!("{KEY} = {found}"), expected))
     };
     let listed = match &written.voxel_sizes_m {
         None => return Ok(None),
         Some(toml::Value::String(word)) if word == AUTO => return Ok(None),
         Some(toml::Value::Array(listed)) => listed,
-        Some(other) => return wrong(other, "\"auto\" or a list of sizes from coarse to fine"),
+        Some(other) => {
+            return value_error(other, "\"auto\" or a list of sizes from coarse to fine");
+        }
     };
     let mut sizes = Vec::new();
     for one in listed {
         let size = match one {
             toml::Value::Float(size) => *size,
             toml::Value::Integer(size) => *size as f64,
-            other => return wrong(other, "a number above 0"),
+            other => return value_error(other, "a number above 0"),
         };
         sizes.push(table.positive(KEY, size)?);
     }
     if sizes.is_empty() || sizes.windows(2).any(|pair| pair[1] >= pair[0]) {
         let found = toml::Value::from(sizes);
-        return wrong(
+        return value_error(
             &found,
-            "at least one size, each smaller than the one before",
+            "at least one size, each smaller than the previous one",
         );
     }
     Ok(Some(sizes))
 }
 
-/// Scales from coarse to fine, and neighbourhoods that span a volume.
+/// Settings of the calibration: scales from coarse to fine, and neighbourhoods that can span a volume.
 pub(super) fn calibration(
     source: &Source,
     written: &written::Calibration,
@@ -95,8 +97,8 @@ pub(super) fn calibration(
     })
 }
 
-/// Whether trajectory and mountings are adjusted jointly, with nothing that only the joint
-/// adjustment can do if they are not: it would be left out silently.
+/// Whether trajectory and mountings are adjusted jointly. If not, keys that only the joint adjustment
+/// uses are errors: they would be ignored silently.
 pub(super) fn is_joint(source: &Source, written: &Written) -> Result<bool> {
     if written.calibration.method.unwrap_or_default() == Method::Joint {
         return Ok(true);
@@ -128,7 +130,7 @@ pub(super) fn is_joint(source: &Source, written: &Written) -> Result<bool> {
     Ok(false)
 }
 
-/// What mountings follow beside tilt, acceleration and time.
+/// The log of further quantities that may bend the frame.
 pub(super) fn bending(source: &Source, written: &Written) -> Result<Option<FrameLogFile>> {
     let Some(bending) = &written.bending else {
         return Ok(None);
@@ -143,7 +145,7 @@ pub(super) fn bending(source: &Source, written: &Written) -> Result<Option<Frame
         return Err(table.error(
             "columns",
             format!("columns = {columns:?}"),
-            "the names of one or two columns of the log, beside time_s",
+            "the names of one or two columns of the log, other than time_s",
         ));
     }
     Ok(Some(FrameLogFile {
@@ -152,7 +154,7 @@ pub(super) fn bending(source: &Source, written: &Written) -> Result<Option<Frame
     }))
 }
 
-/// Lengths and times above 0, standard deviations that may be 0.
+/// Settings of the joint adjustment: lengths and times above 0, standard deviations that may be 0.
 pub(super) fn joint(source: &Source, written: &Written) -> Result<JointSettings> {
     let table = Table::new(source, "joint");
     let default = JointSettings::default();
@@ -215,18 +217,24 @@ fn reference_sigma(
     })
 }
 
-fn at_least(table: &Table<'_>, key: &str, value: usize, least: usize, why: &str) -> Result<usize> {
+fn at_least(
+    table: &Table<'_>,
+    key: &str,
+    value: usize,
+    least: usize,
+    reason: &str,
+) -> Result<usize> {
     if value >= least {
         return Ok(value);
     }
     Err(table.error(
         key,
         format!("{key} = {value}"),
-        &format!("{least} or more{why}"),
+        &format!("{least} or more{reason}"),
     ))
 }
 
-/// `[acceptance]`.
+/// The limits of `[acceptance]`.
 pub(super) fn acceptance(source: &Source, written: &written::Acceptance) -> Result<Acceptance> {
     let table = Table::new(source, "acceptance");
     let default = Acceptance::default();
@@ -248,7 +256,7 @@ pub(super) fn acceptance(source: &Source, written: &written::Acceptance) -> Resu
     })
 }
 
-/// `[report]`.
+/// The texts and the logo of `[report]`.
 pub(super) fn imprint(source: &Source, written: &written::Report) -> Result<Imprint> {
     let table = Table::new(source, "report");
     for (key, text) in [
@@ -257,7 +265,11 @@ pub(super) fn imprint(source: &Source, written: &written::Report) -> Result<Impr
         ("organisation", &written.organisation),
     ] {
         if text.as_ref().is_some_and(|text| text.trim().is_empty()) {
-            return Err(table.error(key, format!("an empty {key}"), "a text, or no such key"));
+            return Err(table.error(
+                key,
+                format!("an empty {key}"),
+                "a text; otherwise omit the key",
+            ));
         }
     }
     let logo = written.logo.as_ref().map(|path| source.absolute(path));
@@ -279,7 +291,7 @@ pub(super) fn imprint(source: &Source, written: &written::Report) -> Result<Impr
     })
 }
 
-/// Lengths above 0.
+/// Settings of the comparison: lengths above 0.
 pub fn comparison(source: &Source, written: &written::Comparison) -> Result<ComparisonSettings> {
     let table = Table::new(source, "comparison");
     let default = ComparisonSettings::default();

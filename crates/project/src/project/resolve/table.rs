@@ -1,4 +1,4 @@
-//! One table of the project file: checks of its values, and errors for its keys.
+//! A table of the project file: checks of its values, and errors for its keys.
 
 use std::path::Path;
 
@@ -8,11 +8,11 @@ use crate::project::checked::LogFile;
 use crate::project::source::{Source, Step};
 use crate::trajectory::SENSOR_CORRELATION_S;
 
-/// One table of the file, for errors that name its keys.
+/// A table of the file, whose errors name the key.
 pub(super) struct Table<'a> {
     pub source: &'a Source,
     pub name: &'a str,
-    /// Its index if the table is in an array.
+    /// Index of the table if it is in an array.
     pub index: Option<usize>,
 }
 
@@ -38,15 +38,15 @@ impl<'a> Table<'a> {
         self.source.error(&steps, found, expected)
     }
 
-    /// Returns `value` if it is finite and `good`.
+    /// Returns `value` if it is finite and `is_valid`.
     pub fn number(
         &self,
         key: &str,
         value: f64,
-        good: fn(f64) -> bool,
+        is_valid: fn(f64) -> bool,
         expected: &str,
     ) -> Result<f64> {
-        if value.is_finite() && good(value) {
+        if value.is_finite() && is_valid(value) {
             Ok(value)
         } else {
             Err(self.error(key, format!("{key} = {value}"), expected))
@@ -65,8 +65,8 @@ impl<'a> Table<'a> {
         self.number(key, value, |x| x >= 0.0, "0 or a number above 0")
     }
 
-    /// The correlation time of the lasting part of a sensor's errors, if the key of its sigma is
-    /// given.
+    /// The correlation time of the time-correlated part of a sensor's errors. It may be given only if the
+    /// key of its sigma is given.
     pub fn correlation(
         &self,
         (sigma, given): (&str, bool),
@@ -79,18 +79,18 @@ impl<'a> Table<'a> {
             Some(_) => Err(self.error(
                 key,
                 format!("{key} without {sigma}"),
-                &format!("both: `{sigma}` is the standard deviation of the errors that last"),
+                &format!("both: `{sigma}` is the standard deviation of the time-correlated errors"),
             )),
         }
     }
 
-    /// A place on the body: no platform is larger than an airliner.
+    /// A position on the body: no platform is larger than an airliner.
     pub fn on_body(&self, key: &str, value: [f64; 3]) -> Result<Vec3> {
         const LARGEST_M: f64 = 50.0;
-        let place = self.vector(key, value)?;
-        let longest = place.amax();
+        let position = self.vector(key, value)?;
+        let longest = position.amax();
         match longest <= LARGEST_M {
-            true => Ok(place),
+            true => Ok(position),
             false => Err(self.error(
                 key,
                 format!("{key} with {longest} m from the IMU"),

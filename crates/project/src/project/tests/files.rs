@@ -1,4 +1,4 @@
-//! The files that a project names.
+//! Tests of the files that a project names.
 
 use super::joint::JOINT;
 use super::{EXAMPLE, POSES, Project, folder, write};
@@ -38,7 +38,7 @@ fn missing_files_are_named_with_key_line_and_path() {
         "{message}"
     );
 
-    // The other drive is checked as well, but not the drives that it references.
+    // The other drive is checked as well, but not the drives that it references itself.
     write(&drive_2, EXAMPLE);
     assert_eq!(missing(), Ok(()));
     write(&drive_2, &EXAMPLE.replace("\"left\"", "\"rear\""));

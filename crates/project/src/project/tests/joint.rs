@@ -1,4 +1,4 @@
-//! What the joint adjustment needs to know.
+//! Tests of the keys of the joint adjustment.
 
 use super::mistakes::message;
 use super::{EXAMPLE, POSES, Project, UNUSUAL, folder, read, write};
@@ -166,7 +166,7 @@ fn the_method_is_joint_unless_the_project_says_otherwise() {
 }
 
 #[test]
-fn the_reference_is_assumed_only_where_nothing_is_said_of_it() {
+fn the_reference_is_assumed_only_if_no_sigma_is_given() {
     let with = |keys: &str| {
         let keys = format!("file = \"tls.laz\"\n{keys}\n");
         let text = EXAMPLE.replacen("file = \"tls.laz\"\n", &keys, 1);
@@ -194,7 +194,7 @@ fn the_reference_is_assumed_only_where_nothing_is_said_of_it() {
 }
 
 #[test]
-fn what_is_printed_of_it_reads_back_to_the_same_project() {
+fn printed_joint_projects_read_back_to_the_same_project() {
     let poses = format!("{POSES}correlation_s = 12.5\n");
     let given = EXAMPLE.replace("file = \"tls.laz\"", "file = \"tls.laz\"\nsigma_m = 0.002");
     let surface = EXAMPLE.replace(
@@ -219,7 +219,7 @@ fn what_is_printed_of_it_reads_back_to_the_same_project() {
 }
 
 #[test]
-fn mistakes_about_it_are_named_with_line_and_remedy() {
+fn mistakes_in_joint_keys_are_named_with_line_and_remedy() {
     let cases = [
         (
             "method = \"joint\"",
@@ -363,7 +363,7 @@ fn mistakes_about_it_are_named_with_line_and_remedy() {
 }
 
 #[test]
-fn columns_that_a_frame_cannot_follow_are_refused() {
+fn invalid_columns_of_bending_are_refused() {
     for columns in [
         "[]",
         "[\"a\", \"a\"]",

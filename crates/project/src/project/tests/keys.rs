@@ -1,4 +1,4 @@
-//! The tables of docs/project.md: keys and what they mean from `written.rs`, defaults from what the program prints.
+//! The tables of docs/project.md: keys and their meaning from `written.rs`, defaults from the output of the program.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -8,10 +8,10 @@ use crate::joint::ReferenceSigma;
 
 /// The project as written, whose doc comments are the chapter's text.
 const WRITTEN: &str = include_str!("../written.rs");
-/// Where the tables stand.
+/// Marks before and after the tables.
 const MARKS: [&str; 2] = ["<!-- keys: begin -->\n", "<!-- keys: end -->"];
 
-/// Nothing but what is required, and what the other keys depend on.
+/// A project with only the required keys and those on which other keys depend.
 const LOGS: &str = r#"
 [imu]
 file = "imu.csv"
@@ -39,7 +39,7 @@ file = "tls.laz"
 "#;
 const POSES: &str = "[trajectory]\nfile = \"poses.csv\"\n";
 
-/// A table of the project, and its keys.
+/// A table of the project with its keys.
 struct Struct<'a> {
     name: &'a str,
     fields: Vec<Field<'a>>,
@@ -47,9 +47,9 @@ struct Struct<'a> {
 
 struct Field<'a> {
     name: &'a str,
-    /// The type as written.
+    /// The type in the source code.
     kind: &'a str,
-    /// The doc comment, without its last sentence if that is the default.
+    /// The doc comment, without its last sentence if this gives the default.
     text: String,
     default: Option<String>,
 }
@@ -107,37 +107,38 @@ fn inner(kind: &str) -> &str {
     inner.trim_end_matches('>')
 }
 
-/// What the program prints for a key that was not given.
+/// The value that the program prints for a key that was not given.
 fn printed(text: &str, table: &str, key: &str) -> Option<toml::Value> {
-    let of = |text: &str| -> Option<toml::Value> {
+    let value_in = |text: &str| -> Option<toml::Value> {
         let all: toml::Table = text.parse().unwrap();
         let one = all.get(table)?;
         let one = one.as_array().map_or(Some(one), |all| all.first())?;
         one.get(key).cloned()
     };
     let project = read(text).unwrap().to_toml().unwrap();
-    of(&project).filter(|_| of(text).is_none())
+    value_in(&project).filter(|_| value_in(text).is_none())
 }
 
 fn default(table: &str, field: &Field<'_>) -> String {
     let is_optional = ["Option<", "Tables<"]
         .iter()
         .any(|word| field.kind.starts_with(word));
-    let found = [LOGS, POSES]
+    let printed_value = [LOGS, POSES]
         .iter()
         .find_map(|text| printed(text, table, field.name));
-    match (&field.default, found) {
+    match (&field.default, printed_value) {
         (_, _) if !is_optional => "required".into(),
-        (Some(said), found) => {
-            let again = found.is_some_and(|found| said.trim_matches('`') == found.to_string());
+        (Some(stated), printed_value) => {
+            let is_repeated =
+                printed_value.is_some_and(|value| stated.trim_matches('`') == value.to_string());
             assert!(
-                !again,
-                "{table}.{}: the default is printed, and need not be said",
+                !is_repeated,
+                "{table}.{}: the program prints this default, so the comment must not repeat it",
                 field.name
             );
-            said.clone()
+            stated.clone()
         }
-        (None, Some(found)) => format!("`{found}`"),
+        (None, Some(value)) => format!("`{value}`"),
         (None, None) => "–".into(),
     }
 }
@@ -145,9 +146,9 @@ fn default(table: &str, field: &Field<'_>) -> String {
 /// The chapter's tables.
 fn tables() -> String {
     let structs = structs();
-    let of = |kind: &str| structs.iter().find(|one| one.name == kind).unwrap();
+    let struct_of = |kind: &str| structs.iter().find(|one| one.name == kind).unwrap();
     let mut page = String::new();
-    for table in &of("Written").fields {
+    for table in &struct_of("Written").fields {
         let heading = match table.kind.split_once('<') {
             Some(("Tables", _)) => format!("`[{0}]`, or several `[[{0}]]`", table.name),
             Some(("Vec", _)) => format!("`[[{}]]`", table.name),
@@ -159,7 +160,7 @@ fn tables() -> String {
             table.text
         )
         .unwrap();
-        for field in &of(inner(table.kind)).fields {
+        for field in &struct_of(inner(table.kind)).fields {
             let default = default(table.name, field);
             writeln!(page, "| `{}` | {default} | {} |", field.name, field.text).unwrap();
         }
@@ -168,19 +169,19 @@ fn tables() -> String {
 }
 
 #[test]
-fn the_chapter_of_the_keys_is_that_of_the_code() {
+fn the_chapter_of_the_keys_matches_the_code() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/project.md");
     let page = std::fs::read_to_string(&path).unwrap();
     let (before, rest) = page.split_once(MARKS[0]).unwrap();
     let (found, after) = rest.split_once(MARKS[1]).unwrap();
-    let made = tables();
+    let expected = tables();
     if std::env::var_os("BORESIGHT_WRITE").is_some() {
         let [begin, end] = MARKS;
-        std::fs::write(&path, format!("{before}{begin}{made}{end}{after}")).unwrap();
+        std::fs::write(&path, format!("{before}{begin}{expected}{end}{after}")).unwrap();
     } else {
         assert_eq!(
-            found, made,
-            "docs/project.md is not that of the code: `just keys` makes it anew"
+            found, expected,
+            "docs/project.md does not match the code: run `just keys`"
         );
     }
 }
@@ -203,13 +204,13 @@ fn every_key_has_a_text() {
     }
 }
 
-/// The defaults of the reference are not printed, as what is assumed is marked so.
+/// The defaults of the reference are not printed, because values in a project do not count as assumed.
 #[test]
-fn what_is_assumed_of_the_reference_is_said_so() {
+fn assumed_defaults_of_the_reference_are_documented() {
     let assumed = ReferenceSigma::default();
     let all = structs();
     let reference = all.iter().find(|one| one.name == "Reference").unwrap();
-    let said = |name| {
+    let documented_default = |name| {
         let mut fields = reference.fields.iter();
         fields
             .find(|field| field.name == name)
@@ -217,16 +218,20 @@ fn what_is_assumed_of_the_reference_is_said_so() {
             .default
             .clone()
     };
-    assert_eq!(said("sigma_m"), Some(assumed.shift_m.to_string()));
     assert_eq!(
-        said("sigma_deg"),
+        documented_default("sigma_m"),
+        Some(assumed.shift_m.to_string())
+    );
+    assert_eq!(
+        documented_default("sigma_deg"),
         Some(assumed.tilt_rad.to_degrees().to_string())
     );
 }
 
-/// The program refuses keys that the tables do not have: that they name all of them is shown by what it prints.
+/// The program refuses unknown keys, so the tables name no key too many. They name all keys if they have all printed
+/// keys.
 #[test]
-fn what_a_project_prints_is_in_the_tables() {
+fn printed_keys_are_in_the_tables() {
     let made = tables();
     for text in [
         super::EXAMPLE,

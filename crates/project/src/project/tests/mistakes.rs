@@ -327,7 +327,7 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
 
 /// `[[prism]]` with one table is equivalent to `[prism]`, up to the line of an error.
 #[test]
-fn an_array_of_one_is_one() {
+fn an_array_of_one_table_is_equivalent_to_a_table() {
     let array = EXAMPLE.replace("[prism]\n", "[[prism]]\n");
     let settings = |text: &str| match read(text).unwrap().motion {
         Motion::Logs(logs) => logs.settings,

@@ -60,7 +60,7 @@ name = "drive-2"
 project = "../drive-2/project.toml"
 "#;
 
-/// All keys that the example leaves out.
+/// Keys that the example leaves out.
 const UNUSUAL: &str = r#"
 frame = { body = "FLU", origin_m = [363000.0, 5.6e6, 60.0], crs = "EPSG:25832", grid_convergence_deg = -1.237 }
 
@@ -279,7 +279,7 @@ fn several_position_sensors_are_understood() {
 }
 
 #[test]
-fn the_noise_of_a_total_station_is_what_is_stated_of_it() {
+fn tracking_noise_has_no_default_if_instrument_noise_is_given() {
     let tracking = |keys: &str| {
         let instrument = format!("station_m = [1, 2, 3]\nstation_orientation_deg = 12\n{keys}\n");
         let text = UNUSUAL.replacen("[[scanner]]", &format!("{instrument}[[scanner]]"), 1);
@@ -316,7 +316,7 @@ fn unusual_keys_are_understood() {
 }
 
 #[test]
-fn what_is_printed_reads_back_to_the_same_project() {
+fn printed_projects_read_back_to_the_same_project() {
     let instrument = "station_m = [1, 2, 3]\nstation_orientation_deg = 12\n[[scanner]]";
     let polar = UNUSUAL.replacen("[[scanner]]", instrument, 1);
     let bounded = format!("{POSES}max_sigma_rotation_deg = 0.07\n");

@@ -1,4 +1,4 @@
-//! One request and its reply at a time, over a link that may lose, damage or delay them.
+//! Sends one request at a time and waits for its reply, over a link that may lose, damage or delay messages.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -10,8 +10,8 @@ use super::lines::Lines;
 use super::procedure::Procedure;
 use crate::error::{Error, Result};
 
-/// A connection to an instrument: a TCP stream, which should send at once (`set_nodelay`), or a
-/// serial port.
+/// A connection to an instrument: a serial port, or a TCP stream, which should send without delay
+/// (`set_nodelay`).
 pub trait Link: Read + Write {
     /// Sets the longest time that one read or write may take; it is never zero. A read that takes
     /// longer must end with [`ErrorKind::TimedOut`] or [`ErrorKind::WouldBlock`].
@@ -34,30 +34,30 @@ impl<L: Link + ?Sized> Link for Box<L> {
     }
 }
 
-/// What happened on the link so far.
+/// Counts of events on the link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Requests sent, with those asked again.
+    /// Requests sent, including repeated requests.
     pub requests: u64,
-    /// Replies that belong to the request before them.
+    /// Replies that belong to the last request.
     pub replies: u64,
-    /// Requests asked again, whatever the reason.
+    /// Requests repeated for any reason.
     pub asked_again: u64,
     /// Replies with a wrong checksum.
     pub wrong_checksums: u64,
-    /// Lines that are no replies, replies without what was asked for, and lines too long.
+    /// Lines that are not replies, replies without the requested values, and lines that are too long.
     pub garbled: u64,
-    /// Bytes before a reply in its line, and bytes of lines too long.
+    /// Bytes before a reply in its line, and bytes of lines that are too long.
     pub noise_bytes: u64,
-    /// Replies to earlier requests: dropped, for their time cannot be told.
+    /// Replies to earlier requests, which are dropped because their time is unknown.
     pub late: u64,
-    /// Requests without reply in time.
+    /// Requests without a reply in time.
     pub timeouts: u64,
     /// Replies that the instrument is busy.
     pub busy: u64,
-    /// Replies that the request was damaged on its way.
+    /// Replies that the request was damaged in transmission.
     pub damaged_requests: u64,
-    /// Distances that the instrument sent again with newer angles: dropped.
+    /// Distances that the instrument sent again with newer angles, which are dropped.
     pub repeated_distances: u64,
     /// Times that the prism was lost.
     pub losses: u64,
@@ -74,7 +74,7 @@ pub(super) struct Answer<S> {
 }
 
 impl<S> Answer<S> {
-    /// The code of the communication where that failed, else of the procedure.
+    /// The code of the communication if this failed, else the code of the procedure.
     pub fn code(&self) -> ReturnCode {
         match self.reply.communication {
             ReturnCode::OK => self.reply.code,
@@ -83,20 +83,20 @@ impl<S> Answer<S> {
     }
 }
 
-/// The next step after waiting for a reply.
+/// The result of waiting for a reply.
 enum Heard<S> {
     Reply(Answer<S>),
     AskAgain,
 }
 
-/// How long to go on listening after a line that is no reply: the reply may still come, but it
-/// may as well have been that line. A full measurement takes 0.2 s at 9600 baud.
+/// Time to go on listening after a line that is not a reply. The reply may still come, or that line was
+/// the damaged reply. A full measurement takes 0.2 s at 9600 baud.
 const AFTER_NOISE: Duration = Duration::from_millis(300);
 /// Pause before a busy instrument is asked again.
 const AFTER_BUSY: Duration = Duration::from_millis(50);
-/// Transactions count from 1 to this; 0 is that of a request without number.
+/// Largest transaction number; they count from 1, and 0 stands for a request without a number.
 const LAST_TRANSACTION: u16 = 32_767;
-/// A request without reply is given up after so many times the time-out.
+/// A request without a reply is given up after this many times the time-out.
 const PATIENCE: u32 = 3;
 
 pub(super) struct Channel<L, S> {
@@ -107,7 +107,7 @@ pub(super) struct Channel<L, S> {
     received: Vec<u8>,
     transaction: u16,
     has_checksum: bool,
-    /// Whether the link ended; nothing can be sent any more.
+    /// Whether the link has ended, so that nothing can be sent any more.
     pub is_dead: bool,
     pub counters: Counters,
 }
@@ -143,11 +143,12 @@ impl<L: Link, S> Channel<L, S> {
         &self.port
     }
 
-    /// Asks until a reply comes that is whole, and neither busy nor about a damaged request.
+    /// Repeats a request until a complete reply arrives that reports neither a busy instrument nor a
+    /// damaged request.
     ///
     /// # Errors
-    /// [`Error::Io`] if the link ended or no reply came in three times `timeout`. The time that
-    /// a call takes is bounded by four times `timeout`.
+    /// [`Error::Io`] if the link ended or no reply came in three times `timeout`. A call takes at most four
+    /// times `timeout`.
     pub fn ask(
         &mut self,
         procedure: Procedure,
@@ -178,7 +179,7 @@ impl<L: Link, S> Channel<L, S> {
         }
         last.ok_or_else(|| {
             let seconds = (timeout * PATIENCE).as_secs_f64();
-            let problem = format!("found no reply to {procedure} in {seconds} s, expected one");
+            let problem = format!("found no reply to {procedure} in {seconds} s, expected a reply");
             Error::io(&self.port, io::Error::new(ErrorKind::TimedOut, problem))
         })
     }
@@ -193,8 +194,7 @@ impl<L: Link, S> Channel<L, S> {
         self.transaction = self.transaction % LAST_TRANSACTION + 1;
         let (number, checked) = (procedure.number(), self.has_checksum);
         let line = Request::line(number, self.transaction, parameters, checked);
-        // A line feed clears the instrument's receive buffer; where all is well there is nothing
-        // to clear.
+        // A line feed clears the instrument's receive buffer. The first attempt has nothing to clear.
         let clear = if attempt > 0 { "\n" } else { "" };
         let message = format!("{clear}{line}\r\n");
         let sent = Instant::now();
@@ -245,7 +245,7 @@ impl<L: Link, S> Channel<L, S> {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 self.counters.timeouts += u64::from(!is_noisy);
-                // The rest of a broken line would spoil the next reply.
+                // The rest of a broken line would damage the next reply.
                 self.lines.clear();
                 return Ok(Heard::AskAgain);
             }
@@ -253,8 +253,7 @@ impl<L: Link, S> Channel<L, S> {
         }
     }
 
-    /// Whether a reply belongs to the last request. A request that was damaged may have lost its
-    /// number.
+    /// Whether a reply belongs to the last request. A damaged request may have lost its number.
     fn is_awaited(&self, reply: &Reply) -> bool {
         let is_own = reply.transaction == self.transaction;
         let is_unnumbered = reply.transaction == 0 && reply.communication.is_damage();

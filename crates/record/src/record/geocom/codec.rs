@@ -6,12 +6,12 @@
 
 use super::codes::ReturnCode;
 
-/// A parameter or a value to write.
+/// A parameter or a value in a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
     /// An integer, an enumeration or a switch (0, 1).
     Integer(i64),
-    /// A number with decimals; not finite ones are written as 0.
+    /// A number with decimals; a number that is not finite is written as 0.
     Float {
         /// The number.
         value: f64,
@@ -63,7 +63,7 @@ impl Value {
     }
 }
 
-/// The fields of a received message, with types as the reader expects them.
+/// The fields of a received message, which the caller reads as the types that it expects.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Fields(Vec<String>);
 
@@ -92,12 +92,12 @@ impl Fields {
         Self(fields)
     }
 
-    /// How many there are.
+    /// Number of fields.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no fields.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -153,7 +153,7 @@ impl Fields {
     }
 }
 
-/// Why a line is no message.
+/// The reason why a line is not a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Malformed {
     /// It does not follow the protocol's syntax.
@@ -169,7 +169,7 @@ pub struct Request {
     pub procedure: u16,
     /// Number that the reply repeats.
     pub transaction: Option<u16>,
-    /// Whether the request has a checksum, and so asks for one.
+    /// Whether the request has a checksum, which asks for a checksum in the reply.
     pub has_checksum: bool,
     /// Parameters.
     pub fields: Fields,
@@ -178,7 +178,7 @@ pub struct Request {
 /// A reply of an instrument.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reply {
-    /// Whether the communication succeeded.
+    /// The code of the communication.
     pub communication: ReturnCode,
     /// Number of the request's transaction; 0 if it had none.
     pub transaction: u16,
@@ -186,7 +186,7 @@ pub struct Reply {
     pub has_checksum: bool,
     /// The code of the procedure.
     pub code: ReturnCode,
-    /// Values.
+    /// The values.
     pub fields: Fields,
 }
 
@@ -200,7 +200,7 @@ impl Request {
         )
     }
 
-    /// Reads the line of a request, without terminator.
+    /// Parses the line of a request, without terminator.
     ///
     /// # Errors
     /// If the line has another syntax or a wrong checksum.
@@ -233,7 +233,7 @@ impl Reply {
         )
     }
 
-    /// Reads the line of a reply, without terminator.
+    /// Parses the line of a reply, without terminator.
     ///
     /// # Errors
     /// If the line has another syntax or a wrong checksum.
@@ -243,7 +243,7 @@ impl Reply {
         let communication = ReturnCode(message.first);
         let code = match number(code) {
             Some(code) => code,
-            // Where the communication failed there may be no procedure to have a code.
+            // If the communication failed, there may be no procedure and no code.
             None if code.is_empty() && communication != ReturnCode::OK => 0,
             None => return Err(Malformed::Syntax),
         };
@@ -257,7 +257,7 @@ impl Reply {
     }
 }
 
-/// What requests and replies have in common.
+/// The common parts of requests and replies.
 struct Message<'a> {
     first: u16,
     transaction: Option<u16>,
@@ -278,26 +278,26 @@ impl<'a> Message<'a> {
             *numbers.get_mut(i).ok_or(Malformed::Syntax)? =
                 Some(number(field).ok_or(Malformed::Syntax)?);
         }
-        let [Some(first), transaction, found] = numbers else {
+        let [Some(first), transaction, received_checksum] = numbers else {
             return Err(Malformed::Syntax);
         };
-        if let Some(found) = found {
+        if let Some(received) = received_checksum {
             let end = header.rfind(',').unwrap_or(header.len());
             let checked = format!("{prefix}{}:{body}", &header[..end]);
-            if checksum(checked.as_bytes()) != found {
+            if checksum(checked.as_bytes()) != received {
                 return Err(Malformed::Checksum);
             }
         }
         Ok(Self {
             first,
             transaction,
-            has_checksum: found.is_some(),
+            has_checksum: received_checksum.is_some(),
             body,
         })
     }
 }
 
-/// Decimal digits only: `parse` alone would take a sign as well.
+/// Parses decimal digits; `parse` alone would accept a sign as well.
 fn number(text: &str) -> Option<u16> {
     let has_digits_only = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     has_digits_only.then(|| text.parse().ok()).flatten()

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// What the instrument says of a request.
+/// The return code of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ReturnCode(
     /// The number.
@@ -17,12 +17,12 @@ macro_rules! codes {
             /// All codes of this table.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// The maker's name without its prefix `GRC_`, if the code is in this table.
+            /// The manufacturer's name without its prefix `GRC_`, if the code is in this table.
             pub fn name(self) -> Option<&'static str> {
                 match self.0 { $($number => Some(stringify!($name)),)* _ => None }
             }
 
-            /// What the code means, if it is in this table.
+            /// The meaning of the code, if it is in this table.
             pub fn meaning(self) -> Option<&'static str> {
                 match self.0 { $($number => Some($meaning),)* _ => None }
             }
@@ -142,7 +142,7 @@ impl ReturnCode {
         )
     }
 
-    /// Whether the request may have been damaged on its way.
+    /// Whether the request may have been damaged in transmission.
     pub fn is_damage(self) -> bool {
         matches!(
             self,
@@ -158,7 +158,7 @@ impl fmt::Display for ReturnCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (self.name(), self.meaning()) {
             (Some(name), Some(meaning)) => write!(f, "{} {name} ({meaning})", self.0),
-            _ => write!(f, "{} (a code not known here)", self.0),
+            _ => write!(f, "{} (unknown code)", self.0),
         }
     }
 }

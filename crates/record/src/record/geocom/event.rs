@@ -1,16 +1,16 @@
-//! What happens while tracking.
+//! Events while tracking.
 
 use super::measurement::Measurement;
 
-/// What tracking gives.
+/// An event while tracking.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event<S> {
     /// A measurement, with or without distance.
     Measured(Measurement<S>),
-    /// The instrument follows the prism no more.
+    /// The instrument no longer follows the prism.
     Lost,
     /// The instrument follows the prism again.
     Found,
-    /// Something to tell the user.
+    /// A message to the user.
     Note(String),
 }

@@ -1,4 +1,4 @@
-//! Which instrument answers.
+//! Identity of the connected instrument.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,18 +11,18 @@ use super::procedure::Procedure;
 use super::settings::TrackingSettings;
 use crate::error::{Error, Result};
 
-/// Which instrument it is.
+/// Name, serial number and battery of an instrument.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     /// Name, for example "TS16".
     pub name: String,
     /// Serial number.
     pub serial_number: i64,
-    /// Charge of its battery, percent, if it says so.
+    /// Charge of its battery, percent, if the instrument gives it.
     pub battery_percent: Option<i64>,
 }
 
-/// Tests the connection and reads which instrument it is.
+/// Tests the connection and reads the identity of the instrument.
 pub(super) fn greet<L: Link, S>(
     channel: &mut Channel<L, S>,
     settings: &TrackingSettings,
@@ -38,7 +38,7 @@ pub(super) fn greet<L: Link, S>(
             answer?;
         } else if !matches!(&answer, Ok(answer) if answer.code() == ReturnCode::OK) {
             channel.set_checksum(false);
-            let note = "the instrument gives no checksums: a damaged value may stay unseen";
+            let note = "the instrument sends no checksums: a damaged value may remain undetected";
             pending.push_back(Event::Note(note.into()));
         }
     }
@@ -51,7 +51,7 @@ pub(super) fn greet<L: Link, S>(
     let Some(serial_number) = number else {
         return Err(Error::data(
             format!(
-                "{}: found no serial number, expected that of an instrument",
+                "{}: found no serial number, expected the serial number of an instrument",
                 channel.port()
             ),
             "check that a total station is connected to this port",

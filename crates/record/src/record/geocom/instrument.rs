@@ -8,15 +8,15 @@ use super::codec::Value;
 use super::codes::ReturnCode;
 use super::event::Event;
 use super::identity::{Identity, battery, greet};
-use super::measurement::{Class, Measurement, WAYS};
+use super::measurement::{Class, Measurement, PROCEDURES};
 use super::modes::{Modes, command, refusal};
 use super::procedure::Procedure;
 use super::settings::TrackingSettings;
 use crate::error::{Error, Result};
 
-/// Decimals of replies: 1e-9 rad is 1e-7 m at 100 m.
+/// Least number of decimals in replies: 1e-9 rad is 1e-7 m at 100 m.
 const FEWEST_DECIMALS: u16 = 9;
-/// `TMC_MEASURE_PRG`: clear, and measure as set.
+/// `TMC_MEASURE_PRG`: clear, and start measuring in the mode that is set.
 const CLEAR: i64 = 3;
 const START: i64 = 1;
 /// `TMC_INCLINE_PRG`: the instrument decides whether to measure the inclination.
@@ -27,28 +27,29 @@ pub struct Instrument<L: Link, S> {
     pub(super) channel: Channel<L, S>,
     pub(super) settings: TrackingSettings,
     identity: Identity,
-    /// What was set before tracking, where this program changes it.
+    /// The modes before tracking, as far as this program changes them.
     before: Option<Modes>,
-    /// What tracking sets.
+    /// The modes that tracking sets.
     pub(super) changes: Modes,
     is_tracking: bool,
-    way: usize,
+    /// Index in [`PROCEDURES`] of the procedure that measures.
+    procedure: usize,
     pub(super) is_lost: bool,
     pending: VecDeque<Event<S>>,
     last_request: Option<Instant>,
     pub(super) last_distance: Instant,
-    /// None if the lock is to be looked at now.
+    /// `None` if the lock must be checked now.
     pub(super) last_lock_check: Option<Instant>,
     pub(super) last_start: Instant,
     last_instrument_time_s: Option<f64>,
 }
 
 impl<L: Link, S> Instrument<L, S> {
-    /// Connects to the instrument on `link`, which errors call `port`; `now` gives the stamps of
-    /// what arrives.
+    /// Connects to the instrument on `link`, which errors call `port`; `now` gives the time stamps of
+    /// replies.
     ///
     /// # Errors
-    /// [`Error::Io`] if nothing answers, [`Error::Data`] if what answers is no such instrument.
+    /// [`Error::Io`] if there is no reply, [`Error::Data`] if the reply is not that of such an instrument.
     pub fn connect(
         link: L,
         port: &str,
@@ -67,7 +68,7 @@ impl<L: Link, S> Instrument<L, S> {
             before: None,
             changes: Modes::default(),
             is_tracking: false,
-            way: 0,
+            procedure: 0,
             is_lost: false,
             pending,
             last_request: None,
@@ -78,18 +79,18 @@ impl<L: Link, S> Instrument<L, S> {
         })
     }
 
-    /// Goes on over a new link after the old one ended. If it was tracking it tracks again; the
-    /// modes to be written back at the end stay those before the first start.
+    /// Continues over a new link after the old link ended. If the instrument was tracking, it tracks
+    /// again; the modes before the first start will still be written back at the end.
     ///
     /// # Errors
     /// Those of [`Self::connect`] and [`Self::start`], and [`Error::Data`] if another instrument
     /// answers.
     pub fn reconnect(&mut self, link: L) -> Result<()> {
         self.channel.replace_link(link);
-        let found = greet(&mut self.channel, &self.settings, &mut self.pending)?;
-        if found.serial_number != self.identity.serial_number {
-            let (new, old) = (found.serial_number, self.identity.serial_number);
-            // Nothing of ours is to be written to the other instrument.
+        let identity = greet(&mut self.channel, &self.settings, &mut self.pending)?;
+        if identity.serial_number != self.identity.serial_number {
+            let (new, old) = (identity.serial_number, self.identity.serial_number);
+            // Our modes must not be written to another instrument.
             self.channel.is_dead = true;
             let port = self.channel.port();
             return Err(Error::data(
@@ -97,14 +98,14 @@ impl<L: Link, S> Instrument<L, S> {
                 "connect the instrument that the recording began with",
             ));
         }
-        self.identity = found;
+        self.identity = identity;
         match self.is_tracking {
             true => self.start(),
             false => Ok(()),
         }
     }
 
-    /// Which instrument it is, as of the last connection.
+    /// The identity of the instrument at the last connection.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
@@ -119,14 +120,14 @@ impl<L: Link, S> Instrument<L, S> {
         Ok(percent)
     }
 
-    /// What happened so far.
+    /// Counts of events on the link so far.
     pub fn counters(&self) -> Counters {
         self.channel.counters
     }
 
-    /// Which procedure measures.
+    /// The procedure that measures.
     pub fn measures_by(&self) -> Procedure {
-        WAYS[self.way]
+        PROCEDURES[self.procedure]
     }
 
     /// The modes that [`Self::stop`] writes back.
@@ -134,8 +135,8 @@ impl<L: Link, S> Instrument<L, S> {
         self.before
     }
 
-    /// Sets the modes, looks for the prism and starts measuring. A prism that is not found is no
-    /// error: [`Event::Lost`] follows, and it is looked for again.
+    /// Sets the modes, searches for the prism and starts measuring. A prism that is not found is not an
+    /// error: [`Event::Lost`] follows, and the search is repeated.
     ///
     /// # Errors
     /// [`Error::Io`] if the link fails, [`Error::Data`] if the instrument refuses a setting; the
@@ -161,7 +162,7 @@ impl<L: Link, S> Instrument<L, S> {
             lock: self.settings.lock.then_some(1),
         };
         present.check_known(&self.changes, self.channel.port())?;
-        // After a reconnection the present modes are our own.
+        // After a reconnection the present modes are those that this program set.
         self.before = self.before.or(Some(present.where_changed(&self.changes)));
         self.changes.write(&mut self.channel, timeout)?;
         if self.settings.lock {
@@ -182,7 +183,7 @@ impl<L: Link, S> Instrument<L, S> {
 
     pub(super) fn start_distances(&mut self) -> Result<()> {
         let timeout = self.settings.reply_timeout;
-        // A program of another user may still run, and hold the distance meter.
+        // A measurement program of another user may still be running and block the distance meter.
         for program in [CLEAR, START] {
             let parameters = [Value::Integer(program), INCLINATION];
             command(
@@ -196,11 +197,11 @@ impl<L: Link, S> Instrument<L, S> {
         Ok(())
     }
 
-    /// Waits for the next event. Takes as long as the instrument needs, at most four times the
-    /// time-out of each request.
+    /// Waits for the next event, as long as the instrument needs but at most four times the time-out of
+    /// each request.
     ///
     /// # Errors
-    /// [`Error::Io`] names the port if the link ended or the instrument is silent: then open the
+    /// [`Error::Io`] with the port if the link ended or the instrument does not reply: then open the
     /// port again and call [`Self::reconnect`]. [`Error::Data`] if the instrument cannot measure.
     pub fn next_event(&mut self) -> Result<Event<S>> {
         if let Some(event) = self.pending.pop_front() {
@@ -248,7 +249,7 @@ impl<L: Link, S> Instrument<L, S> {
                     format!("{port}: {by}: found replies with other values than expected");
                 return Err(Error::data(
                     problem,
-                    "ask for checksums, or check the cable",
+                    "turn on checksums, or check the cable",
                 ));
             }
             self.channel.counters.asked_again += 1;
@@ -284,25 +285,25 @@ impl<L: Link, S> Instrument<L, S> {
 
     fn fall_back(&mut self, code: ReturnCode) -> Result<Event<S>> {
         let old = self.measures_by();
-        if self.way + 1 == WAYS.len() {
+        if self.procedure + 1 == PROCEDURES.len() {
             return Err(refusal(self.channel.port(), old, code));
         }
-        self.way += 1;
+        self.procedure += 1;
         let new = self.measures_by();
         let loss = match new {
             Procedure::GetAngle => "there will be no distances",
             Procedure::GetCoordinate => "there will be coordinates instead of distances",
-            _ => "distances have no time of the instrument",
+            _ => "distances will have no time from the instrument",
         };
         Ok(Event::Note(format!(
-            "the instrument does not know {old}; {new} is used instead: {loss}"
+            "the instrument does not support {old}; {new} is used instead: {loss}"
         )))
     }
 
-    /// Stops measuring and writes the modes back as they were before.
+    /// Stops measuring and restores the modes before tracking.
     ///
     /// # Errors
-    /// The first error; everything else is written back nevertheless, unless the link ended.
+    /// The first error; the other modes are restored nevertheless, unless the link ended.
     pub fn stop(&mut self) -> Result<()> {
         self.stop_within(self.settings.reply_timeout)
     }
@@ -323,7 +324,7 @@ impl<L: Link, S> Instrument<L, S> {
 impl<L: Link, S> Drop for Instrument<L, S> {
     fn drop(&mut self) {
         if self.is_tracking && !self.channel.is_dead {
-            // Nobody is left to hear of an error.
+            // Nobody could handle an error here.
             let _ = self.stop_within(self.settings.reply_timeout.min(Duration::from_millis(500)));
         }
     }

@@ -1,23 +1,22 @@
-//! Cuts received bytes into lines of bounded length.
+//! Splits received bytes into lines of bounded length.
 
-/// A line longer than this is no GeoCOM message, bytes. A full measurement with 15 decimals has
-/// about 200.
+/// Longest line of a GeoCOM message, bytes. A full measurement with 15 decimals has about 200.
 pub const LONGEST_LINE: usize = 1024;
 
-/// Cuts received bytes into lines. Memory is bounded whatever is received.
+/// Splits received bytes into lines, in bounded memory for any input.
 #[derive(Debug, Default)]
 pub struct Lines {
     line: Vec<u8>,
     is_skipping: bool,
-    /// Bytes of lines that were longer than [`LONGEST_LINE`], and therefore skipped.
+    /// Bytes of lines that were skipped because they were longer than [`LONGEST_LINE`].
     pub skipped_bytes: u64,
     /// Lines that were longer than [`LONGEST_LINE`].
     pub skipped_lines: u64,
 }
 
 impl Lines {
-    /// Takes bytes until a line is whole; returns the line without its terminator, and how many
-    /// bytes were taken. CR or LF end a line; empty lines are passed over.
+    /// Takes bytes until a line is complete; returns the line without its terminator, and the number of
+    /// bytes taken. CR or LF ends a line; empty lines are skipped.
     pub fn take(&mut self, bytes: &[u8]) -> (Option<Vec<u8>>, usize) {
         for (i, &byte) in bytes.iter().enumerate() {
             if byte == b'\r' || byte == b'\n' {
@@ -46,7 +45,7 @@ impl Lines {
         }
     }
 
-    /// Forgets a line that is not finished.
+    /// Drops an incomplete line.
     pub fn clear(&mut self) {
         self.line.clear();
         self.is_skipping = false;

@@ -1,4 +1,4 @@
-//! Finds the prism, and finds it again after it was lost.
+//! Search for the prism, at the start and after the prism was lost.
 
 use std::time::{Duration, Instant};
 
@@ -11,13 +11,13 @@ use super::modes::refusal;
 use super::procedure::Procedure;
 use crate::error::Result;
 
-/// Without distance for this long, the lock is looked at.
+/// The lock is checked after this time without a distance.
 const LOCK_CHECK: Duration = Duration::from_millis(500);
-/// Without distance for this long although the prism is followed, measuring is started again.
+/// Measuring is restarted after this time without a distance, although the instrument follows the prism.
 const RESTART: Duration = Duration::from_secs(3);
 
 impl<L: Link, S> Instrument<L, S> {
-    /// Whether the instrument follows the prism now.
+    /// Searches for the prism; returns whether the instrument follows it now.
     pub(super) fn look_for_prism(&mut self) -> Result<bool> {
         let [hz, v] = self.settings.search_rad.map(Value::float);
         let timeout = self.settings.search_timeout;
@@ -44,8 +44,7 @@ impl<L: Link, S> Instrument<L, S> {
         Ok(code == ReturnCode::OK)
     }
 
-    /// Looks at the lock if distances are missing, and finds the prism again; none if there is
-    /// nothing to tell.
+    /// Checks the lock if distances are missing, and searches for a lost prism; `None` if nothing changed.
     pub(super) fn check_lock(&mut self) -> Result<Option<Event<S>>> {
         let is_due = self
             .last_lock_check
@@ -59,7 +58,7 @@ impl<L: Link, S> Instrument<L, S> {
         if self.settings.lock {
             let timeout = self.settings.reply_timeout;
             let answer = self.channel.ask(Procedure::ReadLockStatus, &[], timeout)?;
-            // 0: not locked; 1: locked; 2: it predicts where the prism goes behind an obstacle.
+            // 0: not locked; 1: locked; 2: predicting the motion of the prism behind an obstacle.
             let status = match answer.code() {
                 ReturnCode::OK => answer.reply.fields.integer(0),
                 _ => None,
@@ -68,7 +67,7 @@ impl<L: Link, S> Instrument<L, S> {
                 Some(0) if !self.is_lost => {
                     self.is_lost = true;
                     self.channel.counters.losses += 1;
-                    // The next call looks for the prism at once.
+                    // The next call searches for the prism at once.
                     self.last_lock_check = None;
                     return Ok(Some(Event::Lost));
                 }

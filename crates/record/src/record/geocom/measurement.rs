@@ -1,4 +1,4 @@
-//! Measurements, and how each procedure's reply is read.
+//! Measurements, and the parsing of each procedure's reply.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use super::codec::Fields;
 use super::codes::ReturnCode;
 use super::procedure::Procedure;
 
-/// How good a measurement is, by its return code.
+/// Quality of a measurement according to its return code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Class {
     /// Angles and distance with all corrections and full accuracy.
@@ -17,7 +17,7 @@ pub enum Class {
     NoFullCorrection,
     /// Angles without a new distance.
     AnglesOnly,
-    /// Neither.
+    /// Neither angles nor distance.
     Nothing,
 }
 
@@ -48,29 +48,29 @@ pub struct Angles {
 /// One reply to a measurement request; `S` is the caller's time stamp.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement<S> {
-    /// When the reply was whole.
+    /// Time at which the reply was complete.
     pub arrived: S,
-    /// From writing the request until the reply was whole: the angles were measured in between.
+    /// Time from writing the request until the reply was complete; the angles were measured in between.
     pub round_trip: Duration,
     /// Directions, if valid.
     pub angles: Option<Angles>,
     /// Slope distance, m, if there is a new one.
     pub distance_m: Option<f64>,
-    /// East, north, height, m, in the instrument's station coordinates: only by
+    /// East, north, height, m, in the instrument's station coordinates; only from
     /// [`Procedure::GetCoordinate`].
     pub position_m: Option<[f64; 3]>,
-    /// Time of the distance by the instrument's own clock, s, where the procedure gives it.
+    /// Time of the distance on the instrument's own clock, s, if the procedure gives it.
     pub instrument_time_s: Option<f64>,
-    /// How good it is.
+    /// Quality of the measurement.
     pub class: Class,
-    /// The instrument's words on it.
+    /// Return code of the instrument.
     pub code: ReturnCode,
-    /// The procedure that was asked.
+    /// The procedure that measured.
     pub by: Procedure,
 }
 
-/// Procedures for measuring, the best first; an instrument may not know the first ones.
-pub(super) const WAYS: [Procedure; 5] = [
+/// Procedures for measuring, the best first; an instrument may not support the first ones.
+pub(super) const PROCEDURES: [Procedure; 5] = [
     Procedure::GetFullMeas,
     Procedure::GetSimpleMeas,
     Procedure::QuickDist,
@@ -78,22 +78,22 @@ pub(super) const WAYS: [Procedure; 5] = [
     Procedure::GetAngle,
 ];
 
-/// Angles of a circle, with some room for rounding.
+/// A full circle, with some tolerance for rounding.
 const LARGEST_ANGLE_RAD: f64 = TAU + 1e-6;
 
 impl<S> Measurement<S> {
-    /// Reads the reply of one of [`WAYS`]. None if the reply lacks what its code promises.
+    /// Parses the reply of one of [`PROCEDURES`]. `None` if the reply lacks values that its code promises.
     pub(super) fn read(by: Procedure, answer: Answer<S>) -> Option<Self> {
         let code = answer.code();
         let (fields, mut class) = (&answer.reply.fields, Class::of(code));
-        let mut found = Found::default();
-        // By the manual, values are promised only with code 0.
+        let mut values = ReplyValues::default();
+        // The manual promises values only with code 0.
         if fields.is_empty() && code != ReturnCode::OK {
             class = Class::Nothing;
         }
         if class != Class::Nothing {
-            found = Found::read(by, fields, class != Class::AnglesOnly)?;
-            let has_distance = found.distance_m.is_some() || found.position_m.is_some();
+            values = ReplyValues::read(by, fields, class != Class::AnglesOnly)?;
+            let has_distance = values.distance_m.is_some() || values.position_m.is_some();
             if !has_distance {
                 class = Class::AnglesOnly;
             }
@@ -101,18 +101,17 @@ impl<S> Measurement<S> {
         Some(Self {
             arrived: answer.arrived,
             round_trip: answer.round_trip,
-            angles: found.angles,
-            distance_m: found.distance_m,
-            position_m: found.position_m,
-            instrument_time_s: found.instrument_time_s,
+            angles: values.angles,
+            distance_m: values.distance_m,
+            position_m: values.position_m,
+            instrument_time_s: values.instrument_time_s,
             class,
             code,
             by,
         })
     }
 
-    /// Takes the distance away, because it was measured earlier than the angles and is known
-    /// already.
+    /// Drops the distance, because it was measured before the angles and has been returned already.
     pub(super) fn drop_distance(&mut self) {
         self.distance_m = None;
         self.position_m = None;
@@ -121,17 +120,18 @@ impl<S> Measurement<S> {
     }
 }
 
+/// The values in a reply.
 #[derive(Default)]
-struct Found {
+struct ReplyValues {
     angles: Option<Angles>,
     distance_m: Option<f64>,
     position_m: Option<[f64; 3]>,
     instrument_time_s: Option<f64>,
 }
 
-impl Found {
+impl ReplyValues {
     fn read(by: Procedure, fields: &Fields, has_distance: bool) -> Option<Self> {
-        let mut found = Self::default();
+        let mut values = Self::default();
         let length = match by {
             Procedure::GetFullMeas | Procedure::GetCoordinate => 8,
             Procedure::GetAngle => 2,
@@ -143,10 +143,10 @@ impl Found {
         if by == Procedure::GetCoordinate {
             if has_distance {
                 let (e, n, h) = (fields.float(0)?, fields.float(1)?, fields.float(2)?);
-                found.position_m = Some([e, n, h]);
-                found.instrument_time_s = Some(time_s(fields, 3)?);
+                values.position_m = Some([e, n, h]);
+                values.instrument_time_s = Some(time_s(fields, 3)?);
             }
-            return Some(found);
+            return Some(values);
         }
         let angles = Angles {
             hz_rad: fields.float(0)?,
@@ -158,20 +158,20 @@ impl Found {
         {
             return None;
         }
-        found.angles = Some(angles);
+        values.angles = Some(angles);
         if has_distance && by != Procedure::GetAngle {
             let at = if by == Procedure::GetFullMeas { 6 } else { 2 };
             let distance_m = fields.float(at)?;
-            found.distance_m = (distance_m > 0.0).then_some(distance_m);
-            if by == Procedure::GetFullMeas && found.distance_m.is_some() {
-                found.instrument_time_s = Some(time_s(fields, 7)?);
+            values.distance_m = (distance_m > 0.0).then_some(distance_m);
+            if by == Procedure::GetFullMeas && values.distance_m.is_some() {
+                values.instrument_time_s = Some(time_s(fields, 7)?);
             }
         }
-        Some(found)
+        Some(values)
     }
 }
 
-/// Instruments write milliseconds since they were switched on.
+/// The time in field `i`, seconds; instruments write milliseconds since they were switched on.
 fn time_s(fields: &Fields, i: usize) -> Option<f64> {
     fields.float(i).map(|time_ms| 1e-3 * time_ms)
 }

@@ -1,7 +1,7 @@
 //! Leica total stations by the GeoCOM ASCII protocol, over TCP or a serial port.
 //!
 //! Written from Leica's *GeoCOM Reference Manual* (TPS1100, version 1.05; TPS1200/TS30/TM30,
-//! version 1.50). Neither manual describes the checksum of ASCII messages: its place and its
+//! version 1.50). Neither manual describes the checksum of ASCII messages; its position and its
 //! polynomial are those that `geocompy` 1.0.0 found on instruments.
 
 mod channel;

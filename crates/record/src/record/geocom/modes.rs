@@ -1,4 +1,4 @@
-//! The instrument's modes: read before tracking, written back after it.
+//! The instrument's modes, which are read before tracking and restored after it.
 
 use std::time::Duration;
 
@@ -8,12 +8,12 @@ use super::codes::ReturnCode;
 use super::procedure::Procedure;
 use crate::error::{Error, Result};
 
-/// Modes of an instrument; what it does not know is none. The numbers are the maker's.
+/// Modes of an instrument; `None` for a mode that it does not have. The numbers are the manufacturer's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Modes {
     /// Decimals in replies (`COM_SetDoublePrecision`).
     pub decimals: Option<u16>,
-    /// How distances are measured (`EDM_MODE`).
+    /// Mode of the distance meter (`EDM_MODE`).
     pub edm_mode: Option<u16>,
     /// Measurement program (`BAP_USER_MEASPRG`).
     pub program: Option<u16>,
@@ -47,15 +47,15 @@ impl Modes {
     /// Reads all modes.
     ///
     /// # Errors
-    /// [`Error::Io`] if the link fails. A mode that the instrument does not give is none.
+    /// [`Error::Io`] if the link fails. A mode that the instrument does not give is `None`.
     pub(super) fn read<L: Link, S>(channel: &mut Channel<L, S>, timeout: Duration) -> Result<Self> {
-        let mut found = [None; 5];
-        for (slot, (get, _)) in found.iter_mut().zip(ORDER) {
+        let mut modes = [None; 5];
+        for (slot, (get, _)) in modes.iter_mut().zip(ORDER) {
             *slot = value(channel, get, timeout, |fields| {
                 fields.integer(0).and_then(|mode| u16::try_from(mode).ok())
             })?;
         }
-        let [decimals, prism_type, program, edm_mode, lock] = found;
+        let [decimals, prism_type, program, edm_mode, lock] = modes;
         Ok(Self {
             decimals,
             edm_mode,
@@ -65,16 +65,18 @@ impl Modes {
         })
     }
 
-    /// Checks that all modes which change are known now, so that they can be written back.
+    /// Checks that all modes that will change are known, so that they can be restored.
     ///
     /// # Errors
-    /// [`Error::Data`] for the first one that is not.
+    /// [`Error::Data`] for the first unknown mode.
     pub(super) fn check_known(&self, changes: &Self, port: &str) -> Result<()> {
         for ((present, change), (get, _)) in self.list().iter().zip(changes.list()).zip(ORDER) {
             if present.is_none() && change.is_some() {
                 return Err(Error::data(
-                    format!("{port}: {get}: found no value, expected one to write back at the end"),
-                    "leave the setting out, so that the instrument's own is used",
+                    format!(
+                        "{port}: {get}: found no value, expected a value to restore at the end"
+                    ),
+                    "omit the setting, so that the instrument's own is used",
                 ));
             }
         }
@@ -103,7 +105,7 @@ impl Modes {
         result
     }
 
-    /// These modes, without those that are not given in `changes`.
+    /// These modes, without the modes that `changes` does not have.
     pub(super) fn where_changed(&self, changes: &Self) -> Self {
         Self {
             decimals: changes.decimals.and(self.decimals),
@@ -115,7 +117,7 @@ impl Modes {
     }
 }
 
-/// Asks for something that gives no values.
+/// Sends a request whose reply has no values.
 ///
 /// # Errors
 /// [`Error::Io`] if the link fails, [`Error::Data`] if the instrument refuses.
@@ -132,18 +134,19 @@ pub(super) fn command<L: Link, S>(
     }
 }
 
-/// The error of a request that the instrument refused.
+/// The error for a request that the instrument refused.
 pub(super) fn refusal(port: &str, procedure: Procedure, code: ReturnCode) -> Error {
     let remedy = if code.is_unknown() {
-        "this instrument has no such function: choose settings that do without it"
+        "this instrument has no such function: choose settings that do not need it"
     } else {
-        "look at the instrument's screen; try the same function there"
+        "look at the instrument's screen, and try the same function there"
     };
     let problem = format!("{port}: {procedure}: found return code {code}, expected 0 OK");
     Error::data(problem, remedy)
 }
 
-/// A value that the instrument gives, or none if it gives none. Asks again for damaged ones.
+/// Requests a value; `None` if the instrument does not give it. The request is repeated if the value is
+/// damaged.
 pub(super) fn value<L: Link, S, T>(
     channel: &mut Channel<L, S>,
     procedure: Procedure,
@@ -157,7 +160,7 @@ pub(super) fn value<L: Link, S, T>(
         }
         match read(&answer.reply.fields) {
             None => channel.counters.garbled += 1,
-            found => return Ok(found),
+            value => return Ok(value),
         }
     }
     Ok(None)

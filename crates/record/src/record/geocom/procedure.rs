@@ -14,12 +14,12 @@ macro_rules! procedures {
             /// All procedures of this table.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// The maker's name.
+            /// The manufacturer's name.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$name => $leica,)* }
             }
 
-            /// The procedure of a number.
+            /// The procedure with this number.
             pub fn from_number(number: u16) -> Option<Self> {
                 match number { $($number => Some(Self::$name),)* _ => None }
             }
@@ -39,12 +39,12 @@ procedures! {
     ReadLockStatus "MOT_ReadLockStatus" 6021 "Whether the instrument follows the prism.",
     LockIn "AUT_LockIn" 9013 "Starts to follow the prism.",
     FineAdjust "AUT_FineAdjust" 9037 "Points at the prism; searches in a window if needed.",
-    PowerSearchNext "AUT_PS_SearchNext" 9051 "Searches the next prism all around.",
+    PowerSearchNext "AUT_PS_SearchNext" 9051 "Searches the full circle for the next prism.",
     DoMeasure "TMC_DoMeasure" 2008 "Starts or stops measuring distances.",
-    SetEdmMode "TMC_SetEdmMode" 2020 "Sets how distances are measured.",
-    GetEdmMode "TMC_GetEdmMode" 2021 "How distances are measured.",
+    SetEdmMode "TMC_SetEdmMode" 2020 "Sets the mode of the distance meter.",
+    GetEdmMode "TMC_GetEdmMode" 2021 "The mode of the distance meter.",
     GetCoordinate "TMC_GetCoordinate" 2082 "Coordinates of the prism.",
-    GetAngle "TMC_GetAngle5" 2107 "Angles alone.",
+    GetAngle "TMC_GetAngle5" 2107 "Angles only.",
     GetSimpleMeas "TMC_GetSimpleMea" 2108 "Angles and slope distance.",
     QuickDist "TMC_QuickDist" 2117 "Starts tracking, waits for a distance; angles and distance.",
     GetFullMeas "TMC_GetFullMeas" 2167 "Angles, inclination, slope distance and its time.",

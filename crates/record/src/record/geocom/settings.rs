@@ -1,35 +1,35 @@
-//! How to track.
+//! Settings of tracking.
 
 use std::time::Duration;
 
 use crate::error::{Error, Result};
 
-/// How to track.
+/// Settings of tracking.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackingSettings {
-    /// `EDM_MODE` for distances one after the other; 9, the default, is fast repeated
-    /// measurement. None leaves it as it is.
+    /// `EDM_MODE` for continuous distances; 9, the default, is fast repeated measurement. `None` leaves
+    /// the mode unchanged.
     pub edm_mode: Option<u16>,
-    /// `BAP_USER_MEASPRG`, for example 10, synchronous tracking; sets the mode of the distance
-    /// meter as well: then `edm_mode` has to be none. None, the default, leaves it as it is.
+    /// `BAP_USER_MEASPRG`, for example 10, synchronous tracking. A program also sets the mode of the
+    /// distance meter, so that `edm_mode` must be `None`. `None`, the default, leaves the program unchanged.
     pub program: Option<u16>,
-    /// `BAP_PRISMTYPE`, for example 3 (360° prism) or 7 (360° mini prism). None, the default,
-    /// leaves it as it is.
+    /// `BAP_PRISMTYPE`, for example 3 (360° prism) or 7 (360° mini prism). `None`, the default,
+    /// leaves the type unchanged.
     pub prism_type: Option<u16>,
     /// Whether to follow the prism; true by default.
     pub lock: bool,
     /// Half-widths of the window that is searched for the prism, along Hz and V, rad.
     pub search_rad: [f64; 2],
-    /// Whether to search all around (PowerSearch) if the prism is not in that window.
+    /// Whether to search the full circle (PowerSearch) if the prism is not in that window.
     pub power_search: bool,
-    /// Whether to ask for checksums; an instrument without them is used without.
+    /// Whether to request checksums; an instrument that does not support them is used without.
     pub checksum: bool,
     /// Longest time for a reply.
     pub reply_timeout: Duration,
-    /// Longest time for a reply after the telescope has moved and searched.
+    /// Longest time for a reply to a request that moves the telescope and searches.
     pub search_timeout: Duration,
-    /// Longest time that the instrument waits for a distance before it gives angles alone. Zero,
-    /// the default, gives most angles.
+    /// Longest time that the instrument waits for a distance before it returns only angles. Zero,
+    /// the default, gives the most angles.
     pub wait: Duration,
     /// Shortest time from one request to the next.
     pub interval: Duration,
@@ -53,14 +53,14 @@ impl Default for TrackingSettings {
     }
 }
 
-/// No instrument needs longer.
+/// Longest accepted time-out; no instrument needs longer.
 const LONGEST_TIMEOUT: Duration = Duration::from_secs(600);
 
 impl TrackingSettings {
-    /// Whether the settings make sense.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// [`Error::Data`] for the first one that does not.
+    /// [`Error::Data`] for the first setting that is out of range.
     pub(super) fn check(&self, port: &str) -> Result<()> {
         let times = [
             (
@@ -100,7 +100,7 @@ impl TrackingSettings {
         if let (Some(program), Some(_)) = (self.program, self.edm_mode) {
             return Err(Error::data(
                 format!("{port}: found an EDM mode and program {program}, expected one of them"),
-                "a program sets the EDM mode: leave one of them out",
+                "a program sets the EDM mode: omit one of them",
             ));
         }
         Ok(())

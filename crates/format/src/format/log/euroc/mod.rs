@@ -10,8 +10,8 @@
 //! | `leica0/data.csv` | [`read_positions`] |
 //!
 //! `R` is the reference frame (z up), `S` the sensor: `p_RS_R` is the sensor in R, `q_RS` rotates
-//! from S to R with the scalar first. Columns may come in any order behind the time, and others are
-//! ignored.
+//! from S to R with the scalar first. Columns may come in any order after the time; unknown columns
+//! are ignored.
 
 #[cfg(test)]
 mod tests;
@@ -25,7 +25,7 @@ use crate::format::text::lines::Lines;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, ImuSample, PoseRecord, PositionFix, Positions};
 
-/// What a file of the data set contains.
+/// The content of a file of the data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Angular rates and specific forces.
@@ -66,7 +66,7 @@ pub(crate) const POSITIONS: kind::Kind = kind::Kind {
     ..kind::Kind::new("euroc-positions", "position log (EuRoC)")
 };
 
-/// What the first line of a file says.
+/// The content of a file according to its first line.
 fn kind_of(start: &kind::Start<'_>) -> Option<Kind> {
     let line = start.bytes.split(|byte| *byte == b'\n').next()?;
     looks_like_header(std::str::from_utf8(line).ok()?)
@@ -107,7 +107,7 @@ const STATE: [Column; 16] = [
 const QUATERNION_SLACK: f64 = 1e-3;
 
 impl Kind {
-    /// The columns behind the time.
+    /// The columns after the time.
     fn columns(self) -> &'static [Column] {
         match self {
             Self::Imu => &IMU,
@@ -118,8 +118,8 @@ impl Kind {
     }
 }
 
-/// The names in a header with their units, without the time; `None` if the first is not the time in
-/// nanoseconds.
+/// The names in a header with their units, without the time; `None` if the first column is not the time
+/// in nanoseconds.
 fn names(line: &str) -> Option<Vec<(&str, Option<&str>)>> {
     let line = line.trim_start_matches('\u{feff}').trim_ascii();
     let line = line.strip_prefix('#').unwrap_or(line);
@@ -132,7 +132,7 @@ fn names(line: &str) -> Option<Vec<(&str, Option<&str>)>> {
     (time == "timestamp" && unit.is_none_or(|unit| unit == "ns")).then(|| cells.collect())
 }
 
-/// What the file with this first line contains; `None` if it is none of the data set's headers.
+/// The content of a file with this first line; `None` if the line is not a header of the data set.
 pub fn looks_like_header(line: &str) -> Option<Kind> {
     let names = names(line)?;
     let has = |(wanted, _): &Column| names.iter().any(|(name, _)| name == wanted);
@@ -148,8 +148,8 @@ fn seconds(time_ns: i64) -> f64 {
     (time_ns / NS) as f64 + (time_ns % NS) as f64 / NS as f64
 }
 
-/// Reads every row of a file of one of the given kinds: time in seconds and the values of the
-/// kind's columns.
+/// Reads every row of a file of one of the given kinds. `record` gets the time in seconds and the values
+/// of the kind's columns.
 fn read<T>(
     path: &Path,
     kinds: &[Kind],
@@ -167,18 +167,18 @@ fn read<T>(
         let expected = format!("the header `#timestamp [ns],{}`", wanted.join(","));
         return Err(lines.error(format!("`{found}`"), expected));
     };
-    // Of each column of the file behind the time: its place among the kind's.
+    // For each column of the file after the time: its index among the kind's columns.
     let mut slots = vec![None; names.len()];
-    for (place, (wanted, unit)) in kind.columns().iter().enumerate() {
-        for (i, (_, found)) in names.iter().enumerate().filter(|(_, n)| n.0 == *wanted) {
-            if let Some(found) = found.filter(|found| found != unit) {
-                let found = format!("column {wanted} in [{found}]");
+    for (index, (wanted, unit)) in kind.columns().iter().enumerate() {
+        for (i, (_, file_unit)) in names.iter().enumerate().filter(|(_, n)| n.0 == *wanted) {
+            if let Some(file_unit) = file_unit.filter(|file_unit| file_unit != unit) {
+                let found = format!("column {wanted} in [{file_unit}]");
                 return Err(lines.error(found, format!("[{unit}]")));
             }
-            if slots.contains(&Some(place)) {
+            if slots.contains(&Some(index)) {
                 return Err(lines.error(format!("column {wanted} twice"), "each column once"));
             }
-            slots[i] = Some(place);
+            slots[i] = Some(index);
         }
     }
     let mut values = vec![0.0; kind.columns().len()];
@@ -222,7 +222,7 @@ fn vector(values: &[f64]) -> Vec3 {
     Vec3::new(values[0], values[1], values[2])
 }
 
-/// Reads `imu0/data.csv`, rows in the order of the file; the axes are those of the IMU.
+/// Reads `imu0/data.csv`, rows in the order of the file, in the axes of the IMU.
 ///
 /// # Errors
 /// Another header, other units, cells that are not finite numbers, no rows.
@@ -240,7 +240,7 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 /// S is the IMU in ground truth and the rigid body of markers in a motion capture file.
 ///
 /// # Errors
-/// As [`read_imu`]; also quaternions that are not of unit length and times that do not increase.
+/// Those of [`read_imu`]; quaternions that are not of unit length; times that do not increase.
 pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
     let mut last_s = f64::NEG_INFINITY;
     let kinds = [Kind::State, Kind::Pose];
@@ -272,7 +272,7 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
 /// Reads the positions of a prism, `leica0/data.csv`, rows in the order of the file.
 ///
 /// # Errors
-/// As [`read_imu`].
+/// Those of [`read_imu`].
 pub fn read_positions(path: &Path) -> Result<Vec<PositionFix>> {
     let kinds = [Kind::Position];
     read(path, &kinds, "position", |time_s, values, _, _| {

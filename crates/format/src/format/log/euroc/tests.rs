@@ -25,7 +25,7 @@ fn with<T>(text: &str, read: impl Fn(&Path) -> T) -> T {
 }
 
 #[test]
-fn every_kind_is_told_by_its_header_and_read() {
+fn every_kind_is_detected_by_its_header_and_read() {
     for (text, kind) in [
         (IMU_FILE, Some(Kind::Imu)),
         (STATE_FILE, Some(Kind::State)),
@@ -134,7 +134,7 @@ fn damaged_files_do_not_panic() {
     }
 }
 
-/// A folder of recorded data, if it is there.
+/// A folder of recorded data, if it exists.
 fn recorded(folder: &str) -> Option<PathBuf> {
     let root = std::env::var_os("BORESIGHT_DATA").unwrap_or_else(|| "../shared/data".into());
     let folder = PathBuf::from(root).join(folder);
@@ -161,8 +161,8 @@ fn recorded_files_agree_with_each_other() {
     let truth = read_poses(&at("state_groundtruth_estimate0")).unwrap();
     let vicon = read_poses(&at("vicon0")).unwrap();
     assert!(vicon.iter().all(|pose| pose.bias.is_none()) && vicon.len() > 1000);
-    // Rates and accelerations by differences of the poses meet those of the IMU once its biases
-    // are subtracted: the sign of the biases, the direction of the rotation and the world's up.
+    // Rates and accelerations from differences of the poses agree with the IMU once its biases are
+    // subtracted. This tests the sign of the biases, the direction of the rotation and the world's up.
     let (mut gyro, mut accel) = ([Vec3::zeros(); 2], [Vec3::zeros(); 2]);
     let mut count = 0.0;
     for pair in truth.windows(2) {

@@ -1,10 +1,10 @@
 //! GSI-8 and GSI-16 of Leica instruments: one block of words per line.
 //!
-//! A word of GSI-8 has 16 characters, one of GSI-16 has 24, and a block of the latter begins with
-//! `*`: the index (two or three digits), flags and the unit digit in front of the sign, 8 or 16
-//! characters of data and a blank. The first word of a measurement holds the number of its point
-//! and, behind the index, that of the block: `110001+00000A12 21.324+12345670 22.324+10000000
-//! 31...0+00012345`.
+//! A word of GSI-8 has 16 characters, a word of GSI-16 has 24, and a block of GSI-16 begins with
+//! `*`. A word holds the index (two or three digits), flags and the unit digit in front of the sign,
+//! 8 or 16 characters of data and a blank. The first word of a measurement holds the number of its
+//! point and, after the index, the number of the block: `110001+00000A12 21.324+12345670
+//! 22.324+10000000 31...0+00012345`.
 //!
 //! | index | content |
 //! |---|---|
@@ -19,7 +19,7 @@
 //! | 87, 88 | height of the reflector, of the instrument |
 //! | 560 to 562 | time `HHMMSS`, date `MMDD00`, year |
 //!
-//! Other words are ignored, as are blocks without a point, which hold codes.
+//! Other words are ignored, and so are blocks without a point, which hold codes.
 
 #[cfg(test)]
 mod tests;
@@ -47,20 +47,20 @@ pub(crate) const MEASUREMENTS: Kind = Kind {
 /// The international foot. Instruments set to the survey foot (2 ppm longer) write the same unit.
 const FOOT_M: f64 = 0.3048;
 
-/// One block of measurements or coordinates of a point; what it does not contain is `None`.
+/// One block of measurements or coordinates of a point; absent values are `None`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct GsiPoint {
-    /// Without leading zeros; empty if there are only zeros.
+    /// Number of the point without leading zeros; empty if there are only zeros.
     pub name: String,
     /// Days from 1970-01-01 to the date on the clock of the instrument.
     pub days_since_1970: Option<i64>,
-    /// Seconds since midnight on the clock of the instrument; words 19 resolve only minutes.
+    /// Seconds since midnight on the clock of the instrument; word 19 resolves only minutes.
     pub second_of_day_s: Option<f64>,
     /// Clockwise from the instrument's horizontal zero, radians.
     pub horizontal_rad: Option<f64>,
     /// From the zenith or from the horizon, as the instrument was set, radians.
     pub vertical_rad: Option<f64>,
-    /// Corrected as the instrument was set; `None` also for the zero of a missing range, metres.
+    /// Metres, corrected as the instrument was set; `None` also for zero, which marks a missing range.
     pub slope_distance_m: Option<f64>,
     /// The additive constant of the reflector that the instrument applied, metres.
     pub reflector_constant_m: Option<f64>,
@@ -82,7 +82,7 @@ impl GsiPoint {
     }
 }
 
-/// A word that can be read: what was found and what was expected otherwise.
+/// The content of a word, or the text found and the text expected.
 type Outcome<T> = std::result::Result<T, (String, &'static str)>;
 
 /// One word.
@@ -100,7 +100,7 @@ const WORD: &str = "words of two or three digits of index, flags up to the sixth
                     characters of data (16 in lines that begin with `*`) and a blank";
 
 impl<'a> Word<'a> {
-    /// Splits a word; the first one of a block has the number of the block behind its index.
+    /// Splits a word; the first word of a block has the number of the block after its index.
     fn parse(text: &'a str, is_first: bool) -> Option<Self> {
         let (head, data) = (text.get(..7)?, text.get(7..)?);
         let bytes = head.as_bytes();
@@ -134,7 +134,7 @@ impl<'a> Word<'a> {
         if self.is_negative { -value } else { value }
     }
 
-    /// Metres.
+    /// The data as a length, metres.
     fn length_m(&self) -> Outcome<f64> {
         let (per_unit, unit_m) = match self.unit {
             b'0' => (1e3, 1.0),
@@ -150,7 +150,7 @@ impl<'a> Word<'a> {
         Ok(self.signed(self.count()? as f64 / per_unit * unit_m))
     }
 
-    /// Radians.
+    /// The data as an angle, radians.
     fn angle_rad(&self) -> Outcome<f64> {
         let count = self.count()?;
         let (value, full) = match self.unit {
@@ -188,14 +188,14 @@ impl<'a> Word<'a> {
     }
 }
 
-/// The parts of a date, and words that hold them.
+/// The parts of a date, which different words hold.
 #[derive(Debug, Default)]
 struct Date {
     year: Option<u32>,
     month_day: Option<[u32; 2]>,
 }
 
-/// Reads one block; `None` if it is that of a code.
+/// Reads one block; `None` for a block of a code.
 fn block(line: &str) -> Outcome<Option<GsiPoint>> {
     let (line, width) = match line.strip_prefix('*') {
         Some(line) => (line, 24),
@@ -211,7 +211,7 @@ fn block(line: &str) -> Outcome<Option<GsiPoint>> {
             .nth(width)
             .map_or(rest.len(), |(end, _)| end);
         let (text, after) = rest.split_at(end);
-        // The blank behind the last word is often missing.
+        // The blank after the last word is often missing.
         let text = text.strip_suffix(' ').unwrap_or(text);
         let is_first = rest.len() == line.len();
         rest = after;
@@ -239,7 +239,7 @@ fn block(line: &str) -> Outcome<Option<GsiPoint>> {
     Ok(is_point.then_some(point))
 }
 
-/// Puts the content of a word into its point.
+/// Stores the content of a word in its point.
 fn take(word: &Word<'_>, point: &mut GsiPoint, date: &mut Date) -> Outcome<()> {
     let time = |hour, minute, second: u32| match second_of_day(hour, minute, second.into()) {
         Some(second_s) => Ok(Some(second_s)),
@@ -299,7 +299,7 @@ pub fn looks_like(start: &[u8]) -> bool {
     matches!(index, Some("11" | "41")) && block(line).is_ok()
 }
 
-/// Reads the points of a GSI file in its order.
+/// Reads the points of a GSI file in the order of the file.
 ///
 /// # Errors
 /// Words of another width or form, units that do not fit their word, dates and times that do not
@@ -319,15 +319,16 @@ pub fn read(path: &Path) -> Result<Vec<GsiPoint>> {
     Ok(points)
 }
 
-/// The coordinates of the targets, or by an instrument their polar observations. Blocks without them, such as
-/// those of the station, are left out.
+/// Reads the coordinates of the targets or, with [`Observations::Polar`], their polar observations. Blocks
+/// without these, such as those of the station, are left out.
 ///
 /// # Errors
 /// Those of [`read`]; a target without a time, no target.
 pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
-    let error =
-        |found: String, expected: &str| Err(Error::format(path, Location::Whole, found, expected));
-    let mut found = Positions::default();
+    let error = |positions: String, expected: &str| {
+        Err(Error::format(path, Location::Whole, positions, expected))
+    };
+    let mut positions = Positions::default();
     for point in read(path)? {
         let fix = match observations {
             Observations::Polar(instrument) => polar(&point).map(|o| instrument.position_fix(&o)),
@@ -340,10 +341,10 @@ pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positi
                 "words 560, 561 and 562, or 17 and 19, in every block",
             );
         };
-        found.fixes.push(PositionFix { time_s, ..fix });
+        positions.fixes.push(PositionFix { time_s, ..fix });
     }
-    match (found.fixes.is_empty(), observations) {
-        (false, _) => Ok(found),
+    match (positions.fixes.is_empty(), observations) {
+        (false, _) => Ok(positions),
         (true, Observations::Polar(_)) => error(
             "no block with words 21, 22 and 31".into(),
             "angles and slope distances",

@@ -29,7 +29,7 @@ fn assert_near(found: &[Option<f64>], expected: &[f64]) {
     }
 }
 
-/// Values of another reader, geocompy 1.0, but for the 29th of February, which it does not read.
+/// Values from another reader, geocompy 1.0, except the 29th of February, which it does not read.
 #[test]
 fn words_have_their_units_and_signs() {
     let points = read_text(GSI_16).unwrap();
@@ -74,7 +74,7 @@ fn words_have_their_units_and_signs() {
         &[p.reflector_height_m, p.instrument_height_m],
         &[1.5, -0.025],
     );
-    // No year.
+    // This block has no year.
     assert_eq!((p.time_s(), p.second_of_day_s), (None, Some(45_000.0)));
     let p = &points[1];
     assert_eq!((p.name.as_str(), p.slope_distance_m), ("", None));
@@ -82,7 +82,7 @@ fn words_have_their_units_and_signs() {
 }
 
 #[test]
-fn files_are_told_by_their_first_block() {
+fn files_are_detected_by_their_first_block() {
     for (text, expected) in [
         (GSI_16, true),
         (GSI_8, true),

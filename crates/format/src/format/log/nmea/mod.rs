@@ -1,8 +1,8 @@
-//! Headings and positions from logs of NMEA 0183 sentences, of any talker.
+//! Headings and positions from logs of NMEA 0183 sentences from any talker.
 //!
 //! Logs are recorded from a serial line: unknown sentences, binary data, half sentences and wrong
-//! checksums are skipped and counted. Sentences without a checksum are read unless an earlier one
-//! has a checksum: then they are cut off.
+//! checksums are skipped and counted. Sentences without a checksum are read unless an earlier
+//! sentence had one: then they must have been cut off.
 //!
 //! # Times
 //! Once a ZDA or a valid RMC gives the date, all times, also earlier ones, are seconds of the Unix
@@ -41,16 +41,16 @@ pub(crate) const LOG: Kind = Kind {
     ..Kind::new("nmea", "log of headings and positions (NMEA 0183)")
 };
 
-/// What was read from a log.
+/// The content of a log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NmeaLog<T> {
-    /// In the order of the log.
+    /// Records in the order of the log.
     pub records: Vec<T>,
-    /// What else it contains.
+    /// Numbers of skipped sentences.
     pub skipped: NmeaSkipped,
 }
 
-/// A time: day counted from the first one, and second of it.
+/// A time: the day, counted from the first day of the log, and the second of the day.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Moment {
     day: i64,
@@ -65,11 +65,11 @@ struct Clock {
     day_0: Option<i64>,
 }
 
-/// A time that is this much later than the one before it comes late, from the day before.
+/// If a time of day is this much later than the previous time, it is a late one of the previous day.
 const LATE_S: f64 = 23.0 * 3600.0;
 
 impl Clock {
-    /// The moment of a time of day, after those before it.
+    /// The moment of the next time of day in the log.
     fn at(&mut self, second_s: f64) -> Moment {
         let day = self.last.map_or(0, |last| match second_s - last.second_s {
             step_s if step_s < -0.5 * DAY_S => last.day + 1,
@@ -81,7 +81,7 @@ impl Clock {
         moment
     }
 
-    /// As [`at`](Self::at) with the date, in days since 1970.
+    /// Like [`at`](Self::at), with a known date in days since 1970.
     fn at_date(&mut self, second_s: f64, date: i64) -> Moment {
         let mut moment = self.at(second_s);
         let day_0 = *self.day_0.get_or_insert(date - moment.day);
@@ -95,12 +95,12 @@ impl Clock {
     }
 }
 
-/// Hands every useful sentence of a log to `take`.
+/// Passes every useful sentence of a log to `take`.
 fn scan(path: &Path, mut take: impl FnMut(Sentence, &mut NmeaSkipped)) -> Result<NmeaSkipped> {
     scan_to(path, |_, sentence, skipped| take(sentence, skipped))
 }
 
-/// As [`scan`], with where the line of each ends, bytes.
+/// Like [`scan`]; also passes the end of each sentence's line, in bytes from the start of the file.
 fn scan_to(
     path: &Path,
     mut take: impl FnMut(u64, Sentence, &mut NmeaSkipped),
@@ -124,31 +124,31 @@ fn scan_to(
 /// Whether these could be the first bytes of a log: they contain a sentence with its checksum, or
 /// begin with a known sentence without one.
 pub fn looks_like(start: &[u8]) -> bool {
-    let (mut count, mut found) = (0, false);
+    let (mut count, mut is_log) = (0, false);
     pieces(start, |piece| {
         let (has_checksum, sentence) = parse(piece);
         let intact = !matches!(sentence, Err(Useless::WrongChecksum | Useless::Damaged));
-        found |= has_checksum && intact || count == 0 && sentence.is_ok();
+        is_log |= has_checksum && intact || count == 0 && sentence.is_ok();
         count += 1;
     });
-    found
+    is_log
 }
 
-/// The error of a log without anything that was asked for.
-fn nothing(path: &Path, skipped: &NmeaSkipped, expected: &str) -> Error {
+/// The error for a log without the wanted records.
+fn no_records(path: &Path, skipped: &NmeaSkipped, expected: &str) -> Error {
     let found = format!("only {skipped}");
     Error::format(path, Location::Whole, found, expected)
 }
 
-/// Reads the headings of a log with what was skipped: those of PASHR, THS or HDT, whichever are
-/// most. PASHR gives standard deviations and the pitch as well.
+/// Reads the headings of a log and counts skipped sentences. Of PASHR, THS and HDT, only the most
+/// frequent sentence is used. PASHR gives standard deviations and the pitch as well.
 ///
 /// # Errors
 /// No heading with a time; more headings without a time of their own than with one.
 pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
     let mut clock = Clock::default();
     let mut epoch = None;
-    let mut found: [Vec<(Moment, Heading)>; 3] = Default::default();
+    let mut by_sentence: [Vec<(Moment, Heading)>; 3] = Default::default();
     let mut late = [0; 3];
     let mut skipped = scan(path, |sentence, skipped| match sentence {
         Sentence::Position(second_s, ..) => epoch = Some(clock.at(second_s)),
@@ -157,25 +157,28 @@ pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
             let moment = heading
                 .second_s
                 .map_or(epoch, |second_s| Some(clock.at(second_s)));
-            let last = found[kind].last().map(|(moment, _)| *moment);
+            let last = by_sentence[kind].last().map(|(moment, _)| *moment);
             match moment.filter(|moment| last != Some(*moment)) {
-                Some(moment) => found[kind].push((moment, heading)),
+                Some(moment) => by_sentence[kind].push((moment, heading)),
                 None => late[kind] += 1,
             }
         }
         Sentence::NoHeading => skipped.without_fix += 1,
         Sentence::NoPosition | Sentence::NoDate => {}
     })?;
-    // The last of equals: PASHR before THS before HDT.
+    // If two are equally frequent, the last one wins: PASHR before THS before HDT.
     let kind = (0..3)
-        .max_by_key(|kind| (found[*kind].len(), late[*kind]))
+        .max_by_key(|kind| (by_sentence[*kind].len(), late[*kind]))
         .unwrap_or(0);
     skipped.without_time = late[kind];
-    let headings = std::mem::take(&mut found[kind]);
-    skipped.other += found.iter().map(|other| other.len() as u64).sum::<u64>();
+    let headings = std::mem::take(&mut by_sentence[kind]);
+    skipped.other += by_sentence
+        .iter()
+        .map(|other| other.len() as u64)
+        .sum::<u64>();
     if headings.is_empty() {
         let expected = "headings (HDT, THS or PASHR) behind times (GGA, ZDA or RMC)";
-        return Err(nothing(path, &skipped, expected));
+        return Err(no_records(path, &skipped, expected));
     }
     if skipped.without_time > headings.len() as u64 {
         let found = format!(
@@ -200,19 +203,19 @@ pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
 /// Reads the headings of a log: see [`read_heading_log`].
 ///
 /// # Errors
-/// As [`read_heading_log`].
+/// Those of [`read_heading_log`].
 pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
     Ok(read_heading_log(path)?.records)
 }
 
-/// Reads the positions of a log, from its GGA, with what was skipped.
+/// Reads the positions of a log from its GGA sentences and counts skipped sentences.
 ///
 /// # Errors
-/// No position with a fix and the separation of geoid and ellipsoid, without which its height is
-/// unknown.
+/// No position with a fix and the separation of geoid and ellipsoid, without which the ellipsoidal height
+/// is unknown.
 pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
     let mut clock = Clock::default();
-    let mut found: Vec<(Moment, GeographicFix)> = Vec::new();
+    let mut fixes: Vec<(Moment, GeographicFix)> = Vec::new();
     let skipped = scan(path, |sentence, skipped| match sentence {
         Sentence::Position(second_s, [lat, lon], altitude_m, separation_m) => {
             let moment = clock.at(second_s);
@@ -227,7 +230,7 @@ pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
                 height_m: altitude_m + separation_m,
                 sigma_m: None,
             };
-            found.push((moment, fix));
+            fixes.push((moment, fix));
         }
         Sentence::Date(second_s, date) => {
             clock.at_date(second_s, date);
@@ -238,11 +241,11 @@ pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
         Sentence::NoPosition => skipped.without_fix += 1,
         Sentence::NoHeading | Sentence::NoDate => {}
     })?;
-    if found.is_empty() {
+    if fixes.is_empty() {
         let expected = "positions (GGA with a fix and a geoid separation)";
-        return Err(nothing(path, &skipped, expected));
+        return Err(no_records(path, &skipped, expected));
     }
-    let records = found.into_iter().map(|(moment, fix)| GeographicFix {
+    let records = fixes.into_iter().map(|(moment, fix)| GeographicFix {
         time_s: clock.time_s(moment),
         ..fix
     });
@@ -253,15 +256,15 @@ pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
 /// Reads the positions of a log: see [`read_position_log`].
 ///
 /// # Errors
-/// As [`read_position_log`].
+/// Those of [`read_position_log`].
 pub fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
     Ok(read_position_log(path)?.records)
 }
 
-/// Where the line of each sentence with a time ends, bytes, and that time.
+/// The end of the line of each sentence with a time, in bytes from the start of the file, and that time.
 fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
     let mut clock = Clock::default();
-    let mut found: Vec<(u64, Moment)> = Vec::new();
+    let mut ends: Vec<(u64, Moment)> = Vec::new();
     scan_to(path, |end, sentence, _| {
         let moment = match sentence {
             Sentence::Position(second_s, ..) => Some(clock.at(second_s)),
@@ -269,9 +272,9 @@ fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
             Sentence::Heading(_, heading) => heading.second_s.map(|second_s| clock.at(second_s)),
             Sentence::NoPosition | Sentence::NoHeading | Sentence::NoDate => None,
         };
-        found.extend(moment.map(|moment| (end, moment)));
+        ends.extend(moment.map(|moment| (end, moment)));
     })?;
-    let times = found.into_iter();
+    let times = ends.into_iter();
     Ok(times
         .map(|(end, moment)| (end, clock.time_s(moment)))
         .collect())

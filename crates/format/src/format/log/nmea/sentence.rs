@@ -1,4 +1,4 @@
-//! The sentences of NMEA 0183: their framing, checksums and the fields that are used.
+//! NMEA 0183 sentences: framing, checksums and the fields that are used.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -10,21 +10,21 @@ use crate::format::text::civil::{days_since_1970, second_of_day};
 /// Sentences have at most 82 characters; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 16;
 
-/// What a log contains beside the values that were asked for.
+/// Numbers of the sentences of a log that were skipped, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NmeaSkipped {
-    /// Sentences of other types, and lines that are no sentences.
+    /// Sentences of other types, and lines that are not sentences.
     pub other: u64,
     /// Sentences with a wrong checksum.
     pub wrong_checksum: u64,
-    /// Sentences that are cut off or have fields that cannot be read, and those without a checksum
-    /// in a log that has checksums.
+    /// Sentences that are cut off or have unreadable fields, and sentences without a checksum in a
+    /// log that has checksums.
     pub damaged: u64,
     /// Positions and headings that the receiver marks as invalid or leaves empty.
     pub without_fix: u64,
     /// Positions without the separation of geoid and ellipsoid.
     pub without_separation: u64,
-    /// Headings before the first time, or after another heading of the same time.
+    /// Headings before the first time, or after another heading with the same time.
     pub without_time: u64,
 }
 
@@ -44,7 +44,7 @@ impl std::fmt::Display for NmeaSkipped {
     }
 }
 
-/// Why a sentence is of no use.
+/// The reason why a sentence is skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Useless {
     Other,
@@ -52,10 +52,10 @@ pub(super) enum Useless {
     Damaged,
 }
 
-/// A heading with what its sentence says about it.
+/// A heading with the other values of its sentence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Heading {
-    /// `None` in a sentence that has no time.
+    /// Second of the day; `None` for a sentence without a time.
     pub(super) second_s: Option<f64>,
     pub(super) heading_deg: f64,
     pub(super) sigma_deg: Option<f64>,
@@ -63,7 +63,7 @@ pub(super) struct Heading {
     pub(super) pitch_sigma_deg: Option<f64>,
 }
 
-/// What a sentence says.
+/// The content of a sentence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Sentence {
     /// GGA with a fix: second of the day, latitude and longitude in degrees, altitude and
@@ -71,7 +71,7 @@ pub(super) enum Sentence {
     Position(f64, [f64; 2], f64, Option<f64>),
     /// ZDA or a valid RMC: second of the day and days since 1970.
     Date(f64, i64),
-    /// HDT, THS or PASHR, told apart by 0, 1 and 2.
+    /// A heading with its sentence: 0 for HDT, 1 for THS, 2 for PASHR.
     Heading(usize, Heading),
     /// A position or heading that its sentence marks as invalid.
     NoPosition,
@@ -80,8 +80,9 @@ pub(super) enum Sentence {
     NoDate,
 }
 
-/// Hands every piece of a log between line ends and dollar signs to `take`: a sentence without its
-/// dollar sign, or something else. With it goes where its line ends, bytes.
+/// Splits a log at line ends and dollar signs and passes every piece to `take`: a sentence without its
+/// dollar sign, or other data. `take` also gets the end of the piece's line, in bytes from the start of
+/// the file.
 pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(u64, &[u8])) -> Result<()> {
     let (file, _) = file::open(path)?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
@@ -100,8 +101,8 @@ pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(u64, &[u8])) -> R
     }
 }
 
-/// As [`for_each_piece`] for some bytes. What precedes a dollar sign in its line, such as the time
-/// of a logger, is no piece.
+/// Like [`for_each_piece`] for bytes in memory. Text before a dollar sign in the same line, such as the
+/// time of a logger, is dropped.
 pub(super) fn pieces(bytes: &[u8], mut take: impl FnMut(&[u8])) {
     for line in bytes.split(|byte| matches!(byte, b'\r' | b'\n')) {
         let mut parts = line.split(|byte| *byte == b'$').map(<[u8]>::trim_ascii);
@@ -117,7 +118,8 @@ pub(super) fn pieces(bytes: &[u8], mut take: impl FnMut(&[u8])) {
     }
 }
 
-/// Verifies the checksum of a sentence, if it has one, and reads it. Also says whether it has one.
+/// Verifies the checksum of a sentence, if it has one, and parses the sentence. The first value tells
+/// whether it has a checksum.
 pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useless>) {
     let star = piece.iter().position(|byte| *byte == b'*');
     let (body, sum) = match star {
@@ -176,14 +178,14 @@ fn digits<T: std::str::FromStr>(text: &str) -> Option<T> {
         .filter(|_| text.bytes().all(|b| b.is_ascii_digit()))
 }
 
-/// The second of the day of `hhmmss.ss`.
+/// Parses `hhmmss.ss` to the second of the day.
 fn second_s(text: &str) -> Option<f64> {
     let (hour, minute, second) = (text.get(..2)?, text.get(2..4)?, text.get(4..)?);
     let second_s = number(second).filter(|_| second.len() == 2 || second.get(2..3) == Some("."))?;
     second_of_day(digits(hour)?, digits(minute)?, second_s)
 }
 
-/// Degrees, positive to the north and east, of `dddmm.mmm` and a hemisphere.
+/// Parses `dddmm.mmm` and a hemisphere to degrees, positive to the north and east.
 fn degrees(
     text: &str,
     hemisphere: &str,
@@ -306,21 +308,21 @@ fn pashr(fields: &[&str]) -> Option<Sentence> {
         return Some(Sentence::NoHeading);
     }
     digits::<u8>(quality)?;
-    // An absent field is no damage, an unreadable one is; zero stands for an unknown accuracy.
+    // An empty field is valid, an unreadable field is damage; zero stands for an unknown accuracy.
     let angle = |text: &str| match text {
         "" => Some(None),
         text => number(text).filter(|angle| angle.abs() <= 90.0).map(Some),
     };
     let accuracy = |text| Some(angle(text)?.filter(|sigma| *sigma > 0.0));
     let pitch_deg = angle(pitch)?;
-    let found = Heading {
+    let heading = Heading {
         second_s: Some(second_s(time)?),
         heading_deg: heading_deg(heading)?,
         sigma_deg: accuracy(sigma)?,
         pitch_deg,
         pitch_sigma_deg: accuracy(pitch_sigma)?.filter(|_| pitch_deg.is_some()),
     };
-    Some(Sentence::Heading(2, found))
+    Some(Sentence::Heading(2, heading))
 }
 
 /// `time, day, month, year, …`

@@ -2,7 +2,8 @@ use super::sentence::*;
 use super::*;
 use crate::format::mutation::for_each_damaged;
 
-/// Begins and ends in the middle of a sentence. Values of another reader, pynmea2 1.19.
+/// A log that begins and ends in the middle of a sentence. Expected values are from another reader,
+/// pynmea2 1.19.
 const LOG: &str = "5.0,M,47.0,M,,*10\r\n\
     $GPHDT,200.0,T*37\r\n\
     $GPGGA,235959.80,5043.6512345,N,00705.2468101,E,4,17,0.7,104.5678,M,47.123,M,1.0,0001*7F\r\n\
@@ -43,13 +44,13 @@ fn headings_have_the_time_of_their_epoch() {
     }
     assert_eq!(found.len(), 2);
     let skipped = NmeaSkipped {
-        // The first half line, VTG and the THS, of which there are fewer than HDT.
+        // The first half line, VTG, and THS, which is less frequent than HDT.
         other: 3,
         wrong_checksum: 1,
         damaged: 1,
         without_fix: 2,
         without_separation: 0,
-        // Before the first time, and twice in one epoch.
+        // One before the first time, and a second one in the same epoch.
         without_time: 2,
     };
     assert_eq!(log.skipped, skipped);
@@ -94,7 +95,7 @@ fn times_without_a_date_continue_over_midnight() {
         times.iter().map(|fix| fix.time_s).collect::<Vec<_>>(),
         expected
     );
-    // A date dates what precedes it, and a later one corrects the day.
+    // A date applies to earlier sentences too, and a later date corrects the day.
     text += "$GPZDA,000001,02,01,1970,,\n$GPHDT,9,T\n$GPZDA,000001,05,01,1970,,\n$GPHDT,9,T\n";
     let times = with(&text, read_heading).unwrap();
     let times: Vec<f64> = times.iter().map(|fix| fix.time_s).collect();
@@ -123,7 +124,7 @@ fn attitudes_have_their_own_time_and_accuracy() {
 }
 
 #[test]
-fn logs_without_what_was_asked_for_say_what_they_have() {
+fn errors_list_the_content_of_the_log() {
     let e = with(PASHR, read_positions).unwrap_err().to_string();
     assert!(e.contains("found only 0 sentences of other types"), "{e}");
     assert!(e.contains("expected positions (GGA"), "{e}");
@@ -211,7 +212,7 @@ fn checksums_are_verified() {
 }
 
 #[test]
-fn fields_out_of_range_are_damage() {
+fn fields_out_of_range_are_errors() {
     let fix = "GPGGA,120000.5,5043.5,N,00705.5,E,1,17,0.7,104.5,M,47.1,M,,";
     let position = [50.725, 7.0 + 5.5 / 60.0];
     let expected = Sentence::Position(43_200.5, position, 104.5, Some(47.1));

@@ -1,23 +1,24 @@
-//! Frames as they arrive.
+//! Frames counted while they arrive.
 
 use super::fields::Fields;
 use super::frames::{Start, start_of};
 use super::message::{EKF_EULER, EKF_QUAT, UTC_TIME};
 
-/// What arrives from a device while it is recorded.
+/// The stream of a device while it is recorded: counts frames and follows the state of the device.
 #[derive(Debug, Default)]
 pub struct Arriving {
-    /// What may begin a frame.
+    /// Bytes at the end that may be the beginning of a frame.
     pending: Vec<u8>,
     utc: &'static str,
     solution: &'static str,
 }
 
 impl Arriving {
-    /// Takes the next bytes; how many whole frames they complete, and how many bytes belong to none.
+    /// Takes the next bytes. Returns the number of frames that they complete and the number of bytes that belong
+    /// to no frame.
     pub fn take(&mut self, bytes: &[u8]) -> (u64, u64) {
         self.pending.extend_from_slice(bytes);
-        let (mut at, mut frames, mut others) = (0, 0, 0);
+        let (mut at, mut frames, mut other_bytes) = (0, 0, 0);
         while at < self.pending.len() {
             match start_of(&self.pending[at..]) {
                 Start::Frame(size) => {
@@ -34,20 +35,20 @@ impl Arriving {
                 }
                 Start::Incomplete => break,
                 Start::Other => {
-                    others += 1;
+                    other_bytes += 1;
                     at += 1;
                 }
             }
         }
         self.pending.drain(..at);
-        (frames, others)
+        (frames, other_bytes)
     }
 
-    /// What the device says of its clock and of its solution.
+    /// The state of the device's clock and of its solution, in words; empty if neither is known.
     pub fn word(&self) -> String {
-        let said = [self.utc, self.solution];
-        let said: Vec<&str> = said.into_iter().filter(|word| !word.is_empty()).collect();
-        said.join(", ")
+        let states = [self.utc, self.solution];
+        let known: Vec<&str> = states.into_iter().filter(|s| !s.is_empty()).collect();
+        known.join(", ")
     }
 }
 
@@ -63,7 +64,7 @@ fn utc_word(payload: Fields<'_>) -> &'static str {
     }
 }
 
-/// The mode of the filter, the lowest four bits of the state at this place.
+/// The mode of the filter: the lowest four bits of the state at this offset.
 fn solution_word(payload: Fields<'_>, at: usize) -> &'static str {
     match payload.u32(at).map(|state| state & 0xf) {
         Some(1) => "filter: vertical gyro",

@@ -4,19 +4,19 @@ use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 
-/// No clock runs for 71 years; the limit keeps sums of times within their type, whatever the stamps.
+/// No clock runs for 71 years; the limit keeps sums of times within their type for any stamps.
 const LONGEST_US: i64 = 1 << 51;
 
-/// The clock of the device without its roll-overs.
+/// The clock of the device with roll-overs undone.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct DeviceClock {
     last_us: Option<i64>,
 }
 
 impl DeviceClock {
-    /// The time of a stamp, microseconds since the device was switched on (or, if the log begins
-    /// later than 71.6 minutes after that, since a roll-over). The stamps have 32 bits; this one is
-    /// taken to be less than 35.8 minutes before or after the last.
+    /// The time of a stamp, microseconds since the device was switched on (or since a roll-over, if the
+    /// log begins more than 71.6 minutes after that). Stamps have 32 bits; each is assumed to be less
+    /// than 35.8 minutes before or after the last one.
     pub(crate) fn unwrapped_us(&mut self, stamp_us: u32) -> i64 {
         let now = self.last_us.map_or(i64::from(stamp_us), |last| {
             // The low 32 bits of the last time are its stamp.
@@ -34,7 +34,7 @@ impl DeviceClock {
 }
 
 /// Nanoseconds of the Unix epoch at a date and time (UTC); `None` if there is no such date or time.
-/// `second` may be 60, in a leap second, which has the same time as the second after it.
+/// The second may be 60, a leap second, which has the same time as the second after it.
 pub(crate) fn unix_ns(date: [i64; 3], time: [i64; 3], nanosecond: i64) -> Option<i64> {
     let ([year, month, day], [hour, minute, second]) = (date, time);
     let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
@@ -43,13 +43,13 @@ pub(crate) fn unix_ns(date: [i64; 3], time: [i64; 3], nanosecond: i64) -> Option
     let month_index = usize::try_from(month).ok()?.checked_sub(1)?;
     let (before, next) = (*BEFORE.get(month_index)?, *BEFORE.get(month_index + 1)?);
     let days = next - before + i64::from(is_leap && month == 2);
-    let known = (1970..2100).contains(&year)
+    let is_valid = (1970..2100).contains(&year)
         && (1..=days).contains(&day)
         && (0..24).contains(&hour)
         && (0..60).contains(&minute)
         && (0..=60).contains(&second)
         && (0..1_000_000_000).contains(&nanosecond);
-    if !known {
+    if !is_valid {
         return None;
     }
     let past = year - 1;
@@ -59,14 +59,14 @@ pub(crate) fn unix_ns(date: [i64; 3], time: [i64; 3], nanosecond: i64) -> Option
     Some(seconds * 1_000_000_000 + nanosecond)
 }
 
-/// Seconds of a time in nanoseconds, rounded once: an `f64` does not hold those of the Unix epoch
-/// exactly, but to 0.24 µs.
+/// Seconds of a time in nanoseconds, rounded once: an `f64` holds times of the Unix epoch only to
+/// 0.24 µs.
 pub(crate) fn seconds(ns: i64) -> f64 {
     const SECOND: i64 = 1_000_000_000;
     ns.div_euclid(SECOND) as f64 + ns.rem_euclid(SECOND) as f64 / 1e9
 }
 
-/// How far UTC can be trusted; later is better.
+/// Reliability of UTC; greater is better.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Trust {
     /// The leap seconds are known.
@@ -78,7 +78,7 @@ pub(super) struct Trust {
 /// A time on both clocks.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    /// Where it was found, byte of the file.
+    /// Byte offset in the file.
     at: u64,
     /// Clock of the device, microseconds.
     device_us: i64,
@@ -89,15 +89,15 @@ struct Pair {
 /// The relation of UTC to the clock of the device.
 #[derive(Debug, Default)]
 pub(super) struct Utc {
-    /// Of the pairs.
+    /// Reliability of the pairs.
     trust: Option<Trust>,
-    /// In the order of the log.
+    /// Pairs in the order of the log.
     pairs: Vec<Pair>,
 }
 
 impl Utc {
-    /// Adds a time on both clocks, found at byte `at`. Only those of the highest trust are kept: the
-    /// first ones of a log may be off by milliseconds, or by whole seconds.
+    /// Adds a time on both clocks, from byte `at` of the file. Only pairs of the highest reliability are
+    /// kept: the first pairs of a log may be off by milliseconds, or by whole seconds.
     pub(super) fn add(&mut self, at: u64, device_us: i64, unix_ns: i64, trust: Trust) {
         if Some(trust) > self.trust {
             self.trust = Some(trust);
@@ -106,7 +106,7 @@ impl Utc {
         if Some(trust) < self.trust {
             return;
         }
-        // One per second is enough; the last is always kept.
+        // One pair per second is enough; the last pair is always kept.
         const INTERVAL_US: i64 = 1_000_000;
         if let [.., before, _] = self.pairs[..]
             && (0..INTERVAL_US).contains(&(device_us - before.device_us))
@@ -125,9 +125,9 @@ impl Utc {
         !self.pairs.is_empty()
     }
 
-    /// Checks that UTC runs like the clock of the device.
+    /// Checks that UTC runs at the rate of the device's clock, without steps.
     pub(super) fn check(&self, path: &Path) -> Result<()> {
-        // A crystal may be off by 1e-4 while no receiver steers it.
+        // A crystal may be off by 1e-4 while no receiver disciplines it.
         let allowed_ns = |us: i64| 500_000_000 + us.abs() / 10;
         let mut steps = self.pairs.windows(2).map(|pair| (pair[0], pair[1]));
         let step = steps.find(|(a, b)| {
@@ -145,8 +145,8 @@ impl Utc {
         ))
     }
 
-    /// Seconds of the Unix epoch, or of the device clock if UTC is not known. Between two pairs the
-    /// offset changes evenly; before the first and after the last it stays.
+    /// Seconds of the Unix epoch, or of the device clock if UTC is not known. The offset is linear
+    /// between pairs and constant before the first and after the last.
     pub(super) fn time_s(&self, device_us: i64) -> f64 {
         let next = self.pairs.partition_point(|p| p.device_us <= device_us);
         let offset_ns = match (
@@ -157,8 +157,8 @@ impl Utc {
                 let part = (device_us - a.device_us) as f64 / (b.device_us - a.device_us) as f64;
                 a.offset_ns + (part * (b.offset_ns - a.offset_ns) as f64).round() as i64
             }
-            (Some(one), None) => one.offset_ns,
-            (None, Some(one)) => one.offset_ns,
+            (Some(pair), None) => pair.offset_ns,
+            (None, Some(pair)) => pair.offset_ns,
             (None, None) => 0,
         };
         seconds(1000 * device_us + offset_ns)

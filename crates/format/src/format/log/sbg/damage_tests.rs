@@ -1,6 +1,6 @@
 //! Logs with damaged frames and with bytes of other protocols.
 
-use super::tests::{frame, imu_short, of_the_maker, times, with_file};
+use super::tests::{frame, imu_short, manufacturer_log, times, with_file};
 use super::*;
 
 #[test]
@@ -9,7 +9,7 @@ fn frames_are_found_between_other_bytes_and_large_frames() {
     let large = frame((0x90, 48), &[7; 4086]);
     let mut log = b"$GPZDA,1*00\r\n\xff\xff".to_vec();
     log.extend([sample(0), large.clone(), frame((0, 31), &[]), sample(1)].concat());
-    // A header that claims more than follows must not hide the frames in it.
+    // A header that claims more bytes than follow must not hide the frames in these bytes.
     log.extend(b"\xff\x5a\x2c\x00\xf0\x0f");
     for i in 2..2000 {
         log.extend(sample(i));
@@ -38,12 +38,12 @@ fn frames_are_found_between_other_bytes_and_large_frames() {
     assert!(error.contains(text), "{error}");
     for nothing in [&b"no log"[..], &b"\xff\x5a"[..], &large[..4000]] {
         let error = with_file(nothing, summary).unwrap_err().to_string();
-        assert!(error.contains("found no whole frame of sbgECom"), "{error}");
+        assert!(error.contains("found no complete sbgECom frame"), "{error}");
     }
 }
 
 #[test]
-fn no_damage_makes_the_reader_fail_or_lose_whole_frames() {
+fn the_reader_keeps_undamaged_frames_around_any_damage() {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = |below: usize| {
         state ^= state << 13;
@@ -53,11 +53,11 @@ fn no_damage_makes_the_reader_fail_or_lose_whole_frames() {
     };
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.bin");
-    let of_the_maker = of_the_maker();
+    let manufacturer_log = manufacturer_log();
     for round in 0..100 {
-        // Pieces that are damaged or not; the gyro of undamaged samples counts them.
+        // Pieces, some of them damaged; the gyro of undamaged samples counts them.
         let mut log = Vec::new();
-        let mut whole = Vec::new();
+        let mut undamaged = Vec::new();
         for i in 0..1 + random(100) as i32 {
             let mut piece = imu_short(1000 * i as u32, 1, [i << 20, 0, 0], [0; 3]);
             match random(10) {
@@ -70,8 +70,8 @@ fn no_damage_makes_the_reader_fail_or_lose_whole_frames() {
                         .map(|_| [0xff, 0x5a, 0, 44][random(4)])
                         .collect()
                 }
-                5 => piece = of_the_maker[random(600)..][..random(29)].to_vec(),
-                _ => whole.push(f64::from(i) / 64.0),
+                5 => piece = manufacturer_log[random(600)..][..random(29)].to_vec(),
+                _ => undamaged.push(f64::from(i) / 64.0),
             }
             log.extend(piece);
         }
@@ -79,12 +79,12 @@ fn no_damage_makes_the_reader_fail_or_lose_whole_frames() {
         let found = read_imu(&path).unwrap_or_default();
         let found: Vec<f64> = found.iter().map(|sample| sample.gyro_rad_s.x).collect();
         let mut rest = found.iter();
-        let kept = whole.iter().all(|i| rest.any(|x| x == i));
-        assert!(kept, "{round}: {found:?}, {whole:?}");
+        let kept = undamaged.iter().all(|i| rest.any(|x| x == i));
+        assert!(kept, "{round}: {found:?}, {undamaged:?}");
     }
     for _ in 0..1000 {
-        // The maker's log with bytes changed and cut off at either end.
-        let mut log = of_the_maker.clone();
+        // The manufacturer's log with bytes changed and cut off at either end.
+        let mut log = manufacturer_log.clone();
         for _ in 0..random(20) {
             let at = random(log.len());
             log[at] = random(256) as u8;

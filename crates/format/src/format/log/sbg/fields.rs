@@ -1,4 +1,4 @@
-//! The content of messages: little-endian numbers at fixed places after a time stamp.
+//! The content of messages: little-endian numbers at fixed offsets after a time stamp.
 
 use super::clock::{Trust, unix_ns};
 use super::frames::Frame;
@@ -6,7 +6,7 @@ use super::message::*;
 use crate::geometry::Vec3;
 use crate::sensor::{GeographicFix, HeadingFix};
 
-/// The payload of a message; numbers at a place are `None` if the payload is shorter.
+/// The payload of a message; numbers beyond the end of the payload are `None`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
@@ -39,7 +39,7 @@ impl Fields<'_> {
         value.is_finite().then_some(value)
     }
 
-    /// A finite number of 32 bits between `low` and `high`, without them.
+    /// A finite number of 32 bits between `low` and `high`, exclusive.
     fn f32_within(self, at: usize, low: f64, high: f64) -> Option<f64> {
         self.f32(at).filter(|v| low < *v && *v < high)
     }
@@ -63,7 +63,7 @@ pub(super) fn is_read(kind: Kind) -> bool {
     kinds.contains(&kind)
 }
 
-/// The time stamp and the content of a frame; `None` if it has none that is read, or nothing usable.
+/// The time stamp and the content of a frame; `None` if the message is not read or has no usable content.
 pub(super) fn content(frame: &Frame<'_>) -> Option<(u32, Content)> {
     let fields = Fields(frame.payload);
     let content = match (frame.class, frame.message) {
@@ -87,7 +87,7 @@ fn imu_state(fields: Fields<'_>) -> Option<u16> {
 fn imu_short(fields: Fields<'_>) -> Option<Content> {
     const ACCEL_PER_M_S2: f64 = 1_048_576.0;
     const GYRO_PER_RAD_S: f64 = 67_108_864.0;
-    // Of turns above 1833°/s.
+    // Scale for rates above 1833°/s.
     const FAST_GYRO_PER_RAD_S: f64 = 12_304_174.0;
     const IS_FAST: u16 = 1 << 10;
     let gyro_scale = match imu_state(fields)? & IS_FAST {
@@ -110,7 +110,7 @@ fn imu_data(fields: Fields<'_>) -> Option<Content> {
 
 fn utc_time(fields: Fields<'_>) -> Option<Content> {
     let state = fields.u16(4)?;
-    // 0: the date is only the one that the firmware begins with.
+    // In state 0 the date is the initial date of the firmware.
     let leap_seconds = match (state >> 6) & 0xf {
         1 => false,
         2 => true,

@@ -1,9 +1,9 @@
-//! The frames of sbgECom, found again after damaged bytes.
+//! Frames of sbgECom; the reader resynchronises after damaged bytes.
 //!
 //! A frame is the bytes `FF 5A`, the message (u8), its class (u8), the length of the payload (u16),
 //! the payload, a CRC (u16) over everything from the message to the payload, and the byte `33`. All
 //! numbers are little-endian. A class with the highest bit set marks a page of a large frame, whose
-//! payload starts with five bytes about the pages; only answers to commands are sent so.
+//! payload starts with five bytes about the pages; only answers to commands use large frames.
 
 use std::fs::File;
 use std::io::Read;
@@ -22,27 +22,27 @@ const MAX_PAYLOAD: usize = 4086;
 /// Bytes read from the file at a time.
 const CHUNK: u64 = 1 << 16;
 
-/// A whole frame with the right CRC.
+/// A complete frame with the right CRC.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame<'a> {
-    /// Its place in the file, bytes from the start.
+    /// Start of the frame in the file, bytes.
     pub(super) at: u64,
-    /// Its length.
+    /// Length of the frame, bytes.
     pub(super) bytes: usize,
-    /// With the highest bit set for a page of a large frame.
+    /// Class, with the highest bit set for a page of a large frame.
     pub(super) class: u8,
-    /// Its number within the class.
+    /// Number of the message within the class.
     pub(super) message: u8,
     /// At most 4086 bytes.
     pub(super) payload: &'a [u8],
 }
 
-/// What bytes begin with.
+/// The beginning of a byte slice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
-    /// A whole frame of this many bytes.
+    /// A complete frame of this many bytes.
     Frame(usize),
-    /// The beginning of what may be a frame.
+    /// Bytes that may be the beginning of a frame.
     Incomplete,
     /// Anything else.
     Other,
@@ -71,10 +71,10 @@ fn crc(bytes: &[u8]) -> u16 {
     })
 }
 
-/// What `bytes` begin with.
+/// Whether `bytes` begin with a frame.
 pub(super) fn start_of(bytes: &[u8]) -> Start {
-    let known = bytes.len().min(SYNC.len());
-    if bytes[..known] != SYNC[..known] {
+    let available = bytes.len().min(SYNC.len());
+    if bytes[..available] != SYNC[..available] {
         return Start::Other;
     }
     let Some(&[low, high]) = bytes.get(4..HEADER).and_then(|b| b.first_chunk()) else {
@@ -96,22 +96,22 @@ pub(super) fn start_of(bytes: &[u8]) -> Start {
     }
 }
 
-/// The frames of a file one after the other; other bytes are counted.
+/// Reads the frames of a file one after the other and counts all other bytes.
 #[derive(Debug)]
 pub(super) struct Frames {
     path: PathBuf,
     file: File,
     buffer: Vec<u8>,
-    /// Where in the buffer the bytes begin that were not looked at yet.
+    /// Index in the buffer of the next byte.
     start: usize,
-    /// Place of the buffer in the file, bytes.
+    /// Start of the buffer in the file, bytes.
     buffer_at: u64,
     file_ended: bool,
-    /// Bytes outside whole frames so far.
+    /// Bytes outside complete frames so far.
     pub(super) other_bytes: u64,
     /// Unbroken runs of such bytes so far.
     pub(super) other_runs: u64,
-    /// The last byte looked at is of such a run.
+    /// Whether the last byte belongs to such a run.
     in_run: bool,
 }
 
@@ -131,7 +131,7 @@ impl Frames {
         })
     }
 
-    /// The next whole frame; `None` at the end.
+    /// The next complete frame; `None` at the end of the file.
     pub(super) fn next(&mut self) -> Result<Option<Frame<'_>>> {
         let size = loop {
             match start_of(&self.buffer[self.start..]) {
@@ -154,8 +154,8 @@ impl Frames {
         }))
     }
 
-    /// Goes on to the next byte that could begin a frame: damage must not hide the frames after it,
-    /// so the length in a damaged header is not trusted.
+    /// Advances to the next byte that could begin a frame. The length in a damaged header is not used:
+    /// it could hide the frames after the damage.
     fn skip(&mut self) {
         let rest = &self.buffer[self.start + 1..];
         let skipped = 1 + rest

@@ -1,13 +1,13 @@
-//! The messages that are told apart, and what is read of them.
+//! The kinds of messages that are read, and their content.
 
 use super::clock::Trust;
 use crate::geometry::Vec3;
 use crate::sensor::{GeographicFix, HeadingFix};
 
-/// A class and a message of it.
+/// A class and the number of a message within it.
 pub(super) type Kind = (u8, u8);
 
-// The maker's names are SBG_ECOM_LOG_ and these.
+// The manufacturer's names have the prefix SBG_ECOM_LOG_.
 pub(super) const STATUS: Kind = (0, 1);
 pub(super) const UTC_TIME: Kind = (0, 2);
 pub(super) const IMU_DATA: Kind = (0, 3);

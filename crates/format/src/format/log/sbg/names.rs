@@ -1,8 +1,8 @@
-//! The maker's names of messages.
+//! The manufacturer's names of messages.
 
 use super::message::Kind;
 
-/// Messages of class 0, without the maker's `SBG_ECOM_LOG_`.
+/// Messages of class 0, without the prefix `SBG_ECOM_LOG_`.
 const NAMES: [(u8, &str); 42] = [
     (1, "STATUS"),
     (2, "UTC_TIME"),

@@ -1,12 +1,13 @@
-//! Logs of the maker's library, and logs made here by a writer that shares nothing with the reader.
+//! Logs from the manufacturer's library, and logs from a writer that shares no code with the reader.
 
 use super::*;
 use crate::geometry::Vec3;
 
-/// A log written by the maker's library, sbgECom 5.2.590: five IMU_SHORT 1 ms apart, the third turning
-/// fast, with two UTC_TIME, an IMU_DATA, an EKF_EULER, and two GPS1_HDT and GPS1_POS each, of which the
-/// first GPS1_HDT and GPS1_POS have no solution. The clock rolls over before the fourth IMU_SHORT.
-const OF_THE_MAKER: &str = "\
+/// A log written by the manufacturer's library, sbgECom 5.2.590: five IMU_SHORT 1 ms apart, the third
+/// turning fast, with two UTC_TIME, an IMU_DATA, an EKF_EULER, and two GPS1_HDT and GPS1_POS each. The
+/// first GPS1_HDT and the first GPS1_POS have no solution. The clock rolls over before the fourth
+/// IMU_SHORT.
+const MANUFACTURER_LOG: &str = "\
     ff5a2c0020003cf6ffffff036c5ce803506ba604a0b2120484787ffd49e88effdecb0dff401fed8433ff5a020021\
     003cf6ffffa600e807021c173a3b7067de3ae80300000000c07f0000c07f0000c07f9c7133ff5a2c00200024faff\
     ffff03e06c55ff36b43e014569d50080eff20300021d01b4a6a401401feaf133ff5a03003a0024faffffff035638\
@@ -21,8 +22,8 @@ const OF_THE_MAKER: &str = "\
     4f23405284f783fa0ba040710afbc1496135405ed498402a2c1840ffffffffffff11010000ff8233ff5a2c002000\
     dc050000ff03ac88f0fcfe5f96004444be03b4a391fc04acb9fc907b7efe401fa52733ff5a02002100dc050000a6\
     00e807021c173a3b70701b3be80300000000c07f0000c07f0000c07f1c5233";
-/// What the maker's library reads from it: rad/s, then m/s².
-const IMU_OF_THE_MAKER: [[f64; 6]; 5] = [
+/// Values that the manufacturer's library reads from this log: rad/s, then m/s².
+const IMU_OF_MANUFACTURER: [[f64; 6]; 5] = [
     [
         -0.625516832,
         -0.110442027,
@@ -68,8 +69,8 @@ const FIRST_STAMP_US: u32 = 4_294_964_796;
 /// 2024-02-28T23:58:59.987654Z, the UTC of that stamp.
 const FIRST_UTC_S: f64 = 1_709_164_739.987_654;
 
-pub(super) fn of_the_maker() -> Vec<u8> {
-    let digits = OF_THE_MAKER.as_bytes().chunks(2);
+pub(super) fn manufacturer_log() -> Vec<u8> {
+    let digits = MANUFACTURER_LOG.as_bytes().chunks(2);
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
     digits.map(byte).collect()
 }
@@ -82,7 +83,7 @@ pub(super) fn with_file<T>(content: &[u8], check: impl FnOnce(&Path) -> T) -> T 
     check(&path)
 }
 
-/// A frame; the CRC bit by bit, as the maker describes it.
+/// A frame; the CRC is computed bit by bit, as the manufacturer describes it.
 pub(super) fn frame((class, message): Kind, payload: &[u8]) -> Vec<u8> {
     let mut checked = vec![message, class];
     checked.extend((payload.len() as u16).to_le_bytes());
@@ -107,7 +108,7 @@ pub(super) fn imu_short(stamp_us: u32, state: u16, gyro: [i32; 3], accel: [i32; 
     frame(IMU_SHORT, &payload)
 }
 
-/// IMU_DATA with the same value in all three axes; the first of the two sets is not to be read.
+/// IMU_DATA with the same value in all three axes; the first of the two sets must not be read.
 fn imu_data(stamp_us: u32, gyro: f32, accel: f32) -> Vec<u8> {
     let mut payload = [&stamp_us.to_le_bytes()[..], &[0xff, 0x03]].concat();
     for value in [[-1.0; 7], [accel, accel, accel, gyro, gyro, gyro, 0.0]].concat() {
@@ -160,16 +161,16 @@ fn close(found: f64, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn a_log_of_the_maker_is_read_like_the_maker_does() {
-    let log = of_the_maker();
+fn a_log_of_the_manufacturer_is_read_like_in_its_library() {
+    let log = manufacturer_log();
     assert!(looks_like(&log));
     let samples = with_file(&log, read_imu).unwrap();
     assert_eq!(samples.len(), 5);
-    for (i, (sample, expected)) in samples.iter().zip(IMU_OF_THE_MAKER).enumerate() {
+    for (i, (sample, expected)) in samples.iter().zip(IMU_OF_MANUFACTURER).enumerate() {
         close(sample.time_s, FIRST_UTC_S + 1e-3 * i as f64, 5e-7);
         let values = sample.gyro_rad_s.iter().chain(&sample.accel_m_s2);
         for (value, expected) in values.zip(expected) {
-            // The maker computes with 24 bits.
+            // The manufacturer's library computes with 24 bits.
             close(*value, expected, 1e-7 * expected.abs());
         }
     }
@@ -203,8 +204,8 @@ fn a_log_of_the_maker_is_read_like_the_maker_does() {
 }
 
 #[test]
-fn without_utc_times_are_of_the_device_with_roll_overs_undone() {
-    let log = of_the_maker();
+fn without_utc_times_are_those_of_the_device() {
+    let log = manufacturer_log();
     let first = &log[..41];
     assert!(!with_file(first, summary).unwrap().is_utc);
     let begin_s = f64::from(FIRST_STAMP_US) * 1e-6;
@@ -254,7 +255,7 @@ fn imu_data_is_read_if_there_is_no_imu_short() {
 }
 
 #[test]
-fn utc_of_the_best_state_counts() {
+fn utc_of_the_best_state_is_used() {
     let sample = |stamp| imu_short(stamp, 1, [0; 3], [0; 3]);
     let mut log = [sample(1_000_000), utc_time(2_000_000, NOT_VALID, [9; 3], 0)].concat();
     assert_eq!(times(&log), [1.0]);
@@ -271,7 +272,7 @@ fn utc_of_the_best_state_counts() {
     log.extend(utc_time(8_000_000, ALIGNED, [0, 0, 45], 500_000_000));
     let error = with_file(&log, read_imu).unwrap_err().to_string();
     assert!(error.contains("UTC that steps by 1.000 s"), "{error}");
-    // A restart.
+    // The device was restarted.
     let log = [sample(60_000_000), sample(2_000)].concat();
     let error = with_file(&log, read_imu).unwrap_err().to_string();
     assert!(error.contains("byte 41: found a clock of the device that goes back by 59.998 s"));
@@ -281,7 +282,7 @@ fn utc_of_the_best_state_counts() {
 #[test]
 fn headings_and_positions_without_a_solution_are_left_out() {
     let mut log = heading(GPS2_HDT, 1, 0, [10.0, 0.5, -3.0, 90.0]);
-    // Not enough satellites; standard deviations that mean none.
+    // Not enough satellites, and standard deviations that mark a missing solution.
     log.extend(heading(GPS1_HDT, 2, 1, [20.0, 0.5, 1.0, 0.5]));
     log.extend(heading(GPS1_HDT, 3, 0, [20.0, 180.0, 1.0, 0.5]));
     log.extend(heading(GPS1_HDT, 3, 0, [20.0, 0.0, 1.0, 0.5]));

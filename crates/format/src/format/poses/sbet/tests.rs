@@ -64,9 +64,9 @@ const REAL: [[f64; 17]; 2] = [
     ],
 ];
 
-/// Positions, velocities and rates of a real file know nothing of our signs: they must agree.
+/// The positions, velocities and rates of a real file are independent of our signs: they must agree.
 #[test]
-fn a_real_file_moves_as_its_velocities_and_rates_say() {
+fn motion_in_a_real_file_agrees_with_its_velocities_and_rates() {
     let (_folder, path) = folder();
     write(&path, &REAL);
     let system = Projection::new("EPSG:32611").unwrap();
@@ -80,7 +80,7 @@ fn a_real_file_moves_as_its_velocities_and_rates_say() {
     assert!((moved - velocity).norm() < 0.03, "{moved} {velocity}");
     let (from, to) = (a.world_from_body.rotation, b.world_from_body.rotation);
     let rate = so3::log(&(from.inverse() * to)) / dt;
-    // The rates of a record are those since the one before.
+    // The rates of a record are those since the record before.
     let expected = Vec3::new(REAL[1][14], -REAL[1][15], -REAL[1][16]);
     assert!((rate - expected).norm() < 1e-4, "{rate} {expected}");
 }
@@ -166,7 +166,7 @@ fn written_poses_are_read_back() {
             let off = pair[1].velocity_m_s.unwrap() - velocity;
             assert!(off.norm() < 1e-5, "{off}");
         }
-        // Written again they are the same bytes, and the file is told by its content.
+        // Writing again gives the same bytes, and the file is detected by its content.
         write_sbet(&path, &poses, &system).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), bytes);
         assert_eq!(inspect(&path).unwrap().format.id(), "sbet");
@@ -202,7 +202,7 @@ fn derivatives_have_the_axes_of_the_format() {
         (6, 0.1),
         (9, gamma),
         (10, 0.0),
-        // To the right.
+        // The acceleration is to the right.
         (12, speed * 0.5),
         (16, 0.5),
     ] {
@@ -274,7 +274,7 @@ fn errors_name_the_byte() {
         error.contains("an SBET record") || error.contains("EPSG"),
         "{error}"
     );
-    // Without a system, it is no trajectory.
+    // Without a system, SBET cannot be read as a trajectory.
     write(&path, &REAL);
     let error = read_trajectory(&path).unwrap_err().to_string();
     assert!(error.contains("`crs` in [frame]"), "{error}");

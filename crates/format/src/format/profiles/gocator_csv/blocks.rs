@@ -1,11 +1,11 @@
-//! The blocks of a Gocator CSV export: what is read of each, and the rows of profiles.
+//! The blocks of a Gocator CSV export and the rows of profiles.
 
 use crate::error::{Error, Result};
 use crate::format::text::lines::{Lines, Separator};
 
 /// The version of the file that the manual describes.
 const VERSION: f64 = 2.0;
-/// Of a tilt: 17 µm in y at 1 m.
+/// Largest accepted tilt of the profile plane: 17 µm in y at 1 m.
 const MOST_TILT_DEG: f64 = 0.001;
 /// More sensors than any system has.
 const MOST_DEVICES: usize = 1000;
@@ -15,7 +15,7 @@ const FARTHEST_MM: f64 = 1e6;
 /// The block of point cloud profiles.
 pub(super) const RAW: &str = "RawProfile";
 
-/// What the rows of a profile hold.
+/// The values in a row of a profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Axis {
     X,
@@ -23,7 +23,7 @@ pub(super) enum Axis {
     Intensity,
 }
 
-/// A row of a profile; NaN marks what was not measured.
+/// A row of a profile; NaN marks a point that was not measured.
 pub(super) struct Row {
     /// Frame, source and time stamp: the same for all rows of a profile.
     pub(super) key: [f64; 3],
@@ -31,14 +31,14 @@ pub(super) struct Row {
     pub(super) values: Vec<f64>,
 }
 
-/// Where the rows have what is read.
+/// The columns of the rows of a block.
 pub(super) struct Layout {
     /// Columns of frame, source, time and axis.
-    places: [usize; 4],
+    indices: [usize; 4],
     names: Vec<String>,
     /// First column of the profile.
     first: usize,
-    /// x of each column, millimetres; `None` of point cloud profiles, whose rows have it.
+    /// x of each column, millimetres; `None` for point cloud profiles, which have x in their rows.
     pub(super) x_mm: Option<Vec<f64>>,
     width: usize,
 }
@@ -61,7 +61,7 @@ pub(super) fn next_line(lines: &mut Lines, expected: &str) -> Result<()> {
     Err(lines.error("the end of the file", expected))
 }
 
-/// The next header and, line by line, the values below it up to `End`.
+/// The next header and the rows below it, up to `End`.
 fn table(lines: &mut Lines, block: &str) -> Result<(Vec<String>, Vec<Vec<String>>)> {
     next_line(lines, &format!("the header of {block}"))?;
     let header = cells(lines.text());
@@ -90,14 +90,14 @@ pub(super) fn skip(lines: &mut Lines, block: &str) -> Result<()> {
     Err(lines.error("the end of the file", format!("`End` of {block}")))
 }
 
-/// Refuses another block of profiles behind the one that was read.
+/// Checks that no other block of profiles follows.
 pub(super) fn check_rest(lines: &mut Lines) -> Result<()> {
     while lines.advance()? {
         match lines.text().to_owned().as_str() {
             "" => {}
             block @ ("Profile" | RAW) => {
                 let found = format!("a second block of profiles, {block}");
-                return Err(lines.error(found, "one in a file"));
+                return Err(lines.error(found, "one block of profiles per file"));
             }
             block => skip(lines, &block.chars().take(40).collect::<String>())?,
         }
@@ -105,7 +105,7 @@ pub(super) fn check_rest(lines: &mut Lines) -> Result<()> {
     Ok(())
 }
 
-/// A number below a header, if it is there.
+/// The number in the column `name`, if there is one.
 fn value(header: &[String], row: &[String], name: &str) -> Option<f64> {
     let at = header.iter().position(|other| other == name)?;
     row.get(at)?.parse().ok()
@@ -114,19 +114,19 @@ fn value(header: &[String], row: &[String], name: &str) -> Option<f64> {
 /// Checks the version and returns the rate of a sensor that triggers by time, hertz.
 pub(super) fn read_info(lines: &mut Lines) -> Result<Option<f64>> {
     let (header, rows) = table(lines, "Info")?;
-    let of = |name: &str| value(&header, rows.first()?, name);
-    match of("CSV Version") {
+    let field = |name: &str| value(&header, rows.first()?, name);
+    match field("CSV Version") {
         Some(VERSION) => {}
         version => {
             let found = version.map_or("no CSV version".to_owned(), |v| format!("CSV version {v}"));
-            return Err(lines.error(found, format!("version {VERSION}, whose layout is known")));
+            return Err(lines.error(found, format!("version {VERSION}")));
         }
     }
-    let is_timed = of("Trigger Mode") == Some(0.0);
-    Ok(of("Trigger Rate").filter(|rate_hz| is_timed && *rate_hz > 0.0))
+    let is_timed = field("Trigger Mode") == Some(0.0);
+    Ok(field("Trigger Rate").filter(|rate_hz| is_timed && *rate_hz > 0.0))
 }
 
-/// The error of profiles that do not lie in the plane of x and z, if the block says that they do not.
+/// An error for the profiles if their alignment tilts them out of the plane of x and z.
 pub(super) fn tilt(lines: &mut Lines) -> Result<Option<Error>> {
     let (header, rows) = table(lines, "DeviceInfo")?;
     for name in ["Transform X Angle", "Transform Z Angle"] {
@@ -134,8 +134,8 @@ pub(super) fn tilt(lines: &mut Lines) -> Result<Option<Error>> {
         if let Some(angle) = angles.find(|angle| angle.abs() > MOST_TILT_DEG) {
             return Ok(Some(lines.error(
                 format!("{name} = {angle} degrees"),
-                "0, or y of the points would be missing: clear the alignment of the sensor before \
-                 the export",
+                "0, because the file does not have y of the points: clear the alignment of the sensor \
+                 before the export",
             )));
         }
     }
@@ -143,14 +143,14 @@ pub(super) fn tilt(lines: &mut Lines) -> Result<Option<Error>> {
 }
 
 impl Layout {
-    /// Reads what stands before the rows of a block of profiles.
+    /// Reads the headers of a block of profiles, up to its rows.
     pub(super) fn read(lines: &mut Lines, block: &str) -> Result<Self> {
         next_line(lines, &format!("the header of {block}"))?;
         let attributes = cells(lines.text());
         next_line(lines, "the values of the header")?;
         let values = cells(lines.text());
-        let of = |name: &str| value(&attributes, &values, name);
-        let (Some(columns), Some(offset_mm)) = (of("Column Count"), of("X Offset")) else {
+        let field = |name: &str| value(&attributes, &values, name);
+        let (Some(columns), Some(offset_mm)) = (field("Column Count"), field("X Offset")) else {
             let found: String = lines.text().chars().take(80).collect();
             return Err(lines.error(
                 format!("`{found}`"),
@@ -159,14 +159,14 @@ impl Layout {
         };
         next_line(lines, "the columns of the profiles")?;
         let names = cells(lines.text());
-        let place = |name: &str| names.iter().position(|other| other == name);
-        let places = [
-            place("Frame"),
-            place("Source"),
-            place("Time"),
-            place("Axis"),
+        let index = |name: &str| names.iter().position(|other| other == name);
+        let indices = [
+            index("Frame"),
+            index("Source"),
+            index("Time"),
+            index("Axis"),
         ];
-        let [Some(frame), Some(source), Some(time), Some(axis)] = places else {
+        let [Some(frame), Some(source), Some(time), Some(axis)] = indices else {
             let found: String = lines.text().chars().take(80).collect();
             return Err(lines.error(
                 format!("`{found}`"),
@@ -177,7 +177,7 @@ impl Layout {
         let width = names.len() - first;
         if width as f64 != columns {
             return Err(lines.error(
-                format!("{width} columns behind Axis"),
+                format!("{width} columns after Axis"),
                 format!("{columns}, the Column Count"),
             ));
         }
@@ -186,7 +186,7 @@ impl Layout {
             _ => Some(uniform_x(lines, &names[first..], offset_mm)?),
         };
         Ok(Self {
-            places: [frame, source, time, axis],
+            indices: [frame, source, time, axis],
             names,
             first,
             x_mm,
@@ -204,28 +204,28 @@ impl Layout {
                 format!("{width} as in the header"),
             ));
         }
-        let wrong = |at: usize, expected: &str| {
+        let cell_error = |at: usize, expected: &str| {
             let found: String = cells[at].chars().take(40).collect();
             lines.error(format!("`{found}` in column {}", self.names[at]), expected)
         };
         let number = |at: usize| match cells[at].parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
-            _ => Err(wrong(at, "a finite number")),
+            _ => Err(cell_error(at, "a finite number")),
         };
-        let [frame, source, time, axis] = self.places;
+        let [frame, source, time, axis] = self.indices;
         let key = [number(frame)?, number(source)?, number(time)?];
         let axis = match (cells[axis], &self.x_mm) {
             ("X", None) => Axis::X,
             ("Z", _) => Axis::Z,
             ("I", _) => Axis::Intensity,
-            (_, None) => return Err(wrong(axis, "X, Z or I")),
-            (_, Some(_)) => return Err(wrong(axis, "Z or I")),
+            (_, None) => return Err(cell_error(axis, "X, Z or I")),
+            (_, Some(_)) => return Err(cell_error(axis, "Z or I")),
         };
         let measured = |at: usize| match cells[at] {
             "" | "-" => Ok(f64::NAN),
             _ => number(at).and_then(|value| match value.abs() < FARTHEST_MM {
                 true => Ok(value),
-                false => Err(wrong(at, "a coordinate below 1000000 mm")),
+                false => Err(cell_error(at, "a coordinate below 1000000 mm")),
             }),
         };
         Ok(Row {
@@ -236,7 +236,7 @@ impl Layout {
     }
 }
 
-/// x of the columns of uniform profiles, which must begin at the offset of the block, millimetres.
+/// x of each column of uniform profiles, millimetres; the first must be the offset of the block.
 fn uniform_x(lines: &Lines, names: &[String], offset_mm: f64) -> Result<Vec<f64>> {
     let parse = |name: &String| match name.parse::<f64>() {
         Ok(x) if x.abs() < FARTHEST_MM => Ok(x),

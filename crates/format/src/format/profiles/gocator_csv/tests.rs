@@ -97,20 +97,20 @@ fn point_cloud_profiles_have_rows_of_x() {
 }
 
 #[test]
-fn the_trigger_rate_tells_microseconds_from_the_makers_unit() {
-    // Periods of 10240 and of 10000 at 100 Hz.
-    let of = |time: &str, trigger: &str| {
+fn the_trigger_rate_decides_the_unit_of_time() {
+    // Periods of 10240 and of 10000 units at 100 Hz.
+    let first_time_s = |time: &str, trigger: &str| {
         let rows = ROWS.replace("10250240", time);
         read(&(head(trigger, "0.0") + &uniform(&rows))).unwrap()[0].time_s
     };
-    assert!((of("10250240", "0,100.00000") - 10.0).abs() < 1e-9);
-    assert!((of("10250000", "0,100.00000") - 10.24).abs() < 1e-9);
-    assert!((of("10250000", "1,100.00000") - 10.0).abs() < 1e-9);
-    assert!((of("10250000", "0,250.00000") - 10.0).abs() < 1e-9);
+    assert!((first_time_s("10250240", "0,100.00000") - 10.0).abs() < 1e-9);
+    assert!((first_time_s("10250000", "0,100.00000") - 10.24).abs() < 1e-9);
+    assert!((first_time_s("10250000", "1,100.00000") - 10.0).abs() < 1e-9);
+    assert!((first_time_s("10250000", "0,250.00000") - 10.0).abs() < 1e-9);
 }
 
 #[test]
-fn inspect_says_units_and_frame() {
+fn inspect_states_units_and_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("replay.csv");
     std::fs::write(&path, head("0,100.0", "0.0") + &uniform(ROWS)).unwrap();
@@ -121,7 +121,7 @@ fn inspect_says_units_and_frame() {
 }
 
 #[test]
-fn what_cannot_be_read_is_named() {
+fn errors_name_the_fault() {
     let level = head("1,100.0", "0.0");
     let all = |rows: &str| message(&(level.clone() + &uniform(rows)));
     let found = message(&(head("1,100.0", "2.5") + &uniform(ROWS)));
@@ -148,7 +148,7 @@ fn what_cannot_be_read_is_named() {
     );
     let found = message(&(level.clone() + &uniform(ROWS).replace("2,3,-0.5", "2,4,-0.5")));
     assert!(
-        found.contains("3 columns behind Axis, expected 4"),
+        found.contains("3 columns after Axis, expected 4"),
         "{found}"
     );
     let found = message(&(level.clone() + &uniform(ROWS).replace("2,3,-0.5", "2,3,-30.5")));
@@ -187,7 +187,7 @@ fn what_cannot_be_read_is_named() {
 }
 
 #[test]
-fn damaged_files_are_no_panic() {
+fn damaged_files_do_not_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("replay.csv");
     for block in [uniform(ROWS), raw(ROWS)] {

@@ -1,4 +1,4 @@
-//! Messages written, for the simulated scanner and for tests.
+//! Writer of messages, for the simulated scanner and for tests.
 
 use super::layout::{
     ATTRIBUTES_AT, INTENSITY, LAST_FLAG, NULL_RANGE, POINT_CLOUD, STAMP, STAMP_BYTES,
@@ -9,23 +9,23 @@ use super::message::{Attributes, Stamp};
 /// Steps and offsets between raw ranges and metres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Scales {
-    /// Step of x; the spacing of a uniform profile.
+    /// Step of x; in a uniform profile the spacing of the points.
     pub x_scale_nm: u32,
     /// Step of z.
     pub z_scale_nm: u32,
-    /// x at 0; of the first point of a uniform profile.
+    /// x of the raw value 0; in a uniform profile x of the first point.
     pub x_offset_um: i32,
-    /// z at 0.
+    /// z of the raw value 0.
     pub z_offset_um: i32,
 }
 
 impl Scales {
-    /// Raw x of metres, null where it has none.
+    /// Raw x of metres; [`NULL_RANGE`] if it is not finite or out of range.
     pub fn raw_x(&self, x_m: f64) -> i16 {
         raw(x_m, self.x_scale_nm, self.x_offset_um)
     }
 
-    /// Raw z of metres, null where it has none.
+    /// Raw z of metres; [`NULL_RANGE`] if it is not finite or out of range.
     pub fn raw_z(&self, z_m: f64) -> i16 {
         raw(z_m, self.z_scale_nm, self.z_offset_um)
     }
@@ -36,15 +36,15 @@ fn raw(metres: f64, scale_nm: u32, offset_um: i32) -> i16 {
     if steps.abs() <= f64::from(i16::MAX) {
         steps as i16
     } else {
-        // Also where a coordinate is not a number.
+        // Out of range or NaN.
         NULL_RANGE
     }
 }
 
-/// Writes messages one behind the other.
+/// Writes messages one after the other.
 ///
-/// Attributes and stamps are as long as what they hold: with a stream step, with array fields, with
-/// a time of PTP.
+/// Attributes and stamps are only as long as their content requires: a stream step, array fields and a time of
+/// PTP make them longer.
 #[derive(Debug, Clone, Default)]
 pub struct Encoder {
     bytes: Vec<u8>,
@@ -52,7 +52,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// One that writes these bytes behind all attributes and stamps, as a later firmware could.
+    /// An encoder that appends these bytes to all attributes and stamps, as a later firmware could.
     pub fn with_unknown(unknown: Vec<u8>) -> Self {
         Self {
             bytes: Vec::new(),
@@ -60,12 +60,12 @@ impl Encoder {
         }
     }
 
-    /// The bytes so far, which are taken away.
+    /// Removes and returns the bytes written so far.
     pub fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
     }
 
-    /// A message of stamps. Either all have a time of PTP or none.
+    /// Writes a message of stamps. Either all stamps have a time of PTP or none.
     pub fn stamps(&mut self, source: u8, stamps: &[Stamp], is_last: bool) {
         let has_ptp = stamps.iter().any(|stamp| stamp.ptp_time_us.is_some());
         let known = if has_ptp {
@@ -94,8 +94,8 @@ impl Encoder {
         }
     }
 
-    /// A message of points: raw x and z of all frames, `attributes.width` for each. The count of
-    /// the attributes is that of the points.
+    /// Writes a message of points: raw x and z of all frames, `attributes.width` points for each frame. The
+    /// count in the message follows from the number of points, not from `attributes.count`.
     pub fn point_cloud(&mut self, attributes: &Attributes, points: &[[i16; 2]], is_last: bool) {
         self.samples(POINT_CLOUD, attributes, points.len(), 4, is_last);
         for [x, z] in points {
@@ -104,7 +104,7 @@ impl Encoder {
         }
     }
 
-    /// A message of raw ranges at a constant spacing.
+    /// Writes a message of raw ranges at a constant spacing.
     pub fn uniform_profile(&mut self, attributes: &Attributes, ranges: &[i16], is_last: bool) {
         self.samples(UNIFORM_PROFILE, attributes, ranges.len(), 2, is_last);
         for z in ranges {
@@ -112,19 +112,19 @@ impl Encoder {
         }
     }
 
-    /// A message of intensities.
+    /// Writes a message of intensities.
     pub fn intensity(&mut self, attributes: &Attributes, intensities: &[u8], is_last: bool) {
         self.samples(INTENSITY, attributes, intensities.len(), 1, is_last);
         self.bytes.extend(intensities);
     }
 
-    /// A message of any type.
+    /// Writes a message of any type.
     pub fn other(&mut self, kind: u16, content: &[u8], is_last: bool) {
         self.head(kind, super::layout::HEADER_BYTES + content.len(), is_last);
         self.bytes.extend(content);
     }
 
-    /// Head and attributes of a message of so many samples.
+    /// Writes the head and the attributes of a message of samples.
     fn samples(
         &mut self,
         kind: u16,
@@ -150,7 +150,7 @@ impl Encoder {
         fields.push(attributes.source);
         fields.extend(attributes.exposure_ns.to_le_bytes());
         fields.extend([attributes.camera, 0, 0]);
-        // The later fields stand behind the earlier ones, also where only they are known.
+        // The array fields come after the stream step, so they need it even if it is unknown.
         let stream_step = attributes
             .stream_step
             .or(attributes.arrayed.map(|_| (-1, -1)));

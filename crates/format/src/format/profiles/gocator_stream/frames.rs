@@ -1,21 +1,21 @@
-//! Frames as a scanner sends them.
+//! Data sets as a scanner sends them, for the simulated scanner and for tests.
 
 use super::encode::{Encoder, Scales};
 use super::layout::NULL_RANGE;
 use super::message::{Attributes, Stamp};
 
-/// What a scanner sends.
+/// Settings of a scanner.
 #[derive(Debug, Clone)]
 pub struct ScannerSettings {
-    /// Its serial number.
+    /// Serial number.
     pub serial_number: u32,
-    /// Steps and offsets of its ranges.
+    /// Steps and offsets of the ranges.
     pub scales: Scales,
-    /// Whether x comes at the constant spacing of the scales; points come as x and z otherwise.
+    /// Whether profiles are uniform, with x at the constant spacing of the scales; otherwise points have x and z.
     pub is_uniform: bool,
-    /// Points of a profile; what a frame has less is sent as invalid.
+    /// Points of a profile; missing points of a frame are sent as invalid.
     pub width: u32,
-    /// Whether a stamp has the time of PTP, which is the time of the frame.
+    /// Whether stamps have a time of PTP, which is then the time of the frame.
     pub has_ptp: bool,
 }
 
@@ -40,12 +40,11 @@ impl Default for ScannerSettings {
 /// One frame of a scanner.
 #[derive(Debug, Clone)]
 pub struct ScannerFrame {
-    /// Time on the clock of the scanner.
+    /// Time on the clock of the scanner, microseconds.
     pub time_us: f64,
-    /// x and z of its points in metres, not a number where a point is invalid. Of a uniform
-    /// profile only z counts.
+    /// x and z of the points in metres; NaN for an invalid point. A uniform profile uses only z.
     pub points_m: Vec<[f64; 2]>,
-    /// Intensities of its points, one for each, if the scanner sends them.
+    /// Intensities, one for each point, if the scanner sends them.
     pub intensity: Option<Vec<u8>>,
 }
 

@@ -1,10 +1,10 @@
-//! Sizes and offsets of the messages, and whether bytes can be the beginning of one.
+//! Sizes and offsets of the messages, and a check whether bytes can be the beginning of a message.
 
-/// Largest message that is read: a scanner has some thousand points a profile, so this is room for
-/// hundreds of profiles in a message.
+/// Largest message that is read, bytes. A scanner measures some thousand points per profile, so this is room
+/// for hundreds of profiles in a message.
 pub const LARGEST_MESSAGE: usize = 32 << 20;
 
-/// Range that stands for none (Gocator user manual, section "Data Types": null value of 16s).
+/// Raw value of an invalid range (Gocator user manual, section "Data Types": null value of 16s).
 pub const NULL_RANGE: i16 = i16::MIN;
 
 /// Bytes of size and control (Gocator user manual, section "Data Results").
@@ -25,18 +25,18 @@ pub const INTENSITY: u16 = 7;
 /// 0 is health, which has its own channel.
 const TYPES: std::ops::RangeInclusive<u16> = 1..=63;
 
-/// Where the stamps begin (section "Stamp").
+/// Offset of the first stamp (section "Stamp").
 pub const STAMPS_AT: usize = 14;
 /// Shortest stamp (section "Stamp": "min: 56").
 pub const STAMP_BYTES: usize = 56;
-/// Stamp with a time of PTP (SDK, `GO_STAMP_MSG_STAMP_SIZE_1_64`).
+/// Size of a stamp with a time of PTP (SDK, `GO_STAMP_MSG_STAMP_SIZE_1_64`).
 pub const STAMP_BYTES_WITH_PTP: usize = 64;
 
-/// Where the attributes begin, behind their size (sections "Profile Point Cloud", "Uniform
-/// Profile", "Profile Intensity").
+/// Offset of the attributes, after their size (sections "Profile Point Cloud", "Uniform Profile",
+/// "Profile Intensity").
 pub const ATTRIBUTES_AT: usize = 8;
 
-/// Shortest attributes and bytes of a sample of a message of samples (same sections), or nothing
+/// Least size of the attributes and size of a sample, bytes, in a message of samples (same sections); `None`
 /// for other types.
 pub fn samples_of(kind: u16) -> Option<(usize, usize)> {
     match kind {
@@ -47,23 +47,23 @@ pub fn samples_of(kind: u16) -> Option<(usize, usize)> {
     }
 }
 
-/// Bytes that tell in any case whether they begin a message.
+/// Number of bytes that always suffices to decide whether they begin a message.
 pub const LONGEST_HEAD: usize = 16;
 
-/// What bytes are that should be the beginning of a message.
+/// Result of [`beginning`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Beginning {
-    /// Too few bytes to tell.
+    /// Too few bytes to decide.
     TooShort,
     /// Not a message.
     Invalid,
-    /// Of a type whose size follows from nothing else, so that it can only be believed.
+    /// A message of this size, of a type whose size cannot be checked.
     Possible(usize),
-    /// Of a known type, and the size is the one that its counts give.
+    /// A message of this size, of a known type whose counts give the same size.
     Certain(usize),
 }
 
-/// Looks at the bytes where a message should begin.
+/// Checks whether a message of at most `largest` bytes begins with these bytes.
 pub fn beginning(bytes: &[u8], largest: usize) -> Beginning {
     let Some(size) = u32_at(bytes, 0).map(|size| size as usize) else {
         return Beginning::TooShort;
@@ -98,15 +98,15 @@ pub fn beginning(bytes: &[u8], largest: usize) -> Beginning {
     }
 }
 
-/// Size of a stamp message by its counts: outer nothing if bytes are missing, inner nothing if the
-/// stamps are shorter than any.
+/// Size of a stamp message according to its counts: the outer option is `None` if bytes are missing, the inner if
+/// the stamps are too short.
 fn stamps_size(bytes: &[u8]) -> Option<Option<u64>> {
     let (count, stamp_bytes) = (u32_at(bytes, 6)?, u16_at(bytes, 10)?);
     let size = STAMPS_AT as u64 + u64::from(count) * u64::from(stamp_bytes);
     Some((usize::from(stamp_bytes) >= STAMP_BYTES).then_some(size))
 }
 
-/// The same of a message of samples.
+/// The same for a message of samples.
 fn samples_size(bytes: &[u8], shortest: usize, sample_bytes: usize) -> Option<Option<u64>> {
     let attributes = u16_at(bytes, 6)?;
     let (count, width) = (u32_at(bytes, 8)?, u32_at(bytes, 12)?);
@@ -117,7 +117,7 @@ fn samples_size(bytes: &[u8], shortest: usize, sample_bytes: usize) -> Option<Op
     Some(size.filter(|_| usize::from(attributes) >= shortest))
 }
 
-/// The bytes of a field, or nothing behind the end.
+/// The bytes of a field; `None` beyond the end.
 pub fn field<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..)?.first_chunk().copied()
 }

@@ -1,4 +1,4 @@
-//! One message, read.
+//! Parser of messages.
 
 use super::layout::{
     ATTRIBUTES_AT, Beginning, INTENSITY, LAST_FLAG, NULL_RANGE, POINT_CLOUD, STAMP,
@@ -9,12 +9,12 @@ use super::layout::{
 /// Ticks of a time stamp in a microsecond (SDK, `GoStamp`; the manual says µs, see [`super`]).
 pub const TICKS_PER_US: f64 = 1.024;
 
-/// When and where a frame was taken (Gocator user manual, section "Stamp").
+/// The time and the encoder position of a frame (Gocator user manual, section "Stamp").
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stamp {
     /// Index of the frame, from 0 at the start of the scanner.
     pub frame: u64,
-    /// Time as it arrived: ticks of 1/1.024 µs, see [`Stamp::time_us`].
+    /// Time as it arrived, in ticks of 1/1.024 µs, see [`Stamp::time_us`].
     pub time_ticks: u64,
     /// Encoder, in ticks.
     pub encoder: i64,
@@ -23,9 +23,9 @@ pub struct Stamp {
     /// Bit 0: digital input of the scanner; bit 4: of the master; bits 8 and 9: pulses between
     /// frames, up to 3.
     pub status: u64,
-    /// Serial number of the scanner, of the main one where there are two.
+    /// Serial number of the scanner; if there are two, of the main scanner.
     pub serial_number: u32,
-    /// Time of PTP in µs since its epoch, usually TAI, where the stamp has one (SDK, `GoStamp`; not
+    /// Time of PTP in µs since its epoch, usually TAI, if the stamp has one (SDK, `GoStamp`; not
     /// in the manual).
     pub ptp_time_us: Option<u64>,
 }
@@ -72,7 +72,7 @@ impl<'a> Stamps<'a> {
     }
 }
 
-/// What is measured of each point of a message of samples.
+/// The values in a message of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// x and z.
@@ -95,9 +95,9 @@ pub struct Attributes {
     pub x_scale_nm: u32,
     /// Step of z; zero for intensities, which have none.
     pub z_scale_nm: u32,
-    /// x at 0.
+    /// x of the raw value 0.
     pub x_offset_um: i32,
-    /// z at 0; zero for intensities, which have none.
+    /// z of the raw value 0; zero for intensities, which have none.
     pub z_offset_um: i32,
     /// 0 top, 1 bottom, 2 top left, 3 top right.
     pub source: u8,
@@ -105,18 +105,18 @@ pub struct Attributes {
     pub exposure_ns: u32,
     /// Index of the camera; reserved in a uniform profile.
     pub camera: u8,
-    /// Step of the data stream (2 profile, 8 tool data) and the identifier in it, where the
+    /// Step of the data stream (2 profile, 8 tool data) and the identifier in it, if the
     /// attributes have them (sections as above; the 2300 manual has none).
     pub stream_step: Option<(i32, i32)>,
-    /// Count and index in an array of data, where the attributes have them (SDK, firmware 6; not in
+    /// Count and index in an array of data, if the attributes have them (SDK, firmware 6; not in
     /// the manual).
     pub arrayed: Option<(i32, i32)>,
 }
 
 impl Attributes {
-    /// Reads attributes, of which the intensity has no z.
+    /// Parses attributes; those of intensities have no z.
     fn parse(bytes: &[u8], has_z: bool) -> Option<Self> {
-        // Without the scale and the offset of z, what follows each of them comes four bytes sooner.
+        // Without the scale and the offset of z, the fields after each of them come four bytes earlier.
         let x_offset_at = if has_z { 16 } else { 12 };
         let source_at = if has_z { 24 } else { 16 };
         let pair = |at| Some((i32_at(bytes, at)?, i32_at(bytes, at + 4)?));
@@ -154,9 +154,9 @@ fn metres(raw: i64, scale_nm: u32, offset_um: i32) -> f64 {
 /// A message of samples.
 #[derive(Debug, Clone, Copy)]
 pub struct Samples<'a> {
-    /// What they are.
+    /// The values of the samples.
     pub kind: Kind,
-    /// Its attributes.
+    /// Attributes of the message.
     pub attributes: Attributes,
     bytes: &'a [u8],
 }
@@ -170,14 +170,14 @@ impl<'a> Samples<'a> {
             Kind::Intensity => 1,
         };
         let length = self.attributes.width as usize * sample_bytes;
-        // `parse` has seen that all frames are there, and an intensity is not asked for more.
+        // `parse` has checked that all frames are present, and no caller asks for more frames.
         self.bytes
             .get(frame.saturating_mul(length)..)
             .and_then(|rest| rest.get(..length))
             .unwrap_or_default()
     }
 
-    /// Intensities of one frame, or nothing if these are points.
+    /// Intensities of one frame; empty if the samples are points.
     pub fn intensity(&self, frame: usize) -> &'a [u8] {
         match self.kind {
             Kind::Intensity => self.frame(frame),
@@ -185,8 +185,8 @@ impl<'a> Samples<'a> {
         }
     }
 
-    /// x and z of the points of one frame in metres, nothing where a point is invalid; empty if
-    /// these are intensities.
+    /// x and z of the points of one frame in metres, `None` for an invalid point; empty if the samples
+    /// are intensities.
     pub fn points_m(&self, frame: usize) -> impl Iterator<Item = Option<[f64; 2]>> + use<'a> {
         let (attributes, kind) = (self.attributes, self.kind);
         let step = if kind == Kind::PointCloud { 4 } else { 2 };
@@ -219,12 +219,12 @@ pub enum Message<'a> {
     Stamps(Stamps<'a>),
     /// Points or intensities.
     Samples(Samples<'a>),
-    /// Of this other type.
+    /// A message of another type, with its number.
     Other(u16),
 }
 
 impl<'a> Message<'a> {
-    /// Reads one whole message and whether it is the last of its data set; nothing if it is damaged.
+    /// Parses one complete message; also tells whether it is the last of its data set. `None` if it is damaged.
     pub fn parse(bytes: &'a [u8]) -> Option<(Self, bool)> {
         match beginning(bytes, bytes.len()) {
             Beginning::Certain(size) | Beginning::Possible(size) if size == bytes.len() => {}

@@ -4,9 +4,9 @@
 //!
 //! All values are little-endian (Gocator user manual, section "Gocator Protocol", "Data Types"). A
 //! message begins with its size in bytes (u32, itself included) and a control word (u16): the lower
-//! 15 bits are its type, the highest marks the last message of a group (section "Data Results").
-//! One group, here called a data set, holds what belongs to one or several frames: their stamps,
-//! their profiles, their intensity.
+//! 15 bits are its type, the highest bit marks the last message of a group (section "Data Results").
+//! A group, here called a data set, holds the stamps, the profiles and the intensities of one or
+//! several frames.
 //!
 //! | type | message | section of the manual |
 //! |---|---|---|
@@ -15,49 +15,50 @@
 //! | 6 | ranges z at a constant spacing in x | "Uniform Profile"; "Resampled Profile" in older manuals |
 //! | 7 | intensity of either | "Profile Intensity" |
 //!
-//! The types 5 to 7 say how long their attributes are (that size does not count itself) before their
-//! samples begin; stamps say how long each of them is. Both grew: attributes by the stream step and
-//! its identifier, then by two fields of arrays of data; stamps by a time of PTP. What is longer than
-//! known here is passed over, what is shorter lacks these fields.
+//! The types 5 to 7 contain the size of their attributes (without the size field itself) before the
+//! samples; stamp messages contain the size of a stamp. Both sizes grew with the firmware: attributes
+//! by the stream step and its identifier, then by two fields of arrays of data; stamps by a time of
+//! PTP. Unknown fields at the end are skipped, and shorter messages lack the newer fields.
 //!
 //! # Where the sources differ
 //!
-//! * **Unit of the time stamp.** The manual says µs. The maker's SDK (`GoStamp` in `GoDataTypes.h`,
-//!   versions for firmware 5.3 and 6) says "internal units approximating microseconds", the time in µs being
-//!   the value divided by 1.024, and LMI's knowledge base says the same of the CSV files ("Unit of
-//!   timestamp in Gocator CSV export file"). The SDK passes the value on as it arrives, so it is
-//!   taken for ticks of 1/1.024 µs here. [`Stamp::time_ticks`] is the value as it arrived. A fit of
-//!   it against arrival or PTP decides within a second: the two units are 2.4 % apart.
-//! * **Size of a stamp.** The manual's table ends at byte 52 and says 56; the SDK has another reserved
-//!   u64 at byte 48, and the time of PTP at 56 where a stamp has 64 bytes.
+//! * **Unit of the time stamp.** The manual says µs. The manufacturer's SDK (`GoStamp` in
+//!   `GoDataTypes.h`, versions for firmware 5.3 and 6) says "internal units approximating microseconds",
+//!   where the time in µs is the value divided by 1.024, and LMI's knowledge base says the same of the
+//!   CSV files ("Unit of timestamp in Gocator CSV export file"). The SDK passes on the value as it
+//!   arrives, so the value is read as ticks of 1/1.024 µs here. [`Stamp::time_ticks`] is the value as it
+//!   arrived. A fit of the ticks against arrival or PTP decides within a second: the two units are
+//!   2.4 % apart.
+//! * **Size of a stamp.** The manual's table ends at byte 52 but gives a size of 56; the SDK has another
+//!   reserved u64 at byte 48, and the time of PTP at byte 56 if a stamp has 64 bytes.
 //! * **Size of the attributes.** The manual says "current: 32" for the point cloud and puts its
 //!   samples at byte 48, which needs 40. The SDK writes 48 for types 5 and 6 and 40 for type 7. The
-//!   stated size decides, so this makes no difference.
-//! * **Invalid points.** The manual gives 0x8000 as the null value of i16; the SDK's samples look at
-//!   x only in a point cloud. A point is taken as invalid here if either is null.
+//!   size in the message decides, so this makes no difference.
+//! * **Invalid points.** The manual gives 0x8000 as the null value of i16; the SDK's samples check
+//!   only x of a point cloud. Here a point is invalid if either coordinate is null.
 //!
-//! # What is unknown
+//! # Open questions
 //!
-//! No recording of a real scanner was at hand. Not documented are: whether the time of PTP is zero
-//! where PTP is off, the order of messages in a data set (any order is read), and whether several
-//! stamp messages occur in a set (those of the main sensor are preferred).
+//! No recording of a real scanner was available. The documents do not say whether the time of PTP is
+//! zero if PTP is off, in which order the messages of a data set come (any order is read), and whether
+//! a set may have several stamp messages (those of the main sensor are preferred).
 //!
-//! # What a client has to do
+//! # Connecting a client
 //!
 //! Connect to TCP port 3196 of the scanner and read; nothing is sent. The scanner accepts several
-//! clients at a time (Gocator user manual, section "Data Results"). It sends only
+//! clients at a time (Gocator user manual, section "Data Results"). It sends data only
 //!
-//! * in the Running state: it starts when its web interface or a command says so, or by itself when
-//!   its autostart is on (section "Control Commands", "States"),
-//! * what the active job selects: Output page, Ethernet, protocol Gocator, with the profiles (and
-//!   the intensity) checked (section "Ethernet Output").
+//! * in the Running state: it starts on a command from its web interface or the control channel, or by
+//!   itself when its autostart is on (section "Control Commands", "States"),
+//! * of the kinds that the active job selects: Output page, Ethernet, protocol Gocator, with the
+//!   profiles (and the intensity) checked (section "Ethernet Output").
 //!
 //! A client that does not read for ten seconds is disconnected, unless "Auto Disconnect" is
 //! unchecked (section "Ethernet Output").
 //!
 //! The commands of the control channel (TCP port 3190) are not needed for this and not implemented.
-//! A command is a length (u32, itself included) and an identifier (u16), a reply these two and a
-//! status (i32, 1 if it succeeded), little-endian. Start is 0x100D, Stop 0x1001, Set Auto Start
+//! A command is a length (u32, itself included) and an identifier (u16). A reply has these two fields
+//! and a status (i32, 1 if the command succeeded), little-endian. Start is 0x100D, Stop 0x1001, Set Auto Start
 //! Enabled 0x452B followed by a byte, Protocol Version 0x4511 (sections "Start", "Stop",
 //! "Set Auto Start Enabled", "Protocol Version"). No handshake is documented for the data channel.
 

@@ -1,4 +1,4 @@
-//! Profiles out of the messages of a data set.
+//! Assembles profiles from the messages of a data set.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use super::layout::LARGEST_MESSAGE;
 use super::message::{Attributes, Kind, Message, Samples, Stamp};
 use super::splitter::{Piece, Splitter};
 
-/// Bytes that are given to the splitter at a time, so that it keeps little more than one message.
+/// Bytes passed to the splitter at a time, so that it buffers little more than one message.
 const PORTION: usize = 1 << 16;
 
 /// One profile of a scanner.
@@ -14,13 +14,13 @@ const PORTION: usize = 1 << 16;
 pub struct Profile {
     /// Index of its frame, from 0 at the start of the scanner.
     pub frame: u64,
-    /// Its time on the clock of the scanner.
+    /// Time on the clock of the scanner, microseconds.
     pub time_us: f64,
-    /// All of its stamp.
+    /// Its complete stamp.
     pub stamp: Stamp,
-    /// Attributes of the message that it came in.
+    /// Attributes of its message.
     pub attributes: Attributes,
-    /// Whether x comes at a constant spacing.
+    /// Whether x has a constant spacing.
     pub is_uniform: bool,
     /// x of the valid points.
     pub x_m: Vec<f64>,
@@ -28,30 +28,30 @@ pub struct Profile {
     pub z_m: Vec<f64>,
     /// Intensities of the valid points, if the scanner sends them.
     pub intensity: Option<Vec<u8>>,
-    /// Bytes of its data set in the stream, from which the time of its arrival follows.
+    /// Range of its data set in the stream, bytes, which gives the time of its arrival.
     pub bytes: Range<u64>,
 }
 
-/// What a stream held.
+/// Statistics of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Bytes read.
     pub bytes: u64,
-    /// Whole messages.
+    /// Complete messages.
     pub messages: u64,
-    /// Those of types that are not read.
+    /// Messages of types that are not read.
     pub other_messages: u64,
     /// Data sets with at least one message of a type that is read.
     pub sets: u64,
-    /// Profiles given out.
+    /// Profiles returned.
     pub profiles: u64,
-    /// Profiles without a stamp, which are not given out: it was damaged.
+    /// Profiles that are not returned because their stamp was damaged.
     pub unstamped: u64,
-    /// Stamps without a profile: it was damaged.
+    /// Stamps whose profile was damaged.
     pub empty: u64,
-    /// Places with bytes that belong to no whole message.
+    /// Runs of bytes that belong to no complete message.
     pub gaps: u64,
-    /// Those bytes.
+    /// Number of these bytes.
     pub skipped_bytes: u64,
 }
 
@@ -69,9 +69,9 @@ impl ProfileReader {
         Self::default()
     }
 
-    /// Takes the next bytes and gives out the profiles that are complete with them.
+    /// Takes the next bytes and passes the profiles that they complete to `sink`.
     ///
-    /// A data set is complete when its last message is and the next one begins, or at the end.
+    /// A data set is complete when its last message is complete and the next data set begins, or at the end.
     pub fn read(&mut self, bytes: &[u8], mut sink: impl FnMut(Profile)) {
         for portion in bytes.chunks(PORTION) {
             self.counts.bytes += portion.len() as u64;
@@ -80,14 +80,14 @@ impl ProfileReader {
         }
     }
 
-    /// Gives out what is left at the end of the stream.
+    /// Ends the stream and passes the remaining profiles to `sink`.
     pub fn finish(&mut self, mut sink: impl FnMut(Profile)) {
         self.splitter.finish();
         self.take(&mut sink);
         self.set.end(&mut self.counts, &mut sink);
     }
 
-    /// What was read so far.
+    /// Statistics so far.
     pub fn counts(&self) -> Counts {
         self.counts
     }
@@ -102,7 +102,7 @@ impl ProfileReader {
                 Piece::Gap(bytes) => {
                     self.counts.gaps += 1;
                     self.counts.skipped_bytes += bytes;
-                    // What comes after it may be of another frame.
+                    // Messages after the gap may belong to another frame.
                     self.set.end(&mut self.counts, sink);
                 }
             }
@@ -113,11 +113,11 @@ impl ProfileReader {
 /// Messages of a data set that is not complete.
 #[derive(Debug, Default)]
 struct DataSet {
-    /// Stamps of the main scanner, or of whichever sends some.
+    /// Stamps of the main scanner or, if it sends none, of the other scanner.
     stamps: Vec<Stamp>,
     /// 0 if the stamps are those of the main scanner.
     stamps_source: u8,
-    /// Messages of samples, one behind the other, and how long each is.
+    /// Messages of samples, one after the other, and the length of each.
     bytes: Vec<u8>,
     lengths: Vec<usize>,
     span: Option<Range<u64>>,
@@ -129,7 +129,7 @@ impl DataSet {
             return;
         };
         let begins_set = match &message {
-            // The last message of the set before it was lost.
+            // The last message of the previous set was lost.
             Message::Stamps(stamps) => {
                 !self.stamps.is_empty() && stamps.source == self.stamps_source
             }
@@ -161,12 +161,13 @@ impl DataSet {
         }
     }
 
-    fn cover(&mut self, span: Range<u64>) {
-        let start = self.span.as_ref().map_or(span.start, |held| held.start);
-        self.span = Some(start..span.end);
+    /// Extends the span of the set to the end of a message.
+    fn cover(&mut self, message: Range<u64>) {
+        let start = self.span.as_ref().map_or(message.start, |span| span.start);
+        self.span = Some(start..message.end);
     }
 
-    /// Gives out the profiles and begins the next set.
+    /// Passes the profiles to `sink` and begins the next set.
     fn end(&mut self, counts: &mut Counts, sink: &mut impl FnMut(Profile)) {
         let Some(span) = self.span.take() else {
             return;
@@ -190,7 +191,7 @@ impl DataSet {
         }
         for samples in &points {
             let intensity = intensities.iter().find(|it| belong_together(samples, it));
-            // Bounded by the stamps: without points, a message could claim any number of frames.
+            // Only as many frames as stamps: a message without points could claim any number of frames.
             let frames = samples.attributes.count as usize;
             counts.unstamped += frames.saturating_sub(self.stamps.len()) as u64;
             for (frame, &stamp) in self.stamps.iter().enumerate().take(frames) {
@@ -204,7 +205,7 @@ impl DataSet {
     }
 }
 
-/// Whether these intensities are of these points.
+/// Whether these intensities belong to these points.
 fn belong_together(points: &Samples<'_>, intensity: &Samples<'_>) -> bool {
     let key = |it: &Attributes| (it.count, it.width, it.source, it.stream_step, it.arrayed);
     key(&points.attributes) == key(&intensity.attributes)
@@ -219,14 +220,15 @@ fn profile(
 ) -> Profile {
     let width = samples.attributes.width as usize;
     let (mut x_m, mut z_m) = (Vec::with_capacity(width), Vec::with_capacity(width));
-    let mut kept = intensity.map(|_| Vec::with_capacity(width));
+    let mut valid_intensities = intensity.map(|_| Vec::with_capacity(width));
     let values = intensity.map_or(&[][..], |it| it.intensity(frame));
     for (index, point) in samples.points_m(frame).enumerate() {
         let Some([x, z]) = point else { continue };
         x_m.push(x);
         z_m.push(z);
-        if let (Some(kept), Some(&value)) = (&mut kept, values.get(index)) {
-            kept.push(value);
+        if let (Some(valid_intensities), Some(&value)) = (&mut valid_intensities, values.get(index))
+        {
+            valid_intensities.push(value);
         }
     }
     Profile {
@@ -237,7 +239,7 @@ fn profile(
         is_uniform: samples.kind == Kind::UniformProfile,
         x_m,
         z_m,
-        intensity: kept,
+        intensity: valid_intensities,
         bytes,
     }
 }

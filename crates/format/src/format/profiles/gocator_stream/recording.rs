@@ -1,4 +1,4 @@
-//! What a data channel sent, as a recording: `.gocator`.
+//! Reader of a recorded data channel, `.gocator`.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -30,7 +30,7 @@ pub(crate) const STREAM: Kind = Kind {
 /// Bytes read from the file at a time.
 const CHUNK: usize = 1 << 20;
 
-/// Whether these could be the first bytes: a whole message of stamps, with which each set begins.
+/// Whether these could be the first bytes: a complete message of stamps, with which each set begins.
 fn looks_like(start: &[u8]) -> bool {
     let size = start.first_chunk().map(|size| u32::from_le_bytes(*size));
     let message = size.and_then(|size| start.get(..usize::try_from(size).ok()?));
@@ -117,7 +117,7 @@ impl ProfileReader for StreamReader {
                     &self.profiles.path,
                     Location::Byte(profile.bytes.start),
                     format!("time {time_s} s after {} s", self.last_time_s),
-                    "times that do not go back: split the recording where the scanner was started again",
+                    "times that do not go back: split the recording where the scanner was restarted",
                 ));
             }
             self.last_time_s = time_s;
@@ -150,7 +150,8 @@ impl ProfileReader for StreamReader {
     }
 }
 
-/// Where the data set of each profile ends, bytes, and its time on the scanner's clock.
+/// The end of each profile's data set, in bytes from the start of the file, and its time on the scanner's clock,
+/// seconds.
 fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
     let (mut profiles, mut ends) = (Profiles::open(path)?, Vec::new());
     while let Some(profile) = profiles.next()? {
@@ -159,7 +160,7 @@ fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
     Ok(ends)
 }
 
-/// What a recording holds, in a line.
+/// The content of a recording in one line.
 fn contents(path: &Path) -> Result<String> {
     let mut profiles = Profiles::open(path)?;
     while profiles.next()?.is_some() {}
@@ -169,9 +170,9 @@ fn contents(path: &Path) -> Result<String> {
         let (bytes, places) = (counts.skipped_bytes, counts.gaps);
         text += &format!(", {bytes} damaged bytes in {places} places");
     }
-    let lost = counts.unstamped + counts.empty;
-    if lost > 0 {
-        text += &format!(", {lost} incomplete");
+    let incomplete = counts.unstamped + counts.empty;
+    if incomplete > 0 {
+        text += &format!(", {incomplete} incomplete");
     }
     Ok(text)
 }

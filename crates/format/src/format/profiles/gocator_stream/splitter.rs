@@ -1,25 +1,25 @@
-//! Whole messages out of a stream of bytes.
+//! Splits a stream of bytes into complete messages.
 
 use super::layout::{Beginning, LARGEST_MESSAGE, LONGEST_HEAD, beginning};
 
-/// Cuts a stream into messages, from pieces of any length.
+/// Splits a stream, which arrives in pieces of any length, into messages.
 ///
-/// The protocol has neither a mark where a message begins nor a checksum. A message is taken as whole
-/// when
+/// The protocol has neither a mark at the beginning of a message nor a checksum. A message is accepted as
+/// complete when
 ///
-/// * its size is the one that its own counts give, or, for types that are not read here, when
+/// * its size agrees with its own counts or, for types that are not read here, when
 ///   another message or the end of the stream follows,
-/// * no message begins inside it: where a link was cut in a message and opened again, the first
-///   message of the new link is in what looks like the end of the old one.
+/// * no message begins inside it: if a link was cut within a message and opened again, the first
+///   message of the new link lies in what looks like the end of the old message.
 ///
-/// A message is given out when the first 16 bytes behind it are there, or at the end.
+/// A message is returned when the first 16 bytes after it have arrived, or at the end.
 ///
 /// Bytes that belong to no message are skipped up to the next message of a known type, and counted.
-/// At most one message of [`LARGEST_MESSAGE`] and the last piece are kept.
+/// At most one message of [`LARGEST_MESSAGE`] and the last piece are buffered.
 #[derive(Debug)]
 pub struct Splitter {
     buffer: Vec<u8>,
-    /// First byte of the buffer that is not given out.
+    /// Index in the buffer of the first byte that was not returned.
     start: usize,
     /// Position of that byte in the stream.
     position: u64,
@@ -32,9 +32,9 @@ pub struct Splitter {
 /// A part of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Piece<'a> {
-    /// A whole message, and where it begins in the stream.
+    /// A complete message, and its position in the stream.
     Message(&'a [u8], u64),
-    /// So many bytes that belong to no whole message.
+    /// Number of bytes that belong to no complete message.
     Gap(u64),
 }
 
@@ -51,7 +51,7 @@ impl Default for Splitter {
 }
 
 impl Splitter {
-    /// A splitter that takes messages of up to so many bytes.
+    /// A splitter for messages of at most `largest` bytes.
     pub fn new(largest: usize) -> Self {
         Self {
             buffer: Vec::new(),
@@ -63,9 +63,9 @@ impl Splitter {
         }
     }
 
-    /// Takes the next bytes of the stream. All that [`Splitter::next`] has should be taken first.
+    /// Takes the next bytes of the stream. Call [`Splitter::next`] until it returns `None` before.
     pub fn push(&mut self, bytes: &[u8]) {
-        // Moving the rest only when it is the smaller part keeps the cost in proportion.
+        // The rest is moved only when it is the smaller part, so that the total cost stays linear.
         if self.start > self.buffer.len() / 2 {
             self.buffer.copy_within(self.start.., 0);
             self.buffer.truncate(self.buffer.len() - self.start);
@@ -74,17 +74,17 @@ impl Splitter {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// Says that no more bytes come: what is left is judged without waiting.
+    /// Ends the stream: the remaining bytes are judged without waiting for more.
     pub fn finish(&mut self) {
         self.is_finished = true;
     }
 
-    /// Bytes that are kept.
+    /// Number of buffered bytes.
     pub fn kept(&self) -> usize {
         self.buffer.len() - self.start
     }
 
-    /// The next part of the stream, nothing if more bytes are needed to tell.
+    /// The next part of the stream; `None` if more bytes are needed to decide.
     #[expect(clippy::should_implement_trait, reason = "the part is borrowed")]
     pub fn next(&mut self) -> Option<Piece<'_>> {
         let size = loop {
@@ -110,7 +110,7 @@ impl Splitter {
         Some(Piece::Message(&self.buffer[start..self.start], position))
     }
 
-    /// What the first byte that is kept is.
+    /// Decides whether a message begins at the first buffered byte.
     fn judge(&self) -> Judgement {
         let bytes = &self.buffer[self.start..];
         let (size, is_certain) = match beginning(bytes, self.largest) {
@@ -119,11 +119,11 @@ impl Splitter {
             }
             Beginning::TooShort => return Judgement::Wait,
             Beginning::Certain(size) => (size, true),
-            // In garbage, four bytes of a size are no evidence.
+            // Among damaged bytes, a plausible size is not enough evidence.
             Beginning::Possible(size) if self.skipped == 0 => (size, false),
             Beginning::Possible(_) | Beginning::Invalid => return Judgement::Skip(1),
         };
-        // Heads that begin in the last bytes of this message have to be seen whole, too.
+        // Heads that begin in the last bytes of this message must be complete, too.
         if bytes.len() < size + LONGEST_HEAD && !self.is_finished {
             return Judgement::Wait;
         }
@@ -139,12 +139,12 @@ impl Splitter {
         }
     }
 
-    /// Where a message begins inside one: the link was cut there and opened again.
+    /// Offset of a message that begins inside this one: the link was cut there and opened again.
     fn message_inside(&self, bytes: &[u8], size: usize) -> Option<usize> {
         let largest_byte = self.largest >> 24;
         let heads = &bytes[1..bytes.len().min(size + LONGEST_HEAD)];
         (1..size).zip(heads.windows(6)).find_map(|(at, head)| {
-            // A quick look spares nearly all of the exact ones.
+            // A quick check makes the exact one rare.
             let is_possible = head[5] & 0x7f == 0
                 && (1..=7).contains(&head[4])
                 && usize::from(head[3]) <= largest_byte;

@@ -1,4 +1,4 @@
-//! The simulated instrument's reply to each request.
+//! The simulated instrument's replies to requests.
 
 use std::time::Duration;
 
@@ -7,16 +7,16 @@ use super::super::codes::ReturnCode;
 use super::super::procedure::Procedure;
 use super::{FaultKind, Simulated, direction};
 
-/// A reply, and how long the instrument takes for it.
+/// A reply and the time until it is sent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answered {
-    /// The line, without terminator; none if there is no reply.
+    /// The line, without terminator; `None` if there is no reply.
     pub line: Option<Vec<u8>>,
     /// Time from the request to the reply.
     pub after: Duration,
 }
 
-/// The measurement program whose angles are those at the time of the distance.
+/// The measurement program that measures angles at the time of the distance.
 const SYNCHRONOUS: u16 = 10;
 
 type Outcome = (ReturnCode, Vec<Value>);
@@ -25,7 +25,7 @@ type Outcome = (ReturnCode, Vec<Value>);
 const FIELD_OF_VIEW_RAD: f64 = 0.0118;
 
 impl Simulated {
-    /// The reply to one line at a time, with the faults of that time.
+    /// The reply to a line that arrives at a time, s, with the faults of that time.
     pub fn answer(&mut self, line: &[u8], time_s: f64) -> Answered {
         self.counts.requests += 1;
         self.follow(time_s);
@@ -89,7 +89,7 @@ impl Simulated {
         )
     }
 
-    /// None if the parameters are not those of the procedure.
+    /// Performs a procedure; `None` if the parameters do not fit it.
     fn perform(
         &mut self,
         procedure: Procedure,
@@ -117,7 +117,7 @@ impl Simulated {
             Procedure::GetFirmware => give([5, 2, 0].map(Value::Integer).into()),
             Procedure::GetName => give(vec![Value::Text(self.settings.name.clone())]),
             Procedure::GetSerialNumber => give(vec![Value::Integer(self.settings.serial_number)]),
-            // Percent, from the battery inside, which is the one to use.
+            // Percent; power from the internal battery, which is the recommended one.
             Procedure::CheckPower => give([87, 2, 2].map(Value::Integer).into()),
             Procedure::GetDecimals => mode(self.modes.decimals),
             Procedure::GetEdmMode => mode(self.modes.edm_mode),
@@ -278,7 +278,7 @@ impl Simulated {
         match kind {
             FaultKind::Silent => return None,
             FaultKind::WrongChecksum => {
-                // After the transaction's number, in place of the true checksum if there is one.
+                // After the transaction's number, instead of the true checksum if there is one.
                 let colon = line
                     .iter()
                     .position(|&byte| byte == b':')

@@ -1,19 +1,19 @@
-//! What goes wrong on a simulated instrument and its cable.
+//! Faults of a simulated instrument and its cable.
 
 use std::time::Duration;
 
-/// What goes wrong.
+/// The kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultKind {
-    /// The prism is hidden; afterwards it has to be looked for.
+    /// The prism is hidden; afterwards the instrument must search for it.
     LostLock,
-    /// The instrument says that it is busy.
+    /// The instrument replies that it is busy.
     Busy,
     /// The reply has a wrong checksum.
     WrongChecksum,
-    /// The instrument finds that the request has a wrong checksum.
+    /// The instrument replies that the request has a wrong checksum.
     DamagedRequest,
-    /// The reply comes later by this.
+    /// The reply is delayed by this time.
     Slow(Duration),
     /// No reply.
     Silent,
@@ -26,18 +26,18 @@ pub enum FaultKind {
 /// A fault in an interval of the instrument's time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
-    /// What goes wrong.
+    /// Its kind.
     pub kind: FaultKind,
-    /// When it begins, s.
+    /// Beginning, s.
     pub from_s: f64,
-    /// When it ends, s.
+    /// End, s.
     pub to_s: f64,
-    /// Concerns every so many requests, from 1 (all).
+    /// The fault affects every n-th request; 1 for all requests.
     pub every: u64,
 }
 
 impl Fault {
-    /// A fault of all requests in an interval.
+    /// A fault that affects all requests in an interval.
     pub fn between(kind: FaultKind, from_s: f64, to_s: f64) -> Self {
         Self {
             kind,
@@ -47,7 +47,7 @@ impl Fault {
         }
     }
 
-    /// The same of every so many requests.
+    /// The same fault, affecting only every n-th request.
     pub fn every(self, every: u64) -> Self {
         Self {
             every: every.max(1),
@@ -55,12 +55,12 @@ impl Fault {
         }
     }
 
-    /// Whether it concerns request number `request` at a time.
+    /// Whether the fault affects request number `request` at a time.
     pub(super) fn is_at(&self, time_s: f64, request: u64) -> bool {
         (self.from_s..self.to_s).contains(&time_s) && request.is_multiple_of(self.every)
     }
 
-    /// Whether it began or lasted in an interval of time.
+    /// Whether the fault overlaps an interval of time.
     pub(super) fn touches(&self, from_s: f64, to_s: f64) -> bool {
         self.from_s <= to_s && from_s < self.to_s
     }

@@ -13,24 +13,24 @@ pub use serve::{TcpInstrument, serve};
 use super::modes::Modes;
 use super::procedure::Procedure;
 
-/// What a simulated instrument is.
+/// Properties of a simulated instrument.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedSettings {
     /// Name.
     pub name: String,
     /// Serial number.
     pub serial_number: i64,
-    /// Distances per second, Hz.
+    /// Rate of distances, Hz.
     pub rate_hz: f64,
-    /// Its seconds in one of ours.
+    /// Seconds of simulated time per second of real time.
     pub speed: f64,
     /// Time from a request to its reply.
     pub reply_time: Duration,
-    /// Whether it knows checksums.
+    /// Whether it supports checksums.
     pub has_checksums: bool,
-    /// Whether it gives the last distance again until there is a newer one.
+    /// Whether it repeats the last distance until there is a newer one.
     pub repeats_distances: bool,
-    /// Procedures that it does not know.
+    /// Procedures that it does not support.
     pub unknown: Vec<Procedure>,
     /// Faults.
     pub faults: Vec<Fault>,
@@ -52,12 +52,12 @@ impl Default for SimulatedSettings {
     }
 }
 
-/// What a simulated instrument did.
+/// Counts of a simulated instrument's actions.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SimulatedCounts {
     /// Requests received.
     pub requests: u64,
-    /// Distances given.
+    /// Distances returned.
     pub distances: u64,
     /// Replies that were damaged, dropped, delayed or replaced by faults.
     pub faults: u64,
@@ -65,14 +65,14 @@ pub struct SimulatedCounts {
     pub cuts: u64,
 }
 
-/// A prism's position by time: t (s) -> east, north, up (m) in the instrument's frame.
+/// A prism's position as a function of time: t (s) -> east, north, up (m) in the instrument's frame.
 type Target = Box<dyn Fn(f64) -> [f64; 3] + Send>;
 
 /// A simulated instrument.
 pub struct Simulated {
     settings: SimulatedSettings,
     target: Target,
-    /// When it measures distances, s, where not at its rate.
+    /// Times at which it measures distances, s, if not at a constant rate.
     epochs_s: Option<Vec<f64>>,
     switched_on: Instant,
     modes: Modes,
@@ -81,9 +81,9 @@ pub struct Simulated {
     is_locked: bool,
     /// Hz and V of the telescope, rad.
     pointing: [f64; 2],
-    /// When measuring distances began, s.
+    /// Time at which measuring distances began, s.
     measuring_since_s: Option<f64>,
-    /// Distances of this measurement given so far: the number of the last one.
+    /// Number of distances returned since then.
     given: u64,
     last_request_s: f64,
 }
@@ -118,7 +118,7 @@ impl Simulated {
     }
 
     /// An instrument that was switched on at an instant and measures a prism's positions (m, in its frame) at given
-    /// times (s, increasing); in between, the prism moves evenly.
+    /// times (s, increasing). In between, the prism moves at constant velocity.
     pub fn measuring(
         settings: SimulatedSettings,
         measured: Vec<(f64, [f64; 3])>,
@@ -133,7 +133,7 @@ impl Simulated {
                     let part = (time_s - a_s) / (b_s - a_s);
                     std::array::from_fn(|i| a[i] + part * (b[i] - a[i]))
                 }
-                (Some((_, one)), _) => *one,
+                (Some((_, position)), _) => *position,
                 (None, _) => [0.0, 1.0, 0.0],
             }
         };
@@ -144,24 +144,24 @@ impl Simulated {
         }
     }
 
-    /// Its modes as they are now.
+    /// Its present modes.
     pub fn modes(&self) -> Modes {
         self.modes
     }
 
-    /// Sets its modes as a user would at the instrument.
+    /// Sets its modes, as a user would at the instrument.
     pub fn set_modes(&mut self, modes: Modes) {
         self.modes = modes;
     }
 
-    /// Stops measuring and locking as a user would at the instrument.
+    /// Stops measuring and switches the lock off, as a user would at the instrument.
     pub fn interrupt(&mut self) {
         self.measuring_since_s = None;
         self.is_locked = false;
         self.modes.lock = Some(0);
     }
 
-    /// What it did so far.
+    /// Counts of its actions so far.
     pub fn counts(&self) -> SimulatedCounts {
         self.counts
     }
@@ -171,17 +171,17 @@ impl Simulated {
         self.measuring_since_s.is_some()
     }
 
-    /// Time since it was switched on, s: that of its target, its faults and its stamps.
+    /// Time since it was switched on, s. Its target, its faults and its time stamps use this time.
     pub fn time_s(&self) -> f64 {
         self.settings.speed * self.switched_on.elapsed().as_secs_f64()
     }
 
-    /// The fault of a kind that concerns the present request, if any.
-    fn fault(&self, time_s: f64, of: impl Fn(FaultKind) -> bool) -> Option<FaultKind> {
+    /// The first fault that affects the present request and whose kind satisfies `is_wanted`.
+    fn fault(&self, time_s: f64, is_wanted: impl Fn(FaultKind) -> bool) -> Option<FaultKind> {
         let request = self.counts.requests;
         let mut faults = self.settings.faults.iter();
-        let found = faults.find(|fault| of(fault.kind) && fault.is_at(time_s, request));
-        found.map(|fault| fault.kind)
+        let fault = faults.find(|fault| is_wanted(fault.kind) && fault.is_at(time_s, request));
+        fault.map(|fault| fault.kind)
     }
 
     fn is_hidden(&self, time_s: f64) -> bool {
@@ -189,7 +189,7 @@ impl Simulated {
             .is_some()
     }
 
-    /// Follows the prism until a time.
+    /// Follows the prism up to a time.
     fn follow(&mut self, time_s: f64) {
         let was_hidden = self.settings.faults.iter().any(|fault| {
             fault.kind == FaultKind::LostLock && fault.touches(self.last_request_s, time_s)
@@ -201,7 +201,7 @@ impl Simulated {
         self.last_request_s = time_s;
     }
 
-    /// Whether the prism is seen within a window around the telescope's direction.
+    /// Whether the prism is visible within a window around the telescope's direction.
     fn sees(&self, time_s: f64, window_rad: [f64; 2]) -> bool {
         let [hz, v] = direction((self.target)(time_s));
         let turn = (hz - self.pointing[0] + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
@@ -210,7 +210,7 @@ impl Simulated {
         is_inside && !self.is_hidden(time_s)
     }
 
-    /// Number of the newest distance, from 1, if there is one.
+    /// Number of the newest distance, counted from 1, if there is one.
     fn newest(&self, time_s: f64) -> Option<u64> {
         let since_s = self.measuring_since_s?;
         if !self.sees(time_s, [0.005, 0.005]) {
@@ -223,7 +223,7 @@ impl Simulated {
             }
             None => ((time_s - since_s) * self.settings.rate_hz) as u64,
         };
-        // Modes other than the repeated ones measure once.
+        // Modes without repetition measure once.
         let last = if self.is_continuous() {
             number
         } else {

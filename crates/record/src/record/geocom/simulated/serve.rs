@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 use super::super::lines::LONGEST_LINE;
 use super::{FaultKind, Simulated};
 
-/// How often a waiting server looks whether to stop.
+/// Interval at which a waiting server checks whether it must stop.
 const TICK: Duration = Duration::from_millis(10);
 
-/// Answers requests until the stream ends, a fault pulls its cable, or `is_stopped`. Reads should
-/// have a time-out of some milliseconds: the server looks at `is_stopped` in between.
+/// Answers requests until the stream ends, a fault cuts the cable, or `is_stopped` is set. Reads should
+/// have a time-out of some milliseconds: the server checks `is_stopped` in between.
 ///
 /// # Errors
 /// If the stream fails.
@@ -89,7 +89,7 @@ impl Requests {
             match byte {
                 b'\r' if self.line.is_empty() => {}
                 b'\r' => requests.push(std::mem::take(&mut self.line)),
-                // The LF of CR LF comes when the request is already taken.
+                // The LF of CR LF arrives when the request has already been taken.
                 b'\n' if self.last == b'\r' => {}
                 b'\n' => {
                     self.line.clear();
@@ -113,7 +113,7 @@ pub struct TcpInstrument {
 }
 
 impl TcpInstrument {
-    /// Listens on an address; port 0 is any free one.
+    /// Listens on an address; port 0 selects any free port.
     ///
     /// # Errors
     /// If the address cannot be listened on.
@@ -133,7 +133,7 @@ impl TcpInstrument {
         })
     }
 
-    /// Where it listens.
+    /// The address on which it listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -156,7 +156,7 @@ impl Drop for TcpInstrument {
 fn accept(listener: &TcpListener, simulated: &Mutex<Simulated>, is_stopped: &AtomicBool) {
     while !is_stopped.load(Ordering::Relaxed) {
         match listener.accept() {
-            // A client that fails is gone; the next one may come.
+            // A client whose connection fails is dropped; the next client is served.
             Ok((stream, _)) if !is_cut(simulated) => {
                 let _ = serve_client(stream, simulated, is_stopped);
             }
