@@ -186,6 +186,10 @@
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`tiles`] | clouds larger than memory: features, M3C2, thinning |
 //! | [`simulation`] | scene, drives and sensors with known truth; does not use the estimators |
+//! | [`results`] | results of the stages, before they are judged or shown |
+//! | [`number`] | values as text: significant digits, lengths with their unit |
+//! | [`diagnostics`] | numbers on an adjusted trajectory: sigmas of poses, residuals, rejections |
+//! | [`judgement`] | results turned into verdicts, each once |
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
 //! | [`pipeline`] | the stages in order |

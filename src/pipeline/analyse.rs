@@ -23,7 +23,6 @@ use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::{self, csv};
-use crate::results::Drive;
 use crate::stored::stored;
 use crate::verdict::Severity;
 
