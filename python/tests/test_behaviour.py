@@ -183,6 +183,14 @@ def test_errors_know_their_place(tmp_path):
     assert raised.value.remedy
 
 
+def test_clouds_without_a_distance_are_warned_of():
+    points = np.random.default_rng(1).random((100, 3))
+    with pytest.warns(boresight.BoresightWarning, match="the clouds do not overlap: none of"):
+        found = boresight.m3c2(points, points + [50.0, 0.0, 0.0], normal_radii=[0.5], progress=None)
+    assert np.isnan(found.distances).all()
+    assert found.to_dict() == {"core_points": len(found.distances), "n": 0}
+
+
 def test_few_points_are_warned_of():
     with pytest.warns(boresight.BoresightWarning, match="10 points"):
         boresight.features(np.random.default_rng(1).random((10, 3)), progress=None)

@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::project::Project;
 
 /// Raised when items come out otherwise from the same inputs.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// What an item does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

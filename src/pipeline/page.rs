@@ -11,7 +11,7 @@ use crate::project::{Motion, Project};
 use crate::report::content::{self, Calibrations, Content, Drive, Fact, Platform};
 use crate::tiles::{Comparison, NormalSource, peak_memory_bytes};
 
-/// Content of the report of a whole run.
+/// Content of the page of a run, or of a calibration.
 ///
 /// # Errors
 /// The logo cannot be read.
@@ -33,6 +33,7 @@ pub fn content<'a>(
             result: &findings.calibration,
             joint: findings.joint.as_ref(),
             variants: &findings.variants,
+            origin_m: findings.origin_m,
         }),
         drives: &findings.drives,
         background_m: &findings.background_m,
@@ -109,30 +110,6 @@ pub fn trajectory<'a>(
         drives,
         ..Content::default()
     })
-}
-
-/// Content of the page of a calibration alone.
-///
-/// # Errors
-/// The logo cannot be read.
-pub fn calibration<'a>(
-    project: &Project,
-    calibrations: Calibrations<'a>,
-    drives: &'a [Drive],
-) -> Result<Content<'a>> {
-    let mut content = Content {
-        made_s: Some(now_s()),
-        platform: Some(platform(project, None)),
-        command: format!("boresight calibrate {}", project.path.display()),
-        project: project.path.display().to_string(),
-        inputs: inputs(project, drives),
-        calibrations: Some(calibrations),
-        drives,
-        peak_memory_bytes: peak_memory_bytes(),
-        ..Content::default()
-    };
-    settings_of(project, &mut content)?;
-    Ok(content)
 }
 
 /// Content of the page of two clouds that were compared.

@@ -112,6 +112,7 @@ def command(
     project: _Path,
     out: _Path | None,
     fresh: bool,
+    method: str | None,
     calibration: _Path | None,
     trajectory: _Path | None,
     listener: Listener,

@@ -5,7 +5,7 @@ use super::diagnostics::{self, PoseSigmas};
 use super::{agreement, constancy, method, minimum, moving, number};
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::BodyFromScanner;
 use crate::joint::{Joint, JointReport, Rung};
 use crate::statistics::NORMAL_97_5_ROUNDED;
 use crate::trajectory::{Constant, Doubt, Solution};
@@ -106,8 +106,7 @@ fn of_calibration(
     }));
     let others = calibrations.joint.into_iter().flat_map(|joint| &joint.said);
     all.extend(others.cloned());
-    let joint = calibrations.joint_found();
-    all.extend(joint.into_iter().flat_map(disagreements));
+    all.extend(disagreements(calibrations));
     let accepted = calibrations.joint.and_then(JointReport::accepted);
     all.extend(accepted.into_iter().flat_map(moving::verdicts));
     all.extend(accepted.and_then(height));
@@ -176,14 +175,18 @@ pub fn doubt(doubt: &Doubt) -> Verdict {
     }
 }
 
-/// Where scans and reference disagree.
-pub fn disagreements(joint: &Joint) -> impl Iterator<Item = Verdict> {
+/// Where scans and reference disagree, in the world's coordinates.
+pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
+    let Some(joint) = calibrations.joint_found() else {
+        return Vec::new();
+    };
     let regions = joint.regions.iter().map(|region| {
-        let text = capitalised(&region.describe(&Vec3::zeros()));
+        let text = capitalised(&region.describe(&calibrations.origin_m));
         Verdict::care("reference.region", text).with_value(region.offset_m, None)
     });
     let shift = joint.reference.and_then(|reference| reference.describe());
-    regions.chain(shift.map(|text| Verdict::care("reference.shift", capitalised(&text))))
+    let shift = shift.map(|text| Verdict::care("reference.shift", capitalised(&text)));
+    regions.chain(shift).collect()
 }
 
 /// A reference that lies higher or lower than the drive says.
