@@ -64,7 +64,8 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
             }
             (None, Some(failed)) => {
                 let why = failed.part::<Failure>("error")?;
-                page.failures.extend(why.map(|why| line(item.to_string(), why)));
+                page.failures
+                    .extend(why.map(|why| line(item.to_string(), why)));
                 "failed"
             }
             (None, None) => {
@@ -186,7 +187,12 @@ impl Document {
     }
 
     fn error(&self, found: String) -> Error {
-        Error::format(&self.path, Location::Whole, found, "what an item has written")
+        Error::format(
+            &self.path,
+            Location::Whole,
+            found,
+            "what an item has written",
+        )
     }
 }
 
@@ -207,8 +213,8 @@ fn document(path: PathBuf) -> Result<Option<Document>> {
         path,
         content: Value::Null,
     };
-    found.content = serde_json::from_str(&text)
-        .map_err(|error| found.error(format!("no JSON ({error})")))?;
+    found.content =
+        serde_json::from_str(&text).map_err(|error| found.error(format!("no JSON ({error})")))?;
     Ok(Some(found))
 }
 
@@ -225,11 +231,7 @@ fn extent(item: &Item, tile: Tile) -> Extent {
 }
 
 /// Adds what a finished item has found.
-fn add(
-    item: &Item,
-    (result, headline): (&Value, Option<Headline>),
-    page: &mut CampaignPage,
-) {
+fn add(item: &Item, (result, headline): (&Value, Option<Headline>), page: &mut CampaignPage) {
     let (plot, date) = (
         item.plot.clone().unwrap_or_default(),
         item.date.clone().unwrap_or_default(),
@@ -366,7 +368,10 @@ mod tests {
             let outcome = conclude(&campaign, &items, out).unwrap();
             assert_eq!(outcome.result["failed"], 1);
             let said = outcome.summary;
-            assert!(said.contains("result.json") && said.contains(part), "{said}");
+            assert!(
+                said.contains("result.json") && said.contains(part),
+                "{said}"
+            );
         }
     }
 

@@ -136,7 +136,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (root, out) = (folder.path(), folder.path().join("out"));
         fs::write(root.join("a"), "one").unwrap();
-        let file = fs::File::options().write(true).open(root.join("a")).unwrap();
+        let file = fs::File::options()
+            .write(true)
+            .open(root.join("a"))
+            .unwrap();
         let old = SystemTime::UNIX_EPOCH - std::time::Duration::from_millis(1500);
         file.set_modified(old).unwrap();
         let files = ["a".to_owned()];

@@ -288,7 +288,10 @@ pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -
         let unused = [
             ("[[drive]]", !project.drives.is_empty()),
             ("[bending]", project.bending.is_some()),
-            ("`estimate` of scanners", project.scanners.iter().any(estimates)),
+            (
+                "`estimate` of scanners",
+                project.scanners.iter().any(estimates),
+            ),
         ];
         let unused = unused.iter().filter(|(_, is_there)| *is_there);
         let names: Vec<&str> = unused.map(|(name, _)| *name).collect();

@@ -146,7 +146,9 @@ impl Found {
             Role::Positions if is_gnss => self.gnss.push(path),
             Role::Positions => self.prism.push(path),
             Role::Logs => {
-                let heading = format.has_heading().then(|| format::read_heading(file).map(drop));
+                let heading = format
+                    .has_heading()
+                    .then(|| format::read_heading(file).map(drop));
                 let imu = format.has_imu().then(|| format::read_imu(file).map(drop));
                 if let Some(Ok(())) = &heading {
                     self.heading.push(path.clone());
@@ -358,17 +360,28 @@ mod tests {
     #[test]
     fn what_cannot_be_read_is_said() {
         let folder = tempfile::tempdir().unwrap();
-        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
         write("left.csv", "time_s,x_m,z_m\n0,0.1,1.0\n0,0.2,1.0\n");
         let imu = "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n";
-        write("imu.csv", &format!("{imu}0,0,0,0,0,0,-9.81\n1,0,zero,0,0,0,-9.81\n"));
+        write(
+            "imu.csv",
+            &format!("{imu}0,0,0,0,0,0,-9.81\n1,0,zero,0,0,0,-9.81\n"),
+        );
         let made = init(folder.path()).unwrap();
         assert!(made.missing.contains(&"[imu], or [trajectory] with poses"));
         let [why] = made.unread.as_slice() else {
             panic!("{:?}", made.unread);
         };
-        assert!(why.contains("imu.csv, line 3") && why.contains("zero"), "{why}");
-        assert!(made.text.contains(&format!("# not read: {why}")), "{}", made.text);
+        assert!(
+            why.contains("imu.csv, line 3") && why.contains("zero"),
+            "{why}"
+        );
+        assert!(
+            made.text.contains(&format!("# not read: {why}")),
+            "{}",
+            made.text
+        );
     }
 
     #[test]
