@@ -195,6 +195,66 @@ fn every_command_answers_in_json_and_keeps_quiet() {
     answers(&["compare", &cloud("left"), &cloud("right"), "--out", out]);
 }
 
+/// The text of a `calibration.toml` below its comments, which also judge the distances that a run finds.
+fn mountings(out: &Path) -> String {
+    let text = fs::read_to_string(out.join("calibration.toml")).unwrap();
+    let (_, tables) = text.split_once("[[scanner]]").unwrap();
+    tables.to_owned()
+}
+
+#[test]
+fn a_calibration_is_that_of_a_run() {
+    let (_kept, drive) = simulated();
+    let run = on_project(&drive, "run", &[]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let (out, alone) = (drive.join("out"), drive.join("alone"));
+    let whole: Value = serde_json::from_slice(&fs::read(out.join("result.json")).unwrap()).unwrap();
+    let calibrated = |more: &[&str]| {
+        let run = on_project(
+            &drive,
+            "calibrate",
+            &[more, &["--out", alone.to_str().unwrap()]].concat(),
+        );
+        assert_eq!(run.code, 0, "{}", run.err);
+        run.out
+    };
+    let document = |more: &[&str]| -> Value {
+        serde_json::from_str(&calibrated(&[more, &["--json"]].concat())).unwrap()
+    };
+    let found = document(&[]);
+    assert_eq!(found["calibration"]["method"], "joint");
+    for key in ["scanners", "calibration", "two_steps", "trajectory"] {
+        assert_eq!(
+            timeless(found[key].clone()),
+            timeless(whole[key].clone()),
+            "{key}"
+        );
+    }
+    assert_eq!(mountings(&alone), mountings(&out));
+    assert_eq!(
+        fs::read(alone.join("mounting.csv")).unwrap(),
+        fs::read(out.join("mounting.csv")).unwrap()
+    );
+    let said = "These are the values of the joint adjustment";
+    let page = fs::read_to_string(alone.join("calibration.html")).unwrap();
+    assert!(page.contains(said));
+    assert!(calibrated(&[]).contains(said));
+
+    let before = document(&["--method", "two-step"]);
+    assert_eq!(before["calibration"]["method"], "two-step");
+    assert!(before["calibration"].get("joint").is_none());
+    rewrite_project(&drive, |text| {
+        text.replace("[calibration]", "[calibration]\nmethod = \"two-step\"")
+    });
+    let own = document(&[]);
+    assert_eq!(
+        timeless(own["scanners"].clone()),
+        timeless(before["scanners"].clone())
+    );
+    let found = document(&["--method", "joint"]);
+    assert_eq!(found["scanners"], whole["scanners"]);
+}
+
 #[test]
 fn what_cannot_be_calibrated_is_refused_before_the_work() {
     let refused = |edit: &dyn Fn(&Path), expected: &[&str]| {

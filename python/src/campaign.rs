@@ -5,7 +5,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use boresight::campaign::{
-    Campaign, ContentHash, Failure, Item, Listing, Plan, Pool, clean, conclude, work,
+    Campaign, ContentHash, Failure, Item, Listing, Plan, Pool, Share, check_memory, clean,
+    conclude, work,
 };
 use boresight::error::Location;
 use boresight::tiles::{self, limit_memory};
@@ -19,7 +20,8 @@ use crate::work::run;
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Hash>()?;
     module.add_class::<Planned>()?;
-    module.add_function(wrap_pyfunction!(free_bytes, module)?)?;
+    module.add_function(wrap_pyfunction!(campaign_share, module)?)?;
+    module.add_function(wrap_pyfunction!(campaign_check_memory, module)?)?;
     module.add_function(wrap_pyfunction!(campaign_texts, module)?)?;
     module.add_function(wrap_pyfunction!(campaign_hashes, module)?)?;
     module.add_function(wrap_pyfunction!(campaign_work, module)?)?;
@@ -109,10 +111,24 @@ fn items(texts: &[String]) -> Result<Vec<Item>> {
     texts.iter().map(|text| item(text)).collect()
 }
 
-/// Available memory; zero if the system does not say.
+/// Items at the same time on a machine with so many cores, and threads and memory (MB) of each.
 #[pyfunction]
-fn free_bytes(py: Python<'_>) -> u64 {
-    py.detach(tiles::free_bytes).unwrap_or(0)
+#[pyo3(signature = (cores, workers, memory_mb))]
+fn campaign_share(
+    py: Python<'_>,
+    cores: usize,
+    workers: Option<usize>,
+    memory_mb: Option<u64>,
+) -> PyResult<(usize, usize, u64)> {
+    let share = || Share::of(cores, tiles::free_bytes(), workers, memory_mb);
+    let share = py.detach(share).map_err(|error| exception(py, &error))?;
+    Ok((share.workers, share.threads, share.memory_mb))
+}
+
+/// Checks that an item with so many threads can begin with this memory.
+#[pyfunction]
+fn campaign_check_memory(py: Python<'_>, memory_mb: u64, threads: usize) -> PyResult<()> {
+    check_memory(memory_mb, threads).map_err(|error| exception(py, &error))
 }
 
 /// The small text files that planning reads, relative to the campaign's folder.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use boresight::calibration::Method;
 use boresight::geometry::Vec3;
 use boresight::pipeline::{self, Options, Outcome, Placement, stages};
 use boresight::progress::Progress;
@@ -13,7 +14,7 @@ use boresight::trajectory::{
 };
 use boresight::{Error, Result};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::arrays::{Array2, HEADING, IMU, POSITION, from_records, records};
@@ -219,18 +220,20 @@ pub(crate) fn told(outcome: Outcome) -> Told {
 
 /// Runs a command on a project: `calibrate`, `run`, `trajectory` or `georeference`.
 #[pyfunction]
-#[pyo3(signature = (name, project, out, fresh, calibration, trajectory, listener, threads))]
+#[pyo3(signature = (name, project, out, fresh, method, calibration, trajectory, listener, threads))]
 #[expect(clippy::too_many_arguments, reason = "the arguments of the commands")]
 fn command(
     name: &str,
     project: PathBuf,
     out: Option<PathBuf>,
     fresh: bool,
+    method: Option<&str>,
     calibration: Option<PathBuf>,
     trajectory: Option<PathBuf>,
     listener: &Bound<'_, PyAny>,
     threads: Option<usize>,
 ) -> PyResult<Told> {
+    let method = method.map(method_of).transpose()?;
     run_on(listener, threads, |progress| {
         let options = Options {
             out: out.unwrap_or_else(|| project_file(&project).with_file_name("out")),
@@ -246,7 +249,10 @@ fn command(
                 .map(told)
                 .map_err(|error| error.within(placement.inputs()));
         }
-        let project = read_project(&project)?;
+        let mut project = read_project(&project)?;
+        if let Some(method) = method {
+            project = pipeline::with_method(&project, method, progress);
+        }
         let stage: Stage = match name {
             "calibrate" => pipeline::calibrate,
             "run" => pipeline::run,
@@ -256,6 +262,18 @@ fn command(
         done.map(told)
             .map_err(|error| error.within(&project.inputs()))
     })
+}
+
+/// The method of a calibration of this name.
+fn method_of(name: &str) -> PyResult<Method> {
+    match name {
+        "joint" => Ok(Method::Joint),
+        "two-step" => Ok(Method::TwoStep),
+        "paper" => Ok(Method::Paper),
+        _ => Err(PyValueError::new_err(format!(
+            "method is {name:?}, expected \"joint\", \"two-step\" or \"paper\""
+        ))),
+    }
 }
 
 /// A command on a project.

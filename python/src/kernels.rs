@@ -1,15 +1,16 @@
 //! Features, thinning, comparison and georeferencing of points in memory.
 
-use boresight::cloud::shape::{Feature, Shape};
+use boresight::cloud::shape::Feature;
 use boresight::cloud::{NeighbourIndex, Neighbourhood, voxel};
 use boresight::comparison::{
-    Aggregation, ComparisonSettings, CoreDistance, Detection, IndexedClouds, Normals, core_points,
+    Aggregation, ComparisonSettings, CoreDistance, Detection, IndexedClouds, Normals, Statistics,
+    core_points,
 };
 use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::georeference::Georeferencer;
 use boresight::progress::Progress;
 use boresight::sensor::{PoseRecord, ScanPoint, check_overlap};
-use boresight::tiles::FeatureSettings;
+use boresight::tiles::{FEATURE_COLUMNS, FeatureRow, FeatureSettings};
 use boresight::trajectory::Trajectory;
 use boresight::{Error, Result};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
@@ -17,12 +18,11 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
+use serde_json::json;
 
 use crate::arrays::{POSE, from_vectors, numbers, quaternion, records, vectors};
 use crate::work::run;
 
-/// Words of a row of features: as many as all features have columns.
-const WORDS: usize = 14;
 /// Points placed at a time.
 const CHUNK: usize = 1 << 16;
 
@@ -81,30 +81,13 @@ fn features<'py>(
         let index = NeighbourIndex::new(points);
         progress.check()?;
         let rows = index.surroundings_of_all(&index, of, progress, |_, near| {
-            row(&Shape::of_wanted(near, &wanted), &wanted)
+            FeatureRow::of(near, &wanted).words
         });
         drop(stage);
         rows
     })?;
-    let shape = [found.len(), WORDS];
+    let shape = [found.len(), FEATURE_COLUMNS];
     PyArray1::from_vec(listener.py(), found.into_flattened()).reshape(shape)
-}
-
-/// The columns of the features, rounded as in the file that the command writes.
-fn row(shape: &Shape, features: &[Feature]) -> [u32; WORDS] {
-    let mut words = [0; WORDS];
-    let mut places = words.iter_mut();
-    for &feature in features {
-        let values = shape.values(feature);
-        // The shorter iterator first: zip must not consume a column without a value for it.
-        for (value, place) in values.iter().take(feature.columns().len()).zip(&mut places) {
-            *place = match feature {
-                Feature::Neighbours => *value as u32,
-                _ => (*value as f32).to_bits(),
-            };
-        }
-    }
-    words
 }
 
 fn check_number(points: &[Vec3]) -> Result<()> {
@@ -192,7 +175,7 @@ impl Comparing {
     }
 }
 
-/// One array for each value of the core points.
+/// One array for each value of the core points, and their statistics as JSON, `None` without a distance.
 #[pyfunction]
 #[pyo3(signature = (reference, compared, core, normals, settings, listener, threads))]
 fn m3c2<'py>(
@@ -207,7 +190,7 @@ fn m3c2<'py>(
     let (reference, compared) = (vectors(&reference)?, vectors(&compared)?);
     let core = core.as_ref().map(vectors).transpose()?;
     let given = normals.as_ref().map(vectors).transpose()?;
-    let found = run(listener, threads, |progress| {
+    let (found, statistics) = run(listener, threads, |progress| {
         check_number(reference)?;
         check_finite(reference, "the first epoch")?;
         check_number(compared)?;
@@ -230,7 +213,16 @@ fn m3c2<'py>(
         drop(stage);
         progress.check()?;
         let _stage = progress.stage("comparing the clouds (M3C2)", core.len() as u64);
-        indexed.distances(core, normals, progress)
+        let found = indexed.distances(core, normals, progress)?;
+        let statistics = match Statistics::of(&found) {
+            Ok(statistics) => Some(json!(statistics).to_string()),
+            // Scripts for py4dgeo expect arrays of NaN.
+            Err(error) => {
+                progress.warn(&error.to_string());
+                None
+            }
+        };
+        Ok((found, statistics))
     })?;
     let py = listener.py();
     let core = &found.core;
@@ -252,6 +244,7 @@ fn m3c2<'py>(
     arrays.set_item("num_samples1", count(|core| core.reference_count))?;
     arrays.set_item("spread2", number(|core| core.compared_spread_m))?;
     arrays.set_item("num_samples2", count(|core| core.compared_count))?;
+    arrays.set_item("statistics", statistics)?;
     Ok(arrays)
 }
 

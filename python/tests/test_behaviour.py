@@ -149,7 +149,7 @@ def test_arrays_are_not_copied(many):
             "points of the second epoch are not finite",
         ),
         (lambda p: boresight.Mounting([0, 0, 0, 1], [0, np.nan, 0]), ValueError, "not finite"),
-        (lambda p: boresight.campaign("campaign.toml", memory_mb=5), ValueError, "memory_mb is 5, expected"),
+        (lambda p: boresight.campaign("campaign.toml", memory_mb=5), ValueError, "5 MB for an item with"),
         (lambda p: boresight.m3c2(p, p, cyl_radius=0.0), ValueError, "cylinder_radius_m"),
         (lambda p: boresight.m3c2(p, p[:0]), boresight.TooFewError, "no points"),
         (lambda p: boresight.m3c2(p, p, p, corepoint_normals=p[:5]), ValueError, "5 normals"),
@@ -181,6 +181,14 @@ def test_errors_know_their_place(tmp_path):
     with pytest.raises(boresight.DataError) as raised:
         boresight.m3c2(np.zeros((0, 3)), np.zeros((1, 3)))
     assert raised.value.remedy
+
+
+def test_clouds_without_a_distance_are_warned_of():
+    points = np.random.default_rng(1).random((100, 3))
+    with pytest.warns(boresight.BoresightWarning, match="the clouds do not overlap: none of"):
+        found = boresight.m3c2(points, points + [50.0, 0.0, 0.0], normal_radii=[0.5], progress=None)
+    assert np.isnan(found.distances).all()
+    assert found.to_dict() == {"core_points": len(found.distances), "n": 0}
 
 
 def test_few_points_are_warned_of():

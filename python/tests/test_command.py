@@ -61,6 +61,18 @@ OPTIONS = {
 }
 
 
+STATISTICS = (
+    "n",
+    "core_points",
+    "mean_m",
+    "std_m",
+    "m3c2_rmse_m",
+    "median_m",
+    "nmad_m",
+    "significant_share",
+)
+
+
 @pytest.mark.parametrize("case", OPTIONS)
 def test_m3c2(command, field, tmp_path, case):
     options, arguments = OPTIONS[case]
@@ -92,7 +104,8 @@ def test_m3c2(command, field, tmp_path, case):
     for name, values in columns.items():
         written = np.array([float(row[name] or "nan") for row in rows])
         assert equal(values.astype(np.float64), written), name
-    assert found.to_dict()["n"] == json.loads(printed)["n"]
+    theirs = json.loads(printed)
+    assert found.to_dict() == {name: theirs[name] for name in STATISTICS}
 
 
 def test_georeference_and_smooth(command, drive, tmp_path):

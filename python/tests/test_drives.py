@@ -88,9 +88,32 @@ def test_covariances_belong_to_the_sigmas(drive):
     assert trajectory.to_dict()["converged"] and "prism" in trajectory._repr_html_()
 
 
+def without_times(document):
+    """A document without what differs between runs."""
+    if isinstance(document, dict):
+        return {key: without_times(value) for key, value in document.items() if key != "seconds"}
+    return [without_times(value) for value in document] if isinstance(document, list) else document
+
+
+def test_calibrate_finds_what_a_run_finds(drive, tmp_path):
+    project = drive.projects[0].with_name("joint.toml")
+    project.write_text(drive.projects[0].read_text().replace('method = "two-step"\n', ""))
+    found = boresight.calibrate(project, tmp_path / "alone", progress=None)
+    whole = boresight.run(project, tmp_path / "run", progress=None)
+    ours, theirs = (without_times(result.to_dict()) for result in (found, whole))
+    assert "joint" in ours["calibration"]
+    for key in ("scanners", "calibration", "trajectory", "two_steps"):
+        assert ours.get(key) == theirs.get(key), key
+    assert (tmp_path / "alone" / "mounting.csv").read_bytes() == (tmp_path / "run" / "mounting.csv").read_bytes()
+    before = boresight.calibrate(project, tmp_path / "before", method="two-step", progress=None).to_dict()
+    assert before["calibration"]["method"] == "two-step" and "joint" not in before["calibration"]
+    with pytest.raises(ValueError, match="method is"):
+        boresight.calibrate(project, tmp_path / "wrong", method="jiont", progress=None)
+
+
 def test_calibrate(drive, tmp_path):
     found = boresight.calibrate(drive.projects[0], tmp_path, progress=None)
-    assert [path.name for path in found.files] == ["calibration.toml", "calibration.html"]
+    assert [path.name for path in found.files] == ["calibration.toml", "mounting.csv", "calibration.html"]
     assert all(path.exists() for path in found.files)
     assert set(found.mountings) == {"left", "right"} and found.covariance is not None
     assert found.to_dict()["scanners"] and found.verdicts and "scanner" in found._repr_html_()

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::item::{self, Failure, Item, Kind};
 use super::settings::Campaign;
 use crate::drift::{Chart, ChartSettings, Overlap};
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 use crate::format::{self, Extent};
 use crate::judgement;
 use crate::output::Staging;
@@ -41,28 +41,31 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
     let (mut extents, mut list, mut overlaps) = (Vec::new(), Vec::new(), Vec::new());
     let mut wkts: BTreeSet<Option<String>> = BTreeSet::new();
     for item in items {
-        let result = document(&item.folder(out).join(item::RESULT))?;
-        let failed = document(&item::failure_of(out, &item.name))?;
+        let result = document(item.folder(out).join(item::RESULT))?;
+        let failed = document(item::failure_of(out, &item.name))?;
         let state = match (&result, &failed) {
-            (Some(result), _) => {
-                add(item, result, &mut page);
-                let tiles: Vec<Tile> = part(result, "tiles").unwrap_or_default();
-                if !tiles.is_empty() {
-                    wkts.insert(result["crs_wkt"].as_str().map(str::to_owned));
+            (Some(found), _) => {
+                match found.parts() {
+                    Ok(parts) => {
+                        add(item, (&found.content, parts.headline), &mut page);
+                        if !parts.tiles.is_empty() {
+                            wkts.insert(found.content["crs_wkt"].as_str().map(str::to_owned));
+                        }
+                        let date = || item.date.clone().unwrap_or_default();
+                        overlaps.extend(parts.overlap.map(|found| (date(), found)));
+                        extents.extend(parts.tiles.into_iter().map(|tile| extent(item, tile)));
+                    }
+                    Err(error) => {
+                        let why = Failure::from(&error).relative_to(out);
+                        page.failures.push(line(item.to_string(), why));
+                    }
                 }
-                let overlap: Option<Overlap> = part(result, "overlap");
-                overlaps
-                    .extend(overlap.map(|found| (item.date.clone().unwrap_or_default(), found)));
-                extents.extend(tiles.into_iter().map(|tile| extent(item, tile)));
                 "finished"
             }
             (None, Some(failed)) => {
-                let failure: Option<Failure> = part(failed, "error");
-                page.failures.extend(failure.map(|failure| FailureLine {
-                    item: item.to_string(),
-                    problem: failure.problem,
-                    remedy: failure.remedy,
-                }));
+                let why = failed.part::<Failure>("error")?;
+                page.failures
+                    .extend(why.map(|why| line(item.to_string(), why)));
                 "failed"
             }
             (None, None) => {
@@ -80,12 +83,8 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
             Ok(chart) => page.drift = Some(chart),
             // All else has its page.
             Err(error) => {
-                let Failure { problem, remedy } = Failure::from(&error);
-                page.failures.push(FailureLine {
-                    item: "drift watch".to_owned(),
-                    problem,
-                    remedy,
-                });
+                let watch = "drift watch".to_owned();
+                page.failures.push(line(watch, Failure::from(&error)));
             }
         }
     }
@@ -154,25 +153,69 @@ fn summary(page: &CampaignPage, items: &[Item]) -> String {
     text
 }
 
-/// A document, if the file is there.
-fn document(path: &Path) -> Result<Option<Value>> {
-    let text = match fs::read_to_string(path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        other => other.map_err(|error| Error::io(path, error))?,
-    };
-    serde_json::from_str(&text).map(Some).map_err(|error| {
-        let found = format!("no JSON ({error})");
+fn line(item: String, Failure { problem, remedy }: Failure) -> FailureLine {
+    FailureLine {
+        item,
+        problem,
+        remedy,
+    }
+}
+
+/// What an item has written.
+struct Document {
+    path: PathBuf,
+    content: Value,
+}
+
+impl Document {
+    /// One of its parts, if it is there.
+    fn part<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>> {
+        let Some(part) = self.content.get(key) else {
+            return Ok(None);
+        };
+        T::deserialize(part)
+            .map(Some)
+            .map_err(|error| self.error(format!("no `{key}` that can be read ({error})")))
+    }
+
+    fn parts(&self) -> Result<Parts> {
+        Ok(Parts {
+            headline: self.part("headline")?,
+            tiles: self.part("tiles")?.unwrap_or_default(),
+            overlap: self.part("overlap")?,
+        })
+    }
+
+    fn error(&self, found: String) -> Error {
         Error::format(
-            path,
-            crate::error::Location::Whole,
+            &self.path,
+            Location::Whole,
             found,
             "what an item has written",
         )
-    })
+    }
 }
 
-fn part<T: DeserializeOwned>(document: &Value, key: &str) -> Option<T> {
-    serde_json::from_value(document.get(key)?.clone()).ok()
+/// What counts of a result, each where its item has it.
+struct Parts {
+    headline: Option<Headline>,
+    tiles: Vec<Tile>,
+    overlap: Option<Overlap>,
+}
+
+/// A document, if the file is there.
+fn document(path: PathBuf) -> Result<Option<Document>> {
+    let text = match fs::read_to_string(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        other => other.map_err(|error| Error::io(&path, error))?,
+    };
+    let mut found = Document {
+        path,
+        content: Value::Null,
+    };
+    found.content =
+        serde_json::from_str(&text).map_err(|error| found.error(format!("no JSON ({error})")))?;
+    Ok(Some(found))
 }
 
 fn extent(item: &Item, tile: Tile) -> Extent {
@@ -188,7 +231,7 @@ fn extent(item: &Item, tile: Tile) -> Extent {
 }
 
 /// Adds what a finished item has found.
-fn add(item: &Item, result: &Value, page: &mut CampaignPage) {
+fn add(item: &Item, (result, headline): (&Value, Option<Headline>), page: &mut CampaignPage) {
     let (plot, date) = (
         item.plot.clone().unwrap_or_default(),
         item.date.clone().unwrap_or_default(),
@@ -206,7 +249,7 @@ fn add(item: &Item, result: &Value, page: &mut CampaignPage) {
                 date,
                 page: format!("items/{}/{}", item.name, pipeline::field::PAGE),
                 points: result["points"].as_u64().unwrap_or_default(),
-                headline: part(result, "headline").unwrap_or(Headline::Unusable),
+                headline: headline.unwrap_or(Headline::Unusable),
                 marked: marked
                     .filter_map(|verdict| verdict["text"].as_str().map(str::to_owned))
                     .collect(),
@@ -308,6 +351,28 @@ mod tests {
             page.contains("drift watch") && page.contains("front"),
             "{page}"
         );
+    }
+
+    #[test]
+    fn a_result_that_cannot_be_read_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let path = out.join("campaign.toml");
+        fs::write(&path, "[campaign]\ndrives = \"{date}\"\n").unwrap();
+        let campaign = Campaign::read(&path).unwrap();
+        let items = [item(1)];
+        fs::create_dir_all(items[0].folder(out)).unwrap();
+        for (part, text) in [("tiles", "[{}]"), ("overlap", "7")] {
+            let result = items[0].folder(out).join(item::RESULT);
+            fs::write(result, format!("{{\"{part}\": {text}}}")).unwrap();
+            let outcome = conclude(&campaign, &items, out).unwrap();
+            assert_eq!(outcome.result["failed"], 1);
+            let said = outcome.summary;
+            assert!(
+                said.contains("result.json") && said.contains(part),
+                "{said}"
+            );
+        }
     }
 
     #[test]

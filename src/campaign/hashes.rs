@@ -18,7 +18,7 @@ use crate::progress::Progress;
 struct Known {
     bytes: u64,
     /// The time of its content, nanoseconds since 1970.
-    changed_ns: u128,
+    changed_ns: i128,
     hash: String,
 }
 
@@ -46,11 +46,11 @@ pub fn hashes(
         .iter()
         .map(|file| (file, look(&root.join(file))))
         .collect();
-    let as_before = |file: &String, (bytes, changed_ns): (u64, u128)| {
+    let as_before = |file: &String, (bytes, changed_ns): (u64, i128)| {
         kept.get(file)
             .filter(|known| (known.bytes, known.changed_ns) == (bytes, changed_ns))
     };
-    let is_new = |(file, look): &&(&String, Option<(u64, u128)>)| {
+    let is_new = |(file, look): &&(&String, Option<(u64, i128)>)| {
         look.is_some_and(|look| as_before(file, look).is_none())
     };
     let total = looks
@@ -94,14 +94,15 @@ pub fn hashes(
 }
 
 /// Size and time of a file; `None` if it is not there.
-fn look(path: &Path) -> Option<(u64, u128)> {
+fn look(path: &Path) -> Option<(u64, i128)> {
     let metadata = path.metadata().ok().filter(fs::Metadata::is_file)?;
-    let since = metadata
-        .modified()
-        .ok()?
-        .duration_since(SystemTime::UNIX_EPOCH)
-        .ok()?;
-    Some((metadata.len(), since.as_nanos()))
+    let changed = metadata.modified().ok()?;
+    let changed_ns = match changed.duration_since(SystemTime::UNIX_EPOCH) {
+        Ok(since) => since.as_nanos().cast_signed(),
+        // Copies can have such times.
+        Err(before) => -before.duration().as_nanos().cast_signed(),
+    };
+    Some((metadata.len(), changed_ns))
 }
 
 #[cfg(test)]
@@ -128,5 +129,22 @@ mod tests {
         let second = hashes(&files, root, &out, &Silent).unwrap();
         assert_eq!(second["a"], "kept");
         assert_ne!(second["b"], first["b"]);
+    }
+
+    #[test]
+    fn a_file_from_before_1970_has_a_hash() {
+        let folder = tempfile::tempdir().unwrap();
+        let (root, out) = (folder.path(), folder.path().join("out"));
+        fs::write(root.join("a"), "one").unwrap();
+        let file = fs::File::options()
+            .write(true)
+            .open(root.join("a"))
+            .unwrap();
+        let old = SystemTime::UNIX_EPOCH - std::time::Duration::from_millis(1500);
+        file.set_modified(old).unwrap();
+        let files = ["a".to_owned()];
+        let first = hashes(&files, root, &out, &Silent).unwrap();
+        assert_eq!(first.len(), 1);
+        assert_eq!(hashes(&files, root, &out, &Silent).unwrap(), first);
     }
 }

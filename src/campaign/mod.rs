@@ -12,6 +12,7 @@ mod pattern;
 mod plan;
 mod pool;
 mod settings;
+mod share;
 mod template;
 mod work;
 
@@ -23,4 +24,5 @@ pub use pattern::{Pattern, Place};
 pub use plan::Plan;
 pub use pool::{Pool, Tally, keep_failure, not_tried};
 pub use settings::Campaign;
+pub use share::{Share, check_memory};
 pub use work::{clean, work};

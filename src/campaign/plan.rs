@@ -306,9 +306,11 @@ impl Planner<'_> {
         }
         let made = pipeline::init(&self.campaign.folder().join(path))?;
         if !made.missing.is_empty() {
+            let said = format!("the files of {path} do not say {}", made.missing.join(", "));
+            let unread = made.unread.iter().map(|why| format!("; not read: {why}"));
             return Err(Error::of(
                 Problem::TooFew,
-                format!("the files of {path} do not say {}", made.missing.join(", ")),
+                said + &unread.collect::<String>(),
                 "name a project as a template in `campaign.project`",
             ));
         }

@@ -6,22 +6,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::context::{Context, out_folder};
-use crate::campaign::{Campaign as Settings, Failure, Item, Listing, Pool, conclude, hashes, work};
+use crate::campaign::{
+    Campaign as Settings, Failure, Item, Listing, Pool, Share, conclude, hashes, work,
+};
 use crate::error::{Error, Location, Result};
 use crate::pipeline::Outcome;
 use crate::progress::Progress;
 use crate::tiles::{free_bytes, limit_memory};
-
-/// Share of the free memory that items use.
-const SHARE: f64 = 0.9;
-/// Memory of an item where the system does not say how much is free, MB.
-const UNKNOWN_MB: u64 = 2000;
-/// Least memory that an item may be given, MB, and that for each of its threads: with less they may not start, and wait
-/// for each other.
-const SMALLEST_MB: u64 = 16;
-const SMALLEST_THREAD_MB: u64 = 8;
-/// Least memory of an item for which another worker is started, MB.
-const LEAST_MB: u64 = 500;
 
 /// Process many plots and dates: place points, tile clouds, compare with references and dates before
 ///
@@ -74,37 +65,21 @@ impl Campaign {
     }
 
     fn pool(&self, root: &Path, out: &Path, threads: usize) -> Result<Pool> {
-        let free_mb = free_bytes().map(|bytes| (SHARE * bytes as f64) as u64 / 1_000_000);
-        let fitting = free_mb.map_or(1, |free_mb| {
-            (free_mb / self.memory_mb.unwrap_or(LEAST_MB)).max(1)
-        });
-        let workers = self
-            .workers
-            .map_or(threads.min(fitting as usize), usize::from);
-        let memory_mb = self
-            .memory_mb
-            .unwrap_or(free_mb.map_or(UNKNOWN_MB, |free_mb| free_mb / workers as u64));
+        let workers = self.workers.map(usize::from);
+        let share = Share::of(threads, free_bytes(), workers, self.memory_mb)?;
         let program =
             std::env::current_exe().map_err(|error| Error::io("the running program", error))?;
-        let threads_each = (threads / workers).max(1);
-        let least_mb = SMALLEST_MB + SMALLEST_THREAD_MB * threads_each as u64;
-        if memory_mb < least_mb {
-            return Err(Error::data(
-                format!("{memory_mb} MB for an item with {threads_each} threads"),
-                format!("give {least_mb} MB or more with --memory-mb"),
-            ));
-        }
         let mut arguments = vec![
             "--threads".into(),
-            threads_each.to_string().into(),
+            share.threads.to_string().into(),
             "campaign-item".into(),
         ];
-        arguments.extend([root.into(), out.into(), memory_mb.to_string().into()]);
+        arguments.extend([root.into(), out.into(), share.memory_mb.to_string().into()]);
         Ok(Pool {
-            workers,
+            workers: share.workers,
             program,
             arguments,
-            memory_bytes: 1_000_000 * memory_mb,
+            memory_bytes: 1_000_000 * share.memory_mb,
         })
     }
 }

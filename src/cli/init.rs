@@ -30,9 +30,13 @@ impl Init {
                 "none yet, or --force to replace it",
             ));
         }
-        let NewProject { text, missing } = pipeline::init(&self.folder)?;
+        let NewProject {
+            text,
+            missing,
+            unread,
+        } = pipeline::init(&self.folder)?;
         write_whole(&path, text.as_bytes())?;
-        let summary = match (missing.is_empty(), Project::read(&path)) {
+        let mut summary = match (missing.is_empty(), Project::read(&path)) {
             (false, _) => format!(
                 "Fill in what the files cannot tell: {}.",
                 missing.join(", ")
@@ -40,8 +44,11 @@ impl Init {
             (true, Ok(_)) => "Everything that a run needs was found.".to_owned(),
             (true, Err(error)) => format!("To be put right by hand: {error}"),
         };
+        for error in &unread {
+            summary += &format!("\nNot read: {error}");
+        }
         Ok(Outcome {
-            result: json!({ "project": path.display().to_string(), "missing": missing }),
+            result: json!({ "project": path.display().to_string(), "missing": missing, "unread": unread }),
             summary,
             files: vec![path],
             ..Outcome::default()

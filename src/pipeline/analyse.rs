@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::calibrated::{self, Calibrated};
 use super::clouds::Mounted;
 use super::findings::{Extras, Findings, KeptStages};
 use super::finished::Finished;
@@ -11,20 +12,13 @@ use super::keys::{Key, Keys};
 use super::outcome::Options;
 use super::own::Own;
 use super::stages::EstimatedPoses;
-use super::start::{self, Start};
-use super::{clouds, drives, joint, kept_page, mounting, page, result, stages};
-use crate::calibration::{Calibration, CalibrationSettings, Method, Minimum, Variant};
-use crate::cloud::voxel;
-use crate::comparison::MountingKind;
+use super::start::Start;
+use super::{clouds, drives, kept_page, page, result, stages};
+use crate::calibration::{Calibration, CalibrationSettings, Method, Variant};
 use crate::error::{Error, Result};
-use crate::geometry::{BodyFromScanner, Vec3};
-use crate::joint::JointReport;
-use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report::{self, csv};
-use crate::stored::stored;
-use crate::verdict::Severity;
 
 /// Results other than the clouds.
 const RESULTS: [&str; 7] = [
@@ -65,78 +59,15 @@ pub fn analyse(
     let mut job = job.with_finished(finished);
     let mut own = Own::new(project);
 
-    let calibration_key = &keys.calibration;
-    let background_m = job.once("reference", &keys.reference, |progress| {
-        Ok(thinned_for_drawing(own.reference(progress)?))
-    })?;
-    let poses = job.once("trajectory", &keys.poses, |progress| {
-        Ok(own.poses(progress)?.poses.clone())
-    })?;
-    let sampled = job.once("sample", calibration_key, |progress| {
-        let scaled = start::with_scales(project, &poses.trajectory, progress)?;
-        let samples = own.samples(&scaled, progress)?;
-        stages::check_reference(&scaled, samples, own.reference(progress)?)?;
-        Ok(Sampled {
-            voxel_sizes_m: scaled.calibration.voxel_sizes_m.clone(),
-        })
-    })?;
-    let project = &sampled.project(project);
-    let start = job.once("check placement", calibration_key, |progress| {
-        let samples = own.samples(project, progress)?;
-        let reference = own.reference(progress)?;
-        let trajectory = &poses.trajectory;
-        Ok(start::start(
-            project, trajectory, samples, reference, progress,
-        ))
-    })?;
-    let two_steps = job.once("calibrate", calibration_key, |progress| {
-        let (begin, settings) = (start.project(project), start.settings(project));
-        let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
-        let reference = own.reference(progress)?;
-        stages::calibration(&begin, &settings, poses, samples, reference, progress)
-    })?;
-    // Scans that are not where they belong would take minutes to be refused.
-    let mut said = poses.preflight.iter().chain(&start.said);
-    let minimum = two_steps.minimum.as_ref();
-    let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
-        Some("logs or scans have the fault that stands first")
-    } else if minimum.is_some_and(Minimum::is_doubtful) {
-        Some("two steps found another minimum that fits as well")
-    } else {
-        None
-    };
-    let joint = match (project.is_joint, hindrance) {
-        (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
-            let drive = joint::Drive {
-                name: &drives::name_of(project),
-                project,
-                poses: own.poses(progress)?,
-                samples: own.samples(project, progress)?,
-            };
-            joint::report(&drive, &two_steps, own.reference(progress)?, progress)
-        })?),
-        (true, Some(reason)) => Some(JointReport {
-            refused: vec![reason.into()],
-            ..JointReport::default()
-        }),
-        (false, _) => None,
-    };
-    let mut variants = calibrate_variants((project, &start), extras, &own, &keys, &mut job)?;
+    let (poses, mut found) = Calibrated::find(project, &own, &keys, &mut job)?;
+    let project = &found.project.clone();
+    let others = calibrate_variants((project, &found.start), extras, &own, &keys, &mut job)?;
+    found.variants.extend(others);
     own.forget_poses_and_samples();
-    let accepted = joint.as_ref().and_then(JointReport::accepted);
-    let calibration = match accepted {
-        Some(joint) => {
-            let found = joint.calibration(&two_steps);
-            variants.insert(0, (Variant::TwoStep, two_steps));
-            found
-        }
-        None => two_steps,
-    };
-    let placed = stages::with_latencies(project, accepted);
-    let adjusted = drives::Adjusted::new(&placed, &poses, accepted)?;
-    let found = calibration.poses();
+    let placed = stages::with_latencies(project, found.accepted());
+    let adjusted = drives::Adjusted::new(&placed, &poses, found.accepted())?;
     let mounted = Mounted {
-        mountings: &found,
+        mountings: &found.result.poses(),
         bending: &adjusted.bending,
     };
     let mut kept = None;
@@ -148,43 +79,18 @@ pub fn analyse(
         kept = Some(points);
         Ok(())
     })?;
-    let mountings = mountings(project, &calibration, &variants, extras);
-    let origin_sigma_m = stages::origin_sigma_m(project, poses.solution.as_ref());
+    let mountings = found.mountings(extras.truth.as_ref());
     let compared = drives::Compared {
         project: &placed,
         mountings: &mountings,
-        calibration: &calibration,
+        calibration: &found.result,
         keys: &keys,
     };
     let shown = compared.all((poses, adjusted, kept), &own, &mut job)?;
     let (drives, scenes): (Vec<_>, Vec<_>) = shown.into_iter().unzip();
-    // An error of the origin moves no point of a drive, and is left out until here.
-    let calibration = calibration.with_origin_sigma(origin_sigma_m);
-    let variants = variants.into_iter().map(|(variant, found)| match variant {
-        Variant::ExactPoses => (variant, found),
-        _ => (variant, found.with_origin_sigma(origin_sigma_m)),
-    });
-    let variants = variants.collect();
-
-    job.warn_of_changes();
-    let mut findings = Findings {
-        calibration,
-        joint,
-        variants,
-        mountings,
-        drives,
-        scenes,
-        origin_m: project.origin_m,
-        background_m,
-        made_s: page::now_s(),
-        files,
-        stages: job.stages().to_vec(),
-        placement: start.said,
-        warnings: job.warnings().to_vec(),
-        verdicts: Vec::new(),
-        kept: None,
-    };
-    findings.verdicts = judgement::judge(&findings.results(), &project.acceptance);
+    let mut findings = found.findings(mountings, drives, &mut job);
+    findings.scenes = scenes;
+    findings.files = files;
     write(project, &findings, extras, &job)?;
     findings.kept = job.commit()?.map(|finished| KeptStages {
         folder: finished.folder().to_owned(),
@@ -192,22 +98,6 @@ pub fn analyse(
         found: finished.found().to_vec(),
     });
     Ok(findings)
-}
-
-/// What samples tell of a project.
-struct Sampled {
-    voxel_sizes_m: Vec<f64>,
-}
-stored!(struct Sampled { voxel_sizes_m });
-
-impl Sampled {
-    /// The project with the scales that follow from its points.
-    fn project(&self, project: &Project) -> Project {
-        let mut project = project.clone();
-        project.has_auto_scales = false;
-        project.calibration.voxel_sizes_m = self.voxel_sizes_m.clone();
-        project
-    }
 }
 
 /// Calibrates the same drive under every other condition that `extras` and the reference allow.
@@ -264,50 +154,13 @@ fn calibrate_variants(
     Ok(variants)
 }
 
-/// The mountings for which clouds are compared: initial, final, and the truth if known.
-fn mountings(
-    project: &Project,
-    calibration: &Calibration,
-    variants: &[(Variant, Calibration)],
-    extras: &Extras,
-) -> Vec<(MountingKind, Vec<BodyFromScanner>)> {
-    let truth = extras.truth.as_ref().map(|truth| truth.mountings.clone());
-    let mut mountings = vec![(MountingKind::Initial, stages::initial_poses(project))];
-    let two_steps = variants
-        .iter()
-        .find(|(variant, _)| *variant == Variant::TwoStep);
-    mountings.extend(two_steps.map(|(_, found)| (MountingKind::TwoStep, found.poses())));
-    mountings.push((MountingKind::Final, calibration.poses()));
-    mountings.extend(truth.map(|truth| (MountingKind::Truth, truth)));
-    mountings
-}
-
-/// The reference, thinned to a few thousand points.
-pub fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
-    const VOXEL_M: f64 = 0.05;
-    let kept = voxel::thin(reference, VOXEL_M);
-    kept.iter()
-        .map(|&index| reference[index as usize])
-        .collect()
-}
-
 /// Writes everything but the clouds, which are already staged.
 fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>) -> Result<()> {
     if let Some(own) = findings.drives.first() {
         let path = job.path("trajectory.csv");
         stages::write_trajectory(&path, &own.poses, &project.origin_m)?;
     }
-    let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
-    if let Some(own) = findings.drives.first() {
-        let moved = accepted.and_then(|joint| joint.drives.first());
-        let moved = moved.map_or(&[][..], |drive| &drive.bending);
-        let text = mounting::table(&findings.calibration, moved, &own.poses);
-        job.write("mounting.csv", &text)?;
-    }
-    let project_then = stages::with_latencies(project, accepted);
-    let calibrated = stages::with_mountings(&project_then, &findings.calibration.poses());
-    let text = result::marked_toml(&calibrated, &findings.verdicts)?;
-    job.write("calibration.toml", &text)?;
+    calibrated::write(project, findings, job)?;
     job.write("project.toml", &project.to_toml()?)?;
     let mut content = page::content(project, findings, extras)?;
     for file in &csv::FILES {

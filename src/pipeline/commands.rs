@@ -4,20 +4,23 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::analyse::{analyse, thinned_for_drawing};
+use super::analyse::analyse;
+use super::calibrated::{self, Calibrated};
 use super::findings::{Extras, Findings, Truth};
+use super::inputs::Inputs;
 use super::job::Job;
+use super::keys::Keys;
 use super::outcome::{Options, Outcome};
-use super::{clouds, drives, page, result, stages, start, summary};
-use crate::comparison::{Agreements, MountingKind};
+use super::own::Own;
+use super::{clouds, drives, page, result, stages, summary};
+use crate::comparison::Agreements;
 use crate::error::Result;
 use crate::format;
 use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
-use crate::report::Content;
-use crate::results::{Calibrations, Results};
+use crate::results::Results;
 use crate::simulation::{self, Scenario};
 use crate::tiles::peak_memory_bytes;
 use crate::trajectory::Trajectory;
@@ -159,66 +162,40 @@ pub fn trajectory(
     })
 }
 
-/// Calibrates the mountings from trajectory and profiles.
+/// Calibrates the mountings as [`run`] does, without its clouds.
 ///
 /// # Errors
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let names = ["calibration.toml", "calibration.html"];
-    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    let reference = stages::reference(project, progress)?;
-    let estimated = stages::poses(project, progress)?;
-    let trajectory = estimated.trajectory();
-    let project = &start::with_scales(project, trajectory, progress)?;
-    let samples = stages::samples(project, trajectory, progress)?;
-    stages::check_reference(project, &samples, &reference)?;
-    let start = start::start(project, trajectory, &samples, &reference, progress);
-    let found = stages::calibration(
-        &start.project(project),
-        &start.settings(project),
-        &estimated,
-        &samples,
-        &reference,
-        progress,
-    )?;
-    let poses = estimated.poses;
-    let found = found.with_origin_sigma(stages::origin_sigma_m(project, poses.solution.as_ref()));
+    let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
+    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    // Nothing is kept of its stages: their keys need no content of files.
+    let keys = Keys::new(project, &Inputs::default())?;
+    let own = Own::new(project);
+    let (poses, found) = Calibrated::find(project, &own, &keys, &mut job)?;
+    let project = &found.project.clone();
+    let placed = stages::with_latencies(project, found.accepted());
+    let adjusted = drives::Adjusted::new(&placed, &poses, found.accepted())?;
+    let poses = stages::Poses {
+        trajectory: adjusted.trajectory,
+        ..poses
+    };
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
-    let mountings = [
-        (MountingKind::Initial, stages::initial_poses(project)),
-        (MountingKind::Final, found.poses()),
-    ];
-    let calibrations = Calibrations {
-        mountings: &mountings,
-        ..Calibrations::alone(&found)
+    let extras = Extras {
+        command: format!("boresight calibrate {}", project.path.display()),
+        ..Extras::default()
     };
-    let background_m = thinned_for_drawing(&reference);
-    let warnings = stages::left_out(project, &samples);
-    let mut content = Content {
-        background_m: &background_m,
-        warnings: &warnings,
-        ..page::calibration(project, calibrations, std::slice::from_ref(&drive))?
-    };
-    let results = Results {
-        drives: std::slice::from_ref(&drive),
-        placement: &start.said,
-        calibrations: Some(calibrations),
-    };
-    let verdicts = judgement::judge(&results, &project.acceptance);
-    content.verdicts = verdicts.clone();
+    let mountings = found.mountings(None);
+    let findings = found.findings(mountings, vec![drive], &mut job);
+    calibrated::write(project, &findings, &job)?;
+    let content = page::content(project, &findings, &extras)?;
     job.write("calibration.html", &report::render(&content))?;
-    let rigid = stages::with_latencies(project, None);
-    let calibrated = stages::with_mountings(&rigid, &found.poses());
-    let text = result::marked_toml(&calibrated, &verdicts)?;
-    job.write("calibration.toml", &text)?;
     job.commit()?;
-    let mut result = result::calibrated(&found);
-    result::judge(&mut result, &verdicts);
     Ok(Outcome {
-        result,
-        summary: summary::mountings(&found),
+        result: result::document(&findings),
+        summary: summary::calibration(&findings),
         files: files_in(&options.out, names),
-        verdicts: Some(verdicts),
+        verdicts: Some(findings.verdicts),
     })
 }
 

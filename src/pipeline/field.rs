@@ -40,7 +40,7 @@ pub fn field(
         mountings: &mountings,
         bending: &bending,
     };
-    let tiling = Tiling::new(job.path("spool"), tile_m)?;
+    let tiling = Tiling::new(job.path("spool"), tile_m, project.scanners.len())?;
     let kept = job.timed("georeference", |progress| {
         let open: Box<clouds::OpenSink<'_>> = Box::new(|scanner, _| Ok(tiling.sink(scanner)));
         clouds::stream(

@@ -81,6 +81,7 @@ impl Findings {
                 result: &self.calibration,
                 joint: self.joint.as_ref(),
                 variants: &self.variants,
+                origin_m: self.origin_m,
             }),
         }
     }

@@ -28,6 +28,8 @@ struct Found {
     recordings: Vec<(PathBuf, String)>,
     /// Text and binary files that nothing reads.
     unknown: Vec<PathBuf>,
+    /// Why files of a known format were not read.
+    unread: Vec<String>,
 }
 
 /// A project made from the files of a folder.
@@ -37,6 +39,8 @@ pub struct NewProject {
     pub text: String,
     /// Keys and tables that are to be filled in.
     pub missing: Vec<&'static str>,
+    /// Why files of a known format were not read.
+    pub unread: Vec<String>,
 }
 
 impl NewProject {
@@ -51,7 +55,7 @@ impl NewProject {
 /// files cannot tell is left as a comment behind which the value belongs: a run then names what is missing.
 ///
 /// # Errors
-/// A folder that cannot be read, or without a recording of a scanner.
+/// A folder that cannot be read, with too many files, or without a recording of a scanner.
 pub fn init(folder: &Path) -> Result<NewProject> {
     if !folder.is_dir() {
         let expected = "a folder with the files of a drive";
@@ -86,8 +90,7 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(error)? {
         let entry = entry.map_err(error)?;
         let path = entry.path();
-        let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
-        if is_hidden || files.len() == MOST_FILES {
+        if entry.file_name().to_string_lossy().starts_with('.') {
             continue;
         }
         // Results of runs, and the truth of simulated drives, are no inputs.
@@ -95,6 +98,13 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
         if path.is_dir() && depth > 0 && !is_other {
             list(&path, depth - 1, files)?;
         } else if path.is_file() {
+            if files.len() == MOST_FILES {
+                return Err(Error::of(
+                    Problem::TooMany,
+                    format!("more than {MOST_FILES} files down to {}", folder.display()),
+                    "name the folder of one drive",
+                ));
+            }
             files.push(path);
         }
     }
@@ -111,15 +121,18 @@ impl Found {
         if format.id() == "project" {
             return;
         }
-        if let Ok(mounting) = format::read_mounting(file)
-            && format.id() == "bonn-mounting"
-        {
-            self.mountings.push((path, mounting));
+        if format.id() == "bonn-mounting" {
+            match format::read_mounting(file) {
+                Ok(mounting) => self.mountings.push((path, mounting)),
+                Err(error) => self.unread.push(error.to_string()),
+            }
             return;
         }
         if format.id() == "ros-bag" {
-            let topics = format::inspect(file).map(|found| found.notes.join("; "));
-            self.recordings.push((path, topics.unwrap_or_default()));
+            match format::inspect(file) {
+                Ok(found) => self.recordings.push((path, found.notes.join("; "))),
+                Err(error) => self.unread.push(error.to_string()),
+            }
             return;
         }
         let name = path.to_string_lossy().to_lowercase();
@@ -133,11 +146,22 @@ impl Found {
             Role::Positions if is_gnss => self.gnss.push(path),
             Role::Positions => self.prism.push(path),
             Role::Logs => {
-                if format.has_heading() && format::read_heading(file).is_ok() {
+                let heading = format
+                    .has_heading()
+                    .then(|| format::read_heading(file).map(drop));
+                let imu = format.has_imu().then(|| format::read_imu(file).map(drop));
+                if let Some(Ok(())) = &heading {
                     self.heading.push(path.clone());
                 }
-                if format.has_imu() && format::read_imu(file).is_ok() {
+                if let Some(Ok(())) = &imu {
                     self.imu.push(path);
+                }
+                // A format that may hold both need not.
+                let both = heading.into_iter().chain(imu);
+                let (read, errors): (Vec<_>, Vec<_>) = both.partition(Result::is_ok);
+                if read.is_empty() {
+                    let why = errors.into_iter().filter_map(Result::err).next_back();
+                    self.unread.extend(why.map(|error| error.to_string()));
                 }
             }
             Role::None => self.unknown.push(path),
@@ -150,6 +174,7 @@ impl Found {
                    [frame]\nbody = \"FRD\"                  # x forward, y right, z down; or \"FLU\"\n"
                 .to_owned(),
             missing: Vec::new(),
+            unread: self.unread.clone(),
         };
         if self.poses.is_empty() {
             self.logs(&mut made);
@@ -189,6 +214,9 @@ impl Found {
             aside(&mut made.text, "other clouds", others);
         }
         aside(&mut made.text, "files that nothing reads", &self.unknown);
+        for error in &self.unread {
+            made.text += &format!("# not read: {}\n", error.replace('\n', " "));
+        }
         made
     }
 
@@ -322,5 +350,47 @@ fn list_of(files: &[PathBuf]) -> String {
             let names: Vec<String> = all.iter().map(|path| quoted_path(path)).collect();
             format!("[{}]", names.join(", "))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_read_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("left.csv", "time_s,x_m,z_m\n0,0.1,1.0\n0,0.2,1.0\n");
+        let imu = "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n";
+        write(
+            "imu.csv",
+            &format!("{imu}0,0,0,0,0,0,-9.81\n1,0,zero,0,0,0,-9.81\n"),
+        );
+        let made = init(folder.path()).unwrap();
+        assert!(made.missing.contains(&"[imu], or [trajectory] with poses"));
+        let [why] = made.unread.as_slice() else {
+            panic!("{:?}", made.unread);
+        };
+        assert!(
+            why.contains("imu.csv, line 3") && why.contains("zero"),
+            "{why}"
+        );
+        assert!(
+            made.text.contains(&format!("# not read: {why}")),
+            "{}",
+            made.text
+        );
+    }
+
+    #[test]
+    fn a_folder_of_everything_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for number in 0..=MOST_FILES {
+            std::fs::write(folder.path().join(number.to_string()), "").unwrap();
+        }
+        let error = init(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("more than 10000 files"), "{error}");
     }
 }

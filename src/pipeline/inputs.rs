@@ -14,6 +14,7 @@ use crate::progress::Progress;
 use crate::report::content::InputFile;
 
 /// Files, and what was in them when the run began.
+#[derive(Default)]
 pub struct Inputs(BTreeMap<PathBuf, Option<Content>>);
 
 /// The content of a file, and by what is seen whether it changes.

@@ -66,8 +66,9 @@ struct KeptCalibrations {
     result: Calibration,
     joint: Option<JointReport>,
     variants: Vec<(Variant, Calibration)>,
+    origin_m: Vec3,
 }
-stored!(struct KeptCalibrations { mountings, result, joint, variants });
+stored!(struct KeptCalibrations { mountings, result, joint, variants, origin_m });
 
 /// The content of a page of the project at `path`, as bytes.
 pub fn bytes_of(content: &Content, path: &Path) -> Vec<u8> {
@@ -215,6 +216,7 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
             result,
             joint,
             variants,
+            origin_m,
         } = *calibrations;
         store_all(mountings, bytes);
         result.store(bytes);
@@ -223,6 +225,7 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
             joint.store(bytes);
         }
         store_all(variants, bytes);
+        origin_m.store(bytes);
     }
     comparison.store(bytes);
     store_all(drives, bytes);
@@ -282,6 +285,7 @@ impl Kept {
             result: &kept.result,
             joint: kept.joint.as_ref(),
             variants: &kept.variants,
+            origin_m: kept.origin_m,
         });
         let csv = csv::FILES.iter();
         let csv = csv.filter(|file| self.csv.iter().any(|name| name == file.name));

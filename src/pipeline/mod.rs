@@ -3,6 +3,7 @@
 //! [`analyse`] runs all stages; the other functions are the single commands of the command line.
 
 mod analyse;
+mod calibrated;
 pub mod clouds;
 mod commands;
 pub mod compare;
@@ -38,6 +39,7 @@ pub mod thin;
 mod tiled;
 
 pub use analyse::analyse;
+pub use calibrated::with_method;
 pub use commands::{calibrate, demo, run, simulate, trajectory};
 pub use compare::compare;
 pub use convert::{Conversion, convert, mountings_text};

@@ -10,10 +10,10 @@ use crate::error::Result;
 use crate::project::{Motion, Project};
 use crate::report::content::{self, Content, Fact, Platform};
 use crate::report::scene::Scene;
-use crate::results::{Calibrations, Drive};
+use crate::results::Drive;
 use crate::tiles::{Comparison, NormalSource, peak_memory_bytes};
 
-/// Content of the report of a whole run.
+/// Content of the page of a run, or of a calibration.
 ///
 /// # Errors
 /// The logo cannot be read.
@@ -108,30 +108,6 @@ pub fn trajectory<'a>(
         drives,
         ..Content::default()
     })
-}
-
-/// Content of the page of a calibration alone.
-///
-/// # Errors
-/// The logo cannot be read.
-pub fn calibration<'a>(
-    project: &Project,
-    calibrations: Calibrations<'a>,
-    drives: &'a [Drive],
-) -> Result<Content<'a>> {
-    let mut content = Content {
-        made_s: Some(now_s()),
-        platform: Some(platform(project, None)),
-        command: format!("boresight calibrate {}", project.path.display()),
-        project: project.path.display().to_string(),
-        inputs: inputs(project, drives),
-        calibrations: Some(calibrations),
-        drives,
-        peak_memory_bytes: peak_memory_bytes(),
-        ..Content::default()
-    };
-    settings_of(project, &mut content)?;
-    Ok(content)
 }
 
 /// Content of the page of two clouds that were compared.

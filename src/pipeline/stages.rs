@@ -111,14 +111,6 @@ fn exclusion_warning(scanner: &str, read: u64, excluded: &ExcludedPoints) -> Opt
     })
 }
 
-/// Warnings about the excluded points of each scanner.
-pub fn left_out(project: &Project, samples: &[ScannerSample]) -> Vec<String> {
-    let named = project.scanners.iter().zip(samples);
-    named
-        .filter_map(|(scanner, s)| exclusion_warning(&scanner.name, s.read, &s.excluded))
-        .collect()
-}
-
 /// Checks that the reference, if there is one, overlaps the scanners' points.
 ///
 /// # Errors

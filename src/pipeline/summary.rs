@@ -25,16 +25,24 @@ const SIGMA_OF_A_CONSTANT: &str =
 /// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
 /// refused stands first.
 pub fn run(findings: &Findings, report: &str) -> String {
+    format!(
+        "report: {report}\n\n{}\n{}\n{}",
+        calibration(findings),
+        distances(&findings.drives),
+        stages(findings)
+    )
+}
+
+/// Which method's values these are, and the mountings.
+pub fn calibration(findings: &Findings) -> String {
     let methods = judgement::method(&findings.calibration, findings.joint.as_ref());
     let methods = methods.iter().filter(|found| !found.severity.is_marked());
     let methods: String = methods.map(|found| format!("{}\n\n", found.text)).collect();
     let reference = judgement::reference_sigmas(&findings.calibration, findings.joint.as_ref());
     format!(
-        "report: {report}\n\n{methods}{}\n{}\n{}\n{}",
+        "{methods}{}\n{}",
         mountings(&findings.calibration),
-        reference.map_or(String::new(), |text| text + "\n"),
-        distances(&findings.drives),
-        stages(findings)
+        reference.map_or(String::new(), |text| text + "\n")
     )
 }
 
@@ -58,7 +66,7 @@ fn stages(findings: &Findings) -> String {
 
 /// A table of the mountings with a row per parameter and a column per scanner, then the
 /// unobservable directions.
-pub fn mountings(calibration: &Calibration) -> String {
+fn mountings(calibration: &Calibration) -> String {
     let columns: Vec<Vec<String>> = (0..calibration.mountings.len())
         .map(|scanner| column(calibration, scanner))
         .collect();

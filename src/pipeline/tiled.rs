@@ -1,5 +1,6 @@
 //! Clouds in square tiles: points go to disk by tile as they come, and from there into one COPC file a tile.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufReader, ErrorKind, Read, Write};
@@ -13,8 +14,11 @@ use crate::format::{CloudPoint, CloudShape, CloudSink, copc_sink};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// Points of a tile are kept in memory until they are this many bytes.
-const BUFFER: usize = 1 << 20;
+/// Memory of all points that are not on disk yet, bytes: an eighth of the least for which a campaign does another item
+/// at the same time (500 MB).
+const MOST_WAITING: usize = 64 << 20;
+/// Points of a tile go to disk when they are this many bytes, where memory allows.
+const PIECE: usize = 1 << 20;
 
 /// Which tile: its place in the grid, of which (0, 0) has its south-west corner at the origin of the world.
 type Place = (i64, i64);
@@ -34,56 +38,56 @@ pub struct Tile {
 
 /// The points of one scanner in one tile.
 struct Spool {
-    path: PathBuf,
-    bytes: Vec<u8>,
+    /// Those that are not in its file yet.
+    waiting: Vec<u8>,
     points: u64,
     low: Vec3,
     high: Vec3,
-}
-
-impl Spool {
-    fn flush(&mut self) -> Result<()> {
-        let failed = |error| Error::io(&self.path, error);
-        let mut file = File::options()
-            .create(true)
-            .append(true)
-            .open(&self.path)
-            .map_err(failed)?;
-        file.write_all(&self.bytes).map_err(failed)?;
-        self.bytes.clear();
-        Ok(())
-    }
 }
 
 /// The tiles of a drive while its points come, of several scanners at the same time.
 pub struct Tiling {
     folder: PathBuf,
     side_m: f64,
+    /// Memory of the points of each scanner that are not on disk yet, bytes.
+    most_waiting: usize,
     /// By tile, then by scanner.
     spools: Mutex<BTreeMap<Place, BTreeMap<usize, Spool>>>,
 }
 
 impl Tiling {
-    /// Tiles of this side; `folder` takes points until the tiles are written, and does not exist.
+    /// Tiles of this side for the points of so many scanners; `folder` takes points until the tiles are written, and
+    /// does not exist.
     ///
     /// # Errors
     /// The folder cannot be created.
-    pub fn new(folder: PathBuf, side_m: f64) -> Result<Self> {
+    pub fn new(folder: PathBuf, side_m: f64, scanners: usize) -> Result<Self> {
         fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
         Ok(Self {
             folder,
             side_m,
+            most_waiting: MOST_WAITING / scanners.max(1),
             spools: Mutex::default(),
         })
     }
 
     /// What takes the points of a scanner.
     pub fn sink(&self, scanner: usize) -> Box<dyn CloudSink + '_> {
-        Box::new(TiledSink {
+        Box::new(self.tiled(scanner))
+    }
+
+    fn tiled(&self, scanner: usize) -> TiledSink<'_> {
+        TiledSink {
             tiling: self,
             scanner,
             spools: BTreeMap::new(),
-        })
+            held: 0,
+        }
+    }
+
+    /// The file of the points of a scanner in a tile.
+    fn path(&self, (east, north): Place, scanner: usize) -> PathBuf {
+        self.folder.join(format!("{east}_{north}_{scanner}"))
     }
 
     /// Writes a COPC file for each tile into `folder`, scanners in their order, and removes what was kept of the
@@ -97,10 +101,7 @@ impl Tiling {
         shape: &CloudShape,
         progress: &dyn Progress,
     ) -> Result<Vec<Tile>> {
-        let spools = self
-            .spools
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner);
+        let spools = self.spools.lock().unwrap_or_else(PoisonError::into_inner);
         let total = spools
             .values()
             .flat_map(BTreeMap::values)
@@ -108,8 +109,8 @@ impl Tiling {
             .sum();
         let stage = progress.stage("writing tiles", total);
         let mut tiles = Vec::new();
-        for ((east, north), scanners) in &spools {
-            let name = format!("tile_{east}_{north}.copc.laz");
+        for (place, scanners) in spools.iter() {
+            let name = format!("tile_{}_{}.copc.laz", place.0, place.1);
             let low = scanners
                 .values()
                 .fold(Vec3::repeat(f64::INFINITY), |low, spool| {
@@ -127,8 +128,9 @@ impl Tiling {
             };
             let mut sink = copc_sink(&folder.join(&name), &shape)?;
             let mut points = 0;
-            for spool in scanners.values() {
-                read(spool, shape.dimensions.len(), sink.as_mut())?;
+            for (scanner, spool) in scanners {
+                let path = self.path(*place, *scanner);
+                read(&path, shape.dimensions.len(), sink.as_mut())?;
                 points += spool.points;
                 stage.advance(spool.points)?;
             }
@@ -150,18 +152,34 @@ struct TiledSink<'a> {
     tiling: &'a Tiling,
     scanner: usize,
     spools: BTreeMap<Place, Spool>,
+    /// Memory of the points that are not on disk yet, bytes.
+    held: usize,
+}
+
+impl TiledSink<'_> {
+    /// Frees half of the memory. The fullest tiles go to disk first: few files, in large pieces.
+    fn relieve(&mut self) -> Result<()> {
+        let mut fullest: Vec<(&Place, &mut Spool)> = self.spools.iter_mut().collect();
+        fullest.sort_by_key(|(_, spool)| Reverse(spool.waiting.capacity()));
+        for (place, spool) in fullest {
+            if self.held <= self.tiling.most_waiting / 2 {
+                break;
+            }
+            let waiting = std::mem::take(&mut spool.waiting);
+            self.held -= waiting.capacity();
+            append(&self.tiling.path(*place, self.scanner), &waiting)?;
+        }
+        Ok(())
+    }
 }
 
 impl CloudSink for TiledSink<'_> {
     fn push(&mut self, point: &CloudPoint<'_>) -> Result<()> {
         let [east, north] =
             [point.position.x, point.position.y].map(|x| (x / self.tiling.side_m).floor() as i64);
-        let spool = self.spools.entry((east, north)).or_insert_with(|| Spool {
-            path: self
-                .tiling
-                .folder
-                .join(format!("{east}_{north}_{}", self.scanner)),
-            bytes: Vec::with_capacity(BUFFER),
+        let place = (east, north);
+        let spool = self.spools.entry(place).or_insert_with(|| Spool {
+            waiting: Vec::new(),
             points: 0,
             low: point.position,
             high: point.position,
@@ -170,36 +188,55 @@ impl CloudSink for TiledSink<'_> {
         spool.low = spool.low.inf(&point.position);
         spool.high = spool.high.sup(&point.position);
         let [x, y, z] = point.position.into();
-        for value in [x, y, z, point.time_s, point.intensity.into()]
-            .iter()
-            .chain(point.values)
-        {
-            spool.bytes.extend_from_slice(&value.to_le_bytes());
+        let own = [x, y, z, point.time_s, point.intensity.into()];
+        let before = spool.waiting.capacity();
+        spool.waiting.reserve(8 * (own.len() + point.values.len()));
+        self.held += spool.waiting.capacity() - before;
+        for value in own.iter().chain(point.values) {
+            spool.waiting.extend_from_slice(&value.to_le_bytes());
         }
-        if spool.bytes.len() >= BUFFER {
-            spool.flush()?;
+        if spool.waiting.len() >= PIECE {
+            append(&self.tiling.path(place, self.scanner), &spool.waiting)?;
+            spool.waiting.clear();
+        }
+        if self.held > self.tiling.most_waiting {
+            self.relieve()?;
         }
         Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {
+        for (place, spool) in &mut self.spools {
+            let waiting = std::mem::take(&mut spool.waiting);
+            append(&self.tiling.path(*place, self.scanner), &waiting)?;
+        }
         let mut all = self
             .tiling
             .spools
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        for (place, mut spool) in std::mem::take(&mut self.spools) {
-            spool.flush()?;
+        for (place, spool) in std::mem::take(&mut self.spools) {
             all.entry(place).or_default().insert(self.scanner, spool);
         }
         Ok(())
     }
 }
 
-/// Passes the points of a spool on.
-fn read(spool: &Spool, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> {
-    let failed = |error| Error::io(&spool.path, error);
-    let mut file = BufReader::with_capacity(BUFFER, File::open(&spool.path).map_err(failed)?);
+/// Appends to a file, which is made where it is not there; nothing without bytes.
+fn append(path: &Path, bytes: &[u8]) -> Result<()> {
+    if bytes.is_empty() {
+        return Ok(());
+    }
+    let opened = File::options().create(true).append(true).open(path);
+    opened
+        .and_then(|mut file| file.write_all(bytes))
+        .map_err(|error| Error::io(path, error))
+}
+
+/// Passes the points of a file on.
+fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> {
+    let failed = |error| Error::io(path, error);
+    let mut file = BufReader::with_capacity(PIECE, File::open(path).map_err(failed)?);
     let mut record = vec![0; 8 * (5 + dimensions)];
     let mut values = vec![0.0; 5 + dimensions];
     loop {
@@ -226,16 +263,19 @@ mod tests {
     use crate::format::{ExtraDimension, ExtraKind, read_cloud};
     use crate::progress::Silent;
 
-    #[test]
-    fn every_point_is_in_the_tile_of_its_place() {
-        let folder = tempfile::tempdir().unwrap();
-        let tiling = Tiling::new(folder.path().join("spool"), 10.0).unwrap();
-        let shape = CloudShape {
+    fn shape() -> CloudShape {
+        CloudShape {
             has_time: true,
             has_intensity: true,
             dimensions: vec![ExtraDimension::new("scanner", ExtraKind::U32, "number")],
             ..CloudShape::default()
-        };
+        }
+    }
+
+    #[test]
+    fn every_point_is_in_the_tile_of_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let tiling = Tiling::new(folder.path().join("spool"), 10.0, 2).unwrap();
         for scanner in [1, 0] {
             let mut sink = tiling.sink(scanner);
             for i in 0..100 {
@@ -249,7 +289,7 @@ mod tests {
             }
             sink.finish().unwrap();
         }
-        let tiles = tiling.write(folder.path(), &shape, &Silent).unwrap();
+        let tiles = tiling.write(folder.path(), &shape(), &Silent).unwrap();
         assert_eq!(tiles.len(), 10);
         assert_eq!(tiles[0].file, "tile_-5_0.copc.laz");
         for (tile, first) in tiles.iter().zip((-50..).step_by(10)) {
@@ -259,5 +299,48 @@ mod tests {
             assert_eq!(tile.high_m[0], f64::from(first + 9));
         }
         assert!(!folder.path().join("spool").exists());
+    }
+
+    /// Points of a scanner that goes to and fro over a field of 20 m and may keep so many bytes waiting: the bytes of each
+    /// tile, and the most memory that waiting points took.
+    fn tiled(side_m: f64, most_waiting: usize) -> (BTreeMap<String, Vec<u8>>, usize) {
+        let folder = tempfile::tempdir().unwrap();
+        let spool = folder.path().join("spool");
+        let mut tiling = Tiling::new(spool, side_m, 1).unwrap();
+        tiling.most_waiting = most_waiting;
+        let mut sink = Box::new(tiling.tiled(0));
+        let mut most = 0;
+        for i in 0..20_000 {
+            let at = f64::from(i);
+            let point = CloudPoint {
+                position: Vec3::new(20.0 * (0.618 * at).fract(), 1e-3 * at, 0.1 * at.sin()),
+                time_s: at,
+                intensity: 7.0,
+                values: &[0.0],
+            };
+            sink.push(&point).unwrap();
+            let held = sink.spools.values().map(|spool| spool.waiting.capacity());
+            let held = held.sum::<usize>();
+            assert_eq!(sink.held, held);
+            most = most.max(held);
+        }
+        sink.finish().unwrap();
+        let tiles = tiling.write(folder.path(), &shape(), &Silent).unwrap();
+        let bytes = |tile: &Tile| fs::read(folder.path().join(&tile.file)).unwrap();
+        let tiles = tiles.iter().map(|tile| (tile.file.clone(), bytes(tile)));
+        (tiles.collect(), most)
+    }
+
+    #[test]
+    fn many_small_tiles_take_no_more_memory_than_few() {
+        let (plain, all) = tiled(1.0, usize::MAX);
+        assert_eq!(plain.len(), 400);
+        // Nothing is taken that no point needs.
+        assert!(all < 4 * 48 * 20_000, "{all}");
+        for most_waiting in [20_000, 200_000] {
+            let (bounded, held) = tiled(1.0, most_waiting);
+            assert!(held <= most_waiting, "{held}");
+            assert!(bounded == plain, "{most_waiting}");
+        }
     }
 }

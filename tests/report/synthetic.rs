@@ -45,6 +45,9 @@ pub struct Full {
     pub warnings: Vec<String>,
 }
 
+/// The origin of its project.
+pub const ORIGIN_M: Vec3 = Vec3::new(1_000.0, 2_000.0, 0.0);
+
 impl Full {
     pub fn content(&self) -> Content<'_> {
         let mut content = Content {
@@ -58,6 +61,7 @@ impl Full {
                 result: &self.result,
                 joint: self.joint.as_ref(),
                 variants: &self.variants,
+                origin_m: ORIGIN_M,
             }),
             drives: &self.drives,
             background_m: &self.background_m,

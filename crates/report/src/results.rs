@@ -2,7 +2,7 @@
 
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Agreements, MountingKind};
-use crate::geometry::BodyFromScanner;
+use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::sensor::{PoseRecord, RejectedRow};
 use crate::stored::stored;
@@ -32,19 +32,11 @@ pub struct Calibrations<'a> {
     pub joint: Option<&'a JointReport>,
     /// Calibrations of the same drive under other conditions.
     pub variants: &'a [(Variant, Calibration)],
+    /// The project's origin, which coordinates in these results lack, metres.
+    pub origin_m: Vec3,
 }
 
 impl<'a> Calibrations<'a> {
-    /// A calibration without others.
-    pub fn alone(result: &'a Calibration) -> Self {
-        Self {
-            mountings: &[],
-            result,
-            joint: None,
-            variants: &[],
-        }
-    }
-
     /// The mountings of this kind, if there are any.
     pub fn mountings(&self, kind: MountingKind) -> Option<&'a [BodyFromScanner]> {
         let mut all = self.mountings.iter();

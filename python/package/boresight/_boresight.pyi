@@ -17,10 +17,12 @@ __all__ = [
     "ContentHash",
     "Smoothed",
     "__version__",
+    "campaign_check_memory",
     "campaign_clean",
     "campaign_conclude",
     "campaign_hashes",
     "campaign_pool",
+    "campaign_share",
     "campaign_texts",
     "campaign_work",
     "command",
@@ -28,7 +30,6 @@ __all__ = [
     "detect",
     "feature_columns",
     "features",
-    "free_bytes",
     "georeference",
     "m3c2",
     "read_cloud",
@@ -112,6 +113,7 @@ def command(
     project: _Path,
     out: _Path | None,
     fresh: bool,
+    method: str | None,
     calibration: _Path | None,
     trajectory: _Path | None,
     listener: Listener,
@@ -133,7 +135,8 @@ class CampaignPlan:
     def files(self) -> list[str]: ...
     def items(self, hashes: dict[str, str]) -> list[str]: ...
 
-def free_bytes() -> int: ...
+def campaign_share(cores: int, workers: int | None, memory_mb: int | None) -> tuple[int, int, int]: ...
+def campaign_check_memory(memory_mb: int, threads: int) -> None: ...
 def campaign_texts(path: _Path, listing: list[str]) -> list[str]: ...
 def campaign_hashes(
     files: list[str], root: _Path, out: _Path, listener: Listener, threads: int | None

@@ -14,10 +14,6 @@ from .mounting import table
 
 FilePath: TypeAlias = "str | os.PathLike[str]"
 
-# Share of the free memory that items use, and least memory of an item for which another worker is started, bytes.
-_SHARE, _LEAST_BYTES = 0.9, 500_000_000
-# Memory of an item where the system does not say how much is free, bytes.
-_UNKNOWN_BYTES = 2_000_000_000
 # Failures that a notebook shows.
 _ROWS = 30
 
@@ -88,13 +84,6 @@ def conclude(path: str, items: list[str], out: str, shown: str) -> tuple[Campaig
     return CampaignResult(found, summary, shown, failures), [os.path.relpath(file, out) for file in files]
 
 
-def check_memory(memory_mb: int | None, threads: int) -> None:
-    """With less, the threads of an item may not start, and wait for each other."""
-    least_mb = 16 + 8 * threads
-    if memory_mb is not None and memory_mb < least_mb:
-        raise ValueError(f"memory_mb is {memory_mb}, expected {least_mb} or more for an item with {threads} threads")
-
-
 def campaign(
     path: FilePath,
     out: FilePath | None = None,
@@ -121,16 +110,12 @@ def campaign(
     toml = os.path.abspath(path)
     root = os.path.dirname(toml)
     target = os.path.join(root, "out") if out is None else os.path.abspath(out)
-    free, cores = _boresight.free_bytes(), os.cpu_count() or 1
-    least = _LEAST_BYTES if memory_mb is None else 1_000_000 * memory_mb
-    usable = int(_SHARE * free) or cores * _UNKNOWN_BYTES
-    wanted = workers or max(1, min(cores, usable // max(least, 1)))
-    check_memory(memory_mb, max(1, cores // wanted))
-    limit = usable // wanted if memory_mb is None else 1_000_000 * memory_mb
+    wanted, threads, megabytes = _boresight.campaign_share(os.cpu_count() or 1, workers, memory_mb)
+    limit = 1_000_000 * megabytes
     with listener(progress) as told:
         plan = _boresight.CampaignPlan(toml, None, target)
         hashes = _boresight.campaign_hashes(plan.files(), root, target, told, None)
         items = plan.items(hashes)
-        program = command(root, target, limit, max(1, cores // wanted))
+        program = command(root, target, limit, threads)
         _boresight.campaign_pool(items, target, wanted, limit, program, told)
         return conclude(toml, items, target, target)[0]

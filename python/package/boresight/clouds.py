@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -213,6 +214,7 @@ class M3C2Result:
     distances: Array
     uncertainties: npt.NDArray[np.void]
     normal_radii: Array
+    _statistics: dict[str, Any]
 
     def __init__(self, found: Mapping[str, Any]) -> None:
         self.corepoints, self.normals = found["corepoints"], found["normals"]
@@ -227,21 +229,14 @@ class M3C2Result:
         self.uncertainties = np.empty(len(self.distances), dtype=kinds)
         for name, _ in kinds:
             self.uncertainties[name] = found[name]
+        text = found["statistics"]
+        self._statistics = {"core_points": len(self.distances), "n": 0} if text is None else json.loads(text)
 
     def to_dict(self) -> dict[str, Any]:
-        """Statistics of the finite distances, metres."""
-        distances = self.distances[np.isfinite(self.distances)]
-        about: dict[str, Any] = {"core_points": len(self.distances), "n": len(distances)}
-        if len(distances):
-            detectable = np.abs(self.distances) > self.uncertainties["lodetection"]
-            about |= {
-                "mean_m": float(distances.mean()),
-                "median_m": float(np.median(distances)),
-                "std_m": float(distances.std()),
-                "rmse_m": float(np.sqrt(np.mean(distances**2))),
-                "significant_share": float(detectable.sum() / len(distances)),
-            }
-        return about
+        """Statistics of the distances, as the command `boresight compare` gives them: numbers of core points and of
+        distances; mean, standard deviation, root mean square, median and NMAD, metres; and the share of the distances that
+        have a level of detection which are beyond it. `None` where one is not determined."""
+        return dict(self._statistics)
 
     def __repr__(self) -> str:
         return f"<M3C2Result: {self.to_dict()}>"

@@ -25,7 +25,7 @@ from . import _boresight
 from ._items import Failure, run, title
 from ._progress import Listener, Progress, listener
 from ._tree import Look, Tree, split
-from .campaigns import CampaignResult, check_memory, conclude
+from .campaigns import CampaignResult, conclude
 
 FilePath: TypeAlias = "str | os.PathLike[str]"
 
@@ -92,7 +92,8 @@ def campaign(
     folder, name = split(path)
     options = storage_options or {}
     target = Tree(f"{folder}/out" if out is None else _absolute(out), options)
-    check_memory(memory_mb, threads or 1)
+    if memory_mb is not None:
+        _boresight.campaign_check_memory(memory_mb, threads or 1)
     place = _Place(Tree(folder, options), target, None if memory_mb is None else 1_000_000 * memory_mb, threads)
     with listener(progress) as told, tempfile.TemporaryDirectory(prefix="boresight-") as scratch:
         planned = _Planned(place, name, Path(scratch))

@@ -339,9 +339,15 @@ def smooth(
 
 
 def calibrate(
-    project: FilePath, out: FilePath | None = None, *, progress: Progress = "tqdm", threads: int | None = None
+    project: FilePath,
+    out: FilePath | None = None,
+    *,
+    method: str | None = None,
+    progress: Progress = "tqdm",
+    threads: int | None = None,
 ) -> Calibration:
-    """The mountings of all scanners of a project, as the command `boresight calibrate`.
+    """The mountings of all scanners of a project as `run` finds them, without clouds, as the command
+    `boresight calibrate`.
 
     Parameters
     ----------
@@ -349,8 +355,11 @@ def calibrate(
         A project file, or a folder with a `project.toml`.
     out
         Folder for `calibration.toml`; by default `out` next to the project.
+    method
+        ``"joint"`` (one adjustment of trajectory and mountings), ``"two-step"`` (the mountings after the trajectory) or
+        ``"paper"``; by default that of the project, which is joint unless it says otherwise.
     """
-    return Calibration(_command("calibrate", project, out, progress=progress, threads=threads))
+    return Calibration(_command("calibrate", project, out, method=method, progress=progress, threads=threads))
 
 
 def run(
@@ -411,6 +420,7 @@ def _command(
     out: FilePath | None,
     *,
     fresh: bool = False,
+    method: str | None = None,
     calibration: str | None = None,
     trajectory: str | None = None,
     progress: Progress,
@@ -418,7 +428,9 @@ def _command(
 ) -> tuple[str, str, list[Path]]:
     folder = None if out is None else os.fspath(out)
     with listener(progress) as told:
-        return _boresight.command(name, os.fspath(project), folder, fresh, calibration, trajectory, told, threads)
+        return _boresight.command(
+            name, os.fspath(project), folder, fresh, method, calibration, trajectory, told, threads
+        )
 
 
 def simulate(

@@ -15,6 +15,7 @@ use crate::pipeline::stages::write_trajectory;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::sensor::PoseRecord;
+use crate::statistics::quantile;
 use crate::trajectory::{Jump, Online, OnlineOptions, TrajectorySettings, Update};
 
 /// The smoother and its updates so far.
@@ -116,16 +117,18 @@ impl<'a> Session<'a> {
             files.push(options.out.join("online.csv"));
         }
         job.commit()?;
-        let times = TimesMs::of(&self.times_ms);
+        let mut sorted_ms = self.times_ms;
+        sorted_ms.sort_unstable_by(f64::total_cmp);
+        let [median_ms, p999_ms, most_ms] = [0.5, 0.999, 1.0].map(|p| quantile(&sorted_ms, p));
         let solution = &estimate.solution;
         let (first_s, last_s) = estimate.trajectory.span_s();
         let nodes = estimate.trajectory.poses().len();
         let mut summary = format!(
             "{} updates, median {:.3} ms, 99.9 % {:.3} ms; {} records rejected, {} jumps\n{nodes} \
              poses over {:.1} s; {solution}",
-            self.times_ms.len(),
-            times.median,
-            times.p999,
+            sorted_ms.len(),
+            median_ms,
+            p999_ms,
             rejected.len(),
             jumps.len(),
             last_s - first_s,
@@ -140,10 +143,10 @@ impl<'a> Session<'a> {
         Ok(Outcome {
             result: json!({
                 "online": {
-                    "updates": self.times_ms.len(),
-                    "update_ms_median": number(times.median),
-                    "update_ms_p999": number(times.p999),
-                    "update_ms_max": number(times.max),
+                    "updates": sorted_ms.len(),
+                    "update_ms_median": number(median_ms),
+                    "update_ms_p999": number(p999_ms),
+                    "update_ms_max": number(most_ms),
                     "relinearised": self.relinearised,
                     "rejected": rejected,
                     "jumps": jumps,
@@ -162,30 +165,6 @@ impl<'a> Session<'a> {
 /// `null` for NaN.
 fn number(x: f64) -> Value {
     if x.is_nan() { Value::Null } else { json!(x) }
-}
-
-/// Quantiles of the run times of updates; NaN without updates.
-struct TimesMs {
-    median: f64,
-    p999: f64,
-    max: f64,
-}
-
-impl TimesMs {
-    fn of(times_ms: &[f64]) -> Self {
-        let mut sorted = times_ms.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            let last = sorted.len().saturating_sub(1);
-            let rank = (share * last as f64).ceil() as usize;
-            sorted.get(rank).copied().unwrap_or(f64::NAN)
-        };
-        Self {
-            median: at(0.5),
-            p999: at(0.999),
-            max: at(1.0),
-        }
-    }
 }
 
 /// Writes time, position, attitude and standard deviations as a line, and flushes it.

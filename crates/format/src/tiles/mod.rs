@@ -19,6 +19,7 @@ pub use compare::{Compared, Comparison, NormalSource, compare};
 pub use features::{FeatureSettings, FeatureSummary, features};
 pub use memory::{free_bytes, limit_memory, peak_memory_bytes};
 pub use plane::{Rectangle, Tiles};
+pub use rows::{FEATURE_COLUMNS, FeatureRow};
 pub use source::CloudSource;
 pub use store::{Stream, TilePoints, TileStore};
 pub use surroundings::{TilingSummary, surroundings};

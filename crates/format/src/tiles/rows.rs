@@ -9,24 +9,25 @@ use crate::cloud::shape::{Feature, Shape};
 use crate::error::{Error, Result};
 
 /// Number of columns of all features.
-const COLUMNS: usize = 14;
+pub const FEATURE_COLUMNS: usize = 14;
 /// Bytes of a row on disk, after the index of its point.
-const RECORD: usize = 4 * COLUMNS;
+const RECORD: usize = 4 * FEATURE_COLUMNS;
 
 /// The chosen features of one point, rounded for writing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FeatureRow {
-    /// Their columns in the chosen order: the bits of an f32, or the number of neighbours.
-    words: [u32; COLUMNS],
+pub struct FeatureRow {
+    /// Their columns in the chosen order, the rest 0: the bits of an f32, or the number of neighbours.
+    pub words: [u32; FEATURE_COLUMNS],
 }
 
 impl FeatureRow {
-    pub(super) fn of(near: &Surroundings, features: &[Feature]) -> Self {
+    /// Those of a neighbourhood.
+    pub fn of(near: &Surroundings, features: &[Feature]) -> Self {
         Self::of_shape(&Shape::of_wanted(near, features), features)
     }
 
     fn of_shape(shape: &Shape, features: &[Feature]) -> Self {
-        let mut words = [0; COLUMNS];
+        let mut words = [0; FEATURE_COLUMNS];
         let mut places = words.iter_mut();
         for &feature in features {
             // The shorter iterator first: zip must not consume a column without a value for it.
@@ -63,7 +64,7 @@ impl FeatureRow {
     }
 
     fn from_bytes(bytes: &[u8]) -> Self {
-        let mut words = [0; COLUMNS];
+        let mut words = [0; FEATURE_COLUMNS];
         for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
             *word = u32::from_le_bytes(*bytes);
         }
@@ -144,7 +145,7 @@ impl SortedRows {
         self.rows.resize(
             expected as usize,
             FeatureRow {
-                words: [0; COLUMNS],
+                words: [0; FEATURE_COLUMNS],
             },
         );
         read_records::<{ RECORD + 8 }>(&path(&self.folder, file), |record| {
@@ -189,7 +190,7 @@ mod tests {
     #[test]
     fn columns_count_as_many_as_features_have() {
         let columns = Feature::ALL.map(|feature| feature.columns().len());
-        assert_eq!(columns.iter().sum::<usize>(), COLUMNS);
+        assert_eq!(columns.iter().sum::<usize>(), FEATURE_COLUMNS);
         let shape = Shape {
             normal: Vec3::new(69.0, 70.0, 71.0),
             neighbours: 21,

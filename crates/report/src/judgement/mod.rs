@@ -122,8 +122,8 @@ fn calibration(
     if let Some(joint) = joint {
         verdicts.extend(joint.late.iter().map(late_scanner));
         verdicts.extend(joint.said.iter().cloned());
-        verdicts.extend(joint.found.iter().flat_map(disagreements));
     }
+    verdicts.extend(disagreements(calibrations));
     verdicts.extend(accepted.into_iter().flat_map(motion::verdicts));
     verdicts.extend(accepted.and_then(reference::height));
     verdicts.push(convergence::convergence(result));

@@ -2,19 +2,23 @@
 //! include.
 
 use crate::calibration::{Calibration, Method};
-use crate::geometry::Vec3;
 use crate::joint::{Joint, JointReport};
 use crate::number;
+use crate::results::Calibrations;
 use crate::verdict::{Verdict, capitalised};
 
-/// Where scans and reference disagree.
-pub fn disagreements(joint: &Joint) -> impl Iterator<Item = Verdict> {
+/// Where scans and reference disagree, in the coordinates of the world.
+pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
+    let Some(joint) = calibrations.joint_found() else {
+        return Vec::new();
+    };
     let regions = joint.regions.iter().map(|region| {
-        let text = capitalised(&region.describe(&Vec3::zeros()));
+        let text = capitalised(&region.describe(&calibrations.origin_m));
         Verdict::care("reference.region", text).with_value(region.offset_m, None)
     });
     let shift = joint.reference.and_then(|reference| reference.describe());
-    regions.chain(shift.map(|text| Verdict::care("reference.shift", capitalised(&text))))
+    let shift = shift.map(|text| Verdict::care("reference.shift", capitalised(&text)));
+    regions.chain(shift).collect()
 }
 
 /// A reference that lies higher or lower than the drive says.

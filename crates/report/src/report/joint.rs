@@ -79,10 +79,10 @@ pub fn section(calibrations: &Calibrations) -> String {
     let Some(found) = calibrations.joint_found() else {
         return String::new();
     };
-    let disagreements: Vec<_> = judgement::disagreements(found).collect();
     chi_squares(found)
         + &blocks(found)
-        + &html::verdicts(&disagreements)
+        + &html::verdicts(&judgement::disagreements(calibrations))
+        + coordinates(found)
         + &reference(found)
         + &constants(found)
         + &course(calibrations, found)
@@ -170,6 +170,16 @@ fn block_cell(rms: f64, block_s: f64) -> String {
     let is_large = block_s == DECIDING_BLOCK_S && rms > MAX_BLOCK_RMS;
     let class = if is_large { " class=\"out\"" } else { "" };
     format!("<td{class}>{}</td>", number::fixed(rms, 2))
+}
+
+/// Which coordinates those of regions are.
+fn coordinates(joint: &Joint) -> &'static str {
+    match joint.regions.is_empty() {
+        true => "",
+        false => {
+            "<p class=\"note\">East and north are those of the clouds and of the reference's file.</p>\n"
+        }
+    }
 }
 
 /// Where the reference as a whole was found, and what was known beforehand.

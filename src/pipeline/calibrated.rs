@@ -1,0 +1,254 @@
+//! A project's own drive, calibrated: the stages from the reference to the joint adjustment.
+
+use super::findings::{Findings, Truth};
+use super::job::Job;
+use super::keys::Keys;
+use super::own::Own;
+use super::start::{self, Start};
+use super::{drives, joint, mounting, page, result, stages};
+use crate::calibration::{Calibration, Method, Minimum, Variant};
+use crate::cloud::voxel;
+use crate::comparison::MountingKind;
+use crate::error::Result;
+use crate::geometry::{BodyFromScanner, Vec3};
+use crate::joint::{Joint, JointReport};
+use crate::judgement;
+use crate::progress::Progress;
+use crate::project::{Project, Scanner};
+use crate::results::Drive;
+use crate::stored::stored;
+use crate::verdict::Severity;
+
+/// What the stages found.
+pub struct Calibrated {
+    /// The project with the scales that follow from its points.
+    pub project: Project,
+    /// The reference, thinned for drawing.
+    pub background_m: Vec<Vec3>,
+    /// From where the calibration began.
+    pub start: Start,
+    /// The calibration that gives the result.
+    pub result: Calibration,
+    /// Others of the same drive: that in two steps, where it is not the result.
+    pub variants: Vec<(Variant, Calibration)>,
+    /// The joint adjustment, where the project asks for it.
+    pub joint: Option<JointReport>,
+}
+
+impl Calibrated {
+    /// Runs the stages on the project's own drive; returns its poses before the adjustment, too.
+    ///
+    /// # Errors
+    /// The first error of any stage.
+    pub fn find(
+        project: &Project,
+        own: &Own<'_>,
+        keys: &Keys,
+        job: &mut Job<'_>,
+    ) -> Result<(stages::Poses, Self)> {
+        let background_m = job.once("reference", &keys.reference, |progress| {
+            Ok(thinned_for_drawing(own.reference(progress)?))
+        })?;
+        let poses = job.once("trajectory", &keys.poses, |progress| {
+            Ok(own.poses(progress)?.poses.clone())
+        })?;
+        let sampled = job.once("sample", &keys.calibration, |progress| {
+            let scaled = start::with_scales(project, &poses.trajectory, progress)?;
+            let samples = own.samples(&scaled, progress)?;
+            stages::check_reference(&scaled, samples, own.reference(progress)?)?;
+            Ok(Sampled {
+                voxel_sizes_m: scaled.calibration.voxel_sizes_m.clone(),
+            })
+        })?;
+        let project = sampled.project(project);
+        let start = job.once("check placement", &keys.calibration, |progress| {
+            let samples = own.samples(&project, progress)?;
+            let reference = own.reference(progress)?;
+            let trajectory = &poses.trajectory;
+            Ok(start::start(
+                &project, trajectory, samples, reference, progress,
+            ))
+        })?;
+        let two_steps = job.once("calibrate", &keys.calibration, |progress| {
+            let (begin, settings) = (start.project(&project), start.settings(&project));
+            let (poses, samples) = (own.poses(progress)?, own.samples(&project, progress)?);
+            let reference = own.reference(progress)?;
+            stages::calibration(&begin, &settings, poses, samples, reference, progress)
+        })?;
+        // Scans that are not where they belong would take minutes to be refused.
+        let mut said = poses.preflight.iter().chain(&start.said);
+        let minimum = two_steps.minimum.as_ref();
+        let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
+            Some("logs or scans have the fault that stands first")
+        } else if minimum.is_some_and(Minimum::is_doubtful) {
+            Some("two steps found another minimum that fits as well")
+        } else {
+            None
+        };
+        let joint = match (project.is_joint, hindrance) {
+            (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
+                let drive = joint::Drive {
+                    name: &drives::name_of(&project),
+                    project: &project,
+                    poses: own.poses(progress)?,
+                    samples: own.samples(&project, progress)?,
+                };
+                joint::report(&drive, &two_steps, own.reference(progress)?, progress)
+            })?),
+            (true, Some(reason)) => Some(JointReport {
+                refused: vec![reason.into()],
+                ..JointReport::default()
+            }),
+            (false, _) => None,
+        };
+        let (result, variants) = match joint.as_ref().and_then(JointReport::accepted) {
+            Some(joint) => {
+                let found = joint.calibration(&two_steps);
+                (found, vec![(Variant::TwoStep, two_steps)])
+            }
+            None => (two_steps, Vec::new()),
+        };
+        let found = Self {
+            project,
+            background_m,
+            start,
+            result,
+            variants,
+            joint,
+        };
+        Ok((poses, found))
+    }
+
+    /// The joint adjustment whose values are the result.
+    pub fn accepted(&self) -> Option<&Joint> {
+        self.joint.as_ref().and_then(JointReport::accepted)
+    }
+
+    /// The mountings for which clouds are compared: initial, two steps, final, and the truth if known.
+    pub fn mountings(&self, truth: Option<&Truth>) -> Vec<(MountingKind, Vec<BodyFromScanner>)> {
+        let initial = stages::initial_poses(&self.project);
+        let mut mountings = vec![(MountingKind::Initial, initial)];
+        let mut variants = self.variants.iter();
+        let two_steps = variants.find(|(variant, _)| *variant == Variant::TwoStep);
+        mountings.extend(two_steps.map(|(_, found)| (MountingKind::TwoStep, found.poses())));
+        mountings.push((MountingKind::Final, self.result.poses()));
+        mountings.extend(truth.map(|truth| (MountingKind::Truth, truth.mountings.clone())));
+        mountings
+    }
+
+    /// The findings of a run with the results of its drives, the project's own first; judged.
+    pub fn findings(
+        self,
+        mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
+        drives: Vec<Drive>,
+        job: &mut Job<'_>,
+    ) -> Findings {
+        let project = &self.project;
+        let solution = drives.first().and_then(|drive| drive.solution.as_ref());
+        // An error of the origin moves no point of a drive, and is left out until here.
+        let origin_sigma_m = stages::origin_sigma_m(project, solution);
+        let calibration = self.result.with_origin_sigma(origin_sigma_m);
+        let variants = self.variants.into_iter();
+        let variants = variants.map(|(variant, found)| match variant {
+            Variant::ExactPoses => (variant, found),
+            _ => (variant, found.with_origin_sigma(origin_sigma_m)),
+        });
+        job.warn_of_changes();
+        let mut findings = Findings {
+            calibration,
+            joint: self.joint,
+            variants: variants.collect(),
+            mountings,
+            drives,
+            scenes: Vec::new(),
+            origin_m: project.origin_m,
+            background_m: self.background_m,
+            made_s: page::now_s(),
+            files: Vec::new(),
+            stages: job.stages().to_vec(),
+            placement: self.start.said,
+            warnings: job.warnings().to_vec(),
+            verdicts: Vec::new(),
+            kept: None,
+        };
+        findings.verdicts = judgement::judge(&findings.results(), &project.acceptance);
+        findings
+    }
+}
+
+/// What samples tell of a project.
+struct Sampled {
+    voxel_sizes_m: Vec<f64>,
+}
+stored!(struct Sampled { voxel_sizes_m });
+
+impl Sampled {
+    /// The project with the scales that follow from its points.
+    fn project(&self, project: &Project) -> Project {
+        let mut project = project.clone();
+        project.has_auto_scales = false;
+        project.calibration.voxel_sizes_m = self.voxel_sizes_m.clone();
+        project
+    }
+}
+
+/// The reference, thinned to a few thousand points.
+fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
+    const VOXEL_M: f64 = 0.05;
+    let kept = voxel::thin(reference, VOXEL_M);
+    kept.iter()
+        .map(|&index| reference[index as usize])
+        .collect()
+}
+
+/// The files of [`write`].
+pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
+
+/// Writes the mountings, for a project and by time.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()> {
+    let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
+    let placed = stages::with_latencies(project, accepted);
+    let placed = stages::with_mountings(&placed, &findings.calibration.poses());
+    let text = result::marked_toml(&placed, &findings.verdicts)?;
+    job.write("calibration.toml", &text)?;
+    if let Some(own) = findings.drives.first() {
+        let moved = accepted.and_then(|joint| joint.drives.first());
+        let moved = moved.map_or(&[][..], |drive| &drive.bending);
+        let text = mounting::table(&findings.calibration, moved, &own.poses);
+        job.write("mounting.csv", &text)?;
+    }
+    Ok(())
+}
+
+/// The project with this method in place of its own.
+pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -> Project {
+    let mut project = project.clone();
+    project.is_joint = method == Method::Joint;
+    project.calibration.method = match method {
+        Method::Joint | Method::TwoStep => Method::TwoStep,
+        Method::Paper => Method::Paper,
+    };
+    if !project.is_joint {
+        let estimates = |scanner: &Scanner| scanner.estimate_time_offset;
+        let unused = [
+            ("[[drive]]", !project.drives.is_empty()),
+            ("[bending]", project.bending.is_some()),
+            (
+                "`estimate` of scanners",
+                project.scanners.iter().any(estimates),
+            ),
+        ];
+        let unused = unused.iter().filter(|(_, is_there)| *is_there);
+        let names: Vec<&str> = unused.map(|(name, _)| *name).collect();
+        if !names.is_empty() {
+            progress.warn(&format!(
+                "without the joint adjustment, {} of the project are not used",
+                names.join(", ")
+            ));
+        }
+    }
+    project
+}
