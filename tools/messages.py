@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints every message that a user can see, by file: the prose among the string literals of src/, and
+"""Prints every message that a user can see, by file: the prose among the string literals of src/ and crates/, and
 the help texts of the command line. For reading aloud.
 
     python3 tools/messages.py [FILE...]
@@ -9,7 +9,7 @@ import pathlib
 import re
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent / "src"
+ROOT = pathlib.Path(__file__).resolve().parent.parent
 # A comment (left out), a character (left out), a raw string, a string.
 TOKEN = re.compile(
     r'(?P<comment>//[^\n]*)|(?P<char>\'(?:\\.|[^\\\'])\')'
@@ -39,7 +39,7 @@ def is_prose(text):
 
 
 def main(files):
-    for path in files or sorted(ROOT.rglob("*.rs")):
+    for path in files or [path for part in ("src", "crates") for path in sorted((ROOT / part).rglob("*.rs"))]:
         path = pathlib.Path(path)
         if path.name == "tests.rs" or "tests" in path.parts:
             continue
@@ -50,7 +50,7 @@ def main(files):
                 (code.count("\n", 0, match.start(1)) + 1, match[1]) for match in HELP.finditer(code)
             ]
         if found:
-            print(f"\n== {path.resolve().relative_to(ROOT.parent)}")
+            print(f"\n== {path.resolve().relative_to(ROOT)}")
         for line, text in sorted(found):
             print(f"{line:5}  {text.strip()}")
 
