@@ -13,7 +13,7 @@ pub(crate) struct Bounds {
 
 impl Bounds {
     /// The smallest box around `points`.
-    pub(super) fn of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
+    pub(super) fn around<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> Self {
         let points = points.into_iter();
         points.fold(Self::empty(), |bounds, point| Self {
             low: bounds.low.inf(point),

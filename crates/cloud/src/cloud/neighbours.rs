@@ -79,7 +79,7 @@ impl NeighbourIndex {
     pub fn new(points: &[Vec3]) -> Self {
         let bounds = points
             .par_chunks(PARALLEL_BUILD)
-            .map(|chunk| Bounds::of(chunk.iter().filter(|point| is_finite(point))))
+            .map(|chunk| Bounds::around(chunk.iter().filter(|point| is_finite(point))))
             .reduce(Bounds::empty, |a, b| a.union(&b));
         Self::in_extent(points, &bounds.low, &bounds.high)
     }
@@ -297,7 +297,7 @@ impl Run<'_> {
             if self.keyed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
                 self.sort_fully(grid);
             }
-            nodes[at].bounds = Bounds::of(&*self.ordered);
+            nodes[at].bounds = Bounds::around(&*self.ordered);
             nodes[at].least = self.keyed.iter().fold(u32::MAX, |least, k| least.min(k.1));
             return;
         }
@@ -305,7 +305,7 @@ impl Run<'_> {
         let mut differing = self.keyed[0].0 ^ self.keyed[count - 1].0;
         while differing == 0 {
             let next = finer.inside(&self.ordered[0]).or_else(|| {
-                let bounds = Bounds::of(&*self.ordered);
+                let bounds = Bounds::around(&*self.ordered);
                 finer.around(&bounds.low, &bounds.high)
             });
             let Some(next) = next else { break };

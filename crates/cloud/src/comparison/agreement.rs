@@ -51,7 +51,7 @@ pub enum Against {
 pub struct Agreement {
     /// Name of the scanner compared.
     pub scanner: String,
-    /// What it is compared with.
+    /// The cloud with which it is compared.
     pub against: Against,
     /// The mounting used for the clouds.
     pub mounting: MountingKind,

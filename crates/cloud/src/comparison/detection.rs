@@ -25,7 +25,7 @@ impl Sample {
 
     /// Summarises the `heights` whose weight is 1; `weights` has the same length, the others are 0.
     /// `sorted` is a buffer.
-    pub(super) fn of(
+    pub(super) fn new(
         heights: &[f64],
         weights: &[f64],
         aggregation: Aggregation,
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     fn sample(heights: &[f64]) -> Sample {
-        Sample::of(
+        Sample::new(
             heights,
             &vec![1.0; heights.len()],
             Aggregation::Mean,

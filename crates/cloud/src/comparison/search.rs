@@ -226,7 +226,7 @@ impl IndexedClouds {
                 let (heights, sorted) = (&mut scratch.heights, &mut scratch.sorted);
                 let mut sample = |heights: &Heights| {
                     let (heights, weights) = heights.weighted();
-                    Sample::of(heights, weights, settings.aggregation, sorted)
+                    Sample::new(heights, weights, settings.aggregation, sorted)
                 };
                 let mut last = None;
                 let distance = |&at: &u32| {

@@ -34,7 +34,7 @@ impl Statistics {
     ///
     /// # Errors
     /// [`Error::Data`] if no core point has a distance because the clouds do not overlap. The error
-    /// says what was missing.
+    /// states which points were missing.
     pub fn of(comparison: &M3c2) -> Result<Self> {
         let mut sorted_m: Vec<f64> = comparison.distances_m().collect();
         if sorted_m.is_empty() {

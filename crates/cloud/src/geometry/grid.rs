@@ -28,7 +28,7 @@ impl GridPoint {
 pub struct Misfit {
     /// Its latitude and longitude, and why the system cannot hold it.
     pub found: String,
-    /// What the system can hold, or the system to choose.
+    /// The positions that the system can hold, or the system to choose instead.
     pub expected: String,
 }
 

@@ -7,7 +7,7 @@
 //!
 //! A projection is not to scale: on the central meridian of UTM, distances between its coordinates
 //! are 0.9996 of true ones, and scanner points 10 m from a projected pose are 4 mm too far out.
-//! [`GridPoint::scale`] says how much.
+//! [`GridPoint::scale`] is this factor.
 
 use std::fmt;
 

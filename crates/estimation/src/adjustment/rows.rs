@@ -6,7 +6,7 @@ use super::unknown::{Block, Unknown};
 /// R whitened rows: residuals in standard deviations, and their derivatives.
 ///
 /// A factor touches the unknowns of one step of the chain (node i, node i + 1, segment) and any
-/// others beside the chain, each by the columns of its [`Block`]. A solver of the chain takes those
+/// others outside the chain, each by the columns of its [`Block`]. A solver of the chain takes those
 /// that lie in its border; a sparse solver may have many more, such as the patches of a surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FactorRows<const R: usize> {
@@ -28,7 +28,7 @@ impl<const R: usize> FactorRows<R> {
         }
     }
 
-    /// Adds the derivatives by an unknown beside the chain, column by column.
+    /// Adds the derivatives by an unknown outside the chain, column by column.
     pub fn touch<T: Unknown, const D: usize>(&mut self, block: Block<T>, by: [[f64; R]; D]) {
         const { assert!(D == T::DIMENSION, "a column for each parameter") }
         self.columns.extend(block.columns());
@@ -55,14 +55,14 @@ pub struct Rows<'a> {
     pub residual: &'a [f64],
     /// Derivatives by node i, node i + 1, segment, for each row.
     pub by_step: &'a [[f64; STEP]],
-    /// Columns beside the chain.
+    /// Columns outside the chain.
     pub columns: &'a [usize],
     /// For each of these columns the derivatives of all rows.
     pub by_columns: &'a [f64],
 }
 
 impl<'a> Rows<'a> {
-    /// The columns beside the chain that the rows touch, with the derivatives of all rows.
+    /// The columns outside the chain that the rows touch, with the derivatives of all rows.
     pub fn by_column(&self) -> impl Iterator<Item = (usize, &'a [f64])> + Clone {
         let by = self.by_columns.chunks_exact(self.residual.len().max(1));
         self.columns.iter().copied().zip(by)

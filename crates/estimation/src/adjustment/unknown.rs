@@ -1,4 +1,4 @@
-//! Unknowns with their retraction, and the columns of unknowns beside the chain.
+//! Unknowns with their retraction, and the columns of unknowns outside the chain.
 
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
 use nalgebra::SVector;
@@ -80,7 +80,7 @@ impl Unknown for BodyFromScanner {
     }
 }
 
-/// The columns of an unknown beside the chain.
+/// The columns of an unknown outside the chain.
 pub struct Block<T> {
     first: usize,
     unknown: PhantomData<fn() -> T>,
@@ -127,7 +127,7 @@ impl Columns {
     }
 }
 
-/// A parameter beside the chain: held at its value, or estimated about its start value.
+/// A parameter outside the chain: held at its value, or estimated about its start value.
 #[derive(Debug, Clone)]
 pub struct Parameter<T> {
     pub value: T,

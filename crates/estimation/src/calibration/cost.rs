@@ -17,8 +17,8 @@
 //!
 //!   Σ ln(λ₃ + s²)
 //!
-//! with s the floor of the thickness: points of a single pass are that flat whatever the mountings
-//! are. With the normal n, dλ₃ = nᵀ dC n. With the weight w = 1/(λ₃ + s²) held constant at
+//! with s the floor of the thickness: points of a single pass are that flat regardless of the
+//! mountings. With the normal n, dλ₃ = nᵀ dC n. With the weight w = 1/(λ₃ + s²) held constant at
 //! the current parameters, the weighted scatter w/k Σ (n·(x_j − x̄))² has the same gradient
 //!
 //!   g = 2w/k Σ_j a_j n·(x_j − x̄)

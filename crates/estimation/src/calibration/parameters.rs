@@ -73,7 +73,7 @@ impl Mounting {
         euler_jacobian_body(self.convention, &self.body_from_scanner)
     }
 
-    /// The mounting perturbed by (δp, δφ). What is fixed stays as it is to the last bit, except for
+    /// The mounting perturbed by (δp, δφ). Fixed parameters stay unchanged to the last bit, except for
     /// single angles, which the conversion rounds.
     fn moved(&self, delta: &[f64]) -> Self {
         let mut moved = self.clone();

@@ -24,7 +24,7 @@ struct EulerDeg<T> {
 }
 
 impl<T> EulerDeg<T> {
-    fn of(angles: impl Fn(EulerConvention) -> [T; 3]) -> Self {
+    fn new(angles: impl Fn(EulerConvention) -> [T; 3]) -> Self {
         Self {
             zyx: angles(EulerConvention::Zyx),
             bonn: angles(EulerConvention::Bonn),
@@ -44,7 +44,7 @@ impl From<&BodyFromScanner> for MountingForms {
     fn from(pose: &BodyFromScanner) -> Self {
         Self {
             body_from_scanner: *pose,
-            euler_deg: EulerDeg::of(|convention| {
+            euler_deg: EulerDeg::new(|convention| {
                 euler_deg_from_rotation(convention, &pose.rotation)
             }),
         }
@@ -84,7 +84,7 @@ impl Calibration {
                 sigma: Sigma {
                     translation_m: [sigmas[0], sigmas[1], sigmas[2]],
                     rotation_deg: degrees(mounting.convention),
-                    euler_deg: EulerDeg::of(degrees),
+                    euler_deg: EulerDeg::new(degrees),
                 },
                 rotation_convention: mounting.convention,
                 unobservable: self.unobservable(index),

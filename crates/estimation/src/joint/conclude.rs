@@ -42,10 +42,10 @@ pub fn conclude(
         let mut part = inverse.block(a, b)?;
         if let Some(side) = &side {
             let (rows, columns) = part.shape();
-            let of = |place: usize, count| {
+            let segment = |place: usize, count| {
                 DVector::from_column_slice(&side[problem.offset(place)..][..count])
             };
-            part += of(a, rows) * of(b, columns).transpose();
+            part += segment(a, rows) * segment(b, columns).transpose();
         }
         Some(part)
     };
@@ -101,8 +101,8 @@ pub fn conclude(
     let drives = problem.input.drives.iter().enumerate();
     let drives = drives.map(|(index, drive)| {
         let first = layout.first_motion[index];
-        let of = |a: usize, b: usize| block(first + a, first + b);
-        let records = state.motions[index].records(Some(&of));
+        let own_block = |a: usize, b: usize| block(first + a, first + b);
+        let records = state.motions[index].records(Some(&own_block));
         let before = drive.motion.records(None);
         let moved = records.iter().zip(&before).map(|(after, before)| {
             let (turn_rad, shift_m) = after

@@ -49,7 +49,7 @@ impl JointProblem<'_> {
         let place = &self.association.reference;
         let arm = surfel.centre_m - place.centre_m;
         let remaining = place.remaining(&state.reference);
-        // How offset and slopes of the reference's plane move with its shift and rotation.
+        // Derivatives of the offset and slopes of the reference's plane by its shift and rotation.
         let by_error = [
             (normal, arm.cross(&normal)),
             (Vec3::zeros(), u_axis.cross(&normal)),

@@ -176,7 +176,7 @@ pub struct ReferenceError {
 /// The height of a reference is reported if it is off by more than this, metres: it is estimated from some ten
 /// micrometres on the slopes of boards, which are not only noise.
 const HEIGHT_M: f64 = 0.008;
-/// And by more than this many standard deviations.
+/// The height must also be off by more than this many standard deviations.
 const HEIGHT_SIGMAS: f64 = 4.0;
 
 /// A reference is reported as displaced if it is off by more than this many standard deviations of the

@@ -56,7 +56,7 @@ impl Neighbourhoods {
     pub fn planes(&self, points: &[Vec3]) -> Vec<Plane> {
         (0..self.centres.len())
             .into_par_iter()
-            .map(|index| Plane::of(points, self.members(index)))
+            .map(|index| Plane::fit(points, self.members(index)))
             .collect()
     }
 

@@ -16,7 +16,7 @@ pub struct Plane {
 
 impl Plane {
     /// Fits a plane to the `points` with the indices `members`.
-    pub fn of(points: &[Vec3], members: &[u32]) -> Self {
+    pub fn fit(points: &[Vec3], members: &[u32]) -> Self {
         let tensor = StructureTensor::of(points, members);
         let eigen = tensor.eigen();
         Self {

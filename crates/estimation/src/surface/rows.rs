@@ -7,18 +7,18 @@ use crate::geometry::{Mat3, Vec3};
 /// (δφ, δp) of a transform.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// By δφ, in body axes, metres per radian.
+    /// Derivative by δφ, in body axes, metres per radian.
     pub rotation: Vec3,
-    /// By δp, metres per metre: in world axes for a pose, in body axes for a mounting.
+    /// Derivative by δp, metres per metre: in world axes for a pose, in body axes for a mounting.
     pub translation: Vec3,
 }
 
 /// Derivatives of n·x_m for one point x_m = t_mb + R_mb (t_bs + R_bs x_s), n fixed in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointRows {
-    /// By the pose `world_from_body`.
+    /// Derivatives by the pose `world_from_body`.
     pub by_pose: Row,
-    /// By the mounting `body_from_scanner`.
+    /// Derivatives by the mounting `body_from_scanner`.
     pub by_mounting: Row,
 }
 

@@ -17,7 +17,7 @@ use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Rotation, Vec3
 
 /// A scenario as read from TOML; every key is optional.
 ///
-/// Lever arms and mountings are given in FRD here, whatever the body axes of the written files.
+/// Lever arms and mountings are given in FRD here, regardless of the body axes of the written files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scenario {

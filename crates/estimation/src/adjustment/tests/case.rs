@@ -170,7 +170,7 @@ impl Case {
         self.border.weight.len()
     }
 
-    /// Where unknown `a` of step i stands in the dense system.
+    /// Index of unknown `a` of step i in the dense system.
     pub fn place(&self, i: usize, a: usize) -> usize {
         if a < 2 * NODE {
             i * NODE + a

@@ -278,7 +278,7 @@ fn solved() -> (Problem, State, ChainFactor) {
         .expect("nothing cancels");
     assert_eq!(ended.stop, StopReason::Converged);
     assert!(ended.cost < ended.cost_initial);
-    // Beyond what counts as converged, to rounding.
+    // Beyond the limit of convergence, down to rounding.
     for _ in 0..60 {
         problem
             .solve(&mut state, &mut factor, 1, &Silent)

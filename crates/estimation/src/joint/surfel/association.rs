@@ -178,7 +178,7 @@ fn rows_of(
     // Step, scanner, surfel, point, and the bits of its distance from the surfel.
     let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for (scanner, points) in placed.iter().enumerate() {
-        let found = points.par_iter().filter_map(|point| {
+        let near = points.par_iter().filter_map(|point| {
             let surfel = *by_key.get(&voxel_key(&point.world_m, gates.size_m))?;
             let plane = &surfels[surfel as usize];
             let distance_m = plane.axes[0].dot(&(point.world_m - plane.centre_m));
@@ -190,7 +190,7 @@ fn rows_of(
                 (distance_m as f32).to_bits(),
             ))
         });
-        seen.par_extend(found);
+        seen.par_extend(near);
     }
     seen.par_sort_unstable();
     let mut rows = DriveRows {
@@ -263,10 +263,10 @@ fn distance_m(bits: u32) -> f64 {
 /// Excess of the scatter of a scanner's points over the roughness of the surfels they lie on, metres: its
 /// own noise, if that is larger.
 fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32) -> f64 {
-    let own = || seen.iter().filter(|seen| seen.1 == scanner);
-    let distance_m = median(own().map(|seen| distance_m(seen.4).abs()));
-    let roughness_m = median(own().map(|seen| surfels[seen.2 as usize].roughness_m));
-    let square = |of: Option<f64>| of.unwrap_or(0.0).powi(2);
+    let points = || seen.iter().filter(|seen| seen.1 == scanner);
+    let distance_m = median(points().map(|seen| distance_m(seen.4).abs()));
+    let roughness_m = median(points().map(|seen| surfels[seen.2 as usize].roughness_m));
+    let square = |value: Option<f64>| value.unwrap_or(0.0).powi(2);
     let excess_m2 = SIGMAS_PER_MAD.powi(2) * square(distance_m) - square(roughness_m);
     excess_m2.max(0.0).sqrt()
 }

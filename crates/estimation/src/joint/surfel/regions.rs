@@ -11,7 +11,7 @@ const REGION_SIZES: f64 = 10.0;
 const MIN_REGION: usize = 12;
 /// A region is off if its median exceeds this many robust standard deviations of all regions' medians.
 const REGION_SIGMAS: f64 = 6.0;
-/// And this many sizes of a surfel.
+/// The median must also exceed this many sizes of a surfel.
 const LEAST_REGION_SIZES: f64 = 0.03;
 
 /// The regions in which the scans are farther from the reference than in the others.

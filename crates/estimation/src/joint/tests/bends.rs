@@ -85,7 +85,7 @@ fn parameters_are_recovered_from_known_values() {
     }
     assert!(learn_from(&mut bends, &offsets, &|_, _| 0.0) < 1e-3);
     let (sigma, tau_s, together) = learned(&bends);
-    // Of 24,000 steps, σ and ρ are known to a hundredth, τ to two: 2.5 standard deviations and more.
+    // With 24,000 steps, σ and ρ are known to a hundredth, τ to two: tolerances of 2.5 or more standard deviations.
     for class in 0..2 {
         assert_near(sigma[class], motion.0[class], 0.04, "σ");
         assert!(

@@ -110,7 +110,7 @@ fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
             off_m < 5.0 * NOISE_M / of.sqrt(),
             "{off_m} m with {of} points"
         );
-        // Of n points, the variance about a plane scatters by √(2/n).
+        // The variance of n points about a plane scatters by √(2/n).
         let ratio = (surfel.roughness_m / NOISE_M).powi(2);
         assert!(
             (ratio - 1.0).abs() < 5.0 * (2.0 / of).sqrt(),

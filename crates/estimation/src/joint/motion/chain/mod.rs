@@ -139,13 +139,13 @@ impl ChainMotion {
         batch: &mut RowBatch,
     ) {
         let segment = self.graph.layout().segment(step);
-        let own = |block: usize| places.first_block + block;
+        let place = |block: usize| places.first_block + block;
         for (i, (by, residual)) in rows.by_step.iter().zip(rows.residual).enumerate() {
             let moved = error.as_ref().map_or(0.0, |error| error.residual(i));
             batch.begin(places.first_group + group, rows.weight, residual + moved);
             let mut touch = |block: usize, by: &[f64]| {
                 if by.iter().any(|x| *x != 0.0) {
-                    batch.touch(own(block), by);
+                    batch.touch(place(block), by);
                 }
             };
             touch(step, &by[..NODE]);
@@ -157,7 +157,7 @@ impl ChainMotion {
             if let Some(error) = &error {
                 for (block, share) in error.knots() {
                     let by: Vec<f64> = error.whitener(i).iter().map(|w| w * share).collect();
-                    batch.touch(own(block), &by);
+                    batch.touch(place(block), &by);
                 }
             }
         }
