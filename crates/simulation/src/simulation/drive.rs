@@ -145,7 +145,7 @@ struct Route {
 
 impl Route {
     fn new(scenario: &Scenario, drive: &DriveSettings) -> Self {
-        // The fans are this far ahead of the IMU: the IMU begins and ends a pass this far behind it.
+        // The fans are this far ahead of the IMU, so a pass of the IMU is shifted back by this distance.
         let fans = scenario.scanners_of(ScannerKind::Profile);
         let forward = fans.iter().map(|&s| scenario.scanners[s].translation_m[0]);
         let ahead = forward.sum::<f64>() / fans.len().max(1) as f64;
