@@ -7,6 +7,10 @@ _list:
 test:
     cargo test --release
 
+# The long tests that `test` leaves out, all of them or those with PART in their name: docs/acceptance.md
+acceptance PART="":
+    cargo test --release --test it --test clock -- --ignored --nocapture --test-threads=1 --skip geocompy --skip sbgecom {{replace(PART, "-", "_")}}
+
 # Simulates three drives and runs everything on them; the report is in out/
 demo:
     cargo run --release -- demo
@@ -68,10 +72,6 @@ joint SEEDS="30" FIRST="1" *ARGS:
 drift SEEDS="3" FIRST="1" *ARGS:
     cargo run --release --features examples --example drift -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
-# Fifty clean drives, of which at most two may raise a `!`
-clean-drives:
-    cargo test --release --test it mistakes -- --ignored --nocapture
-
 # From how far away the calibration ends at the same minimum, by STARTS random starts at each distance
 basin STARTS="100" DRIVE="":
     cargo run --release --features examples --example basin -- {{STARTS}} {{DRIVE}}
@@ -84,14 +84,6 @@ geocompy PYTHON:
 # sbgECom, recorded and read, against the maker's library, installed in PREFIX (needs a C compiler)
 sbgecom PREFIX:
     BORESIGHT_SBGECOM={{PREFIX}} cargo test --release --test clock sbgecom -- --ignored --nocapture --test-threads=1
-
-# A simulated drive played at its own speed and twenty times as fast, recorded and processed; fifty kills
-live:
-    cargo test --release --test clock live -- --ignored --nocapture --test-threads=1
-
-# Run time of the online smoother's updates over an hour
-online:
-    cargo test --release --test it -- cost_is_flat --ignored --nocapture
 
 # Errors of the poses and constants compared with their covariances over DRIVES simulated drives
 consistency DRIVES="50":
@@ -112,11 +104,6 @@ read-speed *FILE:
 # Fuzzes every reader for SECONDS each and counts the executions (needs cargo-fuzz, g++ and Python)
 fuzz SECONDS="60" *TARGETS:
     python3 tools/fuzz.py {{SECONDS}} {{TARGETS}}
-
-# 3,000 mutants of a project through the binary, and 100 runs that are killed
-mutants:
-    cargo test --release --test it mutants -- --ignored --nocapture
-    cargo test --release --test clock kills -- --ignored --nocapture
 
 # All messages that users can see, for proofreading (needs Python)
 messages *FILES:

@@ -21,10 +21,10 @@ fn hidden(out: &Path) -> usize {
         .count()
 }
 
-/// Whoever is killed or interrupted leaves the old files or the new ones, each whole.
+/// Whoever is killed or interrupted leaves the old files or the new ones, each whole: so many runs, from their
+/// start to their end, or a little later.
 #[cfg(unix)]
-#[test]
-fn a_killed_run_leaves_old_or_new_files() {
+fn killed_runs_leave_old_or_new_files(count: u32) {
     let (_kept, drive) = simulated();
     let out = drive.join("out");
     let start = Instant::now();
@@ -46,7 +46,7 @@ fn a_killed_run_leaves_old_or_new_files() {
     }
 
     let mut leftovers = 0;
-    for step in 0..12 {
+    for step in 0..count {
         for name in EXACT.iter().chain(&["result.json", "report.html"]) {
             fs::copy(old_files.join(name), out.join(name)).unwrap();
         }
@@ -61,8 +61,7 @@ fn a_killed_run_leaves_old_or_new_files() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        // From the start to the end of a run, or a little later.
-        std::thread::sleep(took.mul_f64(f64::from(step) / 10.0));
+        std::thread::sleep(took.mul_f64(1.1 * f64::from(step) / f64::from(count - 1)));
         if step % 2 == 0 {
             child.kill().unwrap();
         } else {
@@ -98,10 +97,23 @@ fn a_killed_run_leaves_old_or_new_files() {
     assert_eq!(hidden(&out), 0);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_killed_run_leaves_old_or_new_files() {
+    killed_runs_leave_old_or_new_files(5);
+}
+
+#[cfg(unix)]
+#[test]
+#[ignore = "just acceptance"]
+fn a_dozen_killed_runs_leave_old_or_new_files() {
+    killed_runs_leave_old_or_new_files(12);
+}
+
 /// The next run after a kill goes on from there, and gives what one that nobody disturbed gives.
 #[cfg(unix)]
 #[test]
-#[ignore = "100 kills, each with a whole run behind it"]
+#[ignore = "just acceptance"]
 fn a_hundred_killed_runs_are_made_up_for() {
     let (_kept, drive) = simulated();
     let (whole, out) = (drive.join("whole"), drive.join("out"));

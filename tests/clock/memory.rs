@@ -26,8 +26,8 @@ fn all_points_unchecked(path: &Path) -> boresight::Result<()> {
     Ok(())
 }
 
-#[test]
-fn damaged_files_are_errors_and_never_more() {
+/// Reads files of all formats, each cut off at 60 places and changed at 200, or every so many of these.
+fn damaged_files_are_errors(each: usize) {
     let dir = tempfile::tempdir().unwrap();
     let mut samples = ["a.bin", "a.laz", "a.las"]
         .map(|name| dir.path().join(name))
@@ -53,7 +53,7 @@ fn damaged_files_are_errors_and_never_more() {
         let path = dir
             .path()
             .join(format!("damaged-{}", sample.file_name().unwrap().display()));
-        for k in 0..60 {
+        for k in (0..60).step_by(each) {
             // Dense in the header, then all along the file.
             let n = if k < 30 {
                 k * 13
@@ -63,7 +63,7 @@ fn damaged_files_are_errors_and_never_more() {
             std::fs::write(&path, &whole[..n.min(whole.len() - 1)]).unwrap();
             try_everything(&path);
         }
-        for k in 0..200 {
+        for k in (0..200).step_by(each) {
             let mut bytes = whole.clone();
             let span = if k % 2 == 0 {
                 whole.len().min(600)
@@ -88,4 +88,15 @@ fn damaged_files_are_errors_and_never_more() {
         println!("peak memory {peak_kib} KiB");
         assert!(peak_kib < 1_000_000, "{peak_kib} KiB");
     }
+}
+
+#[test]
+fn damaged_files_are_errors_and_never_more() {
+    damaged_files_are_errors(7);
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn files_damaged_at_260_places_are_errors_and_never_more() {
+    damaged_files_are_errors(1);
 }

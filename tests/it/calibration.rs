@@ -86,6 +86,7 @@ fn assert_honest(drive: &DemoDrive, found: &Calibration, label: &str) {
 
 /// Started with the scanners exchanged, the calibration ends in one of many minima.
 #[test]
+#[ignore = "just acceptance"]
 fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
     let case = case();
     let mut project = case.project.clone();
@@ -100,6 +101,7 @@ fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
 }
 
 #[test]
+#[ignore = "just acceptance"]
 fn with_exact_poses_the_truth_is_found() {
     let case = case();
     let found = calibrated(&case.project, &case.drive.exact, &case.drive.reference);
@@ -125,6 +127,7 @@ fn with_own_poses_the_errors_are_those_claimed() {
 }
 
 #[test]
+#[ignore = "just acceptance"]
 fn without_a_reference_the_common_height_is_named_and_held() {
     let case = case();
     let found = calibrated(&case.project, &case.drive.own, &[]);
@@ -196,6 +199,7 @@ fn held_parameters_stay_to_the_last_bit() {
 }
 
 #[test]
+#[ignore = "just acceptance"]
 fn the_papers_method_lifts_the_scanners_and_needs_more() {
     let case = case();
     let settings = CalibrationSettings {
@@ -226,6 +230,7 @@ fn the_papers_method_lifts_the_scanners_and_needs_more() {
 }
 
 #[test]
+#[ignore = "just acceptance"]
 fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();
@@ -252,6 +257,7 @@ fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
 
 /// The residuals to the reference show it hardly more than poses that are off would.
 #[test]
+#[ignore = "just acceptance"]
 fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();

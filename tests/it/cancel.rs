@@ -44,9 +44,17 @@ impl Progress for StopAt {
     }
 }
 
-/// Counts how often `work` asks when it is let alone, then stops it at the first, the last, and some
-/// times between. `least` is how often it asks at least.
-fn stops(what: &str, least: u64, work: impl Fn(&Options, &dyn Progress) -> Result<Outcome>) {
+/// The first time that work asks, the last, and some times between, as shares of all.
+const EVERYWHERE: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// Counts how often `work` asks when it is let alone, then stops it at these shares of that. `least` is how often
+/// it asks at least.
+fn stops(
+    what: &str,
+    least: u64,
+    shares: &[f64],
+    work: impl Fn(&Options, &dyn Progress) -> Result<Outcome>,
+) {
     let folder = tempfile::tempdir().unwrap();
     let options = |name: &str| Options {
         out: folder.path().join(name),
@@ -63,7 +71,8 @@ fn stops(what: &str, least: u64, work: impl Fn(&Options, &dyn Progress) -> Resul
     fs::create_dir(&out.out).unwrap();
     fs::write(out.out.join("result.json"), "the user's own").unwrap();
     let before = files(&out.out);
-    for at in [1, asked / 4, asked / 2, 3 * asked / 4, asked].map(|at| at.max(1)) {
+    for share in shares {
+        let at = ((share * asked as f64) as u64).max(1);
         let stop = StopAt::new(at);
         let found = work(&out, &stop);
         assert!(
@@ -92,7 +101,7 @@ fn drive() -> (tempfile::TempDir, Project, PathBuf) {
 fn simulations_stop() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = scenario(folder.path());
-    stops("simulate", 4, |options, progress| {
+    stops("simulate", 4, &EVERYWHERE, |options, progress| {
         pipeline::simulate(&scenario, options, progress)
     });
 }
@@ -100,21 +109,35 @@ fn simulations_stop() {
 #[test]
 fn commands_on_projects_stop() {
     let (_kept, project, _) = drive();
-    stops("trajectory", 4, |options, progress| {
+    stops("trajectory", 4, &EVERYWHERE, |options, progress| {
         pipeline::trajectory(&project, options, progress)
     });
-    stops("trajectory --online", 1000, |options, progress| {
-        let rows = &mut std::io::sink();
-        online(&project, Source::Replay, options, rows, progress)
-    });
-    stops("calibrate", 8, |options, progress| {
-        pipeline::calibrate(&project, options, progress)
-    });
+    stops(
+        "trajectory --online",
+        1000,
+        &EVERYWHERE,
+        |options, progress| {
+            let rows = &mut std::io::sink();
+            online(&project, Source::Replay, options, rows, progress)
+        },
+    );
     let placement = pipeline::Placement::new(&project, None, None).unwrap();
-    stops("georeference", 6, |options, progress| {
+    stops("georeference", 6, &EVERYWHERE, |options, progress| {
         pipeline::georeference(&placement, options, progress)
     });
-    stops("run", 20, |options, progress| {
+    stops("run", 20, &[0.5], |options, progress| {
+        pipeline::run(&project, options, progress)
+    });
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn calibrations_and_runs_stop_everywhere() {
+    let (_kept, project, _) = drive();
+    stops("calibrate", 8, &EVERYWHERE, |options, progress| {
+        pipeline::calibrate(&project, options, progress)
+    });
+    stops("run", 20, &EVERYWHERE, |options, progress| {
         pipeline::run(&project, options, progress)
     });
 }
@@ -134,18 +157,18 @@ fn commands_on_clouds_stop() {
             settings: Default::default(),
             memory_bytes,
         };
-        stops("compare", 3, |options, progress| {
+        stops("compare", 3, &EVERYWHERE, |options, progress| {
             pipeline::compare(&comparison, options, progress)
         });
         let settings = FeatureSettings {
             memory_bytes,
             ..FeatureSettings::default()
         };
-        stops("features", 4, |options, progress| {
+        stops("features", 4, &EVERYWHERE, |options, progress| {
             pipeline::features(&cloud, &settings, options, progress)
         });
     }
-    stops("thin", 2, |options, progress| {
+    stops("thin", 2, &EVERYWHERE, |options, progress| {
         pipeline::thin(&cloud, 0.1, options, progress)
     });
 }

@@ -8,6 +8,19 @@ const DAYS: u64 = 5;
 const KNOCKED: u64 = 4;
 
 #[test]
+fn a_day_in_the_field_tells_the_mounting_within_its_sigmas() {
+    let folder = tempfile::tempdir().unwrap();
+    let day = FieldDay::new(scenario(40, 1, 1), None, folder.path()).unwrap();
+    let found = day.overlap().unwrap();
+    let right = &found.scanners[0];
+    for (i, sigma) in right.sigma().iter().enumerate() {
+        let (error, sigma) = (right.offset[i] - day.truth[i], sigma.unwrap());
+        assert!(error.abs() < 4.0 * sigma, "{i}: {error} ± {sigma}");
+    }
+}
+
+#[test]
+#[ignore = "just acceptance"]
 fn a_knock_is_found_on_its_day_within_its_sigmas() {
     let knock = Knock {
         shift_m: [0.0, 0.0, 0.002],

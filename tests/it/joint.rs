@@ -40,6 +40,7 @@ fn errors_are_as_small_as_their_sigmas_and_far_below_those_of_two_steps() {
 /// Soil that only overlaps itself, no boards and no reference, on a frame that bends by millimetres with roll,
 /// pitch and acceleration, and creeps by centimetres.
 #[test]
+#[ignore = "just acceptance"]
 fn a_known_mounting_that_bends_is_found_without_a_reference() {
     let mut scenario = Scenario::plain();
     scenario.drives[0].passes.truncate(4);
@@ -71,6 +72,7 @@ fn a_known_mounting_that_bends_is_found_without_a_reference() {
 
 /// A frame that warms up in the sun, with a thermometer on it, and without.
 #[test]
+#[ignore = "just acceptance"]
 fn a_frame_follows_the_temperature_of_its_log() {
     let mut scenario = Scenario::demo();
     scenario.drives[0].passes.truncate(7);

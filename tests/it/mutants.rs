@@ -178,7 +178,7 @@ fn mutants_end_with_a_result_or_an_error_that_names_a_file() {
 }
 
 #[test]
-#[ignore = "3,000 runs"]
+#[ignore = "just acceptance"]
 fn three_thousand_mutants_end_with_a_result_or_an_error_that_names_a_file() {
     let refused = run_mutants(0..3000);
     println!("{refused} of 3000 refused");

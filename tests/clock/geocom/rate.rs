@@ -5,7 +5,7 @@ use boresight::record::geocom::TrackingSettings;
 use boresight::record::geocom::simulated::SimulatedSettings;
 
 #[test]
-#[ignore = "times of a quiet machine"]
+#[ignore = "just acceptance"]
 fn all_distances_and_angles_in_between() {
     let run = track(10.0, vec![], SimulatedSettings::default(), quick());
     let rate_hz = run.distances() as f64 / run.seconds;

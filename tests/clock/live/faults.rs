@@ -125,7 +125,7 @@ fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
 }
 
 #[test]
-#[ignore = "five minutes"]
+#[ignore = "just acceptance"]
 fn fifty_kills() {
     kill(50);
 }

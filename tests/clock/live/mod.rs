@@ -247,7 +247,7 @@ fn a_recording_gives_the_trajectory_of_the_drives_own_files() {
 
 /// The demo's drive at its own speed and twenty times as fast; writes the table of docs/record.md.
 #[test]
-#[ignore = "a quarter of an hour"]
+#[ignore = "just acceptance"]
 fn the_demos_drive_through_all_interfaces() {
     let kept = tempfile::tempdir().unwrap();
     let data = kept.path().join("data");

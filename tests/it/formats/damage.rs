@@ -1,7 +1,5 @@
 //! Damaged files.
 
-use boresight::format::*;
-
 use crate::common::samples::*;
 
 #[test]

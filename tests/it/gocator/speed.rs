@@ -7,7 +7,7 @@ use super::common::{settings, stream};
 use boresight::format::gocator_stream::{ProfileReader, Splitter};
 
 #[test]
-#[ignore = "prints a speed, of a release build"]
+#[ignore = "just acceptance"]
 fn speed() {
     let (bytes, _) = stream(20_000, &settings(1280, false), true);
     let megabytes = bytes.len() as f64 / 1e6;

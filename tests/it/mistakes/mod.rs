@@ -88,7 +88,35 @@ fn with(mistakes: &[&Mistake]) -> Ended {
     Ended::of(&names.join(" & "), &field)
 }
 
+/// A mistake of [`MISTAKES`] by its name.
+fn by_name(name: &str) -> &'static Mistake {
+    let found = MISTAKES.iter().find(|mistake| mistake.name == name);
+    found.unwrap_or_else(|| panic!("no mistake `{name}`"))
+}
+
+/// One that each part of a run has to find: the project, the logs, the trajectory, the placement of the scans, the
+/// reference, the joint adjustment.
+const OF_EACH_STAGE: [&str; 6] = [
+    "translation in mm",
+    "accelerations with the wrong sign",
+    "lever arm: signs of x and y",
+    "convention zyx for bonn",
+    "reference 20 mm too high",
+    "reference 50 mm to the side",
+];
+
 #[test]
+fn a_mistake_of_each_stage_is_named() {
+    let all = OF_EACH_STAGE.par_iter().map(|name| by_name(name));
+    let all = all.map(|mistake| (mistake, with(&[mistake])));
+    for (mistake, ended) in all.collect::<Vec<_>>() {
+        println!("{}", ended.line);
+        assert!(ended.is_safe() && ended.names(mistake), "{}", ended.line);
+    }
+}
+
+#[test]
+#[ignore = "just acceptance"]
 fn no_mistake_is_quiet() {
     let (mut quiet, mut unnamed) = (Vec::new(), Vec::new());
     // Most of a run keeps one core busy.
@@ -117,11 +145,11 @@ fn no_mistake_is_quiet() {
 }
 
 #[test]
+#[ignore = "just acceptance"]
 fn two_mistakes_at_once_are_not_quiet() {
     let mut quiet = Vec::new();
     for pair in PAIRS {
-        let of = |name: &str| MISTAKES.iter().find(|m| m.name == name).unwrap();
-        let ended = with(&pair.map(of));
+        let ended = with(&pair.map(by_name));
         println!("{}", ended.line);
         if !ended.is_safe() {
             quiet.push(pair);
@@ -165,14 +193,15 @@ fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
 }
 
 #[test]
-fn clean_drives_raise_no_alarm() {
-    let alarms = alarms(1..5);
+fn a_clean_drive_raises_no_alarm() {
+    let alarms = alarms(1..2);
     assert!(alarms.is_empty(), "{alarms:#?}");
 }
 
 /// A frame that bends with roll and pitch by a quarter of what the simulator's does: two steps would leave
 /// points 2.6 mm off.
 #[test]
+#[ignore = "just acceptance"]
 fn a_frame_that_bends_is_modelled_and_said() {
     let kept = tempfile::tempdir().unwrap();
     let field = Field::new(&kept.path().join("bent"), 1, |scenario| {
@@ -220,9 +249,11 @@ fn a_frame_that_bends_is_modelled_and_said() {
 }
 
 #[test]
-#[ignore = "fifty runs"]
+#[ignore = "just acceptance"]
 fn fifty_clean_drives_raise_at_most_two_alarms() {
-    let alarms = alarms(1..51);
-    println!("{} alarms", alarms.len());
-    assert!(alarms.len() <= 2, "{alarms:#?}");
+    let first = alarms(1..5);
+    assert!(first.is_empty(), "{first:#?}");
+    let others = alarms(5..51);
+    println!("{} alarms", others.len());
+    assert!(others.len() <= 2, "{others:#?}");
 }

@@ -304,9 +304,9 @@ fn a_scenario_may_name_only_what_differs_and_nothing_unknown() {
     assert_eq!(Scenario::load("full").unwrap().profiles.width, 1920);
 }
 
-/// Sizes and times of the demo; `cargo test --release -- --ignored --nocapture the_demo_takes`.
+/// Sizes and times of the demo; writes 120 MB.
 #[test]
-#[ignore = "prints sizes and times; writes 120 MB"]
+#[ignore = "just acceptance"]
 fn the_demo_takes_seconds() {
     let folder = tempfile::tempdir().unwrap();
     let started = std::time::Instant::now();
@@ -324,9 +324,9 @@ fn the_demo_takes_seconds() {
     assert!(files.drives.iter().all(|drive| drive.points > 1_500_000));
 }
 
-/// The paper's rates over one board; `cargo test --release -- --ignored full_rates`.
+/// The paper's rates over one board; writes half a gigabyte.
 #[test]
-#[ignore = "takes a minute; writes half a gigabyte"]
+#[ignore = "just acceptance"]
 fn full_rates_over_one_board() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::full();

@@ -364,9 +364,9 @@ fn what_makes_no_sense_is_an_error() {
 }
 
 /// An hour: the cost of the last minute against that of the first. Other programs may share the
-/// machine, so that only what grows with the drive fails; `just online` prints it.
+/// machine, so that only what grows with the drive fails; `just acceptance online` prints it.
 #[test]
-#[ignore = "measures times"]
+#[ignore = "just acceptance"]
 fn cost_is_flat_over_an_hour() {
     let logs = an_hour(&pose_case());
     let mut minutes: Vec<Vec<f64>> = vec![Vec::new(); 61];
