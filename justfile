@@ -7,6 +7,10 @@ _list:
 test:
     cargo test --release
 
+# The long tests that `test` leaves out, all of them or those with PART in their name: docs/acceptance.md
+acceptance PART="":
+    cargo test --release --test it --test clock -- --ignored --nocapture --test-threads=1 --skip geocompy --skip sbgecom {{replace(PART, "-", "_")}}
+
 # Simulates three drives and runs everything on them; the report is in out/
 demo:
     cargo run --release -- demo
@@ -32,7 +36,7 @@ web-frames:
 # Formatting, clippy and documentation, with warnings denied
 lint:
     cargo fmt --check
-    cargo clippy --all-targets -- -D warnings
+    cargo clippy --all-targets --features examples -- -D warnings
     cargo clippy --no-default-features --features cli -- -D warnings
     RUSTDOCFLAGS=-Dwarnings cargo doc --no-deps
 
@@ -58,44 +62,32 @@ bench-trajectory *ARGS:
 
 # Errors of the calibration compared with its sigmas over SEEDS simulated drives
 montecarlo SEEDS="10":
-    cargo run --release --example montecarlo -- {{SEEDS}}
+    cargo run --release --features examples --example montecarlo -- {{SEEDS}}
 
 # Errors of the joint adjustment beside two steps over SEEDS simulated drives: the tables of docs/joint.md
 joint SEEDS="30" FIRST="1" *ARGS:
-    cargo run --release --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
+    cargo run --release --features examples --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
 # Simulated campaigns of 20 days, of which day 7 has a knock: the tables of docs/drift.md
 drift SEEDS="3" FIRST="1" *ARGS:
-    cargo run --release --example drift -- {{SEEDS}} {{FIRST}} {{ARGS}}
-
-# Fifty clean drives, of which at most two may raise a `!`
-clean-drives:
-    cargo test --release --test mistakes -- --ignored --nocapture
+    cargo run --release --features examples --example drift -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
 # From how far away the calibration ends at the same minimum, by STARTS random starts at each distance
 basin STARTS="100" DRIVE="":
-    cargo run --release --example basin -- {{STARTS}} {{DRIVE}}
+    cargo run --release --features examples --example basin -- {{STARTS}} {{DRIVE}}
 
 # The GeoCOM client and the simulated instrument against geocompy, by a PYTHON that has it and pyserial
 geocompy PYTHON:
-    cargo build --release --example geocom_simulated --example geocom_track
-    BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --test geocom geocompy -- --ignored --nocapture
+    cargo build --release --features examples --example geocom_simulated --example geocom_track
+    BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --features examples --test clock geocompy -- --ignored --nocapture
 
 # sbgECom, recorded and read, against the maker's library, installed in PREFIX (needs a C compiler)
 sbgecom PREFIX:
-    BORESIGHT_SBGECOM={{PREFIX}} cargo test --release --test sbgecom -- --ignored --nocapture --test-threads=1
-
-# A simulated drive played at its own speed and twenty times as fast, recorded and processed; fifty kills
-live:
-    cargo test --release --test live -- --ignored --nocapture --test-threads=1
-
-# Run time of the online smoother's updates over an hour
-online:
-    cargo test --release --test trajectory -- cost_is_flat --ignored --nocapture
+    BORESIGHT_SBGECOM={{PREFIX}} cargo test --release --test clock sbgecom -- --ignored --nocapture --test-threads=1
 
 # Errors of the poses and constants compared with their covariances over DRIVES simulated drives
 consistency DRIVES="50":
-    cargo run --release --example consistency -- {{DRIVES}}
+    cargo run --release --features examples --example consistency -- {{DRIVES}}
 
 # Benchmark of the kernels against their peers on the same files; writes docs/performance.md (needs Python)
 bench-kernels *ARGS:
@@ -107,16 +99,11 @@ bench-moving *ARGS:
 
 # Speed of reading a recording on one core, beside that of its bytes
 read-speed *FILE:
-    cargo run --release --example read_speed -- {{FILE}}
+    cargo run --release --features examples --example read_speed -- {{FILE}}
 
 # Fuzzes every reader for SECONDS each and counts the executions (needs cargo-fuzz, g++ and Python)
 fuzz SECONDS="60" *TARGETS:
     python3 tools/fuzz.py {{SECONDS}} {{TARGETS}}
-
-# 3,000 mutants of a project through the binary, and 100 runs that are killed
-mutants:
-    cargo test --release --test mutants -- --ignored --nocapture
-    cargo test --release --test run -- --ignored --nocapture
 
 # All messages that users can see, for proofreading (needs Python)
 messages *FILES:

@@ -1,7 +1,7 @@
 //! Basin of convergence: from which distances the calibration ends at the same minimum, and whether it reports
 //! when it does not.
 //!
-//! `cargo run --release --example basin -- 100` starts a hundred times at each of three distances from the
+//! `cargo run --release --features examples --example basin -- 100` starts a hundred times at each of three distances from the
 //! result, in random directions, on a small simulated drive with and without its reference, and on the Truck. A
 //! second argument selects the drives whose names contain it.
 
@@ -21,8 +21,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 #[allow(dead_code)]
-#[path = "../tests/mistakes/field.rs"]
+#[path = "../tests/common/small_field.rs"]
 mod field;
+#[path = "../tests/common/moving.rs"]
+mod moving;
 #[path = "../tests/common/truck.rs"]
 mod truck;
 

@@ -1,6 +1,6 @@
 //! Consistency of the poses' errors with their covariances over many simulated drives.
 //!
-//! `cargo run --release --example consistency -- 50` prints, for position (3 degrees of freedom),
+//! `cargo run --release --features examples --example consistency -- 50` prints, for position (3 degrees of freedom),
 //! tilt (2) and yaw (1), the mean normalised squared error at 20 epochs over the drives, and the
 //! number of epochs within the 95 % band of χ²; then the same for the constants. An optional second
 //! argument is the first seed, 0 by default: `-- 50 50` runs 50 drives different from those of `-- 50`.

@@ -1,6 +1,6 @@
 //! Simulates drives with different seeds, calibrates them and compares the errors with the sigmas.
 //!
-//! `cargo run --release --example montecarlo -- 20` prints one line per seed and kind of run, then
+//! `cargo run --release --features examples --example montecarlo -- 20` prints one line per seed and kind of run, then
 //! the share of errors inside the 95 % bounds.
 
 use std::path::Path;

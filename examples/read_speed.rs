@@ -1,6 +1,6 @@
 //! Measures how fast one core reads a recording of the Gocator, compared with reading only its bytes.
 //!
-//! `cargo run --release --example read_speed -- [FILE]`: without a file, it makes one of 500 MB.
+//! `cargo run --release --features examples --example read_speed -- [FILE]`: without a file, it makes one of 500 MB.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! Makes a recording of a simulated drive, as its sensors would have sent it, for `boresight replay`:
-//! `cargo run --release --example recording -- out/data/drive-1/project.toml out/recording`
+//! `cargo run --release --features examples --example recording -- out/data/drive-1/project.toml out/recording`
 #![allow(clippy::unwrap_used, clippy::print_stderr)] // an example
 
-#[path = "../tests/live/twin.rs"]
+#[path = "../tests/clock/live/twin.rs"]
 #[allow(dead_code)] // the tests use all of it
 mod twin;
 

@@ -5,7 +5,7 @@
 needs cargo-fuzz (`cargo install cargo-fuzz`) and a C++ compiler. New inputs of a run stay in
 fuzz/target/found/<target>, for the next run; a failing input is kept in fuzz/artifacts/<target>. Shrink it
 with `cargo fuzz tmin -s none <target> <input>`, fix the reader, and copy it to fuzz/corpus/<target>, which
-`cargo test --test corpora` replays. After a long run, `cargo fuzz cmin -s none <target>` removes inputs that add
+`cargo test --test clock corpora` replays. After a long run, `cargo fuzz cmin -s none <target>` removes inputs that add
 nothing to a corpus.
 """
 import os

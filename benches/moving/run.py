@@ -94,7 +94,7 @@ def arguments():
 
 
 def build_joint():
-    subprocess.run(["cargo", "build", "--release", "--quiet", "--example", "joint"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--release", "--quiet", "--features", "examples", "--example", "joint"], cwd=ROOT, check=True)
     return str(ROOT / "target" / "release" / "examples" / "joint")
 
 

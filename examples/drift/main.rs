@@ -1,7 +1,7 @@
 //! Campaigns of simulated days, on one of which the right scanner is knocked. Compares the results of the drift watch
 //! with the truth, day by day.
 //!
-//! `cargo run --release --example drift -- 3 1`
+//! `cargo run --release --features examples --example drift -- 3 1`
 
 mod engines;
 

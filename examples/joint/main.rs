@@ -1,13 +1,17 @@
 //! Simulates drives with different seeds, adjusts each in two steps and jointly, and compares both results
 //! with the truth: the tables of docs/joint.md.
 //!
-//! `cargo run --release --example joint -- 30 1 --case reference`
+//! `cargo run --release --features examples --example joint -- 30 1 --case reference`
 
 mod cases;
 mod summary;
 
+#[path = "../../tests/common/against_truth.rs"]
+mod against_truth;
 #[path = "../../tests/common/joint_drive.rs"]
 mod joint_drive;
+#[path = "../../tests/common/moving.rs"]
+mod moving;
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,5 @@
 //! The readers of each fuzz target. An input is read like a user's file, by its path. The replay of the corpora in
-//! `tests/corpora.rs` does the same.
+//! `tests/clock/corpora.rs` does the same.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

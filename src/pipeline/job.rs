@@ -235,3 +235,6 @@ impl Progress for Listener<'_> {
         self.progress.is_cancelled()
     }
 }
+
+#[cfg(test)]
+mod tests;

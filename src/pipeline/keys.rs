@@ -17,7 +17,7 @@ use crate::verdict::Acceptance;
 pub const DIGITS: usize = 32;
 
 /// What the result of a stage follows from.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Key(Hasher);
 
 impl Key {
@@ -139,3 +139,6 @@ fn before_scans(project: &Project) -> Project {
     }
     project
 }
+
+#[cfg(test)]
+mod tests;

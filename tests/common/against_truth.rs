@@ -1,4 +1,5 @@
 //! What adjustments of simulated drives are compared with.
+#![allow(dead_code)] // tests and examples use their parts
 
 use std::collections::BTreeMap;
 
@@ -14,9 +15,7 @@ use boresight::simulation::{Scenario, SimulatedDrive};
 use boresight::statistics::rms;
 use boresight::trajectory::Trajectory;
 
-#[path = "moving.rs"]
-mod moving;
-use moving::mountings_in;
+use super::moving::mountings_in;
 
 /// What one method found.
 pub struct Found {

@@ -1,6 +1,6 @@
 //! Simulated drives with settings that know their sensors, and errors beside their covariances:
 //! of tests and examples.
-#![allow(dead_code)] // each program uses its part
+#![allow(dead_code)] // tests and examples use their parts
 
 use boresight::Result;
 use boresight::geometry::{Rotation, Vec3, WorldFromBody};

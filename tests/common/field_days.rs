@@ -1,6 +1,6 @@
 //! Days of a simulated campaign: a short drive over cloddy soil each, with its own ground, motion and noise, poses
 //! from IMU, heading and positions as good as those of RTK; and the truth.
-#![allow(dead_code)] // each program uses its part
+#![allow(dead_code)] // tests and examples use their parts
 
 use std::path::Path;
 

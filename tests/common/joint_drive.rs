@@ -1,5 +1,5 @@
 //! A simulated drive adjusted in two steps and in one piece, beside its truth: of tests and examples.
-#![allow(dead_code)] // each program uses its part
+#![allow(dead_code)] // tests and examples use their parts
 
 use std::path::Path;
 use std::time::Instant;
@@ -14,10 +14,8 @@ use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
 
-#[path = "against_truth.rs"]
-mod against_truth;
-pub use against_truth::Found;
-use against_truth::{Check, as_mounting, middle, true_mountings, true_poses};
+pub use super::against_truth::Found;
+use super::against_truth::{Check, as_mounting, middle, true_mountings, true_poses};
 
 /// Unknowns of a mounting.
 pub const SIX: usize = 6;

@@ -1,13 +1,22 @@
 //! What several integration tests need.
-#![allow(dead_code, clippy::unwrap_used)] // each test uses its part; helpers fail as tests do
 
+pub mod against_truth;
+pub mod consistency;
 pub mod demo_drive;
+pub mod field_days;
+pub mod joint_drive;
 pub mod kernels;
+pub mod moving;
 pub mod results;
+pub mod samples;
+pub mod small_field;
 pub mod tables;
 pub mod truck;
 
+use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 /// A file or folder of the data in the repository, see `tests/data/README.md`.
 pub fn data(name: &str) -> PathBuf {
@@ -16,17 +25,56 @@ pub fn data(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// A file or folder of the data outside the repository. Tests that call this are ignored where
-/// `BORESIGHT_DATA` is not set; where it is, what is missing is a failure.
-pub fn external_data(name: &str) -> PathBuf {
-    let folder = std::env::var_os("BORESIGHT_DATA").expect("BORESIGHT_DATA names no folder");
-    let path = Path::new(&folder).join(name);
-    assert!(
-        path.exists(),
-        "BORESIGHT_DATA is incomplete: {} is missing",
-        path.display()
-    );
-    path
+/// A file or folder of the data outside the repository, which lie in the folder that `BORESIGHT_DATA` names, or in
+/// `shared/data` beside the checkout. Where that folder is not there the test is skipped, which this says; where it
+/// is, what is missing in it is a failure.
+pub fn external_data(name: &str) -> Option<PathBuf> {
+    let named = std::env::var_os("BORESIGHT_DATA").filter(|folder| !folder.is_empty());
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let folder = named.clone().map_or_else(beside, PathBuf::from);
+    if named.is_none() && !folder.is_dir() {
+        // Not by a macro, whose lines are kept for tests that fail.
+        let _ = writeln!(std::io::stderr(), "skipped: no {}", folder.display());
+        return None;
+    }
+    let path = folder.join(name);
+    assert!(path.exists(), "{} is missing", path.display());
+    Some(path)
+}
+
+/// All files below a folder by their paths from there, with their bytes.
+pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_owned();
+                found.insert(name, std::fs::read(path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// Writes such files below a folder.
+pub fn write_files(files: &BTreeMap<PathBuf, Vec<u8>>, folder: &Path) {
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+/// The folders of sources: that of the package, then those of its crates.
+pub fn source_folders() -> Vec<PathBuf> {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let crates = std::fs::read_dir(package.join("crates")).unwrap();
+    let crates = crates.map(|entry| entry.unwrap().path().join("src"));
+    std::iter::once(package.join("src")).chain(crates).collect()
 }
 
 /// The names of all that is in a folder, in order.
@@ -83,7 +131,6 @@ impl Run {
 }
 
 /// Runs the binary with `arguments`.
-#[cfg(feature = "cli")]
 pub fn boresight(arguments: &[&str]) -> Run {
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args(arguments)
@@ -97,7 +144,6 @@ pub fn boresight(arguments: &[&str]) -> Run {
 }
 
 /// Runs a command of the binary on `project.toml` in `folder`.
-#[cfg(feature = "cli")]
 pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
     let project = folder.join("project.toml");
     boresight(&[&[command, project.to_str().unwrap()], more].concat())
@@ -105,8 +151,18 @@ pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
 
 /// The folder of the drive of [`TINY_SCENARIO`], with a space in its path and one coarse scale, and
 /// what keeps it.
-#[cfg(feature = "cli")]
 pub fn simulated() -> (tempfile::TempDir, PathBuf) {
+    // The files, not their folder: nobody would remove that.
+    static FILES: LazyLock<BTreeMap<PathBuf, Vec<u8>>> = LazyLock::new(simulate_tiny);
+    let kept = tempfile::tempdir().unwrap();
+    let field = kept.path().join("test field");
+    write_files(&FILES, &field);
+    let drive = field.join("drive-1");
+    (kept, drive)
+}
+
+/// The files of the field of [`simulated`].
+fn simulate_tiny() -> BTreeMap<PathBuf, Vec<u8>> {
     let kept = tempfile::tempdir().unwrap();
     let scenario = kept.path().join("tiny.toml");
     std::fs::write(&scenario, TINY_SCENARIO).unwrap();
@@ -119,8 +175,7 @@ pub fn simulated() -> (tempfile::TempDir, PathBuf) {
         out.to_str().unwrap(),
     ]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let drive = out.join("drive-1");
-    rewrite_project(&drive, |text| {
+    rewrite_project(&out.join("drive-1"), |text| {
         let lines = text.lines().map(|line| match line.split_once(" = ") {
             Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.05]\n".to_owned(),
             Some(("neighbours", _)) => "neighbours = 20\n".to_owned(),
@@ -128,12 +183,11 @@ pub fn simulated() -> (tempfile::TempDir, PathBuf) {
         });
         lines.collect()
     });
-    (kept, drive)
+    files(&out)
 }
 
 /// Runs a command that must fail with exit code 1; arguments that begin with `./` are files in
 /// `folder`.
-#[cfg(feature = "cli")]
 pub fn refused(folder: &Path, arguments: &[&str]) -> Run {
     let paths: Vec<String> = arguments
         .iter()

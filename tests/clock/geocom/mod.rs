@@ -1,0 +1,8 @@
+//! The GeoCOM client and the simulated instrument, with each other and against geocompy.
+
+mod classes;
+mod codec;
+mod faults;
+mod geocompy;
+mod instrument;
+mod rate;

@@ -1,0 +1,270 @@
+//! Kills, cuts, floods and a disk that is full: what was recorded before is there, and can be read.
+
+use std::fs;
+use std::io::Write;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use boresight::record::{Clock, Field, record};
+
+use super::twin;
+use crate::common::{self, boresight};
+
+const LOGS: [&str; 4] = ["ins.sbg", "compass.nmea", "left.gocator", "right.gocator"];
+
+/// The recording of a short drive.
+fn recording() -> (tempfile::TempDir, PathBuf) {
+    let (kept, drive) = common::simulated();
+    let recording = kept.path().join("recording");
+    twin::record(&drive.join("project.toml"), &recording);
+    (kept, recording)
+}
+
+/// Each log begins like the one that was played, and `trajectory` reads the folder, unless it ends before the drive
+/// began.
+fn assert_readable(folder: &Path, played: &Path, what: &str) {
+    for name in LOGS {
+        let Ok(kept) = fs::read(folder.join(name)) else {
+            continue;
+        };
+        let sent = fs::read(played.join(name)).unwrap();
+        assert!(sent.starts_with(&kept), "{what}: {name}");
+    }
+    let run = boresight(&["trajectory", folder.to_str().unwrap()]);
+    let is_short = [
+        "no ",
+        "nothing",
+        "empty",
+        "needs",
+        "overlap",
+        "determine",
+        "too short",
+        "not found",
+        "rest",
+    ];
+    let is_said = is_short.iter().any(|word| run.err.contains(word));
+    assert!(
+        run.code == 0 || (run.code == 1 && is_said),
+        "{what}: {}",
+        run.err
+    );
+    assert!(!run.err.contains("panicked"), "{what}: {}", run.err);
+}
+
+#[test]
+fn a_recording_that_was_cut_anywhere_is_read() {
+    let (kept, recording) = recording();
+    let names = common::names(&recording);
+    let mut seed = 1_u64;
+    let mut random = move || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (seed >> 33) as f64 / (1_u64 << 31) as f64
+    };
+    for number in 0..12 {
+        let cut = kept.path().join(format!("cut-{number}"));
+        fs::create_dir(&cut).unwrap();
+        // The drive begins in the first third; a power cut ends all files at nearly the same time.
+        let share = 0.4 + 0.6 * random();
+        for name in &names {
+            let bytes = fs::read(recording.join(name)).unwrap();
+            let is_log = !name.ends_with(".toml");
+            let length = match is_log {
+                true => (bytes.len() as f64 * share) as usize + (40.0 * random()) as usize,
+                false => bytes.len(),
+            };
+            fs::write(cut.join(name), &bytes[..length.min(bytes.len())]).unwrap();
+        }
+        let run = boresight(&["trajectory", cut.to_str().unwrap()]);
+        assert_eq!(run.code, 0, "{share}: {}", run.err);
+    }
+}
+
+fn kill(times: u32) {
+    let (kept, recording) = recording();
+    for number in 0..times {
+        let out = kept.path().join(format!("killed-{number}"));
+        let [from, to] = [&recording, &out].map(|path| path.to_str().unwrap());
+        let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
+            .args(["replay", from, "--speed", "10", "--out", to, "--quiet"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let wait_s = 1.5 + 0.097 * f64::from(number % 50);
+        std::thread::sleep(Duration::from_secs_f64(wait_s));
+        let is_running = child.try_wait().unwrap().is_none();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert!(is_running, "nothing was killed after {wait_s} s");
+        assert_readable(&out, &recording, &format!("after {wait_s:.2} s"));
+        // No more than the last second of ours is lost: ten of the recording, of which one second is the lead.
+        let stamps = fs::read_to_string(out.join("ins.stamps.csv")).unwrap();
+        let last = stamps
+            .lines()
+            .rev()
+            .nth(1)
+            .and_then(|row| row.split(',').nth(1));
+        let kept_s = last
+            .and_then(|cell| cell.parse::<f64>().ok())
+            .unwrap_or(0.0);
+        assert!(
+            kept_s > 10.0 * (wait_s - 1.5),
+            "{kept_s} s kept after {wait_s} s"
+        );
+        fs::remove_dir_all(&out).unwrap();
+    }
+}
+
+#[test]
+fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
+    kill(3);
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn fifty_kills() {
+    kill(50);
+}
+
+/// A server that sends lines without pause.
+fn flood(stop: Arc<AtomicBool>, sent: Arc<AtomicU64>) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let block = b"0123456789abcde\n".repeat(4096);
+        // Bounded: 1 GB.
+        for _ in 0..16_000 {
+            if stop.load(Ordering::Relaxed) || stream.write_all(&block).is_err() {
+                return;
+            }
+            sent.fetch_add(block.len() as u64, Ordering::Relaxed);
+        }
+    });
+    address
+}
+
+/// A server that sends a line every 10 ms.
+fn ticks(stop: Arc<AtomicBool>) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        stream.set_nodelay(true).unwrap();
+        for number in 0..10_000 {
+            if stop.load(Ordering::Relaxed) || writeln!(stream, "{number}").is_err() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    });
+    address
+}
+
+fn field(folder: &Path, sources: &[(&str, String)]) -> Field {
+    let path = folder.join("field.toml");
+    let text: String = sources
+        .iter()
+        .map(|(name, address)| {
+            format!("[[source]]\nname = \"{name}\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{address}\"\n")
+        })
+        .collect();
+    fs::write(&path, text).unwrap();
+    Field::read(&path).unwrap()
+}
+
+#[test]
+fn a_source_that_floods_delays_no_other() {
+    let kept = tempfile::tempdir().unwrap();
+    let (stop, sent) = (
+        Arc::new(AtomicBool::new(false)),
+        Arc::new(AtomicU64::new(0)),
+    );
+    let sources = [
+        ("flood", flood(Arc::clone(&stop), Arc::clone(&sent))),
+        ("ticks", ticks(Arc::clone(&stop))),
+    ];
+    let field = field(kept.path(), &sources);
+    let folder = kept.path().join("drive");
+    record(&field, &folder, &Clock::default(), |view| view.time_s < 4.0).unwrap();
+    stop.store(true, Ordering::Relaxed);
+    let flooded = fs::metadata(folder.join("flood.csv")).unwrap().len();
+    assert!(flooded > 20_000_000, "{flooded} bytes");
+    let text = fs::read_to_string(folder.join("ticks.csv")).unwrap();
+    let rows: Vec<(f64, u64)> = text
+        .lines()
+        .skip(1)
+        .map(|row| {
+            let (time, number) = row.split_once(',').unwrap();
+            (time.parse().unwrap(), number.parse().unwrap())
+        })
+        .collect();
+    assert!(rows.len() > 200, "{} rows", rows.len());
+    assert!(rows.windows(2).all(|pair| pair[1].1 == pair[0].1 + 1));
+    let longest = rows
+        .windows(2)
+        .map(|pair| pair[1].0 - pair[0].0)
+        .fold(0.0, f64::max);
+    assert!(longest < 0.5, "{longest} s");
+}
+
+/// A disk of two megabytes, if this user may make one; unmounted at the end.
+#[cfg(target_os = "linux")]
+struct SmallDisk(tempfile::TempDir);
+
+#[cfg(target_os = "linux")]
+impl SmallDisk {
+    fn new() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let mounted = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", "size=2m", "tmpfs"])
+            .arg(folder.path())
+            .stderr(Stdio::null())
+            .status();
+        mounted
+            .is_ok_and(|status| status.success())
+            .then_some(Self(folder))
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(self.0.path()).status();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_is_full_ends_the_recording_with_its_name() {
+    let Some(disk) = SmallDisk::new() else {
+        println!("this user may not mount a disk: not tested");
+        return;
+    };
+    let kept = tempfile::tempdir().unwrap();
+    let (stop, sent) = (
+        Arc::new(AtomicBool::new(false)),
+        Arc::new(AtomicU64::new(0)),
+    );
+    let field = field(kept.path(), &[("flood", flood(Arc::clone(&stop), sent))]);
+    let folder = disk.0.path().join("drive");
+    let begun = Instant::now();
+    let error = record(&field, &folder, &Clock::default(), |view| {
+        view.time_s < 20.0
+    })
+    .unwrap_err();
+    stop.store(true, Ordering::Relaxed);
+    assert!(begun.elapsed() < Duration::from_secs(10));
+    let error = error.to_string();
+    assert!(
+        error.contains("flood") && error.contains("space"),
+        "{error}"
+    );
+    // What was written is there.
+    let bytes = fs::metadata(folder.join("flood.csv")).unwrap().len();
+    assert!(bytes > 500_000, "{bytes} bytes");
+}

@@ -1,0 +1,17 @@
+//! Tests that watch the clock or the machine, and so must not run beside others: what comes in time, what is killed
+//! at some moment, how much memory is taken. All others are in `tests/it`.
+
+#![allow(clippy::unwrap_used)] // helpers fail as tests do
+
+#[allow(dead_code)] // `tests/it` uses the rest
+#[path = "../common/mod.rs"]
+mod common;
+
+mod corpora;
+mod geocom;
+mod kills;
+mod live;
+mod memory;
+mod record;
+mod sbgecom;
+mod watch;

@@ -1,0 +1,286 @@
+//! Calibration on a simulated drive with known truth: the demo's first drive on three scales.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use crate::common::demo_drive::{DemoDrive, calibrate};
+use crate::common::{files, write_files};
+use boresight::calibration::{Calibration, CalibrationSettings, Method};
+use boresight::geometry::euler::euler_deg_from_rotation;
+use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
+use boresight::pipeline::stages::EstimatedPoses;
+use boresight::project::Project;
+use boresight::simulation::Scenario;
+use tempfile::TempDir;
+
+/// The demo's first drive on three scales.
+struct Case {
+    drive: &'static DemoDrive,
+    /// Of files of its own.
+    project: Project,
+    _folder: TempDir,
+}
+
+/// Simulated and read once, since poses and reference are the same for all tests.
+fn case() -> Case {
+    static DRIVE: LazyLock<(DemoDrive, BTreeMap<PathBuf, Vec<u8>>)> = LazyLock::new(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let drive = DemoDrive::simulate(Scenario::demo(), folder.path()).unwrap();
+        (drive, files(folder.path()))
+    });
+    let (drive, files) = &*DRIVE;
+    let folder = tempfile::tempdir().unwrap();
+    write_files(files, folder.path());
+    let mut project = Project::read(&folder.path().join("drive-1/project.toml")).unwrap();
+    project.calibration.voxel_sizes_m = vec![0.05, 0.03, 0.02];
+    Case {
+        drive,
+        project,
+        _folder: folder,
+    }
+}
+
+/// On its own settings.
+fn calibrated(project: &Project, poses: &EstimatedPoses, reference: &[Vec3]) -> Calibration {
+    calibrate(project, &project.calibration, poses, reference).unwrap()
+}
+
+/// Errors must lie within 4 mm and 0.15°, the limits that poses of this grade set, and within 2.8
+/// claimed sigmas: 22 numbers all stay within 2.8 nine times in ten, and one drive is one draw.
+fn assert_honest(drive: &DemoDrive, found: &Calibration, label: &str) {
+    for scanner in 0..2 {
+        let sigmas = found.sigmas(scanner, EulerConvention::Bonn);
+        let errors = drive.errors(found, scanner);
+        println!("{label} {scanner}: errors {errors:?}, sigmas {sigmas:?}");
+        for parameter in 0..6 {
+            if !found.is_observable(scanner, parameter) {
+                continue;
+            }
+            let sigma = sigmas[parameter].expect("what is determined has a sigma");
+            let (limit, sigma) = if parameter < 3 {
+                (0.004, sigma)
+            } else {
+                (0.15, sigma.to_degrees())
+            };
+            let error = errors[parameter].abs();
+            assert!(
+                error < limit && error < 2.8 * sigma,
+                "{label} {scanner} {parameter}"
+            );
+        }
+    }
+    for scale in &found.scales {
+        assert!(
+            scale.iterations <= 12,
+            "{label}: {} at {}",
+            scale.iterations,
+            scale.voxel_m
+        );
+    }
+    assert!(found.converged);
+    let minimum = found.minimum.as_ref().unwrap();
+    assert!(minimum.other.is_none(), "{label}");
+    assert_eq!(minimum.back, minimum.starts, "{label}");
+}
+
+/// Started with the scanners exchanged, the calibration ends in one of many minima.
+#[test]
+#[ignore = "just acceptance"]
+fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
+    let case = case();
+    let mut project = case.project.clone();
+    let [left, right] = project.scanners.as_mut_slice() else {
+        panic!("two scanners");
+    };
+    std::mem::swap(&mut left.body_from_scanner, &mut right.body_from_scanner);
+    project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&project, &case.drive.own, &case.drive.reference);
+    assert!(found.minimum.unwrap().other.is_some());
+    assert!(found.covariance.is_none());
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn with_exact_poses_the_truth_is_found() {
+    let case = case();
+    let found = calibrated(&case.project, &case.drive.exact, &case.drive.reference);
+    for scanner in 0..2 {
+        let errors = case.drive.errors(&found, scanner);
+        println!("exact poses {scanner}: errors {errors:?}");
+        assert!(errors[..3].iter().all(|e| e.abs() < 1e-4), "{errors:?}");
+        assert!(errors[3..].iter().all(|e| e.abs() < 0.005), "{errors:?}");
+    }
+}
+
+#[test]
+fn with_own_poses_the_errors_are_those_claimed() {
+    let case = case();
+    let found = calibrated(&case.project, &case.drive.own, &case.drive.reference);
+    assert!(found.observability.unobservable.is_empty());
+    assert_honest(case.drive, &found, "own poses");
+    let constancy = found.constancy.unwrap();
+    assert!(constancy.constant, "{} times expected", constancy.ratio);
+    let gap = found.gap.unwrap();
+    // Half of what is allowed.
+    assert!(gap.constant && gap.ratio < 1.0, "{gap:?}");
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn without_a_reference_the_common_height_is_named_and_held() {
+    let case = case();
+    let found = calibrated(&case.project, &case.drive.own, &[]);
+    assert_eq!(found.observability.unobservable.len(), 1);
+    assert_eq!(
+        found.observability.unobservable[0].description,
+        "all scanners' common height"
+    );
+    assert_eq!(found.unobservable(0), ["tz"]);
+    assert_eq!(found.unobservable(1), ["tz"]);
+    assert_eq!(found.sigmas(0, EulerConvention::Bonn)[2], None);
+    assert_honest(case.drive, &found, "no reference");
+    // The mean height stays where the user put it; the difference is found.
+    let height = |pose: &BodyFromScanner| pose.translation_m.z;
+    let (left, right) = (&found.mountings[0], &found.mountings[1]);
+    let mean = 0.5 * (height(&left.body_from_scanner) + height(&right.body_from_scanner));
+    assert!(
+        (mean - 0.5).abs() < 1e-3,
+        "initial heights are 0.5 m, found {mean}"
+    );
+    let difference = height(&left.body_from_scanner) - height(&right.body_from_scanner);
+    assert!(
+        (difference - 0.002).abs() < 0.001,
+        "0.587 m − 0.585 m, found {difference}"
+    );
+}
+
+#[test]
+fn the_height_of_a_single_scanner_is_not_invented_either() {
+    let case = case();
+    let mut project = case.project.clone();
+    project.scanners.truncate(1);
+    project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&project, &case.drive.own, &[]);
+    assert_eq!(
+        found.observability.unobservable[0].description,
+        "the height of `left`"
+    );
+    assert_eq!(found.unobservable(0), ["tz"]);
+    let height = found.mountings[0].body_from_scanner.translation_m.z;
+    assert!((height - 0.5).abs() < 1e-6, "held at 0.5 m, found {height}");
+}
+
+#[test]
+fn held_parameters_stay_to_the_last_bit() {
+    let case = case();
+    let mut project = case.project.clone();
+    for scanner in &mut project.scanners {
+        scanner.fixed = [true, false, true, false, true, false];
+    }
+    project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&project, &case.drive.own, &case.drive.reference);
+    for (scanner, before) in project.scanners.iter().enumerate() {
+        let (a, b) = (
+            &before.body_from_scanner,
+            &found.mountings[scanner].body_from_scanner,
+        );
+        assert_eq!(a.translation_m.x, b.translation_m.x);
+        assert_eq!(a.translation_m.z, b.translation_m.z);
+        assert_ne!(a.translation_m.y, b.translation_m.y);
+        let angle = |pose: &BodyFromScanner| {
+            euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation)[1]
+        };
+        assert!((angle(a) - angle(b)).abs() < 1e-9);
+        let sigmas = found.sigmas(scanner, EulerConvention::Bonn);
+        let held: Vec<bool> = sigmas.iter().map(Option::is_none).collect();
+        assert_eq!(held, before.fixed);
+    }
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn the_papers_method_lifts_the_scanners_and_needs_more() {
+    let case = case();
+    let settings = CalibrationSettings {
+        method: Method::Paper,
+        voxel_sizes_m: vec![0.05],
+        max_iterations: 20,
+        ..case.project.calibration.clone()
+    };
+    let found = calibrate(
+        &case.project,
+        &settings,
+        &case.drive.own,
+        &case.drive.reference,
+    )
+    .unwrap();
+    let scale = &found.scales[0];
+    for scanner in 0..2 {
+        let errors = case.drive.errors(&found, scanner);
+        println!("paper {scanner}: errors {errors:?}");
+        // The scanners start 87 mm and 85 mm too high. A tenth of that is what the plain voxel
+        // filter and the squares may leave at this scale, 17 % of the voxel.
+        assert!(errors[2].abs() < 0.0087, "{errors:?}");
+    }
+    assert!(scale.costs[20] < 0.6 * scale.costs[0], "{:?}", scale.costs);
+    // Where the reweighted method has converged after 5.
+    assert_eq!(scale.iterations, 20);
+    assert!(!found.converged);
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scenario = Scenario::demo();
+    scenario.deformation.enabled = true;
+    let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
+    case.project.calibration.voxel_sizes_m = vec![0.05];
+    let found = calibrated(&case.project, &case.own, &case.reference);
+    let constancy = found.constancy.unwrap();
+    println!(
+        "{} mm, {} times expected, {:?}",
+        constancy.rms_m * 1e3,
+        constancy.ratio,
+        constancy.strongest
+    );
+    // Sized to leave the paper's 8 mm, where poses explain less than 1 mm.
+    assert!(!constancy.constant);
+    assert!(constancy.ratio > 4.0, "{}", constancy.ratio);
+    assert!(
+        (0.004..0.012).contains(&constancy.rms_m),
+        "{}",
+        constancy.rms_m
+    );
+}
+
+/// The residuals to the reference show it hardly more than poses that are off would.
+#[test]
+#[ignore = "just acceptance"]
+fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scenario = Scenario::demo();
+    let deformation = &mut scenario.deformation;
+    deformation.enabled = true;
+    (
+        deformation.rotation_deg_per_deg,
+        deformation.shift_m_per_deg,
+    ) = (0.0, 0.0);
+    deformation.shift_m_per_m_s2 = 0.0;
+    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
+    (deformation.walk_deg, deformation.walk_m) = (0.08, 0.0015);
+    let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
+    case.project.calibration.voxel_sizes_m = vec![0.05, 0.02];
+    for reference in [case.reference.as_slice(), &[]] {
+        let found = calibrated(&case.project, &case.own, reference);
+        let gap = found.gap.unwrap();
+        println!(
+            "{gap:?}, residuals {:?}",
+            found.constancy.map(|found| found.ratio)
+        );
+        assert_eq!(gap.scanners, [0, 1]);
+        // Bounded changes: no block counts for more than six.
+        assert!(!gap.constant && gap.ratio > 3.0, "{gap:?}");
+    }
+}

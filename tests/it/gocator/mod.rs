@@ -1,0 +1,6 @@
+//! The data channel of Gocator scanners: messages, damage, speed.
+
+mod codec;
+mod common;
+mod damage;
+mod speed;

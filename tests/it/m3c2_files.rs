@@ -1,0 +1,136 @@
+//! `boresight compare` on files: in one piece and tile by tile, with all that it writes.
+
+use std::path::{Path, PathBuf};
+
+use boresight::cloud::PointCloud;
+use boresight::comparison::ComparisonSettings;
+use boresight::format;
+use boresight::geometry::Vec3;
+use boresight::pipeline::{Options, compare};
+use boresight::progress::Silent;
+use boresight::tiles::{Comparison, NormalSource};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+
+/// A rough surface of UTM size, and one 6 mm above it with a gap, as LAZ.
+fn clouds(folder: &Path) -> [PathBuf; 2] {
+    let mut rng = ChaCha8Rng::seed_from_u64(31);
+    let mut write = |name: &str, offset: f64, gap: f64| {
+        let mut point = || {
+            let (x, y): (f64, f64) = (rng.random_range(0.0..4.0), rng.random_range(0.0..3.0));
+            let z = 0.1 * (2.0 * x).sin() + rng.random_range(-0.004..0.004) + offset;
+            Vec3::new(x, y, z)
+        };
+        let mut points: Vec<Vec3> = (0..120_000).map(|_| point()).collect();
+        points.retain(|p| (p.x - 2.0).abs() > gap);
+        let origin = Vec3::new(362_000.0, 5_157_000.0, 100.0);
+        let cloud = PointCloud {
+            points: points.iter().map(|p| p + origin).collect(),
+            ..PointCloud::default()
+        };
+        let path = folder.join(name);
+        format::cloud_to_las(&cloud, &path, (&[], None), &mut |_, _| Ok(true), &Silent).unwrap();
+        path
+    };
+    [
+        write("cloud.laz", 0.006, 0.3),
+        write("reference.laz", 0.0, -1.0),
+    ]
+}
+
+fn run(comparison: &Comparison, out: &Path) -> (Value, String) {
+    let options = Options {
+        out: out.to_owned(),
+        seed: None,
+        fresh: false,
+    };
+    let outcome = compare(comparison, &options, &Silent).unwrap();
+    let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
+    assert_eq!(outcome.files, names.map(|name| out.join(name)));
+    let table = std::fs::read_to_string(out.join("m3c2.csv")).unwrap();
+    (outcome.result, table)
+}
+
+#[test]
+fn tiles_write_the_bytes_of_one_piece() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let [cloud, reference] = clouds(folder.path());
+    let whole = Comparison {
+        cloud,
+        reference,
+        core: None,
+        normals: NormalSource::Core {
+            orientation: Vec3::z(),
+        },
+        settings: ComparisonSettings {
+            core_spacing_m: 0.05,
+            normal_radii_m: vec![0.03, 0.06],
+            max_distance_m: 0.05,
+            ..ComparisonSettings::default()
+        },
+        memory_bytes: Some(4 << 30),
+    };
+    let in_tiles = |comparison: &Comparison| Comparison {
+        memory_bytes: Some(0),
+        ..comparison.clone()
+    };
+    let (result, table) = run(&whole, &at("whole"));
+    let (by_tiles, tiled_table) = run(&in_tiles(&whole), &at("tiles"));
+    assert_eq!(result["tiles"], 1);
+    assert!(by_tiles["tiles"].as_u64().unwrap() >= 4, "{by_tiles}");
+    assert!(table == tiled_table, "tables differ");
+    let laz = |folder: &str| std::fs::read(at(folder).join("m3c2.laz")).unwrap();
+    assert!(laz("whole") == laz("tiles"), "clouds differ");
+    for stage in ["read", "index", "compare", "write"] {
+        assert!(result["stages"][stage]["seconds"].as_f64().unwrap() > 0.0);
+        assert!(by_tiles["stages"][stage]["seconds"].as_f64().unwrap() > 0.0);
+    }
+    // The cloud lies 6 mm above, and has a gap.
+    assert!((result["median_m"].as_f64().unwrap() - 0.006).abs() < 5e-4);
+    assert!(result["n"].as_u64() < result["core_points"].as_u64());
+    assert!(!at("tiles").join("reference-tiles").exists());
+
+    // The table is a file of core points with normals: with these the numbers come out again.
+    let known: String =
+        table
+            .lines()
+            .filter(|line| !line.contains("NaN"))
+            .fold(String::new(), |mut text, line| {
+                text.push_str(line);
+                text.push('\n');
+                text
+            });
+    std::fs::write(at("core.csv"), &known).unwrap();
+    let again = Comparison {
+        core: Some(at("core.csv")),
+        ..whole.clone()
+    };
+    let numbers = |text: &str| -> Vec<Vec<f64>> {
+        let row = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        text.lines().skip(1).map(row).collect()
+    };
+    let (_, given) = run(&again, &at("given"));
+    let (_, given_tiled) = run(&in_tiles(&again), &at("given-tiles"));
+    assert!(given == given_tiled, "tables with given normals differ");
+    let (given, known) = (numbers(&given), numbers(&known));
+    assert_eq!(given.len(), known.len());
+    for (given, known) in given.iter().zip(&known) {
+        assert_eq!(
+            (given[..3].to_vec(), &given[11..]),
+            (known[..3].to_vec(), &known[11..])
+        );
+        assert!(given[8].is_nan());
+        assert!((given[3] - known[3]).abs() < 1e-15);
+    }
+    // Normals that are asked for are found, whatever the file holds.
+    let found = Comparison {
+        normals: NormalSource::Reference {
+            orientation: Vec3::z(),
+        },
+        ..again
+    };
+    let (_, found) = run(&found, &at("found"));
+    assert_eq!(numbers(&found), known);
+}

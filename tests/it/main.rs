@@ -1,0 +1,44 @@
+//! What the library and its command line promise, a module a subject: `cargo test --release --test it truck` runs
+//! those of one. Tests that watch the clock or the machine are in `tests/clock`.
+
+#![allow(clippy::unwrap_used)] // helpers fail as tests do
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod accidents;
+mod architecture;
+mod book;
+mod calibration;
+mod campaign;
+mod cancel;
+mod cli;
+mod convert;
+mod drift;
+mod faults;
+mod features;
+mod formats;
+mod gocator;
+mod init;
+mod inputs;
+mod inspect;
+mod joint;
+mod kept;
+mod kernels;
+mod m3c2;
+mod m3c2_files;
+mod m3c2_options;
+mod mischief;
+mod mistakes;
+mod mutants;
+mod pages;
+mod placement;
+mod printing;
+mod report;
+mod resume;
+mod run;
+mod simulation;
+mod thin;
+mod trajectory;
+mod truck;
+mod verdicts;

@@ -1,0 +1,115 @@
+//! Pages printed as PDF, through the real binary.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::{Run, boresight, names, plane, simulated};
+
+#[test]
+fn no_browser_is_an_error_before_the_work_begins() {
+    let (kept, drive) = simulated();
+    let out = kept.path().join("new");
+    let run = Command::new(env!("CARGO_BIN_EXE_boresight"))
+        .args(["run", "--pdf", "--out"])
+        .args([&out, &drive.join("project.toml")])
+        .env("PATH", kept.path())
+        .env_remove("BORESIGHT_CHROMIUM")
+        .output()
+        .unwrap();
+    let err = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{err}");
+    for said in ["chromium", "google-chrome", "msedge", "BORESIGHT_CHROMIUM"] {
+        assert!(err.contains(said), "{said}: {err}");
+    }
+    assert!(!out.exists());
+}
+
+/// A browser of a few lines of shell, which knows the arguments as `$@` and the file to print to as `$pdf`.
+#[cfg(unix)]
+fn print_with(script: &str, page: &Path) -> Run {
+    use std::os::unix::fs::PermissionsExt;
+    let browser = page.with_file_name("browser");
+    let begin = "#!/bin/sh\nfor a in \"$@\"; do case \"$a\" in --print-to-pdf=*) pdf=\"${a#*=}\";; esac; done\n";
+    fs::write(&browser, format!("{begin}{script}\n")).unwrap();
+    fs::set_permissions(&browser, fs::Permissions::from_mode(0o755)).unwrap();
+    let folder = page.parent().unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_boresight"))
+        .args(["compare", "after.csv", "before.csv", "--pdf", "--out", "."])
+        .current_dir(folder)
+        .env("BORESIGHT_CHROMIUM", &browser)
+        .output()
+        .unwrap();
+    Run {
+        code: run.status.code().unwrap_or(-1),
+        out: String::from_utf8(run.stdout).unwrap(),
+        err: String::from_utf8(run.stderr).unwrap(),
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_printed_is_whole_or_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    plane(&at("before.csv"), 0.0);
+    plane(&at("after.csv"), 0.03);
+    let (page, pdf) = (at("compare.html"), at("compare.pdf"));
+
+    let run = print_with(
+        "printf '%%PDF-1.4 ' > \"$pdf\"; echo out of paper >&2; exit 3",
+        &page,
+    );
+    run.assert_failed_with(&["exit status: 3", "out of paper", "the page itself is there"]);
+    assert!(page.is_file() && !pdf.exists());
+
+    let said = at("said");
+    let script = format!(
+        "printf '%%PDF-1.4 %%%%EOF\\n' > \"$pdf\"; printf '%s\\n' \"$@\" > '{}'",
+        said.display()
+    );
+    let run = print_with(&script, &page);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(run.out.contains("compare.pdf"), "{}", run.out);
+    assert_eq!(fs::read(&pdf).unwrap(), b"%PDF-1.4 %%EOF\n");
+    let said = fs::read_to_string(said).unwrap();
+    for argument in [
+        "--headless=new",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        "file:///",
+    ] {
+        assert!(said.contains(argument), "{argument}: {said}");
+    }
+    assert!(
+        !names(folder.path())
+            .iter()
+            .any(|name| name.starts_with("printing-"))
+    );
+}
+
+/// By the browser of this machine, where there is one.
+#[test]
+fn a_real_browser_prints_or_is_missed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    plane(&at("before.csv"), 0.0);
+    plane(&at("after.csv"), 0.03);
+    let (cloud, reference) = (at("after.csv"), at("before.csv"));
+    let run = boresight(&[
+        "compare",
+        cloud.to_str().unwrap(),
+        reference.to_str().unwrap(),
+        "--pdf",
+    ]);
+    match run.code {
+        0 => {
+            let pdf = fs::read(at("out/compare.pdf")).unwrap();
+            assert!(
+                pdf.starts_with(b"%PDF-") && pdf.len() > 10_000,
+                "{} bytes",
+                pdf.len()
+            );
+        }
+        _ => run.assert_failed_with(&["--pdf", "no browser that prints"]),
+    }
+}

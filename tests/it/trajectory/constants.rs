@@ -1,0 +1,165 @@
+//! Constants estimated beside the poses: found where the drive determines them, named as
+//! undetermined where it does not.
+
+use super::rover::{rover_drive, simulated};
+use super::{Logs, difference, rms};
+use crate::common::consistency::twin;
+use boresight::geometry::heading::wrap;
+use boresight::geometry::{Rotation, Vec3};
+use boresight::simulation::{Drive, Scenario, Scene};
+use boresight::trajectory::Constant;
+use boresight::trajectory::{Estimate, EstimatedConstant};
+
+/// Of some tens of draws, none is further off than this in one of a few hundred runs.
+const TENS_OF_DRAWS: f64 = 4.0;
+
+fn constant<'a>(found: &'a Estimate, name: &str) -> &'a EstimatedConstant {
+    let all = &found.solution.constants;
+    all.iter()
+        .find(|c| c.name == name)
+        .unwrap_or_else(|| panic!("{name} in {all:?}"))
+}
+
+/// The error in standard deviations of a constant that must be determined, with its sigma.
+fn normalised(found: &Estimate, name: &str, truth: f64) -> (f64, f64) {
+    let c = constant(found, name);
+    let sigma = c.sigma.unwrap_or_else(|| panic!("{c:?}"));
+    println!(
+        "{name}: {:.6} {}, truth {truth:.6}, sigma {sigma:.1e}, {:+.2} sigma",
+        c.value,
+        c.unit,
+        (c.value - truth) / sigma
+    );
+    ((c.value - truth) / sigma, sigma)
+}
+
+#[test]
+fn constants_that_the_motion_determines_are_found() {
+    let (latency_s, offset_rad, gravity_off) = (0.08, 0.03, -0.05);
+    let arm_off = Vec3::new(0.05, 0.03, -0.04);
+    for seed in 60..64 {
+        let (mut logs, _) = rover_drive(seed);
+        let [arm, gravity] = [
+            logs.settings.positions[0].lever_arm_m,
+            Vec3::repeat(logs.settings.gravity_m_s2),
+        ];
+        for fix in &mut logs.prism {
+            fix.time_s += latency_s;
+        }
+        for fix in &mut logs.heading {
+            fix.heading_rad = wrap(fix.heading_rad - offset_rad);
+        }
+        logs.settings.positions[0].lever_arm_m += arm_off;
+        logs.settings.gravity_m_s2 += gravity_off;
+        logs.settings.estimate = vec![
+            Constant::TimeOffset(0),
+            Constant::LeverArm(0),
+            Constant::HeadingOffset,
+            Constant::Gravity,
+        ];
+        let found = logs.estimate();
+        assert!(found.solution.converged, "{}", found.solution);
+        // The sigma must be small beside what it was off by, or nothing was found.
+        for (name, truth, off) in [
+            ("prism.time_offset", -latency_s, latency_s),
+            ("prism.lever_arm.x", arm.x, arm_off.x),
+            ("prism.lever_arm.y", arm.y, arm_off.y),
+            ("prism.lever_arm.z", arm.z, arm_off.z),
+            ("heading.mounting_offset", offset_rad, offset_rad),
+            ("frame.gravity", gravity.x, gravity_off),
+        ] {
+            let (error, sigma) = normalised(&found, name, truth);
+            assert!(error.abs() < TENS_OF_DRAWS, "{name}: {error}");
+            assert!(sigma < off.abs() / 2.0, "{name}: {sigma}");
+        }
+    }
+}
+
+#[test]
+fn the_scale_of_the_imu_noise_is_found() {
+    for scale in [1.0, 3.0] {
+        let (mut logs, _) = rover_drive(70);
+        // The noise is `scale` times what the settings say.
+        logs.settings.imu.gyro_density /= scale;
+        logs.settings.imu.accel_density /= scale;
+        logs.settings.estimate = vec![Constant::ImuNoiseScale];
+        let (error, sigma) = normalised(&logs.estimate(), "imu.noise_scale", scale);
+        assert!(error.abs() < TENS_OF_DRAWS, "{error}");
+        assert!(sigma < 0.2 * scale, "{sigma}");
+    }
+}
+
+/// The constant is named as undetermined and the poses are those without it.
+fn undetermined(logs: &mut Logs, what: Constant, name: &str, project: f64) {
+    logs.settings.estimate = Vec::new();
+    let plain = logs.estimate();
+    logs.settings.estimate = vec![what];
+    let found = logs.estimate();
+    let c = constant(&found, name);
+    println!("{c:?}");
+    assert_eq!(c.sigma, None);
+    assert_eq!(c.value, project);
+    let (apart, _) = difference(&plain.trajectory, &found.trajectory);
+    println!("poses apart by {apart:.1e} m");
+    assert!(apart < 1e-6, "{apart}");
+}
+
+#[test]
+fn a_heading_offset_without_headings_is_not_invented() {
+    let (mut logs, _) = rover_drive(71);
+    logs.heading.clear();
+    logs.settings.heading.mounting_offset_rad = 0.02;
+    undetermined(
+        &mut logs,
+        Constant::HeadingOffset,
+        "heading.mounting_offset",
+        0.02,
+    );
+}
+
+#[test]
+fn a_time_offset_of_a_body_at_rest_is_not_invented() {
+    let at_rest = |_| {
+        let attitude = Rotation::from_euler_angles(0.02, -0.01, 0.7);
+        (Vec3::new(1.0, 2.0, 0.1), attitude)
+    };
+    let (mut logs, _) = simulated(72, at_rest, 1500);
+    undetermined(&mut logs, Constant::TimeOffset(0), "prism.time_offset", 0.0);
+}
+
+#[test]
+fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
+    const AMPLITUDE_M: f64 = 0.003;
+    let mut scenario = Scenario::demo();
+    scenario.seed = 73;
+    scenario.prism.incidence_bias_m = AMPLITUDE_M;
+    let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
+    let (mut logs, truth) = twin(&scenario, &drive, 0);
+    logs.settings.positions[0].station_m = Some(scenario.prism.station_m.into());
+    let rmse_m = |found: &Estimate| {
+        let nodes = found.trajectory.poses().iter().zip(&truth);
+        rms(nodes.map(|(n, (p, _))| (n.world_from_body.translation_m - p).norm()))
+    };
+    let without_m = rmse_m(&logs.estimate());
+    logs.settings.estimate = vec![Constant::IncidenceBias(0)];
+    let found = logs.estimate();
+    let with_m = rmse_m(&found);
+    println!(
+        "{:.3} mm without the bias estimated, {:.3} mm with",
+        without_m * 1e3,
+        with_m * 1e3
+    );
+    for (name, truth) in [
+        ("along_cos", AMPLITUDE_M),
+        ("along_sin", 0.0),
+        ("across_cos", 0.0),
+        ("across_sin", AMPLITUDE_M),
+        ("up_cos", 0.0),
+        ("up_sin", 0.0),
+    ] {
+        let (error, sigma) = normalised(&found, &format!("prism.incidence_bias.{name}"), truth);
+        assert!(error.abs() < TENS_OF_DRAWS, "{name}: {error}");
+        assert!(sigma < AMPLITUDE_M / 4.0, "{name}: {sigma}");
+    }
+    assert!(with_m < without_m, "{with_m} {without_m}");
+}

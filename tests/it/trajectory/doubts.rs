@@ -1,0 +1,165 @@
+//! Mistakes in the constants of a project, made on simulated drives: what the drive says of them.
+
+use std::time::Instant;
+
+use crate::common::consistency::{Logs, twin};
+use boresight::geometry::Vec3;
+use boresight::progress::Silent;
+use boresight::simulation::{Drive, Scenario, Scene};
+use boresight::trajectory::{Doubt, doubts};
+
+fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
+    let mut scenario = Scenario::demo();
+    scenario.seed = seed;
+    change(&mut scenario);
+    let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
+    twin(&scenario, &drive, 0).0
+}
+
+fn doubted(logs: &Logs) -> Vec<Doubt> {
+    let solution = logs.estimate().solution;
+    doubts(&logs.motion(), &logs.settings, &solution, &Silent).expect("tests of the constants")
+}
+
+fn prism_late(logs: &mut Logs, late_s: f64) {
+    logs.prism.iter_mut().for_each(|fix| fix.time_s += late_s);
+}
+
+fn heading_late(logs: &mut Logs, late_s: f64) {
+    logs.heading.iter_mut().for_each(|fix| fix.time_s += late_s);
+}
+
+fn lever_arm(logs: &mut Logs, change: impl Fn(Vec3) -> Vec3) {
+    let arm = &mut logs.settings.positions[0].lever_arm_m;
+    *arm = change(*arm);
+}
+
+fn heading_offset(logs: &mut Logs, deg: f64) {
+    logs.settings.heading.mounting_offset_rad += deg.to_radians();
+}
+
+type Mistake = (
+    &'static str,
+    fn(&mut Logs),
+    &'static [&'static str],
+    &'static str,
+);
+
+/// Each with the constants that it is about and what it is likely to be.
+const MISTAKES: [Mistake; 12] = [
+    (
+        "lever arm, signs of x and y",
+        |logs| lever_arm(logs, |l| Vec3::new(-l.x, -l.y, l.z)),
+        &["prism.lever_arm"],
+        "the sign of x and y",
+    ),
+    (
+        "lever arm, sign of z",
+        |logs| lever_arm(logs, |l| Vec3::new(l.x, l.y, -l.z)),
+        &["prism.lever_arm"],
+        "the sign of z",
+    ),
+    (
+        "lever arm in FLU",
+        |logs| lever_arm(logs, |l| Vec3::new(l.x, -l.y, -l.z)),
+        &["prism.lever_arm"],
+        "FLU in the place of FRD",
+    ),
+    (
+        "lever arm 20 cm too long",
+        |logs| lever_arm(logs, |l| l + Vec3::new(0.2, 0.0, 0.0)),
+        &["prism.lever_arm"],
+        "",
+    ),
+    (
+        "heading offset 3°",
+        |logs| heading_offset(logs, 3.0),
+        &["heading.mounting_offset"],
+        "",
+    ),
+    (
+        "antennas exchanged",
+        |logs| heading_offset(logs, 180.0),
+        &["heading.mounting_offset"],
+        "the antennas exchanged",
+    ),
+    (
+        "antennas across",
+        |logs| heading_offset(logs, 90.0),
+        &["heading.mounting_offset"],
+        "across the direction of travel",
+    ),
+    (
+        "prism 100 ms late",
+        |logs| prism_late(logs, 0.1),
+        &["prism.time_offset"],
+        "",
+    ),
+    (
+        "prism 20 ms early",
+        |logs| prism_late(logs, -0.02),
+        &["prism.time_offset"],
+        "",
+    ),
+    (
+        "heading 500 ms late",
+        |logs| heading_late(logs, 0.5),
+        &["heading.time_offset"],
+        "",
+    ),
+    (
+        "prism late, heading offset",
+        |logs| {
+            prism_late(logs, 0.1);
+            heading_offset(logs, 3.0);
+        },
+        &["heading.mounting_offset", "prism.time_offset"],
+        "",
+    ),
+    (
+        "lever arm and prism late",
+        |logs| {
+            prism_late(logs, 0.1);
+            lever_arm(logs, |l| Vec3::new(-l.x, -l.y, l.z));
+        },
+        &["prism.lever_arm", "prism.time_offset"],
+        "the sign of x and y",
+    ),
+];
+
+#[test]
+fn mistakes_in_constants_are_named() {
+    let clean = drive(81, |scenario| scenario.drives[0].passes.truncate(6));
+    let mut failed = Vec::new();
+    for (what, make, expected, likely) in MISTAKES {
+        let mut logs = clean.clone();
+        make(&mut logs);
+        let begun = Instant::now();
+        let found = doubted(&logs);
+        let mut names: Vec<String> = found.iter().map(|doubt| doubt.name.clone()).collect();
+        println!("{what}: {:.2} s", begun.elapsed().as_secs_f64());
+        found
+            .iter()
+            .for_each(|doubt| println!("    {}", doubt.describe()));
+        names.sort();
+        let text: String = found.iter().map(Doubt::describe).collect();
+        if names != expected || !text.contains(likely) {
+            failed.push(format!("{what}: {names:?}"));
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+#[test]
+fn clean_drives_raise_no_doubts() {
+    for seed in 1..=8 {
+        let found = doubted(&drive(seed, |scenario| {
+            // Drives differ in how noisy their sensors are, as their settings know.
+            let factor = [0.5, 1.0, 2.0, 4.0][seed as usize % 4];
+            scenario.imu.gyro_noise_deg_sqrt_h *= factor;
+            scenario.imu.accel_noise_ug_sqrt_hz *= factor;
+            scenario.heading.sigma_deg *= factor.min(2.0);
+        }));
+        assert!(found.is_empty(), "seed {seed}: {found:?}");
+    }
+}

@@ -1,0 +1,39 @@
+//! A small sample of many simulated drives: are the errors as large as the covariances say, with
+//! the correlations of the components?
+
+use crate::common::consistency::{EPOCHS, band, squares_at_epochs, twin};
+use boresight::simulation::{Drive, Scenario, Scene};
+
+const DRIVES: usize = 8;
+
+#[test]
+fn normalised_squared_errors_are_as_many_as_the_degrees_of_freedom() {
+    let mut scenario = Scenario::demo();
+    let scene = Scene::new(&scenario);
+    let paths: Vec<Drive> = (0..scenario.drives.len())
+        .map(|index| Drive::new(&scenario, &scene, index, 0.0))
+        .collect();
+    let mut means = [0.0; 3];
+    for seed in 0..DRIVES {
+        let index = seed % paths.len();
+        scenario.seed = 900 + seed as u64;
+        let (logs, truth) = twin(&scenario, &paths[index], index);
+        let found = logs.estimate();
+        for squares in squares_at_epochs(&found, &truth).expect("covariances") {
+            for (mean, square) in means.iter_mut().zip(squares) {
+                *mean += square / (DRIVES * EPOCHS) as f64;
+            }
+        }
+    }
+    for ((name, degrees), mean) in [("position", 3.0), ("tilt", 2.0), ("yaw", 1.0)]
+        .iter()
+        .zip(means)
+    {
+        // The errors of yaw and tilt at the epochs of one drive hang together, so that the mean
+        // over them may scatter as one draw does: no fewer than the drives are independent.
+        // 99.9 % lie inside the band.
+        let [low, high] = band(*degrees, DRIVES as f64, 3.29);
+        println!("{name}: mean {mean:.3} of {degrees}, band {low:.2} to {high:.2}");
+        assert!((low..=high).contains(&mean), "{name}: {mean}");
+    }
+}
