@@ -345,6 +345,7 @@ fn document(full: Full) -> Value {
         variants: full.variants,
         mountings: full.mountings,
         drives: full.drives,
+        scenes: Vec::new(),
         origin_m: ORIGIN_M,
         background_m: full.background_m,
         made_s: 0.0,

@@ -9,9 +9,10 @@ use boresight::comparison::{
 use boresight::geometry::euler::rotation_from_euler_deg;
 use boresight::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Vec3, WorldFromBody, so3};
 use boresight::joint::JointReport;
+use boresight::judgement::judge;
 use boresight::progress::StageSeconds;
 use boresight::report::content::*;
-use boresight::report::verdicts;
+use boresight::results::{Calibrations, Drive, Results};
 use boresight::sensor::{PoseRecord, PoseSigma};
 use boresight::verdict::Acceptance;
 use nalgebra::{DMatrix, DVector};
@@ -70,7 +71,12 @@ impl Full {
             warnings: &self.warnings,
             ..Content::default()
         };
-        content.verdicts = verdicts(&content, &Acceptance::default());
+        let results = Results {
+            drives: content.drives,
+            placement: &[],
+            calibrations: content.calibrations,
+        };
+        content.verdicts = judge(&results, &Acceptance::default());
         content
     }
 }

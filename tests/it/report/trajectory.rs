@@ -4,11 +4,12 @@
 use super::adjusted::{START_S, solution};
 use super::checker::{check_self_contained, check_well_formed};
 use super::{keep, synthetic};
+use boresight::diagnostics::worst;
 use boresight::geometry::{Rotation, Vec3, WorldFromBody};
 use boresight::pipeline::result;
-use boresight::report::content::{Content, Drive};
-use boresight::report::diagnostics::worst;
+use boresight::report::content::Content;
 use boresight::report::render;
+use boresight::results::Drive;
 use boresight::sensor::{ImuBias, PoseRecord, PoseSigma};
 use boresight::trajectory::Solution;
 use serde_json::json;
