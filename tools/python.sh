@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Lints the Python package, builds its wheel, installs it in a new environment and tests it there. If Python, pip or
+# Builds the wheel of the Python package, installs it in a new environment and tests it there. If Python, pip or
 # the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -22,7 +22,7 @@ python="$folder/venv/bin/python"
 pip=("$python" -m pip --quiet --disable-pip-version-check)
 "${pip[@]}" install 'maturin>=1.7,<2' || without "maturin cannot be had"
 
-"$folder/venv/bin/maturin" build --release --locked --quiet --manifest-path python/Cargo.toml \
+"$folder/venv/bin/maturin" build --profile ci --locked --quiet --manifest-path python/Cargo.toml \
     --interpreter "$python" --out "$folder/wheels"
 wheel=$(echo "$folder"/wheels/*.whl)
 "${pip[@]}" install "$wheel" || without "numpy cannot be had"

@@ -19,9 +19,10 @@ DATA = REPOSITORY / "tests" / "data"
 
 def command_path() -> str | None:
     """The command: `BORESIGHT`, or that of the path, or that which cargo built."""
-    built = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target")) / "release" / "boresight"
-    found = os.environ.get("BORESIGHT") or shutil.which("boresight")
-    return found or (str(built) if built.exists() else None)
+    target = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
+    built = [path for profile in ("ci", "release") if (path := target / profile / "boresight").exists()]
+    named = os.environ.get("BORESIGHT") or shutil.which("boresight")
+    return named or (str(built[0]) if built else None)
 
 
 @pytest.fixture(scope="session")
