@@ -79,7 +79,7 @@ basin STARTS="100" DRIVE="":
 # The GeoCOM client and the simulated instrument against geocompy, by a PYTHON that has it and pyserial
 geocompy PYTHON:
     cargo build --release --features examples --example geocom_simulated --example geocom_track
-    BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --features examples --test clock geocompy -- --ignored --nocapture
+    BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --features examples --test it geocompy -- --ignored --nocapture
 
 # sbgECom, recorded and read, against the maker's library, installed in PREFIX (needs a C compiler)
 sbgecom PREFIX:

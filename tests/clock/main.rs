@@ -8,10 +8,10 @@
 mod common;
 
 mod corpora;
-mod geocom;
 mod kills;
 mod live;
 mod memory;
+mod rate;
 mod record;
 mod sbgecom;
 mod watch;

@@ -4,6 +4,7 @@ pub mod against_truth;
 pub mod consistency;
 pub mod demo_drive;
 pub mod field_days;
+pub mod instrument;
 pub mod joint_drive;
 pub mod kernels;
 pub mod moving;

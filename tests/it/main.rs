@@ -18,6 +18,7 @@ mod drift;
 mod faults;
 mod features;
 mod formats;
+mod geocom;
 mod gocator;
 mod init;
 mod inputs;

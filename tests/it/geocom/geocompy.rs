@@ -10,7 +10,7 @@ fn geocompy_agrees() {
     let test = std::env::current_exe().unwrap();
     // target/debug/deps/… -> target/debug/examples
     let examples = test.ancestors().nth(2).unwrap().join("examples");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clock/geocom/geocompy_check.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/geocom/geocompy_check.py");
     let ran = Command::new(python)
         .arg(script)
         .args(["geocom_simulated", "geocom_track"].map(|name| examples.join(name)))

@@ -1,6 +1,6 @@
 //! How fast an instrument of 7 Hz is read over TCP, and over a pseudo-terminal.
 
-use super::instrument::{self, quick, track};
+use crate::common::instrument::{self, quick, track};
 use boresight::record::geocom::TrackingSettings;
 use boresight::record::geocom::simulated::SimulatedSettings;
 

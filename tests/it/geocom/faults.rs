@@ -3,7 +3,7 @@
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use super::instrument::{self, Run, quick, track};
+use crate::common::instrument::{self, Run, quick, track};
 use boresight::record::geocom::simulated::{
     Fault, FaultKind, Simulated, SimulatedSettings, TcpInstrument,
 };

@@ -4,5 +4,3 @@ mod classes;
 mod codec;
 mod faults;
 mod geocompy;
-mod instrument;
-mod rate;
