@@ -142,3 +142,26 @@ impl Lines {
         (rows, cut_off)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_line_of_a_link_that_opens_in_the_middle_of_one_is_left_out() {
+        let mut lines = Lines::default();
+        assert_eq!(lines.opened(true), 0);
+        assert_eq!(lines.take(b"3", None), (Vec::new(), 1));
+        assert_eq!(
+            lines.take(b".4\r\n5.6\r\n7", None),
+            (b"5.6\r\n".to_vec(), 4)
+        );
+        assert_eq!(
+            lines.take(b"\r\n\n", Some(1.5)),
+            (b"1.500000,7\n".to_vec(), 0)
+        );
+        assert_eq!(lines.take(b"8", Some(1.5)), (Vec::new(), 0));
+        assert_eq!(lines.opened(false), 1);
+        assert_eq!(lines.take(b"9\n", None), (b"9\n".to_vec(), 0));
+    }
+}

@@ -359,11 +359,13 @@ fn leap(from_s: f64, to_s: f64) -> Error {
     let problem = if by_s > 0.0 {
         format!("the IMU log has a gap of {by_s:.3} s from {from_s:.3} s to {to_s:.3} s")
     } else {
-        format!("the times of the IMU log go back by {:.3} s, from {from_s:.3} s to {to_s:.3} s", -by_s)
+        format!(
+            "the times of the IMU log go back by {:.3} s, from {from_s:.3} s to {to_s:.3} s",
+            -by_s
+        )
     };
-    let remedy = format!(
-        "cut the drive there; gaps longer than {MAX_IMU_GAP_S} s cannot be bridged"
-    );
+    let remedy =
+        format!("cut the drive there; gaps longer than {MAX_IMU_GAP_S} s cannot be bridged");
     Error::data(problem, remedy)
 }
 

@@ -27,6 +27,14 @@ struct Row {
     follows: bool,
 }
 
+impl Row {
+    /// Whether it can come after another one.
+    fn fits(&self, last: &Self) -> bool {
+        let places = last.before..=last.before.saturating_add(LARGEST_PIECE);
+        self.follows && last.monotonic_s <= self.monotonic_s && places.contains(&self.before)
+    }
+}
+
 /// The rows of a file, one after the other; a last one that a crash cut off is left out.
 #[derive(Debug)]
 struct Rows {
@@ -87,25 +95,27 @@ pub(super) struct Arrivals {
 impl Arrivals {
     /// Reads them.
     pub(super) fn read(path: &Path, clock: &RecordingClock) -> Result<Self> {
-        let mut rows = Rows::open(path)?;
-        let mut pieces: Vec<Piece> = Vec::new();
-        while let Some(row) = rows.next()? {
-            let at_s = clock.common_s(row.monotonic_s);
-            if let Some(last) = pieces.last_mut() {
-                let could_end = last.before..=last.before.saturating_add(LARGEST_PIECE);
-                let is_next =
-                    row.follows && last.at_s <= at_s && could_end.contains(&row.before);
-                last.end = is_next.then_some(row.before);
-            }
-            pieces.push(Piece {
-                before: row.before,
-                end: None,
-                at_s,
-            });
+        let mut read = Rows::open(path)?;
+        let mut rows = Vec::new();
+        while let Some(row) = read.next()? {
+            rows.push(row);
         }
+        let fits: Vec<bool> = rows.windows(2).map(|pair| pair[1].fits(&pair[0])).collect();
+        let pairs = rows.iter().skip(1).zip(&fits);
+        let damaged = read.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
+        let pieces = rows.iter().enumerate().map(|(i, row)| {
+            // Of two rows that do not fit, either may be wrong: it is neither the end of a piece nor a beginning.
+            let near = &fits[i.saturating_sub(1)..fits.len().min(i + 2)];
+            let next = rows.get(i + 1).filter(|_| near.iter().all(|fits| *fits));
+            Piece {
+                before: row.before,
+                end: next.map(|next| next.before),
+                at_s: clock.common_s(row.monotonic_s),
+            }
+        });
         Ok(Self {
-            pieces,
-            damaged: rows.damaged,
+            pieces: pieces.collect(),
+            damaged,
         })
     }
 
@@ -184,7 +194,9 @@ impl Pieces {
         let end = match self.next {
             Some(next) => next.before,
             // What is more was not stamped any more.
-            None => self.bytes.clamp(before, before.saturating_add(LARGEST_PIECE)),
+            None => self
+                .bytes
+                .clamp(before, before.saturating_add(LARGEST_PIECE)),
         };
         let length = end.checked_sub(before);
         match length.filter(|length| *length <= LARGEST_PIECE) {
