@@ -294,7 +294,8 @@ fn with_keys(scenario: Scenario, keys: &[String]) -> Result<Scenario> {
     if keys.is_empty() {
         return Ok(scenario);
     }
-    let wrong = |key: &str, reason: String| Error::data(format!("--set {key}: {reason}"), "KEY=VALUE");
+    let wrong =
+        |key: &str, reason: String| Error::data(format!("--set {key}: {reason}"), "KEY=VALUE");
     let text = toml::to_string(&scenario).map_err(|e| wrong("", e.to_string()))?;
     let mut all: toml::Table = text
         .parse()

@@ -186,3 +186,6 @@ impl Tail {
         Ok(true)
     }
 }
+
+#[cfg(test)]
+mod tests;
