@@ -13,6 +13,8 @@ const LONG_GAP_S: f64 = 2.0;
 const NOTABLE_DELAY_S: f64 = 0.02;
 /// A sensor's clock that drifts by more in the course of a recording is named, seconds.
 const NOTABLE_DRIFT_S: f64 = 1e-3;
+/// A kill or a power cut costs the last second of a file: where log and times of arrival end farther apart, it is said.
+const NOTABLE_END_S: f64 = 1.0;
 
 /// What the recording of a drive says of the system's clock and of each of its logs; nothing where they were not
 /// recorded.
@@ -84,7 +86,7 @@ fn of_system(clock: &RecordingClock) -> Option<Verdict> {
     ))
 }
 
-/// The clock and the gaps of a sensor.
+/// The clock, the times of arrival and the gaps of a sensor.
 fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
     let mut said = Vec::new();
     let (median_ms, late_ms) = (1e3 * clock.delay_median_s, 1e3 * clock.delay_999_s);
@@ -124,6 +126,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
             )
         });
     }
+    said.extend(of_arrivals(name, clock));
     if clock.gaps > 0 {
         let text = format!(
             "{name}: nothing arrived for {:.1} s{}.",
@@ -144,4 +147,29 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
         });
     }
     said
+}
+
+/// Times of arrival that are missing.
+fn of_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
+    let mut missing = Vec::new();
+    if clock.damaged_arrivals > 0 {
+        let rows = clock.damaged_arrivals;
+        missing.push(format!("{rows} rows of its times of arrival are damaged"));
+    }
+    if clock.beyond_arrivals_s > NOTABLE_END_S {
+        let beyond_s = clock.beyond_arrivals_s;
+        missing.push(format!(
+            "the last {beyond_s:.1} s of its log have no times of arrival"
+        ));
+    }
+    (!missing.is_empty()).then(|| {
+        let text = format!(
+            "{name}: {}. Its clock follows from the other records.",
+            missing.join(", and ")
+        );
+        Verdict {
+            value: Some(clock.beyond_arrivals_s),
+            ..Verdict::note("recording.arrivals", text)
+        }
+    })
 }

@@ -89,6 +89,14 @@ pub(super) fn follow(
             if new.is_empty() {
                 progress.check()?;
                 if grown.elapsed() >= idle {
+                    let heading = heading.iter().map(|(_, tail)| tail);
+                    let tails = [&imu].into_iter().chain(heading).chain(&positions);
+                    for tail in tails.filter(|tail| !tail.partial.trim_ascii().is_empty()) {
+                        let path = tail.path.display();
+                        progress.warn(&format!(
+                            "{path}: the last line has no end and was left out"
+                        ));
+                    }
                     return Ok(());
                 }
                 std::thread::sleep(POLL);

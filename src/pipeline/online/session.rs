@@ -27,6 +27,8 @@ pub(super) struct Session<'a> {
     times_ms: Vec<f64>,
     poses: Vec<PoseRecord>,
     relinearised: usize,
+    /// Why there is no trajectory yet, as it was said last.
+    waits_for: Option<String>,
 }
 
 impl<'a> Session<'a> {
@@ -42,6 +44,7 @@ impl<'a> Session<'a> {
             times_ms: Vec::new(),
             poses: Vec::new(),
             relinearised: 0,
+            waits_for: None,
         })
     }
 
@@ -57,6 +60,7 @@ impl<'a> Session<'a> {
             }
         };
         if updates.is_empty() {
+            self.say_why_it_waits(progress);
             return Ok(());
         }
         self.times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
@@ -64,6 +68,18 @@ impl<'a> Session<'a> {
             self.record(update, progress)?;
         }
         Ok(())
+    }
+
+    /// Whoever sends records wants to know why no poses come.
+    fn say_why_it_waits(&mut self, progress: &dyn Progress) {
+        let why = self.smoother.waits_for();
+        if self.rows.is_none() || why == self.waits_for.as_deref() {
+            return;
+        }
+        if let Some(why) = why {
+            progress.say(&format!("no pose yet: {why}"));
+        }
+        self.waits_for = why.map(str::to_owned);
     }
 
     fn record(&mut self, update: &Update, progress: &dyn Progress) -> Result<()> {

@@ -94,6 +94,51 @@ fn a_recording_that_was_cut_at_a_dozen_places_is_read() {
     cut(12);
 }
 
+/// Log and times of arrival are written by turns: a kill or a power cut need not end them together, nor leave them
+/// undamaged.
+#[test]
+fn a_log_and_its_times_of_arrival_that_do_not_end_together_keep_its_clock() {
+    let (kept, recording) = recording();
+    let times_s = |folder: &Path| -> Vec<f64> {
+        let points = super::points(&folder.join("left.gocator"));
+        points.iter().map(|point| point.time_s).collect()
+    };
+    let whole = times_s(&recording);
+    let [log, stamps] = ["left.gocator", "left.stamps.csv"];
+    let bytes = fs::read(recording.join(log)).unwrap();
+    let rows = fs::read_to_string(recording.join(stamps)).unwrap();
+    let rows: Vec<&str> = rows.lines().collect();
+    // How many pieces the log and the times of arrival lack at their ends, and whether a row in the middle is damaged.
+    for (number, (of_log, of_stamps, is_damaged)) in [(0, 5, false), (5, 0, false), (0, 0, true)]
+        .into_iter()
+        .enumerate()
+    {
+        let cut = kept.path().join(format!("apart-{number}"));
+        fs::create_dir(&cut).unwrap();
+        for name in common::names(&recording) {
+            fs::copy(recording.join(&name), cut.join(&name)).unwrap();
+        }
+        let before: usize = rows[rows.len() - of_log.max(1)]
+            .split_once(',')
+            .unwrap()
+            .0
+            .parse()
+            .unwrap();
+        let end = if of_log > 0 { before } else { bytes.len() };
+        fs::write(cut.join(log), &bytes[..end]).unwrap();
+        let mut kept_rows = rows[..rows.len() - of_stamps].to_vec();
+        if is_damaged {
+            kept_rows[rows.len() / 2] = "\u{fffd}17";
+        }
+        fs::write(cut.join(stamps), kept_rows.join("\n") + "\n").unwrap();
+        let found = times_s(&cut);
+        assert!(found.len() + 6 * 320 > whole.len());
+        for (found, whole) in found.iter().zip(&whole) {
+            assert!((found - whole).abs() < 1e-5, "{number}: {found} {whole}");
+        }
+    }
+}
+
 /// Kills so many recordings, each a little later.
 fn kill(times: u32) {
     let (kept, recording) = recording();

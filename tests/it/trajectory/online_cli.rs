@@ -196,3 +196,21 @@ fn followed(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
     assert!(apart_m(batch, &poses(folder, "followed/trajectory.csv")) < BOUND_M);
     assert!(!folder.join("followed/new-rows.csv").exists());
 }
+
+#[test]
+fn a_last_line_without_an_end_is_named() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    project(folder);
+    let path = folder.join("prism.csv");
+    let text = std::fs::read_to_string(&path).expect("a log");
+    std::fs::write(&path, text.trim_end()).expect("written");
+    let output = boresight(folder, "cut", &["--online", "--follow", "--idle-s", "0.2"]).output();
+    let output = output.expect("it runs");
+    assert!(output.status.success());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("prism.csv: the last line has no end"),
+        "{told}"
+    );
+}

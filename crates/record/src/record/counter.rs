@@ -26,6 +26,13 @@ impl Counter {
         }
     }
 
+    /// The link was opened again: what is begun of a line is none.
+    pub(super) fn reopened(&mut self) {
+        if let Self::Lines(length) = self {
+            *length = 0;
+        }
+    }
+
     /// What the sensor says of itself, if it does.
     pub(super) fn word(&self) -> String {
         match self {

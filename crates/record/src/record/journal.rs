@@ -94,26 +94,31 @@ impl<'a> Journal<'a> {
     /// Appends bytes.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be written, or a file of the recording not be brought to the disk.
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
-        self.pending.extend_from_slice(bytes);
-        self.bytes += bytes.len() as u64;
-        if self.pending.len() >= PENDING {
-            self.write()?;
-        }
+        self.add(bytes);
         self.write_if_due()
     }
 
     /// Hands to the system what was appended, if that is due; to be called also where nothing arrives.
     ///
     /// # Errors
-    /// The file cannot be written, or a file of the recording not be brought to the disk.
+    /// See [`Self::append`].
     pub fn write_if_due(&mut self) -> Result<()> {
-        if self.written.elapsed() < WRITE {
+        if !self.is_due() {
             return Ok(());
         }
         self.disk.check()?;
         self.write()
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        self.pending.extend_from_slice(bytes);
+        self.bytes += bytes.len() as u64;
+    }
+
+    fn is_due(&self) -> bool {
+        self.pending.len() >= PENDING || self.written.elapsed() >= WRITE
     }
 
     /// Brings to the disk what was appended.
@@ -167,17 +172,23 @@ impl<'a> StampedJournal<'a> {
     pub fn append(&mut self, bytes: &[u8], at: Stamp) -> Result<()> {
         let (before, monotonic_s, unix_s) = (self.sent.bytes(), at.monotonic_s(), at.unix_s());
         let row = format!("{before},{monotonic_s:.6},{unix_s:.6}\n");
-        self.sent.append(bytes)?;
-        self.stamps.append(row.as_bytes())
+        self.stamps.add(row.as_bytes());
+        self.sent.add(bytes);
+        self.write_if_due()
     }
 
-    /// See [`Journal::write_if_due`].
+    /// See [`Journal::write_if_due`]. Times of arrival are handed over before what arrived: a kill leaves no bytes without
+    /// one.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write_if_due(&mut self) -> Result<()> {
-        self.sent.write_if_due()?;
-        self.stamps.write_if_due()
+        if !(self.stamps.is_due() || self.sent.is_due()) {
+            return Ok(());
+        }
+        self.sent.disk.check()?;
+        self.stamps.write()?;
+        self.sent.write()
     }
 
     /// See [`Journal::flush`].
@@ -185,7 +196,7 @@ impl<'a> StampedJournal<'a> {
     /// # Errors
     /// A file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
-        self.sent.flush()?;
-        self.stamps.flush()
+        self.stamps.flush()?;
+        self.sent.flush()
     }
 }

@@ -10,7 +10,7 @@ use super::clock::Clock;
 use super::coverage::{Coverage, Seen};
 use super::field::Field;
 use super::tail::Tail;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
 use crate::geometry::heading::heading_rad;
@@ -75,11 +75,11 @@ pub(super) fn follow(
             Ok(()) => show(&|view| {
                 view.pose = live.pose;
                 view.boards = live.coverage.seen();
-                view.trouble = live.missing.clone();
+                view.trouble = live.missing();
             }),
             Err(error) => {
-                show(&|view| view.trouble = Some(error.to_string()));
-                live.begin_again();
+                live.begin_again(&error);
+                show(&|view| view.trouble = live.missing());
             }
         }
         std::thread::sleep(LOOK);
@@ -100,14 +100,15 @@ struct Live {
     smoothers: Vec<(Online, f64)>,
     pose: Option<LivePose>,
     coverage: Coverage,
-    missing: Option<String>,
+    /// Why the smoothers lost their way; `None` once there is a pose again.
+    failure: Option<String>,
 }
 
 impl Live {
     fn open(field: &Field, folder: &Path) -> Result<Self> {
         let project = Project::read(&folder.join("project.toml"))?;
         let Motion::Logs(logs) = &project.motion else {
-            return Err(crate::error::Error::data(
+            return Err(Error::data(
                 "the project has poses, not logs",
                 "name the sources of [project.imu] and [project.prism] or [project.gnss]",
             ));
@@ -115,8 +116,7 @@ impl Live {
         let name = format!("boresight-live-{}-{}", std::process::id(), folder.display());
         let name = name.replace(['/', '\\', ':'], "-");
         let scratch = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&scratch)
-            .map_err(|error| crate::error::Error::io(&scratch, error))?;
+        std::fs::create_dir_all(&scratch).map_err(|error| Error::io(&scratch, error))?;
         let tail = |path: &Path, name: &str| Tail::new(path, &scratch.join(name));
         let mut settings = logs.settings.clone();
         settings.estimate.clear();
@@ -138,16 +138,33 @@ impl Live {
             settings,
             smoothers: Vec::new(),
             pose: None,
-            missing: Some("waits for the IMU and positions".into()),
+            failure: None,
             scratch,
             project,
         })
     }
 
     /// The smoothers lost their way.
-    fn begin_again(&mut self) {
+    fn begin_again(&mut self, error: &Error) {
         self.smoothers.clear();
         self.pose = None;
+        self.failure = Some(error.to_string());
+    }
+
+    /// Why there is no pose.
+    fn missing(&self) -> Option<String> {
+        if self.pose.is_some() {
+            return None;
+        }
+        let mut tails = [&self.imu]
+            .into_iter()
+            .chain(&self.heading)
+            .chain(&self.positions);
+        let smoother = self.smoothers.first();
+        let why = self.failure.as_deref();
+        let why = why.or_else(|| tails.find_map(Tail::trouble));
+        let why = why.or_else(|| smoother.and_then(|(smoother, _)| smoother.waits_for()));
+        Some(why.unwrap_or("waits for the IMU and positions").to_owned())
     }
 
     /// Reads what is new and takes it in.
@@ -156,37 +173,44 @@ impl Live {
             return Ok(());
         };
         let logs: Logs = (**logs).clone();
-        let imu = self
+        let mut imu = self
             .imu
             .next(common_s, format::read_imu, |s: &mut ImuSample| {
                 &mut s.time_s
             })?;
-        let headings = match &mut self.heading {
-            Some(tail) => tail.next(common_s, format::read_heading, |h: &mut HeadingFix| {
+        for sample in &mut imu {
+            sample.time_s += logs.imu.time_offset_s;
+        }
+        let mut headings: Vec<HeadingFix> = Vec::new();
+        if let (Some(tail), Some(log)) = (&mut self.heading, &logs.heading) {
+            headings = tail.next(common_s, format::read_heading, |h: &mut HeadingFix| {
                 &mut h.time_s
-            })?,
-            None => Vec::new(),
-        };
+            })?;
+            for fix in &mut headings {
+                fix.time_s += log.time_offset_s;
+            }
+        }
         let mut fixes: Vec<(usize, PositionFix)> = Vec::new();
         for (sensor, (tail, log)) in self.positions.iter_mut().zip(&logs.positions).enumerate() {
             let crs = self.project.crs.as_ref();
+            // New rows of a table may all be without a range.
+            let is_table = log.path.extension().is_some_and(|end| end == "csv");
             let read = |path: &Path| {
-                let read = match crs {
-                    Some(_) => format::read_projected_positions(path, &log.observations, crs),
-                    None => format::read_new_positions(path, &log.observations),
+                let read = if is_table {
+                    format::read_new_positions(path, &log.observations)
+                } else {
+                    format::read_projected_positions(path, &log.observations, crs)
                 };
                 read.map(|found| found.fixes)
             };
             let new = tail.next(common_s, read, |f: &mut PositionFix| &mut f.time_s)?;
             fixes.extend(new.into_iter().map(|mut fix| {
+                fix.time_s += log.time_offset_s;
                 fix.position_m -= self.project.origin_m;
                 (sensor, fix)
             }));
         }
-        let Some(now_s) = imu.last().map(|sample| sample.time_s) else {
-            return Ok(());
-        };
-        self.renew(now_s)?;
+        self.renew(common_s)?;
         let mut newest: Option<Update> = None;
         for (i, (smoother, _)) in self.smoothers.iter_mut().enumerate() {
             let mut updates = Vec::new();
@@ -210,7 +234,7 @@ impl Live {
         if let Some(update) = newest {
             let world_from_body = update.pose.world_from_body;
             let sigma = update.pose.sigma;
-            self.missing = None;
+            self.failure = None;
             self.pose = Some(LivePose {
                 time_s: update.pose.time_s,
                 position_m: world_from_body.translation_m + self.project.origin_m,
@@ -241,3 +265,6 @@ impl Live {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

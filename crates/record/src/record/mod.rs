@@ -18,6 +18,8 @@ mod station;
 mod status;
 mod stream;
 mod tail;
+#[cfg(test)]
+mod tests;
 mod thread;
 
 pub use clock::{Clock, ClockState, Stamp, StepWatch};

@@ -198,7 +198,8 @@ impl Sender {
         let failed = |error| Error::io(&self.log, error);
         let mut file = File::open(&self.log).map_err(failed)?;
         let mut bytes = Vec::new();
-        for (number, (length, arrived_s)) in pieces.enumerate() {
+        for (number, piece) in pieces.enumerate() {
+            let (length, arrived_s) = piece?;
             bytes.resize(length, 0);
             match file.read_exact(&mut bytes) {
                 Ok(()) => {}

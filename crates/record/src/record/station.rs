@@ -12,9 +12,13 @@ const DISTANCES: &str = "time_s,slope_distance_m,horizontal_deg,vertical_deg,sta
 /// The measurement program whose angles are those of the time of the distance.
 const SYNCHRONOUS: u16 = 10;
 const ANGLES: &str = "time_s,horizontal_deg,vertical_deg,monotonic_s,round_trip_s\n";
+/// In the instrument's own system, of which nothing is known here.
+const COORDINATES: &str =
+    "time_s,east_m,north_m,up_m,status,monotonic_s,round_trip_s,instrument_time_s\n";
 
 /// Records a total station until it is told to stop: distances with their angles in `name.csv`, which is a log of
-/// polar observations, and the angles between distances in `name.angles.csv`.
+/// polar observations, and the angles between distances in `name.angles.csv`; of an instrument that gives coordinates
+/// instead of distances, these in `name.coordinates.csv`.
 ///
 /// # Errors
 /// A file cannot be written. A link that ends is opened again; an instrument that refuses is said.
@@ -23,36 +27,22 @@ pub fn record(thread: &SourceThread<'_>, settings: &TrackingSettings) -> Result<
         interval: settings.interval.div_f64(thread.clock.speed()),
         ..settings.clone()
     };
-    let name = &thread.source.name;
-    let mut distances = Journal::create(&thread.folder.join(thread.source.file()), thread.disk)?;
-    distances.append(DISTANCES.as_bytes())?;
-    let mut angles = Journal::create(
-        &thread.folder.join(format!("{name}.angles.csv")),
-        thread.disk,
-    )?;
-    angles.append(ANGLES.as_bytes())?;
+    let mut logs = StationLogs::create(thread, settings)?;
     let mut station: Option<Instrument<Wire, Stamp>> = None;
     while thread.goes_on() {
-        match tracked(
-            thread,
-            settings,
-            &mut station,
-            (&mut distances, &mut angles),
-        ) {
+        match tracked(thread, settings, &mut station, &mut logs) {
             Ok(()) => {}
             Err(Failure::Disk(error)) => return Err(error),
             Err(Failure::Link(error)) => thread.failed(&error)?,
         }
-        distances.write_if_due()?;
-        angles.write_if_due()?;
+        logs.write_if_due()?;
     }
     if let Some(mut station) = station
         && let Err(error) = station.stop()
     {
         thread.event(&format!("could not be left as it was: {error}"))?;
     }
-    distances.flush()?;
-    angles.flush()
+    logs.flush()
 }
 
 /// What ends a link, or the recording.
@@ -66,7 +56,7 @@ fn tracked(
     thread: &SourceThread<'_>,
     settings: &TrackingSettings,
     station: &mut Option<Instrument<Wire, Stamp>>,
-    (distances, angles): (&mut Journal<'_>, &mut Journal<'_>),
+    logs: &mut StationLogs<'_, '_>,
 ) -> std::result::Result<(), Failure> {
     let place = &thread.source.place;
     let wire = place.open().map_err(Failure::Link)?;
@@ -79,11 +69,13 @@ fn tracked(
             let clock = thread.clock.clone();
             let now = move || clock.now();
             let opened = Instrument::connect(wire, &place.to_string(), settings.clone(), now);
-            let opened = station.insert(opened.map_err(Failure::Link)?);
-            opened.start().map_err(Failure::Link)?;
-            opened
+            station.insert(opened.map_err(Failure::Link)?)
         }
     };
+    // An instrument that could not start before may now.
+    if !station.is_tracking() {
+        station.start().map_err(Failure::Link)?;
+    }
     thread.status.opened();
     let identity = station.identity();
     let charge = identity
@@ -95,51 +87,112 @@ fn tracked(
         .map_err(Failure::Disk)?;
     while thread.goes_on() {
         match station.next_event().map_err(Failure::Link)? {
-            Event::Measured(found) => {
-                write(thread, settings, &found, distances, angles).map_err(Failure::Disk)?;
-            }
+            Event::Measured(found) => logs.add(&found).map_err(Failure::Disk)?,
             Event::Lost => thread.said("prism lost").map_err(Failure::Disk)?,
             Event::Found => thread.said("locked").map_err(Failure::Disk)?,
             Event::Note(text) => thread.event(&text).map_err(Failure::Disk)?,
         }
-        distances.write_if_due().map_err(Failure::Disk)?;
+        logs.write_if_due().map_err(Failure::Disk)?;
     }
     Ok(())
 }
 
-fn write(
-    thread: &SourceThread<'_>,
-    settings: &TrackingSettings,
-    found: &Measurement<Stamp>,
-    distances: &mut Journal<'_>,
-    angles: &mut Journal<'_>,
-) -> Result<()> {
-    let Some(seen) = found.angles else {
-        return Ok(());
-    };
-    let trip_s = found.round_trip.as_secs_f64() * thread.clock.speed();
-    // The angles were measured between request and reply.
-    let time_s = thread.clock.common_s(&found.arrived) - 0.5 * trip_s;
-    let monotonic_s = found.arrived.monotonic_s();
-    let (hz_deg, v_deg) = (seen.hz_rad.to_degrees(), seen.v_rad.to_degrees());
-    match found.distance_m {
-        Some(distance_m) => {
-            // Of GeoCOM: 0 where all is well.
-            let status = found.code.0;
-            let is_synchronous = u8::from(settings.program == Some(SYNCHRONOUS));
-            let own = found
-                .instrument_time_s
-                .map_or(String::new(), |t| format!("{t:.3}"));
+/// The logs of a total station.
+struct StationLogs<'t, 'a> {
+    thread: &'t SourceThread<'a>,
+    is_synchronous: bool,
+    distances: Journal<'a>,
+    angles: Journal<'a>,
+    /// Of an instrument that gives coordinates instead of distances.
+    coordinates: Option<Journal<'a>>,
+}
+
+impl<'t, 'a> StationLogs<'t, 'a> {
+    fn create(thread: &'t SourceThread<'a>, settings: &TrackingSettings) -> Result<Self> {
+        let name = &thread.source.name;
+        let begin = |file: &str, header: &str| {
+            let mut log = Journal::create(&thread.folder.join(file), thread.disk)?;
+            log.append(header.as_bytes())?;
+            Ok::<_, Error>(log)
+        };
+        Ok(Self {
+            thread,
+            is_synchronous: settings.program == Some(SYNCHRONOUS),
+            distances: begin(&thread.source.file(), DISTANCES)?,
+            angles: begin(&format!("{name}.angles.csv"), ANGLES)?,
+            coordinates: None,
+        })
+    }
+
+    fn add(&mut self, found: &Measurement<Stamp>) -> Result<()> {
+        let thread = self.thread;
+        let trip_s = found.round_trip.as_secs_f64() * thread.clock.speed();
+        // Everything was measured between request and reply.
+        let time_s = thread.clock.common_s(&found.arrived) - 0.5 * trip_s;
+        let monotonic_s = found.arrived.monotonic_s();
+        // Of GeoCOM: 0 where all is well.
+        let status = found.code.0;
+        let own = found
+            .instrument_time_s
+            .map_or(String::new(), |t| format!("{t:.3}"));
+        if let Some([east_m, north_m, up_m]) = found.position_m {
             let row = format!(
-                "{time_s:.6},{distance_m:.5},{hz_deg:.7},{v_deg:.7},{status},{monotonic_s:.6},{trip_s:.6},{is_synchronous},{own}\n"
+                "{time_s:.6},{east_m:.5},{north_m:.5},{up_m:.5},{status},{monotonic_s:.6},{trip_s:.6},{own}\n"
             );
-            distances.append(row.as_bytes())?;
+            self.coordinates()?.append(row.as_bytes())?;
             thread.status.arrived(1, row.len(), found.arrived);
         }
-        None => {
-            let row = format!("{time_s:.6},{hz_deg:.7},{v_deg:.7},{monotonic_s:.6},{trip_s:.6}\n");
-            angles.append(row.as_bytes())?;
+        let Some(seen) = found.angles else {
+            return Ok(());
+        };
+        let (hz_deg, v_deg) = (seen.hz_rad.to_degrees(), seen.v_rad.to_degrees());
+        match found.distance_m {
+            Some(distance_m) => {
+                let is_synchronous = u8::from(self.is_synchronous);
+                let row = format!(
+                    "{time_s:.6},{distance_m:.5},{hz_deg:.7},{v_deg:.7},{status},{monotonic_s:.6},{trip_s:.6},{is_synchronous},{own}\n"
+                );
+                self.distances.append(row.as_bytes())?;
+                thread.status.arrived(1, row.len(), found.arrived);
+            }
+            None => {
+                let row =
+                    format!("{time_s:.6},{hz_deg:.7},{v_deg:.7},{monotonic_s:.6},{trip_s:.6}\n");
+                self.angles.append(row.as_bytes())?;
+            }
         }
+        Ok(())
     }
-    Ok(())
+
+    /// The log of coordinates, which is begun with the first of them.
+    fn coordinates(&mut self) -> Result<&mut Journal<'a>> {
+        let log = match self.coordinates.take() {
+            Some(log) => log,
+            None => {
+                let file = format!("{}.coordinates.csv", self.thread.source.name);
+                let path = self.thread.folder.join(&file);
+                let mut log = Journal::create(&path, self.thread.disk)?;
+                log.append(COORDINATES.as_bytes())?;
+                self.thread.said(&format!(
+                    "gives coordinates instead of distances: they are in {file}"
+                ))?;
+                log
+            }
+        };
+        Ok(self.coordinates.insert(log))
+    }
+
+    fn all(&mut self) -> impl Iterator<Item = &mut Journal<'a>> {
+        [&mut self.distances, &mut self.angles]
+            .into_iter()
+            .chain(&mut self.coordinates)
+    }
+
+    fn write_if_due(&mut self) -> Result<()> {
+        self.all().try_for_each(Journal::write_if_due)
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.all().try_for_each(Journal::flush)
+    }
 }

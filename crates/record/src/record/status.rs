@@ -22,7 +22,8 @@ struct State {
     bytes: u64,
     openings: u64,
     damaged: u64,
-    recent: VecDeque<f64>,
+    /// Times at which records arrived of late, seconds, and how many.
+    recent: VecDeque<(f64, u64)>,
     first_s: Option<f64>,
     word: String,
     error: Option<String>,
@@ -83,10 +84,13 @@ impl Status {
         state.bytes += bytes as u64;
         let now_s = at.monotonic_s();
         state.first_s.get_or_insert(now_s);
-        for _ in 0..records.min(1000) {
-            state.recent.push_back(now_s);
+        if records > 0 {
+            state.recent.push_back((now_s, records));
         }
-        while state.recent.len() > 1 && state.recent.front().is_some_and(|t| now_s - t > RATE_S) {
+        let is_old = |recent: &VecDeque<(f64, u64)>| {
+            recent.len() > 1 && recent.front().is_some_and(|(t, _)| now_s - t > RATE_S)
+        };
+        while is_old(&state.recent) {
             state.recent.pop_front();
         }
     }
@@ -115,14 +119,15 @@ impl Status {
     pub fn seen(&self, now: Stamp) -> Seen {
         let state = self.state();
         let now_s = now.monotonic_s();
-        let lately = state.recent.iter().filter(|t| now_s - *t <= RATE_S).count();
+        let lately = state.recent.iter().filter(|(t, _)| now_s - t <= RATE_S);
+        let lately: u64 = lately.map(|(_, records)| records).sum();
         let span_s = state
             .first_s
             .map_or(RATE_S, |first| (now_s - first).clamp(0.1, RATE_S));
-        let age_s = state.recent.back().map(|last| now_s - last);
+        let age_s = state.recent.back().map(|(last, _)| now_s - last);
         let rate_hz = lately as f64 / span_s;
         let interval_s = match (state.recent.front(), state.recent.back()) {
-            (Some(first), Some(last)) if state.recent.len() > 1 => {
+            (Some((first, _)), Some((last, _))) if state.recent.len() > 1 => {
                 (last - first) / (state.recent.len() - 1) as f64
             }
             _ => 0.0,
@@ -152,6 +157,16 @@ mod tests {
             monotonic_ns: (1e9 * seconds) as u64,
             unix_ns: 0,
         }
+    }
+
+    #[test]
+    fn a_flood_is_counted_whole() {
+        let status = Status::default();
+        for i in 0..20 {
+            status.arrived(5000, 40_000, at(0.1 * f64::from(i)));
+        }
+        let rate_hz = status.seen(at(2.0)).rate_hz;
+        assert!((rate_hz - 50_000.0).abs() < 1.0, "{rate_hz}");
     }
 
     #[test]

@@ -4,11 +4,11 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
 
-use super::clock::Stamp;
 use super::counter::{Counter, LONGEST_LINE};
 use super::field::Kind;
 use super::geocom::Link;
 use super::journal::StampedJournal;
+use super::place::Place;
 use super::thread::SourceThread;
 use crate::error::{Error, Result};
 
@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 const PATIENCE: Duration = Duration::from_millis(200);
 
 /// Records what a sensor sends until told to stop: bytes as they are, with the times of their arrival beside them;
-/// lines below the header of their table.
+/// whole lines below the header of their table.
 ///
 /// # Errors
 /// A file cannot be written. A link that ends is opened again.
@@ -24,16 +24,19 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     let (folder, source) = (thread.folder, thread.source);
     let mut journal =
         StampedJournal::create(folder, &source.name, source.kind.extension(), thread.disk)?;
+    let is_table = matches!(source.kind, Kind::Lines(_));
     let is_timed_here = source.kind.is_timed_here();
     if let Kind::Lines(header) = &source.kind {
         let time = if is_timed_here { "time_s," } else { "" };
         journal.append(format!("{time}{header}\n").as_bytes(), thread.clock.now())?;
     }
-    let mut begun_line = Vec::new();
+    let mut lines = Lines::default();
     let mut said = String::new();
     let mut counter = Counter::new(&source.kind);
     let mut buffer = vec![0; 1 << 16];
     while thread.goes_on() {
+        // However long the link stays away.
+        journal.write_if_due()?;
         let mut wire = match source.place.open() {
             Ok(wire) => wire,
             Err(error) => {
@@ -48,6 +51,9 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
         }
         thread.status.opened();
         thread.event("connected")?;
+        counter.reopened();
+        let is_serial = matches!(source.place, Place::Serial(..));
+        thread.status.damaged(lines.opened(is_serial));
         while thread.goes_on() {
             match wire.read(&mut buffer) {
                 Ok(0) => {
@@ -56,16 +62,17 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
                 }
                 Ok(count) => {
                     let at = thread.clock.now();
-                    match is_timed_here {
-                        true => {
-                            let rows = timed(&buffer[..count], &mut begun_line, thread, at);
-                            if !rows.is_empty() {
-                                journal.append(&rows, at)?;
-                            }
+                    let (records, mut damaged) = counter.take(&buffer[..count]);
+                    if is_table {
+                        let time_s = is_timed_here.then(|| thread.clock.common_s(&at));
+                        let (rows, cut_off) = lines.take(&buffer[..count], time_s);
+                        damaged += cut_off;
+                        if !rows.is_empty() {
+                            journal.append(&rows, at)?;
                         }
-                        false => journal.append(&buffer[..count], at)?,
+                    } else {
+                        journal.append(&buffer[..count], at)?;
                     }
-                    let (records, damaged) = counter.take(&buffer[..count]);
                     thread.status.arrived(records, count, at);
                     thread.status.damaged(damaged);
                     let word = counter.word();
@@ -89,21 +96,72 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     journal.flush()
 }
 
-/// Whole lines with the time of their arrival before them; the beginning of one is kept for later.
-fn timed(bytes: &[u8], begun: &mut Vec<u8>, thread: &SourceThread<'_>, at: Stamp) -> Vec<u8> {
-    let time_s = thread.clock.common_s(&at);
-    let mut rows = Vec::new();
-    for part in bytes.split_inclusive(|byte| *byte == b'\n') {
-        begun.extend_from_slice(part);
-        if begun.ends_with(b"\n") || begun.len() >= LONGEST_LINE {
-            let line = begun.trim_ascii_end();
-            if !line.is_empty() {
-                rows.extend_from_slice(format!("{time_s:.6},").as_bytes());
-                rows.extend_from_slice(line);
-                rows.push(b'\n');
-            }
-            begun.clear();
-        }
+/// The lines of a table, of which pieces arrive: a number of which a part is missing is a wrong one.
+#[derive(Default)]
+struct Lines {
+    /// The beginning of a line whose end is still to come.
+    begun: Vec<u8>,
+    /// Whether the beginning of the present line is missing.
+    is_cut: bool,
+}
+
+impl Lines {
+    /// The link was opened, perhaps in the middle of a line; how many bytes the end of the last one cut off.
+    fn opened(&mut self, is_cut: bool) -> u64 {
+        self.is_cut = is_cut;
+        let begun = std::mem::take(&mut self.begun);
+        begun.len() as u64
     }
-    rows
+
+    /// The lines that these bytes complete, and how many bytes belong to a line whose beginning is missing. Before each
+    /// line stands the time if there is one, else lines are as they arrived.
+    fn take(&mut self, bytes: &[u8], time_s: Option<f64>) -> (Vec<u8>, u64) {
+        let (mut rows, mut cut_off) = (Vec::new(), 0);
+        for part in bytes.split_inclusive(|byte| *byte == b'\n') {
+            if self.is_cut {
+                self.is_cut = !part.ends_with(b"\n");
+                cut_off += part.len() as u64;
+                continue;
+            }
+            self.begun.extend_from_slice(part);
+            if !self.begun.ends_with(b"\n") && self.begun.len() < LONGEST_LINE {
+                continue;
+            }
+            let line = self.begun.trim_ascii_end();
+            match time_s {
+                Some(_) if line.is_empty() => {}
+                Some(time_s) => {
+                    rows.extend_from_slice(format!("{time_s:.6},").as_bytes());
+                    rows.extend_from_slice(line);
+                    rows.push(b'\n');
+                }
+                None => rows.extend_from_slice(&self.begun),
+            }
+            self.begun.clear();
+        }
+        (rows, cut_off)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_line_of_a_link_that_opens_in_the_middle_of_one_is_left_out() {
+        let mut lines = Lines::default();
+        assert_eq!(lines.opened(true), 0);
+        assert_eq!(lines.take(b"3", None), (Vec::new(), 1));
+        assert_eq!(
+            lines.take(b".4\r\n5.6\r\n7", None),
+            (b"5.6\r\n".to_vec(), 4)
+        );
+        assert_eq!(
+            lines.take(b"\r\n\n", Some(1.5)),
+            (b"1.500000,7\n".to_vec(), 0)
+        );
+        assert_eq!(lines.take(b"8", Some(1.5)), (Vec::new(), 0));
+        assert_eq!(lines.opened(false), 1);
+        assert_eq!(lines.take(b"9\n", None), (b"9\n".to_vec(), 0));
+    }
 }

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 use crate::sensor::Timed;
 
 /// Bytes that are looked at: of binary logs some seconds before the new ones, as their times rest on them.
@@ -13,6 +13,10 @@ const WINDOW: usize = 1 << 18;
 const LEARNING_S: f64 = 4.0;
 /// Own times this near to the common time are that time, seconds.
 const SAME_CLOCK_S: f64 = 0.25;
+/// Own times that go back by more are those of a sensor that was started again, as in a whole log; a clock that leaps
+/// ahead by more was set. Seconds.
+const BACK_S: f64 = 1.0;
+const AHEAD_S: f64 = 3600.0;
 
 /// A log that grows, and what was read of it.
 pub(super) struct Tail {
@@ -23,10 +27,14 @@ pub(super) struct Tail {
     header: Vec<u8>,
     window: Vec<u8>,
     read: u64,
+    /// Whether the first row of the window is one whose beginning was passed over.
+    begins_cut: bool,
     newest_own_s: f64,
     /// When it began to learn, and the least difference of common and own time since then, seconds.
     learning: Option<(f64, f64)>,
     offset_s: Option<f64>,
+    /// Why the last bytes gave no record.
+    trouble: Option<String>,
 }
 
 impl Tail {
@@ -39,10 +47,17 @@ impl Tail {
             header: Vec::new(),
             window: Vec::new(),
             read: 0,
+            begins_cut: false,
             newest_own_s: f64::NEG_INFINITY,
             learning: None,
             offset_s: None,
+            trouble: None,
         }
+    }
+
+    /// Why the last bytes gave no record.
+    pub(super) fn trouble(&self) -> Option<&str> {
+        self.trouble.as_deref()
     }
 
     /// The records that arrived since the last time, with their common times; none while the offset of their clock
@@ -59,21 +74,25 @@ impl Tail {
         if !self.advance()? {
             return Ok(Vec::new());
         }
-        let mut records = match read(&self.scratch) {
+        let mut records = match read(&self.scratch).map_err(|error| self.of_log(error)) {
             Ok(records) => records,
-            // Nothing of this kind yet.
-            Err(Error::Format { .. }) if self.newest_own_s == f64::NEG_INFINITY => {
+            // Nothing of this kind: yet, or ever. A window of a binary log may hold none of it after an outage.
+            Err(error @ Error::Format { .. })
+                if !self.is_table || self.newest_own_s == f64::NEG_INFINITY =>
+            {
+                self.trouble = Some(error.to_string());
                 return Ok(Vec::new());
             }
             Err(error) => return Err(error),
         };
+        self.trouble = None;
         let newest_s = self.newest_own_s;
         // Binary logs: those of the window before the new ones are known. A clock that leaps begins anew.
         let last_s = records.last().map_or(newest_s, T::time_s);
-        if (last_s - newest_s).abs() > 3600.0 {
-            (self.learning, self.offset_s) = (None, None);
-        } else {
+        if (-BACK_S..AHEAD_S).contains(&(last_s - newest_s)) {
             records.retain(|record| record.time_s() > newest_s);
+        } else {
+            (self.learning, self.offset_s) = (None, None);
         }
         self.newest_own_s = last_s;
         if records.is_empty() {
@@ -96,6 +115,16 @@ impl Tail {
         Ok(records)
     }
 
+    /// An error of what was read, as one of the log; lines and bytes are those of a part of it.
+    fn of_log(&self, error: Error) -> Error {
+        match error {
+            Error::Format {
+                found, expected, ..
+            } => Error::format(&self.path, Location::Whole, found, expected),
+            other => other.renamed(&self.scratch, &self.path),
+        }
+    }
+
     /// Writes what is to be read now; false where nothing arrived.
     fn advance(&mut self) -> Result<bool> {
         let failed = |error| Error::io(&self.path, error);
@@ -105,9 +134,6 @@ impl Tail {
         let from = self.read.max(length.saturating_sub(WINDOW as u64));
         if length == self.read {
             return Ok(false);
-        }
-        if from > self.read {
-            self.window.clear();
         }
         if self.is_table && self.header.is_empty() {
             let mut start = vec![0; 4096.min(length as usize)];
@@ -119,6 +145,10 @@ impl Tail {
             self.header = start;
         }
         let from = from.max(self.header.len() as u64);
+        if from > self.read.max(self.header.len() as u64) {
+            self.window.clear();
+            self.begins_cut = true;
+        }
         file.seek(SeekFrom::Start(from)).map_err(failed)?;
         let before = self.window.len();
         file.take(length.saturating_sub(from))
@@ -128,21 +158,19 @@ impl Tail {
         let text = match self.is_table {
             true => {
                 let Some(end) = self.window.iter().rposition(|byte| *byte == b'\n') else {
+                    if self.window.len() > WINDOW {
+                        self.window.clear();
+                        self.begins_cut = true;
+                    }
                     return Ok(false);
                 };
                 let rest = self.window.split_off(end + 1);
                 let rows = std::mem::replace(&mut self.window, rest);
-                // The first of them is cut where bytes were passed over.
-                let begin = match from == self.header.len() as u64
-                    || before > 0
-                    || self.newest_own_s.is_finite()
-                {
-                    true => 0,
-                    false => rows
-                        .iter()
-                        .position(|byte| *byte == b'\n')
-                        .map_or(0, |at| at + 1),
-                };
+                let mut begin = 0;
+                if std::mem::take(&mut self.begins_cut) {
+                    let first = rows.iter().position(|byte| *byte == b'\n');
+                    begin = first.map_or(0, |at| at + 1);
+                }
                 [self.header.as_slice(), &rows[begin..]].concat()
             }
             false => {
@@ -158,3 +186,6 @@ impl Tail {
         Ok(true)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,11 +5,12 @@
 //! The cost of an update does not depend on how long the drive has lasted.
 
 use super::finish::{finish, trajectory_so_far};
+use super::meeting::check_meeting;
 use super::options::OnlineOptions;
 use super::records::{Given, Record};
 use super::running::Running;
 use super::scatter::{self, Scatter};
-use super::start::start;
+use super::start::{Start, UNIT_KNOWN_AFTER, start};
 use super::update::{Jump, Update};
 use crate::error::{Error, Problem, Result};
 use crate::progress::Progress;
@@ -29,11 +30,9 @@ use std::collections::VecDeque;
 /// Without a fix for so long a node is set by itself, seconds: late enough that a fix every second
 /// comes first.
 const MAX_WAIT_S: f64 = MAX_STEP_S + 0.25;
-/// IMU stamps in a row that leap ahead by more than a gap that can be bridged: after more, the log
-/// continues there.
+/// IMU stamps in a row that leap by more than a gap that can be bridged: after more, the log continues
+/// there.
 const MAX_LEAPS: usize = 10;
-/// The median interval of so many samples shows whether times are in seconds.
-const UNIT_KNOWN_AFTER: usize = 50;
 
 /// What the smoother is doing.
 #[derive(Debug, Clone)]
@@ -59,8 +58,11 @@ pub struct Online {
     leaps: usize,
     /// Time of the newest record of each position sensor that was taken in, and of the heading.
     taken_s: Vec<f64>,
+    /// How many of the newest records of each came far from the IMU's newest sample.
+    apart: Vec<usize>,
     scatter: Scatter,
     stage: Stage,
+    waits_for: Option<String>,
 }
 
 impl Online {
@@ -91,18 +93,20 @@ impl Online {
             newest_imu_s: f64::NEG_INFINITY,
             leaps: 0,
             taken_s: vec![f64::NEG_INFINITY; sensors + 1],
+            apart: vec![0; sensors + 1],
             scatter: Scatter::default(),
             stage: Stage::Starting {
                 next_s: f64::NEG_INFINITY,
             },
+            waits_for: None,
         })
     }
 
     /// Takes an IMU sample; the updates of the fixes that it has reached.
     ///
     /// # Errors
-    /// Values that are not finite, times that are not in seconds, a gap of minutes, a trajectory that
-    /// is not determined.
+    /// Values that are not finite, times that are not in seconds, a gap of minutes, times that go back by
+    /// minutes, a trajectory that is not determined.
     pub fn imu(&mut self, sample: ImuSample) -> Result<Vec<Update>> {
         if !scatter::is_finite(&sample) {
             return Err(not_finite("IMU log", self.given.imu.len(), sample.time_s));
@@ -110,21 +114,12 @@ impl Online {
         let record = self.given.imu.len();
         self.given.imu.push(sample);
         let ahead_s = sample.time_s - self.newest_imu_s;
-        let leaps = ahead_s > MAX_IMU_GAP_S && record > 0;
+        let leaps = ahead_s.abs() > MAX_IMU_GAP_S && record > 0;
         if ahead_s <= 0.0 || leaps {
             self.leaps = if leaps { self.leaps + 1 } else { 0 };
             if self.leaps > MAX_LEAPS {
                 check_interval(median_interval_s(&self.given.imu))?;
-                return Err(Error::data(
-                    format!(
-                        "the IMU log has a gap of {ahead_s:.3} s from {:.3} s to {:.3} s",
-                        self.newest_imu_s, sample.time_s
-                    ),
-                    format!(
-                        "cut the drive there; gaps longer than {MAX_IMU_GAP_S} s cannot be \
-                         bridged"
-                    ),
-                ));
+                return Err(leap(self.newest_imu_s, sample.time_s));
             }
             self.refuse("imu".into(), record, sample.time_s);
             return Ok(Vec::new());
@@ -149,7 +144,7 @@ impl Online {
     ///
     /// # Errors
     /// A sensor that the settings do not have, values that are not finite, a covariance that is
-    /// none, a trajectory that is not determined.
+    /// none, fixes that do not meet the IMU, a trajectory that is not determined.
     pub fn position(&mut self, sensor: usize, fix: PositionFix) -> Result<Vec<Update>> {
         let Some(given) = self.given.positions.get_mut(sensor) else {
             return Err(Error::data(
@@ -163,6 +158,11 @@ impl Online {
         }
         let record = given.len();
         given.push(fix);
+        if let Some(imu_s) = self.starting_s() {
+            let name = format!("{} log", self.settings.positions[sensor].name);
+            let fixes = &self.given.positions[sensor];
+            check_meeting(&mut self.apart[sensor], imu_s, &name, fixes)?;
+        }
         self.wait(Record::Position(sensor, Numbered { record, value: fix }));
         self.advance()
     }
@@ -170,15 +170,24 @@ impl Online {
     /// Takes a heading; it takes effect with the next update.
     ///
     /// # Errors
-    /// Values that are not finite.
+    /// Values that are not finite, headings that do not meet the IMU.
     pub fn heading(&mut self, fix: HeadingFix) -> Result<()> {
         let record = self.given.heading.len();
         if !(check_value_of_heading(&fix) && fix.time_s.is_finite()) {
             return Err(not_finite("heading log", record, fix.time_s));
         }
         self.given.heading.push(fix);
+        if let (Some(imu_s), Some(apart)) = (self.starting_s(), self.apart.last_mut()) {
+            check_meeting(apart, imu_s, "heading log", &self.given.heading)?;
+        }
         self.wait(Record::Heading(Numbered { record, value: fix }));
         Ok(())
+    }
+
+    /// First and newest time of the IMU, if there are samples and the start has not been made.
+    fn starting_s(&self) -> Option<(f64, f64)> {
+        let first = self.given.imu.first().filter(|_| !self.is_running())?;
+        Some((first.time_s, self.newest_imu_s))
     }
 
     fn wait(&mut self, record: Record) {
@@ -212,12 +221,13 @@ impl Online {
             let first_s = first.time_s;
             // Later and later, so that all tries together cost no more than a few.
             *next_s = self.newest_imu_s + (0.25 * (self.newest_imu_s - first_s)).max(0.5);
-            // Where the records do not suffice yet, more may.
-            if let Ok((running, update)) =
-                start(&self.given, self.newest_imu_s, &self.settings, self.options)
-            {
-                self.started(running);
-                updates.push(update);
+            match start(&self.given, self.newest_imu_s, &self.settings, self.options)? {
+                Start::Made(running, update) => {
+                    self.started(running);
+                    updates.push(update);
+                }
+                Start::NotYet(Error::Data { problem, .. }) => self.waits_for = Some(problem),
+                Start::NotYet(error) => self.waits_for = Some(error.to_string()),
             }
             return Ok(updates);
         }
@@ -273,7 +283,8 @@ impl Online {
     }
 
     /// From now on the smoother runs: what it has taken in waits no more.
-    fn started(&mut self, running: Running) {
+    fn started(&mut self, running: Box<Running>) {
+        self.waits_for = None;
         let newest_s = self.newest_imu_s;
         self.waiting.retain(|record| record.time_s() > newest_s);
         let last = |times: Option<f64>| times.unwrap_or(f64::NEG_INFINITY);
@@ -283,12 +294,17 @@ impl Online {
         }
         let sensors = streams.positions.len();
         self.taken_s[sensors] = last(streams.heading.last().map(|f| f.value.time_s));
-        self.stage = Stage::Running(Box::new(running));
+        self.stage = Stage::Running(running);
     }
 
     /// Whether the start has been made.
     pub fn is_running(&self) -> bool {
         matches!(self.stage, Stage::Running(_))
+    }
+
+    /// Why the start has not been made, as of the last try; `None` before it, and once the smoother runs.
+    pub fn waits_for(&self) -> Option<&str> {
+        self.waits_for.as_deref()
     }
 
     /// Records refused so far, in the order in which that was seen.
@@ -335,6 +351,22 @@ impl Online {
             Stage::Running(running) => &running.jumps,
         }
     }
+}
+
+/// The error of an IMU whose times continue elsewhere.
+fn leap(from_s: f64, to_s: f64) -> Error {
+    let by_s = to_s - from_s;
+    let problem = if by_s > 0.0 {
+        format!("the IMU log has a gap of {by_s:.3} s from {from_s:.3} s to {to_s:.3} s")
+    } else {
+        format!(
+            "the times of the IMU log go back by {:.3} s, from {from_s:.3} s to {to_s:.3} s",
+            -by_s
+        )
+    };
+    let remedy =
+        format!("cut the drive there; gaps longer than {MAX_IMU_GAP_S} s cannot be bridged");
+    Error::data(problem, remedy)
 }
 
 fn not_finite(log: &str, record: usize, time_s: f64) -> Error {

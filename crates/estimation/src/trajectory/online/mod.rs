@@ -3,6 +3,7 @@
 mod finish;
 mod gate;
 mod live;
+mod meeting;
 mod options;
 mod records;
 mod rests;
@@ -10,6 +11,8 @@ mod running;
 mod scatter;
 mod smoother;
 mod start;
+#[cfg(test)]
+mod tests;
 mod update;
 
 pub use live::Online;

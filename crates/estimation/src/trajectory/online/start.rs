@@ -15,8 +15,11 @@ use crate::trajectory::initial::initial;
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::solution::RejectionReason;
 use crate::trajectory::states::State;
-use crate::trajectory::streams::{MotionLogs, Names, Stream};
+use crate::trajectory::streams::{MotionLogs, Names, Stream, Streams};
 use std::collections::HashMap;
+
+/// The median interval of so many samples shows whether times are in seconds.
+pub const UNIT_KNOWN_AFTER: usize = 50;
 
 /// Records up to a time, and their numbers.
 fn until<T: Timed + Copy>(records: &[T], time_s: f64) -> (Vec<T>, Vec<usize>) {
@@ -43,16 +46,24 @@ impl Numbers {
     }
 }
 
-/// The smoother at the end of the records so far.
+/// What came of a try.
+pub enum Start {
+    /// The smoother at the end of the records so far.
+    Made(Box<Running>, Update),
+    /// Why the records so far do not suffice; more may.
+    NotYet(Error),
+}
+
+/// Tries to start.
 ///
 /// # Errors
-/// Records that do not suffice yet.
+/// Logs that contradict themselves, whatever comes after: wrong units, stamps in bursts.
 pub fn start(
     given: &Given,
     newest_imu_s: f64,
     settings: &TrajectorySettings,
     options: OnlineOptions,
-) -> Result<(Running, Update)> {
+) -> Result<Start> {
     let of_sensor = given.positions.iter();
     let (positions, position_numbers): (Vec<_>, Vec<_>) =
         of_sensor.map(|fixes| until(fixes, newest_imu_s)).unzip();
@@ -64,8 +75,39 @@ pub fn start(
         positions: &positions,
         heading: &heading,
     };
+    if let Err(error) = Streams::new(&logs, settings, &[]) {
+        return match error {
+            Error::Data {
+                kind: Problem::TooFew | Problem::NoOverlap,
+                ..
+            } => Ok(Start::NotYet(error)),
+            _ if imu.len() <= UNIT_KNOWN_AFTER => Ok(Start::NotYet(error)),
+            _ => Err(error),
+        };
+    }
+    let numbers = Numbers {
+        imu: imu_numbers,
+        positions: position_numbers,
+        heading: heading_numbers,
+    };
+    // What the first seconds do not determine, or their outliers spoil, later ones may.
+    Ok(
+        match adjusted(&logs, given, &numbers, (newest_imu_s, settings, options)) {
+            Ok((running, update)) => Start::Made(Box::new(running), update),
+            Err(error) => Start::NotYet(error),
+        },
+    )
+}
+
+/// The first seconds adjusted, and taken in.
+fn adjusted(
+    logs: &MotionLogs<'_>,
+    given: &Given,
+    numbers: &Numbers,
+    (newest_imu_s, settings, options): (f64, &TrajectorySettings, OnlineOptions),
+) -> Result<(Running, Update)> {
     let nothing = (&[][..], &Carried::default());
-    let adjusted = adjust_once(&initial, &logs, settings, nothing, &Silent)?;
+    let adjusted = adjust_once(&initial, logs, settings, nothing, &Silent)?;
     if adjusted.ended.stop != StopReason::Converged {
         return Err(Error::of(
             Problem::TooFew,
@@ -73,12 +115,7 @@ pub fn start(
             "wait for more",
         ));
     }
-    let numbers = Numbers {
-        imu: imu_numbers,
-        positions: position_numbers,
-        heading: heading_numbers,
-    };
-    let mut running = at_first_node(&adjusted, &numbers, settings, options);
+    let mut running = at_first_node(&adjusted, numbers, settings, options);
     let leapt = |sample: &ImuSample| sample.time_s > newest_imu_s;
     for (record, sample) in given.imu.iter().enumerate() {
         if leapt(sample) {
@@ -86,7 +123,7 @@ pub fn start(
             running.refuse(Stream::Imu, at, RejectionReason::TimeOrder, settings);
         }
     }
-    take_in(&adjusted, &numbers, settings, &mut running)?;
+    take_in(&adjusted, numbers, settings, &mut running)?;
     let mut work = running.update()?;
     let node_s = running.smoother.newest_s();
     if settings.zero_velocity {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::clock::RecordingClock;
 use super::{GAP_INTERVALS, GAP_S, stamps_of};
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 use crate::format::text::table::{Columns, Table};
 use crate::statistics::median;
 
@@ -12,36 +12,126 @@ const COLUMNS: Columns<'_> = Columns {
     needed: &["bytes_before", "monotonic_s"],
     optional: &[],
 };
+/// No piece is longer, bytes: a recorder reads 64 KiB at a time, and the times that it puts before lines of one character
+/// make ten times as much of them.
+const LARGEST_PIECE: u64 = 1 << 20;
+
+/// A row: when a piece of a log arrived.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    /// Bytes of the log before the piece.
+    before: u64,
+    /// Seconds of the monotonic clock.
+    monotonic_s: f64,
+    /// Whether no damaged row lies between it and the one before.
+    follows: bool,
+}
+
+impl Row {
+    /// Whether it can come after another one.
+    fn fits(&self, last: &Self) -> bool {
+        let places = last.before..=last.before.saturating_add(LARGEST_PIECE);
+        self.follows && last.monotonic_s <= self.monotonic_s && places.contains(&self.before)
+    }
+}
+
+/// The rows of a file, one after the other; a last one that a crash cut off is left out.
+#[derive(Debug)]
+struct Rows {
+    table: Table,
+    /// Damaged rows so far, which are passed over.
+    damaged: usize,
+}
+
+impl Rows {
+    fn open(path: &Path) -> Result<Self> {
+        Ok(Self {
+            table: Table::open(path, &COLUMNS)?,
+            damaged: 0,
+        })
+    }
+
+    fn next(&mut self) -> Result<Option<Row>> {
+        let mut follows = true;
+        loop {
+            let mut cells = [0.0; 2];
+            match self.table.next_row(&mut cells) {
+                Ok(false) => return Ok(None),
+                Ok(true) => {
+                    let [before, monotonic_s] = cells;
+                    return Ok(Some(Row {
+                        before: before as u64,
+                        monotonic_s,
+                        follows,
+                    }));
+                }
+                Err(Error::Format { .. }) => {
+                    self.damaged += 1;
+                    follows = false;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+}
+
+/// A piece of a log.
+struct Piece {
+    /// Bytes of the log before it.
+    before: u64,
+    /// Bytes of the log up to its end, where that is known.
+    end: Option<u64>,
+    /// When it arrived, common time, seconds.
+    at_s: f64,
+}
 
 /// When the pieces of a log arrived, in their order.
 pub(super) struct Arrivals {
-    /// Bytes of the log before each.
-    before: Vec<u64>,
-    /// Common time, seconds.
-    at_s: Vec<f64>,
+    pieces: Vec<Piece>,
+    /// Rows that are damaged.
+    pub(super) damaged: usize,
 }
 
 impl Arrivals {
-    /// Reads them; a last row that a crash cut off is left out.
+    /// Reads them.
     pub(super) fn read(path: &Path, clock: &RecordingClock) -> Result<Self> {
-        let (mut before, mut at_s) = (Vec::new(), Vec::new());
-        let mut table = Table::open(path, &COLUMNS)?;
-        for [bytes, monotonic_s] in std::iter::from_fn(|| row(&mut table)) {
-            before.push(bytes as u64);
-            at_s.push(clock.common_s(monotonic_s));
+        let mut read = Rows::open(path)?;
+        let mut rows = Vec::new();
+        while let Some(row) = read.next()? {
+            rows.push(row);
         }
-        Ok(Self { before, at_s })
+        let fits: Vec<bool> = rows.windows(2).map(|pair| pair[1].fits(&pair[0])).collect();
+        let pairs = rows.iter().skip(1).zip(&fits);
+        let damaged = read.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
+        let pieces = rows.iter().enumerate().map(|(i, row)| {
+            // Of two rows that do not fit, either may be wrong: it is neither the end of a piece nor a beginning.
+            let near = &fits[i.saturating_sub(1)..fits.len().min(i + 2)];
+            let next = rows.get(i + 1).filter(|_| near.iter().all(|fits| *fits));
+            Piece {
+                before: row.before,
+                end: next.map(|next| next.before),
+                at_s: clock.common_s(row.monotonic_s),
+            }
+        });
+        Ok(Self {
+            pieces: pieces.collect(),
+            damaged,
+        })
     }
 
-    /// When the piece arrived in which a record ends.
+    /// When the piece arrived in which a record ends, where that is known. Log and times of arrival need not end
+    /// together: after a crash what follows the last time may be more than its piece.
     pub(super) fn of(&self, end: u64) -> Option<f64> {
-        let piece = self.before.partition_point(|before| *before < end);
-        self.at_s.get(piece.checked_sub(1)?).copied()
+        let next = self.pieces.partition_point(|piece| piece.before < end);
+        let piece = self.pieces.get(next.checked_sub(1)?)?;
+        (end <= piece.end?).then_some(piece.at_s)
     }
 
     /// How often nothing arrived for long, and the longest of these times, seconds.
     pub(super) fn gaps(&self) -> (usize, f64) {
-        let waits = self.at_s.windows(2).map(|pair| pair[1] - pair[0]);
+        let known = |pair: &&[Piece]| pair[0].end.is_some();
+        let pairs = self.pieces.windows(2).filter(known);
+        let waits = pairs.map(|pair| pair[1].at_s - pair[0].at_s);
         let usual_s = median(waits.clone()).unwrap_or(0.0);
         let long = waits.filter(|wait| *wait > (GAP_INTERVALS * usual_s).max(GAP_S));
         long.fold((0, 0.0), |(count, longest), wait| {
@@ -50,11 +140,12 @@ impl Arrivals {
     }
 }
 
-/// The pieces of a log in their order: how many bytes each has, and when it arrived, seconds of the monotonic clock.
+/// The pieces of a log in their order: how many bytes each has, and when it arrived, seconds of the monotonic clock. The
+/// bytes of a damaged row count to the piece before them. The last piece ends with the log.
 pub struct Pieces {
     path: PathBuf,
-    table: Table,
-    next: Option<[f64; 2]>,
+    rows: Rows,
+    next: Option<Row>,
     /// Of the whole log.
     bytes: u64,
 }
@@ -69,11 +160,11 @@ impl Pieces {
             .map_err(|error| Error::io(log, error))?
             .len();
         let path = stamps_of(log);
-        let mut table = Table::open(&path, &COLUMNS)?;
-        let next = row(&mut table);
+        let mut rows = Rows::open(&path)?;
+        let next = rows.next()?;
         Ok(Self {
             path,
-            table,
+            rows,
             next,
             bytes,
         })
@@ -84,25 +175,47 @@ impl Pieces {
     /// # Errors
     /// See [`Self::open`].
     pub fn last_s(&self) -> Result<f64> {
-        let mut table = Table::open(&self.path, &COLUMNS)?;
-        let rows = std::iter::from_fn(|| row(&mut table));
-        Ok(rows.last().map_or(0.0, |[_, at_s]| at_s))
+        let mut rows = Rows::open(&self.path)?;
+        let mut last_s = 0.0;
+        while let Some(row) = rows.next()? {
+            last_s = row.monotonic_s;
+        }
+        Ok(last_s)
+    }
+
+    /// The piece of a row.
+    fn piece(&mut self, row: Row) -> Result<(usize, f64)> {
+        let Row {
+            before,
+            monotonic_s,
+            ..
+        } = row;
+        self.next = self.rows.next()?;
+        let end = match self.next {
+            Some(next) => next.before,
+            // What is more was not stamped any more.
+            None => self
+                .bytes
+                .clamp(before, before.saturating_add(LARGEST_PIECE)),
+        };
+        let length = end.checked_sub(before);
+        match length.filter(|length| *length <= LARGEST_PIECE) {
+            Some(length) => Ok((length as usize, monotonic_s)),
+            None => Err(Error::format(
+                &self.path,
+                Location::Whole,
+                format!("a piece from byte {before} to byte {end}"),
+                format!("pieces of at most {LARGEST_PIECE} bytes, one after the other"),
+            )),
+        }
     }
 }
 
-/// The next row; none where the file ends, or a crash cut it off.
-fn row(table: &mut Table) -> Option<[f64; 2]> {
-    let mut row = [0.0; 2];
-    matches!(table.next_row(&mut row), Ok(true)).then_some(row)
-}
-
 impl Iterator for Pieces {
-    type Item = (usize, f64);
+    type Item = Result<(usize, f64)>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let [before, at_s] = self.next?;
-        self.next = row(&mut self.table);
-        let end = self.next.map_or(self.bytes as f64, |[before, _]| before);
-        Some(((end - before).max(0.0) as usize, at_s))
+        let row = self.next.take()?;
+        Some(self.piece(row))
     }
 }

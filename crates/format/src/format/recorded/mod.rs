@@ -56,8 +56,13 @@ pub struct SensorClock {
     pub gaps: usize,
     /// See there, seconds.
     pub longest_gap_s: f64,
-    /// Records with a time of their own.
+    /// Records with a time of their own whose arrival is known.
     pub records: usize,
+    /// Rows of the times of arrival that are damaged.
+    pub damaged_arrivals: usize,
+    /// From the last record whose arrival is known to the last one, seconds of the own clock: after a crash, log and times
+    /// of arrival do not end together.
+    pub beyond_arrivals_s: f64,
 }
 
 impl SensorClock {
@@ -93,7 +98,7 @@ pub fn recording_clock(log: &Path) -> Option<Result<RecordingClock>> {
 /// arrival lie beside it, or its records have no times.
 ///
 /// # Errors
-/// Files that cannot be read; an own clock that goes back, where its times are not kept.
+/// Files that cannot be read; no record whose arrival is known; an own clock that goes back, where its times are not kept.
 pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
     let stamps = stamps_of(log);
     if !stamps.is_file() {
@@ -109,8 +114,16 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
         .iter()
         .filter_map(|(end, own_s)| Some((*own_s, arrivals.of(*end)?)))
         .collect();
-    let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
+    let Some((_, own_last_s)) = own.last() else {
         return Ok(None);
+    };
+    let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
+        return Err(Error::format(
+            stamps,
+            Location::Whole,
+            format!("no time of arrival of any of {} records", own.len()),
+            "those of a log that was recorded for longer",
+        ));
     };
     let middle_s = 0.5 * (first.0 + last.0);
     let (gaps, longest_gap_s) = arrivals.gaps();
@@ -125,6 +138,8 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
         gaps,
         longest_gap_s,
         records: pairs.len(),
+        damaged_arrivals: arrivals.damaged,
+        beyond_arrivals_s: own_last_s - last.0,
     };
     // Seconds of the day are those of the day on which they arrived.
     let days_s = match (0.0..2.0 * DAY_S).contains(&first.0) && first.1 > 1e9 {

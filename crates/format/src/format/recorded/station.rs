@@ -43,14 +43,14 @@ pub(super) fn is_one(log: &Path) -> bool {
     is_in_recording(log) && header_names(log).is_ok_and(|names| COLUMNS.are_in(&names))
 }
 
-/// Reads the rows; one that a crash cut off is left out.
+/// Reads the rows; a last one that a crash cut off is left out.
 ///
 /// # Errors
-/// The file cannot be read.
+/// The file cannot be read, or a row is damaged.
 pub fn station_rows(log: &Path) -> Result<Vec<StationRow>> {
     let mut table = Table::open(log, &COLUMNS)?;
     let (mut row, mut rows) = ([0.0; 7], Vec::new());
-    while let Ok(true) = table.next_row(&mut row) {
+    while table.next_row(&mut row)? {
         let [
             time_s,
             distance_m,
@@ -90,35 +90,41 @@ pub(super) fn station(log: &Path) -> Result<Option<Station>> {
         .iter()
         .filter_map(|row| Some((row.instrument_time_s?, row)))
         .collect();
-    let (Some((first_s, _)), Some((last_s, _))) = (timed.first(), timed.last()) else {
+    if timed.is_empty() {
         return Ok(None);
-    };
-    let middle_s = 0.5 * (first_s + last_s);
+    }
     let arrived = |row: &StationRow| recording.common_s(row.monotonic_s);
-    let centred = timed
-        .iter()
-        .map(|(own, row)| (own - middle_s, arrived(row) - own));
-    let line = Line::below(&centred.collect::<Vec<_>>());
-    let common = |own: f64| own + line.offset + line.slope * (own - middle_s);
-    let mut delays: Vec<f64> = timed
-        .iter()
-        .map(|(own, row)| arrived(row) - common(*own))
-        .collect();
+    let (mut times_s, mut delays, mut span_s) = (Vec::new(), Vec::new(), 0.0);
+    // An instrument that is switched off and on begins its time anew.
+    for run in timed.chunk_by(|(before_s, _), (own_s, _)| before_s <= own_s) {
+        let (first_s, last_s) = (run[0].0, run[run.len() - 1].0);
+        let middle_s = 0.5 * (first_s + last_s);
+        let centred = run
+            .iter()
+            .map(|(own, row)| (own - middle_s, arrived(row) - own));
+        let line = Line::below(&centred.collect::<Vec<_>>());
+        let common = |own: f64| own + line.offset + line.slope * (own - middle_s);
+        delays.extend(run.iter().map(|(own, row)| arrived(row) - common(*own)));
+        let synchronous = run.iter().filter(|(_, row)| row.is_synchronous);
+        times_s.extend(synchronous.map(|(own, row)| (row.time_s, common(*own))));
+        span_s += last_s - first_s;
+    }
     delays.sort_by(f64::total_cmp);
-    let times = timed.iter().filter(|(_, row)| row.is_synchronous);
     Ok(Some(Station {
-        times_s: times.map(|(own, row)| (row.time_s, common(*own))).collect(),
+        times_s,
         clock: SensorClock {
             is_kept: true,
             offset_s: 0.0,
             drift: 0.0,
-            middle_s,
-            span_s: last_s - first_s,
+            middle_s: 0.0,
+            span_s,
             delay_median_s: median(delays.iter().copied()).unwrap_or(0.0),
             delay_999_s: quantile(&delays, 0.999),
             gaps: 0,
             longest_gap_s: 0.0,
             records: timed.len(),
+            damaged_arrivals: 0,
+            beyond_arrivals_s: 0.0,
         },
     }))
 }

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::format::file::{CLOCK_LOG, EVENT_LOG};
+use crate::sensor::{Observations, TotalStation, VerticalAngle};
 use crate::statistics::drawn;
 
 const BEGIN_S: f64 = 1_764_000_000.0;
@@ -130,4 +131,138 @@ fn a_sensor_that_was_started_again_is_refused() {
         error.contains("compass.csv") && error.contains("go back"),
         "{error}"
     );
+}
+
+/// Changes the lines of a file.
+fn change(path: &Path, how: impl FnOnce(&mut Vec<String>)) {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    how(&mut lines);
+    fs::write(path, lines.join("\n") + "\n").unwrap();
+}
+
+/// Asserts that nothing but a part of log or times of arrival is missing: all clocks are as they were.
+fn assert_same_clock(damage: impl Fn(&Path)) {
+    let folder = tempfile::tempdir().unwrap();
+    let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(DISCIPLINED));
+    damage(&log);
+    let clock = sensor_clock(&log).unwrap().unwrap();
+    assert!(clock.is_kept && clock.gaps == 0, "{clock:?}");
+    assert!((0.0068..0.00701).contains(&clock.delay_999_s), "{clock:?}");
+
+    let own = |s: f64| 77.0 + s * (1.0 - 5e-5);
+    let log = recording(folder.path(), own, &clock_rows(DISCIPLINED));
+    damage(&log);
+    let clock = sensor_clock(&log).unwrap().unwrap();
+    assert!((clock.drift - 5e-5).abs() < 1e-6, "{clock:?}");
+    let fixes = crate::format::read_heading(&log).unwrap();
+    for (i, fix) in fixes.iter().enumerate() {
+        let true_s = BEGIN_S + 1.0 + 0.2 * i as f64;
+        assert!((fix.time_s - true_s - 0.003).abs() < 1e-4, "{i}");
+    }
+}
+
+#[test]
+fn a_log_that_is_longer_than_its_times_of_arrival_keeps_its_clock() {
+    for rows in [1, 5, 300] {
+        assert_same_clock(|log| change(&stamps_of(log), |lines| lines.truncate(1001 - rows)));
+    }
+}
+
+#[test]
+fn a_log_that_is_shorter_than_its_times_of_arrival_keeps_its_clock() {
+    for rows in [1, 5, 300] {
+        assert_same_clock(|log| change(log, |lines| lines.truncate(1001 - rows)));
+    }
+}
+
+#[test]
+fn damaged_times_of_arrival_bend_no_clock() {
+    for damage in ["17,", "\0\0\0", "2,17.5", "x"] {
+        assert_same_clock(|log| change(&stamps_of(log), |lines| lines[500] = damage.into()));
+    }
+}
+
+#[test]
+fn missing_times_of_arrival_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(DISCIPLINED));
+    let clock = sensor_clock(&log).unwrap().unwrap();
+    assert_eq!(clock.damaged_arrivals, 0);
+    assert!(clock.beyond_arrivals_s < 0.21, "{clock:?}");
+    change(&stamps_of(&log), |lines| {
+        lines.truncate(990);
+        lines[300] = "x".into();
+        lines[400] = "y".into();
+    });
+    let clock = sensor_clock(&log).unwrap().unwrap();
+    assert_eq!(clock.damaged_arrivals, 2);
+    assert!((clock.beyond_arrivals_s - 2.6).abs() < 0.21, "{clock:?}");
+    change(&stamps_of(&log), |lines| lines.truncate(1));
+    let error = sensor_clock(&log).unwrap_err().to_string();
+    assert!(
+        error.contains("compass.stamps.csv") && error.contains("any of 1000 records"),
+        "{error}"
+    );
+}
+
+#[test]
+fn pieces_of_a_damaged_recording_are_bounded_and_in_their_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(DISCIPLINED));
+    let pieces = || -> Result<Vec<(usize, f64)>> { Pieces::open(&log)?.collect() };
+    let whole = pieces().unwrap();
+    change(&stamps_of(&log), |lines| lines[500] = "x".into());
+    let damaged = pieces().unwrap();
+    assert_eq!(damaged.len(), whole.len() - 1);
+    assert_eq!(damaged[498].0, whole[498].0 + whole[499].0);
+    assert_eq!(damaged[499..], whole[500..]);
+    let bytes = |pieces: &[(usize, f64)]| pieces.iter().map(|piece| piece.0).sum::<usize>();
+    assert_eq!(bytes(&damaged), bytes(&whole));
+    change(&stamps_of(&log), |lines| {
+        lines[700] = "999999999,141".into()
+    });
+    let error = pieces().unwrap_err().to_string();
+    assert!(error.contains("to byte 999999999"), "{error}");
+    // What is not stamped any more is no piece.
+    change(&stamps_of(&log), |lines| lines.truncate(3));
+    fs::write(&log, vec![b'1'; 5 << 20]).unwrap();
+    assert!(pieces().unwrap().iter().all(|piece| piece.0 <= 1 << 20));
+}
+
+#[test]
+fn a_total_station_that_is_switched_off_and_on_keeps_its_times() {
+    let folder = tempfile::tempdir().unwrap();
+    recording(folder.path(), |s| s, &clock_rows(DISCIPLINED));
+    let log = folder.path().join("station.csv");
+    let mut text = "time_s,slope_distance_m,horizontal_deg,vertical_deg,status,monotonic_s,round_trip_s,synchronous,\
+                    instrument_time_s\n"
+        .to_owned();
+    let true_s = |i: u32| 2.0 + f64::from(i) / 7.0;
+    for i in 0..1200 {
+        let own_s = match i < 700 {
+            true => 4000.0 + true_s(i),
+            false => true_s(i) - true_s(700) + 8.0,
+        };
+        let arrived_s = true_s(i) + 0.005 + 0.02 * random(u64::from(i));
+        let time_s = BEGIN_S + arrived_s - 0.004;
+        text += &format!("{time_s:.6},10,45,90,0,{arrived_s:.6},0.008,1,{own_s:.3}\n");
+    }
+    fs::write(&log, text).unwrap();
+    let instrument = TotalStation {
+        station_m: crate::geometry::Vec3::zeros(),
+        orientation_rad: 0.0,
+        vertical: VerticalAngle::Zenith,
+        reflector_constant_m: 0.0,
+        sigma_distance_m: 0.001,
+        sigma_distance_ppm: 1.0,
+        sigma_angle_rad: 5e-6,
+        sigma_prism_m: 0.005,
+    };
+    let found = crate::format::read_positions(&log, &Observations::Polar(instrument)).unwrap();
+    for (i, fix) in found.fixes.iter().enumerate() {
+        // Own times have milliseconds.
+        let off_s = fix.time_s - BEGIN_S - true_s(i as u32) - 0.005;
+        assert!(off_s.abs() < 2e-3, "{i}: {off_s}");
+    }
 }

@@ -110,6 +110,11 @@ impl<L: Link, S> Instrument<L, S> {
         &self.identity
     }
 
+    /// Whether it was started, and goes on tracking over a new link.
+    pub fn is_tracking(&self) -> bool {
+        self.is_tracking
+    }
+
     /// Charge of the battery now, percent, if the instrument gives it.
     ///
     /// # Errors

@@ -1,0 +1,32 @@
+//! Do the streams meet?
+
+use crate::error::Result;
+use crate::sensor::{Timed, check_overlap};
+use crate::trajectory::gaps::MAX_IMU_GAP_S;
+use crate::trajectory::streams::MIN_FIXES;
+
+/// Counts records in a row that came far from the IMU's newest sample.
+///
+/// # Errors
+/// So many as a start needs, and none within the IMU's span: the streams do not meet, however long one waits.
+pub fn check_meeting<T: Timed>(
+    apart: &mut usize,
+    imu_s: (f64, f64),
+    name: &str,
+    records: &[T],
+) -> Result<()> {
+    let newest_s = records.last().map_or(imu_s.1, T::time_s);
+    if (newest_s - imu_s.1).abs() <= MAX_IMU_GAP_S {
+        *apart = 0;
+        return Ok(());
+    }
+    *apart += 1;
+    if *apart < MIN_FIXES {
+        return Ok(());
+    }
+    let last = records.iter().rev().take(MIN_FIXES).map(T::time_s);
+    let own_s = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time_s| {
+        (from.min(time_s), to.max(time_s))
+    });
+    check_overlap(("IMU log", imu_s), (name, own_s))
+}

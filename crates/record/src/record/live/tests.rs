@@ -1,0 +1,182 @@
+//! The live pose of a drive to the east at a metre a second.
+
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use super::*;
+use crate::geometry::Projection;
+
+/// When the drive begins, common time, seconds.
+const BEGIN_S: f64 = 1000.0;
+const IMU: &str =
+    "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n";
+const HEADING: &str = "time_s,heading_deg\n";
+
+/// A drive whose logs grow.
+struct Drive {
+    folder: tempfile::TempDir,
+    live: Live,
+    /// What the clocks of IMU and prism lack, seconds.
+    late_s: [f64; 2],
+    polar: bool,
+}
+
+fn project(folder: &Path, frame: &str, prism: &str, late_s: [f64; 2]) -> Field {
+    let text = format!(
+        "[frame]\nbody = \"FRD\"\n{frame}[imu]\nfile = \"imu.csv\"\ntime_offset_s = {}\n\
+         gyro_noise_deg_sqrt_h = 0.15\naccel_noise_ug_sqrt_hz = 57.0\n\
+         gyro_bias_instability_deg_h = 7.0\naccel_bias_instability_ug = 14.0\n\
+         [prism]\nfile = \"prism.csv\"\ntime_offset_s = {}\nlever_arm_m = [0, 0, 0]\n{prism}\
+         [heading]\nfile = \"heading.csv\"\nsigma_deg = 0.5\n",
+        late_s[0], late_s[1]
+    );
+    fs::write(folder.join("project.toml"), text).unwrap();
+    Field {
+        path: folder.join("field.toml"),
+        folder: folder.to_owned(),
+        sources: Vec::new(),
+        boards: Vec::new(),
+        project: toml::Table::new(),
+    }
+}
+
+impl Drive {
+    fn new(late_s: [f64; 2]) -> Self {
+        Self::with("", "sigma_m = 0.005\n", late_s, false)
+    }
+
+    fn with(frame: &str, prism: &str, late_s: [f64; 2], polar: bool) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let field = project(folder.path(), frame, prism, late_s);
+        let columns = match polar {
+            true => "time_s,slope_distance_m,horizontal_deg,vertical_deg\n",
+            false => "time_s,east_m,north_m,up_m\n",
+        };
+        for (name, header) in [("imu", IMU), ("heading", HEADING), ("prism", columns)] {
+            fs::write(folder.path().join(format!("{name}.csv")), header).unwrap();
+        }
+        let live = Live::open(&field, folder.path()).unwrap();
+        Self {
+            folder,
+            live,
+            late_s,
+            polar,
+        }
+    }
+
+    fn append(&self, name: &str, row: &str) {
+        let path = self.folder.path().join(name);
+        let mut log = OpenOptions::new().append(true).open(path).unwrap();
+        writeln!(log, "{row}").unwrap();
+    }
+
+    /// What the IMU measured in hundredths of a second.
+    fn imu(&self, from: u32, to: u32) {
+        for k in from..to {
+            let time_s = BEGIN_S + 0.01 * f64::from(k) - self.late_s[0];
+            self.append("imu.csv", &format!("{time_s:.3},0,0,0,0,0,-9.81"));
+        }
+    }
+
+    /// What prism and compass measured in hundredths of a second.
+    fn others(&self, from: u32, to: u32) {
+        for k in (from..to).filter(|k| k % 10 == 0) {
+            let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
+            let time_s = true_s - self.late_s[1];
+            let place = match self.polar {
+                true => {
+                    let level_m = east_m.hypot(20.0);
+                    let hz_deg = east_m.atan2(20.0).to_degrees();
+                    format!("{level_m:.6},{hz_deg:.9},90")
+                }
+                false => format!("{east_m:.6},20,0"),
+            };
+            self.append("prism.csv", &format!("{time_s:.3},{place}"));
+            self.append("heading.csv", &format!("{true_s:.3},90"));
+        }
+    }
+
+    fn look(&mut self, hundredths: u32) {
+        let now_s = BEGIN_S + 0.01 * f64::from(hundredths);
+        self.live.look(now_s).unwrap();
+    }
+}
+
+impl Drop for Drive {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.live.scratch);
+    }
+}
+
+#[test]
+fn the_live_pose_has_the_projects_time_offsets() {
+    let mut drive = Drive::new([0.1, 0.2]);
+    for k in (0..1200).step_by(25) {
+        drive.imu(k, k + 25);
+        drive.others(k, k + 25);
+        drive.look(k + 25);
+    }
+    let pose = drive.live.pose.unwrap();
+    let off_m = pose.position_m.x - (pose.time_s - BEGIN_S);
+    assert!(off_m.abs() < 0.02, "{off_m}");
+}
+
+#[test]
+fn positions_and_headings_that_come_without_the_imu_are_taken_in() {
+    let mut drive = Drive::new([0.0; 2]);
+    for k in (0..1200).step_by(50) {
+        drive.others(k, k + 25);
+        drive.look(k + 25);
+        drive.imu(k, k + 50);
+        drive.look(k + 50);
+        drive.others(k + 25, k + 50);
+    }
+    let pose = drive.live.pose.expect("a pose");
+    assert!(pose.time_s > BEGIN_S + 11.0, "{pose:?}");
+    assert!(pose.sigma_m.norm() < 0.02, "{pose:?}");
+}
+
+#[test]
+fn rows_without_a_range_leave_the_pose() {
+    // A program without projections has no such project.
+    if Projection::new("EPSG:25832").is_err() {
+        return;
+    }
+    let frame = "crs = \"EPSG:25832\"\norigin_m = [363000.0, 5600000.0, 60.0]\n";
+    let prism = "station_m = [363000.0, 5600000.0, 60.0]\nstation_orientation_deg = 0.0\n";
+    let mut drive = Drive::with(frame, prism, [0.0; 2], true);
+    for k in (0..1200).step_by(25) {
+        drive.imu(k, k + 25);
+        drive.others(k, k + 25);
+        drive.look(k + 25);
+    }
+    assert!(drive.live.pose.is_some());
+    drive.append("prism.csv", "1012.05,0,0,90");
+    drive.imu(1200, 1225);
+    drive.look(1225);
+    assert!(drive.live.pose.is_some());
+}
+
+#[test]
+fn a_log_that_cannot_be_read_is_named_in_the_view() {
+    let folder = tempfile::tempdir().unwrap();
+    let field = project(folder.path(), "", "sigma_m = 0.005\n", [0.0; 2]);
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("imu.csv", "time_s,gyro_x_rad_s\n1,0\n");
+    write("prism.csv", "time_s,east_m,north_m,up_m\n");
+    write("heading.csv", HEADING);
+    let (stop, view) = (AtomicBool::new(false), Mutex::new(LiveView::default()));
+    let clock = Clock::default();
+    std::thread::scope(|scope| {
+        scope.spawn(|| follow(&field, folder.path(), &clock, &stop, &view));
+        std::thread::sleep(Duration::from_millis(700));
+        stop.store(true, Ordering::Relaxed);
+    });
+    let trouble = view.into_inner().unwrap().trouble.unwrap();
+    assert!(
+        trouble.contains("imu.csv") && trouble.contains("gyro_y_rad_s"),
+        "{trouble}"
+    );
+}

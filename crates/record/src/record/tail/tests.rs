@@ -1,0 +1,96 @@
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+
+use super::*;
+use crate::format;
+use crate::sensor::HeadingFix;
+
+/// A log of headings of a drive that is looked at each second.
+struct Growing {
+    folder: tempfile::TempDir,
+    tail: Tail,
+    name: &'static str,
+}
+
+impl Growing {
+    fn new(name: &'static str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("scratch")).unwrap();
+        let log = folder.path().join(name);
+        let tail = Tail::new(&log, &folder.path().join("scratch").join("part"));
+        fs::write(log, "").unwrap();
+        Self { folder, tail, name }
+    }
+
+    fn look(&mut self, common_s: f64, new: &str) -> Result<Vec<HeadingFix>> {
+        let log = self.folder.path().join(self.name);
+        let mut log = OpenOptions::new().append(true).open(log).unwrap();
+        log.write_all(new.as_bytes()).unwrap();
+        self.tail
+            .next(common_s, format::read_heading, |fix: &mut HeadingFix| {
+                &mut fix.time_s
+            })
+    }
+}
+
+/// A row of 20 bytes.
+fn heading_row(own_s: f64) -> String {
+    format!("{own_s:012.3},90.000\n")
+}
+
+#[test]
+fn a_row_whose_beginning_was_passed_over_is_left_out() {
+    let mut growing = Growing::new("a.csv");
+    growing.look(999.0, "time_s,heading_deg\n").unwrap();
+    for second in 1000..1010 {
+        let second = f64::from(second);
+        growing.look(second, &heading_row(second)).unwrap();
+    }
+    // More than the window at once: it begins within the heading of a row.
+    let many: String = (1..20_000)
+        .map(|k| heading_row(1010.0 + 1e-3 * f64::from(k)))
+        .collect();
+    let found = growing.look(1030.0, &many).unwrap();
+    assert!(found.len() > 13_000, "{}", found.len());
+    assert!(
+        found
+            .iter()
+            .all(|fix| (1010.0..1031.0).contains(&fix.time_s))
+    );
+    let found = growing.look(1031.0, &heading_row(1031.0)).unwrap();
+    assert_eq!(found.len(), 1);
+}
+
+#[test]
+fn a_sensor_that_is_started_again_gets_a_new_offset() {
+    let mut growing = Growing::new("a.csv");
+    growing.look(8999.0, "time_s,heading_deg\n").unwrap();
+    let mut found = Vec::new();
+    for k in 0..60 {
+        let common_s = 9000.0 + 0.5 * f64::from(k);
+        let own_s = match k < 30 {
+            true => common_s - 8000.0,
+            false => common_s - 9010.0,
+        };
+        found = growing.look(common_s, &heading_row(own_s)).unwrap();
+        assert!(found.iter().all(|fix| (fix.time_s - common_s).abs() < 0.01));
+    }
+    assert_eq!(found.len(), 1);
+}
+
+#[test]
+fn a_binary_log_without_records_of_a_kind_for_a_while_is_no_error() {
+    let sentence = |body: &str| {
+        let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+        format!("${body}*{sum:02X}\r\n")
+    };
+    let date = |second: u32| sentence(&format!("GPZDA,1200{second:02}.00,24,11,2025,00,00"));
+    let mut growing = Growing::new("a.nmea");
+    for second in 0..10 {
+        let text = date(second) + &sentence("GPHDT,123.456,T");
+        growing.look(f64::from(second), &text).unwrap();
+    }
+    let silent: String = (0..20_000).map(|k| date(10 + k / 1000)).collect();
+    let found = growing.look(40.0, &silent).unwrap();
+    assert!(found.is_empty());
+}
