@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn a_knock_is_told_with_its_dates_and_millimetres() {
-        let said = verdicts(&chart());
+        let said = judgement::drift(&chart());
         let codes: Vec<&str> = said.iter().map(|v| v.code.as_str()).collect();
         assert_eq!(codes, ["drift.left", "drift.off", "drift.undetermined"]);
         let text = &said[0].text;
