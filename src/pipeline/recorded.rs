@@ -13,7 +13,8 @@ const LONG_GAP_S: f64 = 2.0;
 const NOTABLE_DELAY_S: f64 = 0.02;
 /// A sensor's clock that drifts by more in the course of a recording is named, seconds.
 const NOTABLE_DRIFT_S: f64 = 1e-3;
-/// A kill or a power cut costs the last second of a file: where log and times of arrival end farther apart, it is said.
+/// A kill or a power cut costs the last second of a file. A log that goes on for longer without times of arrival is
+/// reported, seconds.
 const NOTABLE_END_S: f64 = 1.0;
 
 /// What the recording of a drive says of the system's clock and of each of its logs; nothing where they were not
@@ -149,7 +150,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
     said
 }
 
-/// Times of arrival that are missing.
+/// Missing times of arrival.
 fn of_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
     let mut missing = Vec::new();
     if clock.damaged_arrivals > 0 {

@@ -27,7 +27,7 @@ pub(super) struct Session<'a> {
     times_ms: Vec<f64>,
     poses: Vec<PoseRecord>,
     relinearised: usize,
-    /// Why there is no trajectory yet, as it was said last.
+    /// The last reason given for there being no pose yet.
     waits_for: Option<String>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Whoever sends records wants to know why no poses come.
+    /// Tells a user who waits for poses why none come.
     fn say_why_it_waits(&mut self, progress: &dyn Progress) {
         let why = self.smoother.waits_for();
         if self.rows.is_none() || why == self.waits_for.as_deref() {

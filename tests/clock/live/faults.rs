@@ -94,8 +94,7 @@ fn a_recording_that_was_cut_at_a_dozen_places_is_read() {
     cut(12);
 }
 
-/// Log and times of arrival are written by turns: a kill or a power cut need not end them together, nor leave them
-/// undamaged.
+/// A power cut may end a log and its times of arrival at different moments, and damage either.
 #[test]
 fn a_log_and_its_times_of_arrival_that_do_not_end_together_keep_its_clock() {
     let (kept, recording) = recording();
@@ -108,7 +107,8 @@ fn a_log_and_its_times_of_arrival_that_do_not_end_together_keep_its_clock() {
     let bytes = fs::read(recording.join(log)).unwrap();
     let rows = fs::read_to_string(recording.join(stamps)).unwrap();
     let rows: Vec<&str> = rows.lines().collect();
-    // How many pieces the log and the times of arrival lack at their ends, and whether a row in the middle is damaged.
+    // Pieces missing at the end of the log, rows missing at the end of the times, and whether a row in the middle is
+    // damaged.
     for (number, (of_log, of_stamps, is_damaged)) in [(0, 5, false), (5, 0, false), (0, 0, true)]
         .into_iter()
         .enumerate()

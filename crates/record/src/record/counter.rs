@@ -26,7 +26,7 @@ impl Counter {
         }
     }
 
-    /// The link was opened again: what is begun of a line is none.
+    /// The link was opened again: a line that had begun does not go on.
     pub(super) fn reopened(&mut self) {
         if let Self::Lines(length) = self {
             *length = 0;

@@ -94,7 +94,7 @@ impl<'a> Journal<'a> {
     /// Appends bytes.
     ///
     /// # Errors
-    /// The file cannot be written, or a file of the recording not be brought to the disk.
+    /// The file cannot be written, or some file of the recording cannot be brought to the disk.
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
         self.add(bytes);
         self.write_if_due()
@@ -177,8 +177,8 @@ impl<'a> StampedJournal<'a> {
         self.write_if_due()
     }
 
-    /// See [`Journal::write_if_due`]. Times of arrival are handed over before what arrived: a kill leaves no bytes without
-    /// one.
+    /// See [`Journal::write_if_due`]. Times of arrival are written before the bytes that they belong to, so that a kill
+    /// leaves no bytes without one.
     ///
     /// # Errors
     /// A file cannot be written.

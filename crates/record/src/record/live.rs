@@ -193,7 +193,7 @@ impl Live {
         let mut fixes: Vec<(usize, PositionFix)> = Vec::new();
         for (sensor, (tail, log)) in self.positions.iter_mut().zip(&logs.positions).enumerate() {
             let crs = self.project.crs.as_ref();
-            // New rows of a table may all be without a range.
+            // New rows may all lack a range, which is no error of a part of a table.
             let is_table = log.path.extension().is_some_and(|end| end == "csv");
             let read = |path: &Path| {
                 let read = if is_table {

@@ -12,7 +12,7 @@ const DISTANCES: &str = "time_s,slope_distance_m,horizontal_deg,vertical_deg,sta
 /// The measurement program whose angles are those of the time of the distance.
 const SYNCHRONOUS: u16 = 10;
 const ANGLES: &str = "time_s,horizontal_deg,vertical_deg,monotonic_s,round_trip_s\n";
-/// In the instrument's own system, of which nothing is known here.
+/// In the instrument's own system, which is not known here.
 const COORDINATES: &str =
     "time_s,east_m,north_m,up_m,status,monotonic_s,round_trip_s,instrument_time_s\n";
 
@@ -72,7 +72,7 @@ fn tracked(
             station.insert(opened.map_err(Failure::Link)?)
         }
     };
-    // An instrument that could not start before may now.
+    // Also an instrument whose start failed before.
     if !station.is_tracking() {
         station.start().map_err(Failure::Link)?;
     }
@@ -127,7 +127,7 @@ impl<'t, 'a> StationLogs<'t, 'a> {
     fn add(&mut self, found: &Measurement<Stamp>) -> Result<()> {
         let thread = self.thread;
         let trip_s = found.round_trip.as_secs_f64() * thread.clock.speed();
-        // Everything was measured between request and reply.
+        // It was measured some time between request and reply.
         let time_s = thread.clock.common_s(&found.arrived) - 0.5 * trip_s;
         let monotonic_s = found.arrived.monotonic_s();
         // Of GeoCOM: 0 where all is well.
@@ -164,7 +164,7 @@ impl<'t, 'a> StationLogs<'t, 'a> {
         Ok(())
     }
 
-    /// The log of coordinates, which is begun with the first of them.
+    /// The log of coordinates; the first call creates it.
     fn coordinates(&mut self) -> Result<&mut Journal<'a>> {
         let log = match self.coordinates.take() {
             Some(log) => log,

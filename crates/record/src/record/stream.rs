@@ -35,7 +35,7 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     let mut counter = Counter::new(&source.kind);
     let mut buffer = vec![0; 1 << 16];
     while thread.goes_on() {
-        // However long the link stays away.
+        // A link may stay away for long; what arrived before must not wait for it.
         journal.write_if_due()?;
         let mut wire = match source.place.open() {
             Ok(wire) => wire,
@@ -96,25 +96,27 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     journal.flush()
 }
 
-/// The lines of a table, of which pieces arrive: a number of which a part is missing is a wrong one.
+/// Puts together the lines of a table from the pieces that arrive. Lines of which a part is missing are dropped, as
+/// half a number is a wrong number.
 #[derive(Default)]
 struct Lines {
-    /// The beginning of a line whose end is still to come.
+    /// The beginning of a line that has not ended yet.
     begun: Vec<u8>,
-    /// Whether the beginning of the present line is missing.
+    /// Whether the beginning of the current line is missing.
     is_cut: bool,
 }
 
 impl Lines {
-    /// The link was opened, perhaps in the middle of a line; how many bytes the end of the last one cut off.
+    /// The link was opened, perhaps in the middle of a line (`is_cut`). Drops what had begun before; returns how many
+    /// bytes that was.
     fn opened(&mut self, is_cut: bool) -> u64 {
         self.is_cut = is_cut;
         let begun = std::mem::take(&mut self.begun);
         begun.len() as u64
     }
 
-    /// The lines that these bytes complete, and how many bytes belong to a line whose beginning is missing. Before each
-    /// line stands the time if there is one, else lines are as they arrived.
+    /// Returns the lines that these bytes complete, and how many bytes were dropped because the beginning of their line is
+    /// missing. With a time, each line gets it as its first cell; without one, lines stay as they arrived.
     fn take(&mut self, bytes: &[u8], time_s: Option<f64>) -> (Vec<u8>, u64) {
         let (mut rows, mut cut_off) = (Vec::new(), 0);
         for part in bytes.split_inclusive(|byte| *byte == b'\n') {

@@ -13,8 +13,8 @@ const WINDOW: usize = 1 << 18;
 const LEARNING_S: f64 = 4.0;
 /// Own times this near to the common time are that time, seconds.
 const SAME_CLOCK_S: f64 = 0.25;
-/// Own times that go back by more are those of a sensor that was started again, as in a whole log; a clock that leaps
-/// ahead by more was set. Seconds.
+/// Own times that go back by more than a second are those of a sensor that was started again, as when a whole log is
+/// read; times that leap ahead by more than an hour are those of a clock that was set. Seconds.
 const BACK_S: f64 = 1.0;
 const AHEAD_S: f64 = 3600.0;
 
@@ -27,13 +27,13 @@ pub(super) struct Tail {
     header: Vec<u8>,
     window: Vec<u8>,
     read: u64,
-    /// Whether the first row of the window is one whose beginning was passed over.
+    /// Whether the window begins in the middle of a row, because bytes were passed over.
     begins_cut: bool,
     newest_own_s: f64,
     /// When it began to learn, and the least difference of common and own time since then, seconds.
     learning: Option<(f64, f64)>,
     offset_s: Option<f64>,
-    /// Why the last bytes gave no record.
+    /// Why the newest bytes held no record.
     trouble: Option<String>,
 }
 
@@ -55,7 +55,7 @@ impl Tail {
         }
     }
 
-    /// Why the last bytes gave no record.
+    /// Why the newest bytes held no record.
     pub(super) fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
     }
@@ -76,7 +76,7 @@ impl Tail {
         }
         let mut records = match read(&self.scratch).map_err(|error| self.of_log(error)) {
             Ok(records) => records,
-            // Nothing of this kind: yet, or ever. A window of a binary log may hold none of it after an outage.
+            // No such records yet, or none ever. After an outage the window of a binary log holds none either.
             Err(error @ Error::Format { .. })
                 if !self.is_table || self.newest_own_s == f64::NEG_INFINITY =>
             {
@@ -115,7 +115,8 @@ impl Tail {
         Ok(records)
     }
 
-    /// An error of what was read, as one of the log; lines and bytes are those of a part of it.
+    /// Turns an error in the part that was read into one of the log. Lines and bytes are left out, as they count from
+    /// the beginning of that part.
     fn of_log(&self, error: Error) -> Error {
         match error {
             Error::Format {

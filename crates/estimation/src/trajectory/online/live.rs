@@ -58,7 +58,7 @@ pub struct Online {
     leaps: usize,
     /// Time of the newest record of each position sensor that was taken in, and of the heading.
     taken_s: Vec<f64>,
-    /// How many of the newest records of each came far from the IMU's newest sample.
+    /// Of each, how many records in a row were far from the IMU's newest sample when they came.
     apart: Vec<usize>,
     scatter: Scatter,
     stage: Stage,
@@ -353,7 +353,7 @@ impl Online {
     }
 }
 
-/// The error of an IMU whose times continue elsewhere.
+/// The error of an IMU log that continues at another time.
 fn leap(from_s: f64, to_s: f64) -> Error {
     let by_s = to_s - from_s;
     let problem = if by_s > 0.0 {

@@ -5,10 +5,10 @@ use crate::sensor::{Timed, check_overlap};
 use crate::trajectory::gaps::MAX_IMU_GAP_S;
 use crate::trajectory::streams::MIN_FIXES;
 
-/// Counts records in a row that came far from the IMU's newest sample.
+/// Counts in `apart` how many of the newest records in a row were far from the IMU's newest sample when they came.
 ///
 /// # Errors
-/// So many as a start needs, and none within the IMU's span: the streams do not meet, however long one waits.
+/// As many as a start needs, and all outside the IMU's span: the streams will not meet, however long one waits.
 pub fn check_meeting<T: Timed>(
     apart: &mut usize,
     imu_s: (f64, f64),

@@ -50,14 +50,14 @@ impl Numbers {
 pub enum Start {
     /// The smoother at the end of the records so far.
     Made(Box<Running>, Update),
-    /// Why the records so far do not suffice; more may.
+    /// Why the records so far do not suffice. More records may.
     NotYet(Error),
 }
 
 /// Tries to start.
 ///
 /// # Errors
-/// Logs that contradict themselves, whatever comes after: wrong units, stamps in bursts.
+/// Logs that no further records can mend: times in a wrong unit, stamps in bursts.
 pub fn start(
     given: &Given,
     newest_imu_s: f64,
@@ -90,7 +90,7 @@ pub fn start(
         positions: position_numbers,
         heading: heading_numbers,
     };
-    // What the first seconds do not determine, or their outliers spoil, later ones may.
+    // Later records may determine what the first seconds do not, and outweigh their outliers.
     Ok(
         match adjusted(&logs, given, &numbers, (newest_imu_s, settings, options)) {
             Ok((running, update)) => Start::Made(Box::new(running), update),

@@ -12,34 +12,34 @@ const COLUMNS: Columns<'_> = Columns {
     needed: &["bytes_before", "monotonic_s"],
     optional: &[],
 };
-/// No piece is longer, bytes: a recorder reads 64 KiB at a time, and the times that it puts before lines of one character
-/// make ten times as much of them.
+/// The largest size of a piece, bytes: a recorder reads at most 64 KiB at a time, and putting a time before each line
+/// makes that at most ten times as long, where every line has one character.
 const LARGEST_PIECE: u64 = 1 << 20;
 
-/// A row: when a piece of a log arrived.
+/// A row of the file: when a piece of a log arrived.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     /// Bytes of the log before the piece.
     before: u64,
     /// Seconds of the monotonic clock.
     monotonic_s: f64,
-    /// Whether no damaged row lies between it and the one before.
+    /// Whether it directly follows the row before it, with no damaged one between them.
     follows: bool,
 }
 
 impl Row {
-    /// Whether it can come after another one.
+    /// Whether it can be the row after `last`: places and times do not go back, and the piece is not too large.
     fn fits(&self, last: &Self) -> bool {
         let places = last.before..=last.before.saturating_add(LARGEST_PIECE);
         self.follows && last.monotonic_s <= self.monotonic_s && places.contains(&self.before)
     }
 }
 
-/// The rows of a file, one after the other; a last one that a crash cut off is left out.
+/// The rows of a file, one after the other. Damaged rows are skipped, and so is a last one that a crash cut off.
 #[derive(Debug)]
 struct Rows {
     table: Table,
-    /// Damaged rows so far, which are passed over.
+    /// Damaged rows so far.
     damaged: usize,
 }
 
@@ -79,7 +79,7 @@ impl Rows {
 struct Piece {
     /// Bytes of the log before it.
     before: u64,
-    /// Bytes of the log up to its end, where that is known.
+    /// Bytes of the log up to its end; `None` where that is not known.
     end: Option<u64>,
     /// When it arrived, common time, seconds.
     at_s: f64,
@@ -88,7 +88,7 @@ struct Piece {
 /// When the pieces of a log arrived, in their order.
 pub(super) struct Arrivals {
     pieces: Vec<Piece>,
-    /// Rows that are damaged.
+    /// How many rows are damaged.
     pub(super) damaged: usize,
 }
 
@@ -104,7 +104,7 @@ impl Arrivals {
         let pairs = rows.iter().skip(1).zip(&fits);
         let damaged = read.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
         let pieces = rows.iter().enumerate().map(|(i, row)| {
-            // Of two rows that do not fit, either may be wrong: it is neither the end of a piece nor a beginning.
+            // Where two rows do not fit together, either may be wrong, so neither may bound a piece.
             let near = &fits[i.saturating_sub(1)..fits.len().min(i + 2)];
             let next = rows.get(i + 1).filter(|_| near.iter().all(|fits| *fits));
             Piece {
@@ -119,8 +119,8 @@ impl Arrivals {
         })
     }
 
-    /// When the piece arrived in which a record ends, where that is known. Log and times of arrival need not end
-    /// together: after a crash what follows the last time may be more than its piece.
+    /// When the piece arrived in which a record ends; `None` where that is not known. After a crash the log may go on
+    /// after its last time of arrival, so that the end of the last piece is not known.
     pub(super) fn of(&self, end: u64) -> Option<f64> {
         let next = self.pieces.partition_point(|piece| piece.before < end);
         let piece = self.pieces.get(next.checked_sub(1)?)?;
@@ -140,8 +140,9 @@ impl Arrivals {
     }
 }
 
-/// The pieces of a log in their order: how many bytes each has, and when it arrived, seconds of the monotonic clock. The
-/// bytes of a damaged row count to the piece before them. The last piece ends with the log.
+/// The pieces of a log in their order: how many bytes each has, and when it arrived, seconds of the monotonic clock.
+/// Where a row is damaged, its piece is joined to the one before. The last piece ends with the log, or at
+/// the largest size of a piece.
 pub struct Pieces {
     path: PathBuf,
     rows: Rows,
@@ -183,7 +184,7 @@ impl Pieces {
         Ok(last_s)
     }
 
-    /// The piece of a row.
+    /// The piece that begins at a row.
     fn piece(&mut self, row: Row) -> Result<(usize, f64)> {
         let Row {
             before,
@@ -193,7 +194,7 @@ impl Pieces {
         self.next = self.rows.next()?;
         let end = match self.next {
             Some(next) => next.before,
-            // What is more was not stamped any more.
+            // Whatever follows has no time of arrival.
             None => self
                 .bytes
                 .clamp(before, before.saturating_add(LARGEST_PIECE)),

@@ -56,12 +56,12 @@ pub struct SensorClock {
     pub gaps: usize,
     /// See there, seconds.
     pub longest_gap_s: f64,
-    /// Records with a time of their own whose arrival is known.
+    /// Records that have a time of their own and a known time of arrival.
     pub records: usize,
-    /// Rows of the times of arrival that are damaged.
+    /// Damaged rows among the times of arrival.
     pub damaged_arrivals: usize,
-    /// From the last record whose arrival is known to the last one, seconds of the own clock: after a crash, log and times
-    /// of arrival do not end together.
+    /// How far the log goes on after the last record with a known time of arrival, seconds of the sensor's clock: more
+    /// than a moment only after a crash.
     pub beyond_arrivals_s: f64,
 }
 
@@ -98,7 +98,8 @@ pub fn recording_clock(log: &Path) -> Option<Result<RecordingClock>> {
 /// arrival lie beside it, or its records have no times.
 ///
 /// # Errors
-/// Files that cannot be read; no record whose arrival is known; an own clock that goes back, where its times are not kept.
+/// Files that cannot be read; no record with a known time of arrival; an own clock that goes back, where its times are
+/// not kept.
 pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
     let stamps = stamps_of(log);
     if !stamps.is_file() {
@@ -122,7 +123,7 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
             stamps,
             Location::Whole,
             format!("no time of arrival of any of {} records", own.len()),
-            "those of a log that was recorded for longer",
+            "a log with at least two pieces and their times",
         ));
     };
     let middle_s = 0.5 * (first.0 + last.0);

@@ -95,7 +95,7 @@ pub(super) fn station(log: &Path) -> Result<Option<Station>> {
     }
     let arrived = |row: &StationRow| recording.common_s(row.monotonic_s);
     let (mut times_s, mut delays, mut span_s) = (Vec::new(), Vec::new(), 0.0);
-    // An instrument that is switched off and on begins its time anew.
+    // An instrument that is switched off and on counts its time from zero again.
     for run in timed.chunk_by(|(before_s, _), (own_s, _)| before_s <= own_s) {
         let (first_s, last_s) = (run[0].0, run[run.len() - 1].0);
         let middle_s = 0.5 * (first_s + last_s);

@@ -141,7 +141,7 @@ fn change(path: &Path, how: impl FnOnce(&mut Vec<String>)) {
     fs::write(path, lines.join("\n") + "\n").unwrap();
 }
 
-/// Asserts that nothing but a part of log or times of arrival is missing: all clocks are as they were.
+/// Asserts that damage to a log or its times of arrival leaves the clock and all times as they were.
 fn assert_same_clock(damage: impl Fn(&Path)) {
     let folder = tempfile::tempdir().unwrap();
     let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(DISCIPLINED));
@@ -178,7 +178,14 @@ fn a_log_that_is_shorter_than_its_times_of_arrival_keeps_its_clock() {
 
 #[test]
 fn damaged_times_of_arrival_bend_no_clock() {
-    for damage in ["17,", "\0\0\0", "2,17.5", "x"] {
+    for damage in [
+        "17,",
+        "\0\0\0",
+        "2,17.5,0",
+        "999999999,141,0",
+        "6600,9999,0",
+        "x",
+    ] {
         assert_same_clock(|log| change(&stamps_of(log), |lines| lines[500] = damage.into()));
     }
 }
@@ -220,11 +227,11 @@ fn pieces_of_a_damaged_recording_are_bounded_and_in_their_places() {
     let bytes = |pieces: &[(usize, f64)]| pieces.iter().map(|piece| piece.0).sum::<usize>();
     assert_eq!(bytes(&damaged), bytes(&whole));
     change(&stamps_of(&log), |lines| {
-        lines[700] = "999999999,141".into()
+        lines[700] = "999999999,141,0".into()
     });
     let error = pieces().unwrap_err().to_string();
     assert!(error.contains("to byte 999999999"), "{error}");
-    // What is not stamped any more is no piece.
+    // A log that goes on after its last time of arrival.
     change(&stamps_of(&log), |lines| lines.truncate(3));
     fs::write(&log, vec![b'1'; 5 << 20]).unwrap();
     assert!(pieces().unwrap().iter().all(|piece| piece.0 <= 1 << 20));
@@ -261,7 +268,7 @@ fn a_total_station_that_is_switched_off_and_on_keeps_its_times() {
     };
     let found = crate::format::read_positions(&log, &Observations::Polar(instrument)).unwrap();
     for (i, fix) in found.fixes.iter().enumerate() {
-        // Own times have milliseconds.
+        // The instrument's times are rounded to milliseconds.
         let off_s = fix.time_s - BEGIN_S - true_s(i as u32) - 0.005;
         assert!(off_s.abs() < 2e-3, "{i}: {off_s}");
     }

@@ -18,7 +18,7 @@ const HEADING: &str = "time_s,heading_deg\n";
 struct Drive {
     folder: tempfile::TempDir,
     live: Live,
-    /// What the clocks of IMU and prism lack, seconds.
+    /// How far the clocks of IMU and prism are behind, seconds.
     late_s: [f64; 2],
     polar: bool,
 }
@@ -72,7 +72,7 @@ impl Drive {
         writeln!(log, "{row}").unwrap();
     }
 
-    /// What the IMU measured in hundredths of a second.
+    /// Appends what the IMU measured, from and to in hundredths of a second.
     fn imu(&self, from: u32, to: u32) {
         for k in from..to {
             let time_s = BEGIN_S + 0.01 * f64::from(k) - self.late_s[0];
@@ -80,7 +80,7 @@ impl Drive {
         }
     }
 
-    /// What prism and compass measured in hundredths of a second.
+    /// Appends what the prism and the compass measured, likewise.
     fn others(&self, from: u32, to: u32) {
         for k in (from..to).filter(|k| k % 10 == 0) {
             let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
@@ -112,7 +112,7 @@ impl Drop for Drive {
 
 #[test]
 fn the_live_pose_has_the_projects_time_offsets() {
-    let mut drive = Drive::new([0.1, 0.2]);
+    let mut drive = Drive::new([0.05, 0.1]);
     for k in (0..1200).step_by(25) {
         drive.imu(k, k + 25);
         drive.others(k, k + 25);
@@ -140,7 +140,7 @@ fn positions_and_headings_that_come_without_the_imu_are_taken_in() {
 
 #[test]
 fn rows_without_a_range_leave_the_pose() {
-    // A program without projections has no such project.
+    // Only a build with projections reads such a project.
     if Projection::new("EPSG:25832").is_err() {
         return;
     }
