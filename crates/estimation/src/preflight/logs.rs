@@ -167,7 +167,7 @@ impl LateLog {
 }
 
 /// Noise of neighbouring fixes beyond the standard deviation by this factor is stated wrongly.
-const STATED_FACTOR: f64 = 4.0;
+pub const STATED_FACTOR: f64 = 4.0;
 
 /// Fixes of a longer time are not neighbours: the motion would count as noise, seconds.
 const NEIGHBOURS_S: f64 = 1.2;
