@@ -7,7 +7,9 @@ use super::recorded;
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
-use crate::preflight::{HEADING_SIGN, Log, late_logs, logs as contradictions, position_noise};
+use crate::preflight::{
+    HEADING_SIGN, Log, late_logs, logs as contradictions, position_noise, unmeasured,
+};
 use crate::progress::{Progress, Silent};
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
@@ -100,8 +102,22 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPose
 ///
 /// # Errors
 /// See [`crate::preflight::logs`].
-fn put_right(logs: &mut DriveLogs) -> Result<Vec<Verdict>> {
-    let mut said = Vec::new();
+fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
+    let file = |log: Log| {
+        let path = match log {
+            Log::Imu => &files.imu.path,
+            Log::Position(i) => &files.positions[i].path,
+            Log::Heading => files
+                .heading
+                .as_ref()
+                .map_or(&files.imu.path, |log| &log.path),
+        };
+        path.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let mut said = unmeasured(&logs.motion(), &logs.settings, &file);
     for late in late_logs(&logs.motion(), &logs.settings) {
         let on_time = |time_s: &mut f64| *time_s -= late.late_s;
         match late.log {
@@ -150,12 +166,12 @@ fn poses_from_logs(
     logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<EstimatedPoses> {
-    let estimates_doubted = logs.estimates_doubted;
-    let mut logs = DriveLogs::read(project, logs, progress)?;
+    let (files, estimates_doubted) = (logs, logs.estimates_doubted);
+    let mut logs = DriveLogs::read(project, files, progress)?;
     if project.is_joint && !project.scanners.is_empty() {
         logs.settings.max_step_s = JOINT_STEP_S;
     }
-    let contradicted = put_right(&mut logs)?;
+    let contradicted = put_right(&mut logs, files)?;
     for verdict in &contradicted {
         progress.warn(&verdict.text);
     }
@@ -165,7 +181,7 @@ fn poses_from_logs(
     }
     let begun = Instant::now();
     let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
-    // Constants that fit wrong axes or signs say nothing.
+    // Constants and noise that fit wrong axes or signs say nothing.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
     let mut doubts = match is_sound {
         true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
@@ -184,6 +200,7 @@ fn poses_from_logs(
     let scale = Constant::ImuNoiseScale;
     let is_noisy = found.solution.imu_noise_factor() > NOTABLE_NOISE;
     if estimates_doubted
+        && is_sound
         && is_noisy
         && !logs.settings.estimate.contains(&scale)
         && let Some(scaled) = with_freed(&mut logs, &[scale], progress)?
@@ -218,9 +235,9 @@ fn poses_from_logs(
 /// Errors of the readers; see [`crate::preflight::logs`].
 pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     match &project.motion {
-        Motion::Logs(logs) => {
-            let mut logs = DriveLogs::read(project, logs, &Silent)?;
-            let mut said = put_right(&mut logs)?;
+        Motion::Logs(files) => {
+            let mut logs = DriveLogs::read(project, files, &Silent)?;
+            let mut said = put_right(&mut logs, files)?;
             if said.is_empty() {
                 said.push(Verdict::good(
                     "logs.consistent",

@@ -1,6 +1,7 @@
 //! What the logs of the motion say about units, axes and signs.
 
 use super::TIME_SCALES_S;
+use super::differences::{self, VALUES};
 use super::turns::{Turned, courses};
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
@@ -166,7 +167,7 @@ impl LateLog {
 }
 
 /// Noise of neighbouring fixes beyond the standard deviation by this factor is stated wrongly.
-const STATED_FACTOR: f64 = 4.0;
+pub const STATED_FACTOR: f64 = 4.0;
 
 /// Fixes of a longer time are not neighbours: the motion would count as noise, seconds.
 const NEIGHBOURS_S: f64 = 1.2;
@@ -181,7 +182,8 @@ pub fn position_noise(
     if fixes.iter().any(|fix| fix.covariance_m2.is_some()) {
         return None;
     }
-    let differences: Vec<Vec3> = fixes.windows(5).filter_map(fourth_difference).collect();
+    let windows = fixes.windows(VALUES);
+    let differences: Vec<Vec3> = windows.filter_map(fourth_difference).collect();
     if differences.len() < fixes.len() / 2 {
         return None;
     }
@@ -204,25 +206,14 @@ pub fn position_noise(
     Some((factors, verdict.with_value(factors.max(), None)))
 }
 
-/// Σ wᵢ pᵢ with wᵢ ∝ 1/∏ⱼ(tᵢ − tⱼ) of unit length: zero for cubic motions, and the noise of one fix.
+/// The scatter of [`VALUES`] fixes, see [`differences`]; `None` where they are no neighbours.
 fn fourth_difference(fixes: &[PositionFix]) -> Option<Vec3> {
-    let times = || fixes.iter().map(|fix| fix.time_s);
-    let span_s = fixes[fixes.len() - 1].time_s - fixes[0].time_s;
-    let is_apart = fixes.windows(2).all(|pair| pair[1].time_s > pair[0].time_s);
-    if !is_apart || span_s > NEIGHBOURS_S {
-        return None;
-    }
-    let weights = times().enumerate().map(|(i, t)| {
-        let others = times().enumerate().filter(|(j, _)| *j != i);
-        others.map(|(_, other)| t - other).product::<f64>().recip()
-    });
-    let weights: Vec<f64> = weights.collect();
-    let length = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
-    let terms = fixes
-        .iter()
-        .zip(&weights)
-        .map(|(fix, w)| fix.position_m * (w / length));
-    Some(terms.sum())
+    let fixes: &[PositionFix; VALUES] = fixes.try_into().ok()?;
+    let times_s = fixes.map(|fix| fix.time_s);
+    let is_near = times_s[VALUES - 1] - times_s[0] <= NEIGHBOURS_S;
+    let weights = differences::weights(times_s).filter(|_| is_near)?;
+    let terms = fixes.iter().zip(weights);
+    Some(terms.map(|(fix, weight)| fix.position_m * weight).sum())
 }
 
 /// The direction of the mean specific force in the body.

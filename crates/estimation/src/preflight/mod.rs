@@ -3,8 +3,10 @@
 //! Units that cannot be meant are errors; all else is said as a [`Verdict`](crate::verdict::Verdict).
 
 mod alternatives;
+mod differences;
 mod fans;
 mod logs;
+mod measured;
 mod scans;
 mod turns;
 
@@ -17,4 +19,5 @@ const TIME_SCALES_S: [(f64, &str); 3] = [
 
 pub use fans::fans;
 pub use logs::{HEADING_SIGN, LateLog, Log, late_logs, logs, position_noise};
+pub use measured::unmeasured;
 pub use scans::{Placed, Placement, scans};

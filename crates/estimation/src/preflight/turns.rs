@@ -133,19 +133,27 @@ impl Ratio {
     }
 }
 
-/// Courses over the ground, clockwise from north, at the middle times of ways, for positions that move.
-pub fn courses(fixes: &[PositionFix]) -> Vec<(f64, f64)> {
+/// Ways of [`COURSE_WAY_M`] over the ground, by the fixes at their ends, for positions that move.
+pub fn ways(fixes: &[PositionFix]) -> Vec<[&PositionFix; 2]> {
     let mut found = Vec::new();
     let mut from = 0;
     for (to, fix) in fixes.iter().enumerate() {
-        let way = fix.position_m - fixes[from].position_m;
-        if way.xy().norm() > COURSE_WAY_M {
-            let (start_s, end_s) = (fixes[from].time_s, fix.time_s);
-            if end_s - start_s < COURSE_SPAN_S {
-                found.push((0.5 * (start_s + end_s), way.x.atan2(way.y)));
+        let start = &fixes[from];
+        if (fix.position_m - start.position_m).xy().norm() > COURSE_WAY_M {
+            if fix.time_s - start.time_s < COURSE_SPAN_S {
+                found.push([start, fix]);
             }
             from = to;
         }
     }
     found
+}
+
+/// Courses over the ground, clockwise from north, at the middle times of ways, for positions that move.
+pub fn courses(fixes: &[PositionFix]) -> Vec<(f64, f64)> {
+    let course = |[start, end]: [&PositionFix; 2]| {
+        let way = end.position_m - start.position_m;
+        (0.5 * (start.time_s + end.time_s), way.x.atan2(way.y))
+    };
+    ways(fixes).into_iter().map(course).collect()
 }

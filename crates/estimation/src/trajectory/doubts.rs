@@ -55,7 +55,8 @@ pub struct Doubt {
 ///
 /// All constants that are held are freed at once; where that does not fit better, nothing is doubted.
 /// Otherwise, and where nothing fits yet, they are freed one at a time, and the one that fits best stays free for the tests of the
-/// others (Wald tests, forward selection), until nothing is left to explain.
+/// others (Wald tests, forward selection), until nothing is left to explain, or until none explains its part: what
+/// fits badly for another reason fits a little better with every constant.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
@@ -88,20 +89,27 @@ pub fn doubts(
         .map(|sensor| sensor.redundancy)
         .sum();
     // From a fit that is far off, the way to all of them at once is long and may end elsewhere.
-    let least = match now < MAX_RATIO * redundancy {
-        true => freed_too(&held)?.map_or(0.0, |solution| squares(&solution)),
-        false => 0.0,
+    let is_far_off = now >= MAX_RATIO * redundancy;
+    let least = match is_far_off {
+        true => 0.0,
+        false => freed_too(&held)?.map_or(0.0, |solution| squares(&solution)),
     };
     let (mut freed, mut found) = (Vec::new(), Vec::new());
     while now - least > MIN_GAIN && freed.len() < MAX_DOUBTS {
         let enough = least + MIN_GAIN.max(LEFT_SHARE * (now - least));
+        // Of constants that together leave a fit as good as its redundancy, one explains this or more.
+        let part = match is_far_off {
+            true => (now - redundancy) / MAX_DOUBTS as f64,
+            false => 0.0,
+        };
+        let most = now - MIN_GAIN.max(part);
         let mut best: Option<(f64, Constant, Solution)> = None;
         for constant in held.iter().filter(|constant| !freed.contains(*constant)) {
             let Some(solution) = freed_too(&[&freed[..], &[*constant]].concat())? else {
                 continue;
             };
             let squares = squares(&solution);
-            let better = best.as_ref().map_or(now - MIN_GAIN, |(least, ..)| *least);
+            let better = best.as_ref().map_or(most, |(least, ..)| *least);
             if squares < better && doubt(*constant, settings, &solution).is_some() {
                 best = Some((squares, *constant, solution));
             }

@@ -1,0 +1,403 @@
+//! Values that no sensor measured as they stand: an axis of the IMU that is held, coordinates that were rounded.
+//!
+//! Both are looked for on the way: there a value with noise is not the one before.
+
+use super::Log;
+use super::differences::{VALUES, weights};
+use super::logs::STATED_FACTOR;
+use super::turns::ways;
+use crate::geometry::Vec3;
+use crate::sensor::{ImuSample, PositionFix, Timed};
+use crate::statistics::{SIGMAS_PER_MAD, median};
+use crate::trajectory::{MotionLogs, PositionSettings, TrajectorySettings};
+use crate::verdict::Verdict;
+
+/// An axis is held where it stays at one value for this share of the way.
+const HELD_SHARE: f64 = 0.5;
+/// Of noise with a standard deviation of half a step, one value in three lies in another step.
+const NOISE_PER_STEP: f64 = 0.5;
+/// Fewest values on the way by which a log is judged: half of them in one step are no chance then (1 in 10⁹).
+const LEAST_VALUES: usize = 120;
+/// Values on steps lie on them to this share of a step, as one in fifty of others does.
+const ON_STEP: f64 = 0.01;
+/// Rounding scatters as noise where values have noise of half a step (Widrow 1956), with which they change by this
+/// share of a step, 2/√π · ½, from one to the next. Where they change by less, its errors last.
+const SCATTERING_CHANGE: f64 = 0.56;
+/// Single precision has steps of 2⁻²³ of a power of two.
+const SINGLE_PRECISION: f64 = (1 << 23) as f64;
+
+/// What no sensor measured as it stands; `file` names the file of a log.
+pub fn unmeasured(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    file: &dyn Fn(Log) -> String,
+) -> Vec<Verdict> {
+    let mut all = held_axes(logs, settings, &file(Log::Imu));
+    for (i, (fixes, position)) in logs.positions.iter().zip(&settings.positions).enumerate() {
+        all.extend(rounded(fixes, position, &file(Log::Position(i))));
+    }
+    all
+}
+
+/// Axes of the IMU that stay at one value while another axis of the same sensor, which has the same noise and is
+/// written in the same steps, shows more noise than half a step.
+fn held_axes(logs: &MotionLogs<'_>, settings: &TrajectorySettings, file: &str) -> Vec<Verdict> {
+    let imu = while_moving(logs.imu, &logs.positions[0]);
+    let times_s: Vec<f64> = imu.iter().map(Timed::time_s).collect();
+    let interval_s = median(times_s.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
+    if imu.len() < LEAST_VALUES || interval_s <= 0.0 {
+        return Vec::new();
+    }
+    let values = |part: fn(&ImuSample) -> Vec3| imu.iter().map(part).collect::<Vec<Vec3>>();
+    let sensors = [
+        Sensor {
+            name: "gyro",
+            unit: "rad/s",
+            axes: axes(&values(|sample| sample.gyro_rad_s)),
+            sigma: settings.imu.gyro_density / interval_s.sqrt(),
+        },
+        Sensor {
+            name: "accel",
+            unit: "m/s²",
+            axes: axes(&values(|sample| sample.accel_m_s2)),
+            sigma: settings.imu.accel_density / interval_s.sqrt(),
+        },
+    ];
+    let held = sensors
+        .iter()
+        .flat_map(|sensor| sensor.held(&times_s, file));
+    held.collect()
+}
+
+/// Three axes of the IMU on the way.
+struct Sensor {
+    name: &'static str,
+    unit: &'static str,
+    axes: [Vec<f64>; 3],
+    /// Standard deviation of a sample, as the project gives it.
+    sigma: f64,
+}
+
+impl Sensor {
+    fn held(&self, times_s: &[f64], file: &str) -> Vec<Verdict> {
+        let Self { name, unit, .. } = self;
+        let axes = || self.axes.iter().zip(["x", "y", "z"]);
+        let runs = axes().map(|(values, axis)| (longest_run(values), axis));
+        let least = HELD_SHARE * times_s.len() as f64;
+        let held: Vec<(&[f64], &str)> = runs.filter(|(run, _)| run.len() as f64 > least).collect();
+        if held.is_empty() {
+            return Vec::new();
+        }
+        // A simulation without noise may well have an axis that does not move.
+        let noisy = axes().find_map(|(values, axis)| {
+            let noise = scatter(times_s, values);
+            let least = NOISE_PER_STEP * step(values)?;
+            (noise > least && noise > self.sigma / STATED_FACTOR).then_some((noise, axis))
+        });
+        let Some((noise, beside)) = noisy else {
+            return Vec::new();
+        };
+        let held = held.into_iter().map(|(run, axis)| {
+            let text = format!(
+                "{file}: {name}_{axis} stays at {} {unit} for {} of the {} samples on the way, while {name}_{beside} \
+                 scatters by {noise:.1e} {unit}: no sensor measured it. Record all three axes.",
+                run[0],
+                run.len(),
+                times_s.len()
+            );
+            Verdict::fault("imu.held", text).with_value(run[0], None)
+        });
+        held.collect()
+    }
+}
+
+/// Coordinates in steps that are many times their standard deviation, and that the body takes several fixes to cross.
+fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Option<Verdict> {
+    let fixes = while_moving(fixes, fixes);
+    if fixes.len() < LEAST_VALUES {
+        return None;
+    }
+    let sigma_m = |axis: usize| {
+        let given = fixes.iter().filter_map(|fix| fix.covariance_m2);
+        let given = median(given.map(|covariance| covariance[(axis, axis)].sqrt()));
+        given.unwrap_or(position.sigma_m[axis])
+    };
+    let positions: Vec<Vec3> = fixes.iter().map(|fix| fix.position_m).collect();
+    let steps = axes(&positions).map(|values| lasting_step(&values));
+    let steps = steps.into_iter().enumerate();
+    let steps = steps.filter_map(|(axis, step_m)| Some((step_m?, axis)));
+    let coarse = steps.filter(|(step_m, axis)| {
+        // Standard deviation of what is lost by rounding.
+        step_m / 12f64.sqrt() > STATED_FACTOR * sigma_m(*axis)
+    });
+    let (step_m, axis) = coarse.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let exponent = step_m.log2();
+    let is_single = (exponent - exponent.round()).abs() < ON_STEP;
+    let likely = if is_single {
+        let from_m = step_m * SINGLE_PRECISION;
+        format!(", as in single precision (32 bits) from {from_m:.0} m on")
+    } else {
+        String::new()
+    };
+    let name = &position.name;
+    let text = format!(
+        "{file}: {} of `{name}` is written in steps of {step_m:.4} m{likely}, and its standard deviation is to be \
+         {:.4} m: what lies between the steps is lost. Write the log anew with all digits.",
+        ["east", "north", "up"][axis],
+        sigma_m(axis)
+    );
+    Some(Verdict::fault(format!("{name}.rounded"), text).with_value(step_m, None))
+}
+
+/// The step to which values were rounded, where they change too little from one to the next for its errors to
+/// scatter.
+fn lasting_step(values: &[f64]) -> Option<f64> {
+    let step = step(values)?;
+    let mut steps = values.iter().map(|value| (value - values[0]) / step);
+    let is_rounded = steps.all(|steps| (steps - steps.round()).abs() < ON_STEP);
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let change = changes.sum::<f64>() / (values.len() - 1) as f64;
+    (is_rounded && change < SCATTERING_CHANGE * step).then_some(step)
+}
+
+/// The smallest difference between values that differ.
+fn step(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let differences = sorted.windows(2).map(|pair| pair[1] - pair[0]);
+    differences
+        .filter(|difference| *difference > 0.0)
+        .reduce(f64::min)
+}
+
+/// Standard deviation of one value beside a smooth course.
+fn scatter(times_s: &[f64], values: &[f64]) -> f64 {
+    let windows = times_s.windows(VALUES).zip(values.windows(VALUES));
+    let differences = windows.filter_map(|(times_s, values)| {
+        let weights = weights(times_s.try_into().ok()?)?;
+        let terms = weights.iter().zip(values);
+        let sum: f64 = terms.map(|(weight, value)| weight * value).sum();
+        Some(sum.abs())
+    });
+    SIGMAS_PER_MAD * median(differences).unwrap_or(0.0)
+}
+
+/// The most values in succession that are the same.
+fn longest_run(values: &[f64]) -> &[f64] {
+    let runs = values.chunk_by(|a, b| a == b);
+    runs.max_by_key(|run| run.len()).unwrap_or_default()
+}
+
+/// The values of each axis.
+fn axes(vectors: &[Vec3]) -> [Vec<f64>; 3] {
+    [0, 1, 2].map(|axis| vectors.iter().map(|vector| vector[axis]).collect())
+}
+
+/// The records that were taken on the ways of `fixes` over the ground.
+fn while_moving<T: Timed + Copy>(records: &[T], fixes: &[PositionFix]) -> Vec<T> {
+    let ways = ways(fixes).into_iter();
+    let mut ways: Vec<(f64, f64)> = ways
+        .map(|[start, end]| (start.time_s, end.time_s))
+        .collect();
+    ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let is_on_way = |record: &&T| {
+        let begun = ways.partition_point(|way| way.0 <= record.time_s());
+        begun > 0 && record.time_s() <= ways[begun - 1].1
+    };
+    records.iter().filter(is_on_way).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BodyAxes;
+    use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise};
+
+    const IMU_HZ: f64 = 50.0;
+    const PRISM_HZ: f64 = 7.0;
+    const SIGMA_M: f64 = 0.005;
+    const SPAN_S: f64 = 120.0;
+
+    struct Drive {
+        imu: Vec<ImuSample>,
+        positions: Vec<Vec<PositionFix>>,
+        settings: TrajectorySettings,
+    }
+
+    /// Noise of unit standard deviation: Irwin and Hall's sum of twelve uniform numbers.
+    struct Noise(u64);
+
+    impl Noise {
+        fn one(&mut self) -> f64 {
+            let uniform = (0..12).map(|_| {
+                let factor = 6_364_136_223_846_793_005;
+                self.0 = self.0.wrapping_mul(factor).wrapping_add(1);
+                (self.0 >> 11) as f64 / (1u64 << 53) as f64
+            });
+            uniform.sum::<f64>() - 6.0
+        }
+
+        fn three(&mut self, sigma: f64) -> Vec3 {
+            Vec3::new(self.one(), self.one(), self.one()) * sigma
+        }
+    }
+
+    impl Drive {
+        /// Round a circle at half a metre a second from `start_s` on, before that at rest, with so much of the
+        /// noise that the settings say.
+        fn new(start_s: f64, noise_share: f64) -> Self {
+            let (radius_m, speed_m_s) = (4.0, 0.5);
+            let imu_noise = ImuNoise::from_datasheet(&ImuDatasheet::default());
+            let mut noise = Noise(1);
+            let driven_s = |time_s: f64| (time_s - start_s).max(0.0);
+            let imu = (0..(SPAN_S * IMU_HZ) as u32).map(|i| {
+                let time_s = f64::from(i) / IMU_HZ;
+                let rate = f64::from(time_s > start_s) * speed_m_s / radius_m;
+                let sigmas = [imu_noise.gyro_density, imu_noise.accel_density]
+                    .map(|density| noise_share * density * IMU_HZ.sqrt());
+                ImuSample {
+                    time_s,
+                    gyro_rad_s: Vec3::z() * rate + noise.three(sigmas[0]),
+                    accel_m_s2: Vec3::z() * -9.81 + noise.three(sigmas[1]),
+                }
+            });
+            let imu = imu.collect();
+            let fixes = (0..(SPAN_S * PRISM_HZ) as u32).map(|i| {
+                let time_s = f64::from(i) / PRISM_HZ;
+                let angle = speed_m_s * driven_s(time_s) / radius_m;
+                let place_m = Vec3::new(angle.cos(), angle.sin(), 0.5) * radius_m;
+                let position_m = place_m + noise.three(noise_share * SIGMA_M);
+                PositionFix::with_sigma(time_s, position_m, None)
+            });
+            let positions = vec![fixes.collect()];
+            let prism = PositionSettings::prism(SIGMA_M, Vec3::zeros());
+            let heading = HeadingSettings::aligned(0.01);
+            Self {
+                imu,
+                positions,
+                settings: TrajectorySettings::new(BodyAxes::Frd, imu_noise, prism, heading),
+            }
+        }
+
+        fn said(&self) -> Vec<(String, String)> {
+            let logs = MotionLogs {
+                imu: &self.imu,
+                positions: &self.positions,
+                heading: &[],
+            };
+            let file = |log: Log| format!("{log:?}.csv");
+            let all = unmeasured(&logs, &self.settings, &file).into_iter();
+            all.map(|verdict| (verdict.code, verdict.text)).collect()
+        }
+
+        fn with_imu(mut self, change: impl Fn(usize, &mut ImuSample)) -> Self {
+            let samples = self.imu.iter_mut().enumerate();
+            samples.for_each(|(i, sample)| change(i, sample));
+            self
+        }
+
+        /// Coordinates as written, with `origin_m` subtracted when they were read.
+        fn with_positions(mut self, origin_m: f64, write: impl Fn(f64) -> f64) -> Self {
+            for fix in &mut self.positions[0] {
+                let written = |metres: f64| write(metres + origin_m) - origin_m;
+                fix.position_m = fix.position_m.map(written);
+            }
+            self
+        }
+    }
+
+    fn in_steps(step: f64) -> impl Fn(f64) -> f64 {
+        move |value| (value / step).round() * step
+    }
+
+    #[test]
+    fn an_axis_that_is_held_on_the_way_is_named_with_its_value() {
+        for axis in 0..3 {
+            let name = ["x", "y", "z"][axis];
+            let gyro = Drive::new(10.0, 1.0).with_imu(|_, sample| sample.gyro_rad_s[axis] = 0.0);
+            let accel = Drive::new(10.0, 1.0).with_imu(|_, sample| sample.accel_m_s2[axis] = 0.25);
+            for (drive, value) in [
+                (gyro, format!("gyro_{name} stays at 0 rad/s")),
+                (accel, format!("accel_{name} stays at 0.25 m/s²")),
+            ] {
+                let said = drive.said();
+                assert_eq!(said.len(), 1, "{said:?}");
+                assert_eq!(said[0].0, "imu.held");
+                assert!(
+                    said[0].1.starts_with(&format!("Imu.csv: {value}")),
+                    "{said:?}"
+                );
+            }
+        }
+        // From some time on.
+        let first = (0.4 * SPAN_S * IMU_HZ) as usize;
+        let stuck = Drive::new(0.0, 1.0).with_imu(|i, sample| {
+            if i >= first {
+                sample.gyro_rad_s.y = 0.0125;
+            }
+        });
+        assert_eq!(stuck.said().len(), 1);
+    }
+
+    #[test]
+    fn an_imu_that_hardly_turns_or_rests_or_is_simulated_is_not() {
+        let gyro_sigma = Drive::new(0.0, 1.0).settings.imu.gyro_density * IMU_HZ.sqrt();
+        // In steps of twice its noise, at rest for most of the log.
+        let coarse = in_steps(2.0 * gyro_sigma);
+        let resting = Drive::new(100.0, 1.0);
+        let resting = resting.with_imu(|_, s| s.gyro_rad_s = s.gyro_rad_s.map(&coarse));
+        // At rest nothing but one axis shows noise, as where an engine idles.
+        let first = (100.0 * IMU_HZ) as usize;
+        let idling = Drive::new(100.0, 1.0).with_imu(|i, sample| {
+            if i < first {
+                sample.gyro_rad_s.x = 0.0;
+            }
+        });
+        let planar = Drive::new(0.0, 0.0);
+        for drive in [Drive::new(0.0, 1.0), resting, idling, planar] {
+            assert_eq!(drive.said(), []);
+        }
+    }
+
+    #[test]
+    fn coordinates_in_single_precision_are_named_where_their_steps_are_long() {
+        let single = |value: f64| f64::from(value as f32);
+        for (origin_m, step) in [
+            (5_000_000.0, "0.5000"),
+            (1_000_000.3, "0.0625"),
+            (3_500_000.0, "0.2500"),
+        ] {
+            let said = Drive::new(10.0, 1.0)
+                .with_positions(origin_m, single)
+                .said();
+            assert_eq!(said.len(), 1, "{origin_m}: {said:?}");
+            assert_eq!(said[0].0, "prism.rounded");
+            for part in [
+                "Position(0).csv: ",
+                &format!("in steps of {step} m, as in single precision"),
+            ] {
+                assert!(said[0].1.contains(part), "{said:?}");
+            }
+        }
+        let said = Drive::new(10.0, 1.0)
+            .with_positions(0.0, in_steps(0.1))
+            .said();
+        assert_eq!(said.len(), 1);
+        assert!(!said[0].1.contains("single"), "{said:?}");
+    }
+
+    #[test]
+    fn coordinates_to_a_centimetre_or_less_are_not() {
+        let single = |value: f64| f64::from(value as f32);
+        let local = Drive::new(10.0, 1.0).with_positions(1000.0, single);
+        let millimetres = Drive::new(10.0, 1.0).with_positions(0.0, in_steps(0.001));
+        let centimetres = Drive::new(10.0, 1.0).with_positions(0.0, in_steps(0.01));
+        // Known to decimetres, as the project says.
+        let mut gnss = Drive::new(10.0, 1.0).with_positions(0.0, in_steps(0.1));
+        gnss.settings.positions[0].sigma_m = Vec3::repeat(0.1);
+        let planar = Drive::new(0.0, 0.0).with_positions(0.0, in_steps(0.001));
+        for drive in [local, millimetres, centimetres, gnss, planar] {
+            assert_eq!(drive.said(), []);
+        }
+    }
+}
