@@ -108,7 +108,7 @@ fn silence_decoders() {
         "/las-",
         "/laz-",
         "/e57-",
-        "/bzip2-rs-",
+        "/bzip2-",
         "/lz4_flex-",
         "/ruzstd-",
         "/parquet-",

@@ -39,8 +39,12 @@ impl Budget {
 #[cfg(target_os = "linux")]
 pub fn peak_memory_bytes() -> Option<u64> {
     // `getrusage` also counts the process that started this one.
-    let status = procfs::process::Process::myself().ok()?.status().ok()?;
-    status.vmhwm.map(|kilobytes| kilobytes * 1024)
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let peak = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = peak.trim().strip_suffix(" kB")?.parse().ok()?;
+    kilobytes.checked_mul(1024)
 }
 
 /// Peak memory of the program so far, bytes; `None` if the system does not report it.

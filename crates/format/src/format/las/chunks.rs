@@ -14,14 +14,21 @@ use laz::laszip::ChunkTable;
 use crate::error::{Error, Location, Result};
 use crate::format::file::{self, guarded};
 
+/// Largest chunk that is unpacked beside others, bytes of points: cells of COPC have 100,000 points of 30 to 150
+/// bytes, those of this program up to 200,000.
+const LARGEST_BESIDE: u64 = 32 << 20;
+
 /// Checks that the layers of every chunk end where the chunk does, within a file of `size` bytes, and that the
 /// chunks hold as many points as the header claims.
 ///
+/// Returns whether the chunks have different sizes, as in COPC, and can be unpacked side by side: a table says where
+/// each begins and how many points it has, which are together those of the header.
+///
 /// # Errors
 /// The byte of the chunk that does not.
-pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> {
+pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<bool> {
     let Ok(vlr) = header.laz_vlr() else {
-        return Ok(());
+        return Ok(false);
     };
     let (mut file, _) = file::open(path)?;
     let data = data_start(path, &mut file)?;
@@ -56,7 +63,7 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> 
         .map(|item| layers(item.item_type()))
         .sum();
     let Some(layers) = layers.filter(|layers| *layers > 0) else {
-        return Ok(());
+        return Ok(false);
     };
     let mut chunks = Chunks {
         path,
@@ -76,12 +83,16 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<()> 
         for _ in 0..points.div_ceil(of_chunk.max(1)) {
             chunks.next(None)?;
         }
-        return Ok(());
+        return Ok(false);
     };
-    table
-        .as_ref()
-        .iter()
-        .try_for_each(|chunk| chunks.next(Some(chunk.byte_count)))
+    let mut largest = 0;
+    for chunk in table.as_ref() {
+        chunks.next(Some(chunk.byte_count))?;
+        largest = chunk.point_count.max(largest);
+    }
+    Ok(vlr.uses_variable_size_chunks()
+        && held(&table) == points
+        && largest.saturating_mul(vlr.items_size()) <= LARGEST_BESIDE)
 }
 
 /// The layers of an item of a point; `None` if it has none because its points are compressed one by one.

@@ -3,6 +3,7 @@
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
@@ -16,7 +17,7 @@ const LARGEST_CHUNK: u64 = 100_000_000;
 /// was made to keep the reader busy.
 const MOST_EXPANDED: u64 = 250;
 const ALWAYS_BYTES: u64 = 8 << 20;
-/// Bytes of points decoded at a time; a record may have 65,535 bytes.
+/// Bytes of points decoded at a time, by each thread; a record may have 65,535 bytes.
 const LARGEST_PIECE: usize = 8 << 20;
 
 /// A decoded point with its optional values.
@@ -35,7 +36,11 @@ pub(crate) struct LasPoint<'a> {
 pub(crate) struct LasFile {
     path: PathBuf,
     reader: las::Reader,
+    /// Whether the reader unpacks chunks on all threads.
+    is_parallel: bool,
     points: las::PointData,
+    /// Which of the decoded points have not been taken.
+    ready: Range<usize>,
     taken: u64,
     bytes: u64,
 }
@@ -50,21 +55,27 @@ fn problem(path: &Path, error: las::Error) -> Error {
 }
 
 impl LasFile {
+    /// Chunks of different sizes, as in COPC, are unpacked on all threads.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = Self::reopen(path)?;
-        laz_chunks::check(path, file.header(), file.bytes)?;
+        if laz_chunks::check(path, file.header(), file.bytes)? {
+            return Self::with(path, las::LazParallelism::Yes);
+        }
         Ok(file)
     }
 
-    /// As [`open`](Self::open) where the chunks were checked, or only the header is read.
+    /// As [`open`](Self::open) where the chunks were checked, or only the header is read; unpacks on one thread.
     pub(crate) fn reopen(path: &Path) -> Result<Self> {
+        // Sequential decompression does not allocate memory based on a chunk table, which may be
+        // damaged.
+        Self::with(path, las::LazParallelism::No)
+    }
+
+    fn with(path: &Path, parallelism: las::LazParallelism) -> Result<Self> {
         let (mut file, bytes) = file::open(path)?;
         check_header(path, &mut file, bytes)?;
         guarded(path, "LAS or LAZ", || {
-            // Sequential decompression does not allocate memory based on a chunk table, which may be
-            // damaged.
-            let options =
-                las::ReaderOptions::default().with_laz_parallelism(las::LazParallelism::No);
+            let options = las::ReaderOptions::default().with_laz_parallelism(parallelism);
             let reader = las::Reader::with_options(BufReader::new(file), options)
                 .map_err(|e| problem(path, e))?;
             let points = las::PointDataBuilder::new()
@@ -73,7 +84,9 @@ impl LasFile {
             Ok(Self {
                 path: path.to_owned(),
                 reader,
+                is_parallel: matches!(parallelism, las::LazParallelism::Yes),
                 points,
+                ready: 0..0,
                 taken: 0,
                 bytes,
             })
@@ -110,6 +123,7 @@ impl LasFile {
     /// Seeks to a point, counted from 0.
     pub(crate) fn seek(&mut self, index: u64) -> Result<()> {
         self.taken = index;
+        self.ready = 0..0;
         let Self { path, reader, .. } = self;
         guarded(path, "LAS or LAZ", || {
             reader.seek(index).map_err(|e| problem(path, e))
@@ -125,23 +139,38 @@ impl LasFile {
         let Self {
             path,
             reader,
+            is_parallel,
             points,
+            ready,
             taken,
             ..
         } = self;
         let format = *reader.header().point_format();
-        let first = *taken;
-        let n = n.min(LARGEST_PIECE / points.record_len().max(1));
-        let count = guarded(path, "LAS or LAZ", || {
-            reader
-                .fill_points(n as u64, points)
-                .map_err(|e| problem(path, e))
-        })?;
-        *taken += count;
         let (length, extra) = (points.record_len(), usize::from(format.extra_bytes));
+        let most = LARGEST_PIECE / length.max(1);
+        let n = n.min(most);
+        if ready.start == ready.end {
+            let decoded = if *is_parallel {
+                most * rayon::current_num_threads()
+            } else {
+                n
+            };
+            let count = guarded(path, "LAS or LAZ", || {
+                reader
+                    .fill_points(decoded as u64, points)
+                    .map_err(|e| problem(path, e))
+            })?;
+            *ready = 0..count as usize;
+        }
+        let first = *taken;
+        let given = ready.start..ready.end.min(ready.start + n);
+        let count = given.len() as u64;
+        ready.start = given.end;
+        *taken += count;
         let transforms = *reader.header().transforms();
         let time_at = if format.is_extended { 22 } else { 20 };
-        for (i, record) in points.raw_bytes().chunks_exact(length).enumerate() {
+        let records = &points.raw_bytes()[given.start * length..given.end * length];
+        for (i, record) in records.chunks_exact(length).enumerate() {
             let raw = |at: usize| i32::from_le_bytes(bytes_at(record, at));
             let point = LasPoint {
                 position: Vec3::new(

@@ -20,8 +20,12 @@ const PART: u64 = 500_000;
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points.
 pub fn las_count(path: &Path) -> Result<u64> {
-    match LasFile::open(path)?.header().number_of_points() {
-        0 => Err(nothing_in(path, "point")),
+    count_of(&LasFile::open(path)?)
+}
+
+fn count_of(file: &LasFile) -> Result<u64> {
+    match file.header().number_of_points() {
+        0 => Err(nothing_in(file.path(), "point")),
         count => Ok(count),
     }
 }
@@ -32,24 +36,18 @@ pub fn las_count(path: &Path) -> Result<u64> {
 /// # Errors
 /// As [`las_count`]; errors of `each`.
 pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> {
-    let count = las_count(path)?;
-    if !LasFile::reopen(path)?.can_seek() {
-        return stream_in_order(path, count, each);
+    let file = LasFile::open(path)?;
+    let count = count_of(&file)?;
+    if !file.can_seek() {
+        return stream_in_order(file, count, each);
     }
     let parts = count.div_ceil(PART);
     let at_once = rayon::current_num_threads() as u64;
     for first in (0..parts).step_by(at_once as usize) {
         let some = first..parts.min(first + at_once);
-        let pieces = read_parts(
-            path,
-            some,
-            PART,
-            count,
-            Vec::with_capacity,
-            |points, point| {
-                points.push(point.position);
-            },
-        )?;
+        let pieces = read_parts(path, some, count, Vec::with_capacity, |points, point| {
+            points.push(point.position);
+        })?;
         pieces.iter().try_for_each(|piece| each(piece))?;
     }
     Ok(())
@@ -57,32 +55,27 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
 
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
 pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
-    let count = las_count(path)?;
-    let length = match LasFile::reopen(path)?.can_seek() {
-        true => PART,
-        false => count,
-    };
+    let mut file = LasFile::open(path)?;
+    let count = count_of(&file)?;
     let empty = |most| PointCloud {
         points: Vec::with_capacity(most),
         time_s: Vec::new(),
         intensity: Vec::with_capacity(most),
     };
-    let parts = read_parts(
-        path,
-        0..count.div_ceil(length),
-        length,
-        count,
-        empty,
-        |cloud, point| {
-            cloud.points.push(point.position);
-            cloud.intensity.push(point.intensity);
-            // Times are finite if there are any.
-            if !point.time_s.is_nan() {
-                cloud.time_s.push(point.time_s);
-            }
-        },
-    )?;
+    let take = |cloud: &mut PointCloud, point: LasPoint<'_>| {
+        cloud.points.push(point.position);
+        cloud.intensity.push(point.intensity);
+        // Times are finite if there are any.
+        if !point.time_s.is_nan() {
+            cloud.time_s.push(point.time_s);
+        }
+    };
     let mut cloud = empty(count as usize);
+    if !file.can_seek() {
+        read_until(&mut file, count, &mut cloud, take)?;
+        return Ok(cloud);
+    }
+    let parts = read_parts(path, 0..count.div_ceil(PART), count, empty, take)?;
     for part in parts {
         cloud.points.extend(part.points);
         cloud.time_s.extend(part.time_s);
@@ -91,24 +84,19 @@ pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// As [`stream_las`], on one thread.
+/// As [`stream_las`], with one file.
 fn stream_in_order(
-    path: &Path,
+    mut file: LasFile,
     count: u64,
     each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
 ) -> Result<()> {
-    let mut file = LasFile::reopen(path)?;
     let mut points = Vec::new();
     while file.taken() < count {
         points.clear();
-        let left = (count - file.taken()) as usize;
-        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+        let end = count.min(file.taken() + CHUNK_POINTS as u64);
+        read_until(&mut file, end, &mut points, |points, point| {
             points.push(point.position);
-            Ok(())
         })?;
-        if read == 0 {
-            return Err(cut_off(path, file.taken(), count));
-        }
         each(&points)?;
     }
     Ok(())
@@ -123,34 +111,45 @@ fn cut_off(path: &Path, found: u64, count: u64) -> Error {
     )
 }
 
-/// Decodes several parts of a file of `count` points in parallel, each of `length` points: it
+/// Decodes several parts of a file of `count` points in parallel, each of [`PART`] points: it
 /// begins with `empty`, given the number of its points, and `take`s the points in order.
 fn read_parts<T: Send>(
     path: &Path,
     parts: Range<u64>,
-    length: u64,
     count: u64,
     empty: impl Fn(usize) -> T + Sync,
     take: impl Fn(&mut T, LasPoint<'_>) + Sync,
 ) -> Result<Vec<T>> {
     let read_part = |part| {
-        let (start, end) = (part * length, count.min((part + 1) * length));
+        let (start, end) = (part * PART, count.min((part + 1) * PART));
         let mut file = LasFile::reopen(path)?;
         if start > 0 {
             file.seek(start)?;
         }
         let mut found = empty((end - start) as usize);
-        while file.taken() < end {
-            let left = (end - file.taken()) as usize;
-            let read = file.read(left.min(CHUNK_POINTS), |_, point| {
-                take(&mut found, point);
-                Ok(())
-            })?;
-            if read == 0 {
-                return Err(cut_off(path, file.taken(), count));
-            }
-        }
+        read_until(&mut file, end, &mut found, &take)?;
         Ok(found)
     };
     parts.into_par_iter().map(read_part).collect()
+}
+
+/// Decodes the points up to the one with the number `end`, which `into` `take`s in order.
+fn read_until<T>(
+    file: &mut LasFile,
+    end: u64,
+    into: &mut T,
+    take: impl Fn(&mut T, LasPoint<'_>),
+) -> Result<()> {
+    while file.taken() < end {
+        let left = (end - file.taken()) as usize;
+        let read = file.read(left.min(CHUNK_POINTS), |_, point| {
+            take(into, point);
+            Ok(())
+        })?;
+        if read == 0 {
+            let count = file.header().number_of_points();
+            return Err(cut_off(file.path(), file.taken(), count));
+        }
+    }
+    Ok(())
 }

@@ -24,7 +24,7 @@ pub(crate) fn unpack(
     limit: u64,
 ) -> Option<Unpacked> {
     Some(match compression {
-        b"bz2" => read(bzip2_rs::DecoderReader::new(packed), packed.len(), most),
+        b"bz2" => read(bzip2::bufread::BzDecoder::new(packed), packed.len(), most),
         b"lz4" => read(
             lz4_flex::frame::FrameDecoder::new(packed),
             packed.len(),

@@ -176,6 +176,27 @@ fn damage_in_a_complete_bag_is_reported_with_its_byte() {
 }
 
 #[test]
+fn a_packed_chunk_that_is_damaged_is_named_with_its_byte() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.bag");
+    let whole = std::fs::read(sample("bz2.bag")).unwrap();
+    let (_, data) = last_chunk(&whole);
+    let length = u32::from_le_bytes(whole[data - 4..data].try_into().unwrap()) as usize;
+    // The name of the format, the middle, and the checksum at the end.
+    for at in [data, data + length / 2, data + length - 2] {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 4;
+        std::fs::write(&path, &bytes).unwrap();
+        let text = read_imu(&path, None).unwrap_err().to_string();
+        assert!(
+            text.contains("found a chunk that cannot be unpacked (bzip2: ")
+                && text.contains(", byte "),
+            "byte {at}: {text}"
+        );
+    }
+}
+
+#[test]
 fn small_chunks_that_unpack_to_many_bytes_are_refused() {
     const BLOCK: u32 = 1 << 17;
     let block = |kind: u32, size: u32| (kind << 1 | size << 3).to_le_bytes();

@@ -1,12 +1,21 @@
 use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::Path;
 
 use las::{Bounds, BoundsSelection, CopcReader, LodSelection, Vector};
 
 use super::copc_sink;
-use super::octree::{Cube, divide};
+use super::file::{CopcFile, Extent};
+use super::octree::{Cell, Cube, Keyed, divide};
+use crate::cloud::PointCloud;
+use crate::error::Result;
 use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
-use crate::format::las::points::{read_las, stream_las};
+use crate::format::las::chunks;
+use crate::format::las::file::LasFile;
+use crate::format::las::points::{las_count, read_las, stream_las};
+use crate::format::las::record::{Placement, append_record};
+use crate::format::mutation::for_each_damaged;
 use crate::geometry::Vec3;
 
 /// Even numbers from 0 to 1.
@@ -172,6 +181,96 @@ fn our_reader_finds_all_points() {
     assert_eq!(streamed, points.len());
     let header = std::fs::read(&path).unwrap();
     assert_eq!(header[6], 0x11, "WKT and adjusted standard GPS time");
+}
+
+/// Writes points on a line, as many in each cell as `sizes` says.
+fn write_cells(path: &Path, sizes: &[usize]) {
+    let mut extent = Extent::default();
+    let mut records = Vec::new();
+    for i in 0..sizes.iter().sum::<usize>() {
+        let (steps, time_s) = ([i as i32 * 7, (i * i % 11) as i32, 3], i as f64);
+        extent.take(steps, time_s);
+        let mut record = Vec::new();
+        append_record(steps, Some(time_s), i as f32, 0, &mut record);
+        records.push(record);
+    }
+    let mut end = 0;
+    let cells: Vec<Cell> = (0..)
+        .zip(sizes)
+        .map(|(level, size)| {
+            let start = end;
+            end += size;
+            Cell {
+                level,
+                at: [0; 3],
+                points: start..end,
+            }
+        })
+        .collect();
+    let points: Vec<Keyed> = (0..end as u32).map(|number| (0, number)).collect();
+    let file = CopcFile {
+        path,
+        placement: Placement::at(path, &Vec3::zeros(), 0.001).unwrap(),
+        clock: CloudClock::Unknown,
+        dimensions: &[],
+        wkt: None,
+        extent,
+        cube: Cube::around(extent.low, extent.high),
+    };
+    let out = BufWriter::new(File::create(path).unwrap());
+    let record = |number: u32| &records[number as usize][..];
+    file.write(out, &cells, &points, &record).unwrap();
+}
+
+/// As [`read_las`], on one thread.
+fn read_in_order(path: &Path) -> Result<PointCloud> {
+    las_count(path)?;
+    let mut cloud = PointCloud::default();
+    let mut file = LasFile::reopen(path)?;
+    while file.read(7, |_, point| {
+        cloud.points.push(point.position);
+        cloud.intensity.push(point.intensity);
+        cloud.time_s.push(point.time_s);
+        Ok(())
+    })? > 0
+    {}
+    Ok(cloud)
+}
+
+#[test]
+fn chunks_side_by_side_are_read_as_one_after_the_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.copc.laz");
+    for sizes in [&[1][..], &[5], &[3, 50, 1, 20], &[100, 1, 1, 99, 300]] {
+        write_cells(&path, sizes);
+        let file = LasFile::open(&path).unwrap();
+        assert!(chunks::check(&path, file.header(), file.bytes_total()).unwrap());
+        let found = read_las(&path).unwrap();
+        assert_eq!(found.points.len(), sizes.iter().sum::<usize>());
+        assert!(found.time_s.iter().enumerate().all(|(i, t)| *t == i as f64));
+        assert_eq!(found, read_in_order(&path).unwrap());
+    }
+}
+
+#[test]
+fn damaged_chunks_side_by_side_are_read_as_one_after_the_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.copc.laz");
+    write_cells(&path, &[30, 1, 60, 25]);
+    let valid = std::fs::read(&path).unwrap();
+    let mut read = 0;
+    for_each_damaged(&path, &valid, 2000, || {
+        match (read_las(&path), read_in_order(&path)) {
+            (Ok(found), Ok(expected)) => {
+                assert_eq!(found.points, expected.points);
+                assert_eq!(found.intensity, expected.intensity);
+                read += 1;
+            }
+            (Err(_), Err(_)) => {}
+            (found, expected) => panic!("{found:?} {expected:?}"),
+        }
+    });
+    assert!(read > 100, "{read}");
 }
 
 #[test]
