@@ -100,9 +100,10 @@ impl Drive {
                     same += 1;
                     continue;
                 }
-                match said.is_empty() {
-                    true => quiet += 1,
-                    false => said_so += 1,
+                if said.is_empty() {
+                    quiet += 1
+                } else {
+                    said_so += 1
                 }
                 println!("  {number}: {:.3} m, {:.2}° off, {said:?}", off.0, off.1);
             }

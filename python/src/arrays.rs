@@ -165,9 +165,10 @@ impl Record<POSE> for PoseRecord {
 /// that poses survive the way through Python bit by bit.
 pub(crate) fn quaternion([x, y, z, w]: [f64; 4]) -> Rotation {
     let given = nalgebra::Quaternion::new(w, x, y, z);
-    match (given.norm_squared() - 1.0).abs() < 1e-14 {
-        true => Rotation::new_unchecked(given),
-        false => Rotation::from_quaternion(given),
+    if (given.norm_squared() - 1.0).abs() < 1e-14 {
+        Rotation::new_unchecked(given)
+    } else {
+        Rotation::from_quaternion(given)
     }
 }
 

@@ -107,9 +107,10 @@ impl Smoothed {
 /// The project file that is meant: of a folder, the `project.toml` in it.
 fn project_file(path: &Path) -> PathBuf {
     let inside = path.join("project.toml");
-    match path.is_dir() && inside.is_file() {
-        true => inside,
-        false => path.to_owned(),
+    if path.is_dir() && inside.is_file() {
+        inside
+    } else {
+        path.to_owned()
     }
 }
 
@@ -188,9 +189,10 @@ fn smooth_logs<'py>(
     run_on(listener, threads, |progress| {
         // Whole metres near the drive, as a project's origin: large coordinates cost digits.
         let first = fixes.first().map_or(Vec3::zeros(), |fix| fix.position_m);
-        let origin_m = match first.amax() > 1e4 {
-            true => first.map(f64::round),
-            false => Vec3::zeros(),
+        let origin_m = if first.amax() > 1e4 {
+            first.map(f64::round)
+        } else {
+            Vec3::zeros()
         };
         for fix in &mut fixes {
             fix.position_m -= origin_m;

@@ -161,13 +161,15 @@ impl Comparing {
             cylinder_radius_m: self.cyl_radius,
             max_distance_m: self.max_distance,
             registration_error_m: self.registration_error,
-            aggregation: match self.robust_aggr {
-                true => Aggregation::Median,
-                false => Aggregation::Mean,
+            aggregation: if self.robust_aggr {
+                Aggregation::Median
+            } else {
+                Aggregation::Mean
             },
-            detection: match self.student {
-                true => Detection::Student,
-                false => Detection::Normal,
+            detection: if self.student {
+                Detection::Student
+            } else {
+                Detection::Normal
             },
             one_sided: self.one_sided,
             min_points: self.min_points,

@@ -48,9 +48,10 @@ impl dyn Progress + '_ {
     /// # Errors
     /// [`Error::Cancelled`] if the work should stop.
     pub fn check(&self) -> Result<()> {
-        match self.is_cancelled() {
-            true => Err(Error::Cancelled),
-            false => Ok(()),
+        if self.is_cancelled() {
+            Err(Error::Cancelled)
+        } else {
+            Ok(())
         }
     }
 }

@@ -149,9 +149,10 @@ impl<T: Stored> Stored for Option<T> {
     }
 
     fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        match bool::restore(bytes)? {
-            true => Some(Some(T::restore(bytes)?)),
-            false => Some(None),
+        if bool::restore(bytes)? {
+            Some(Some(T::restore(bytes)?))
+        } else {
+            Some(None)
         }
     }
 }

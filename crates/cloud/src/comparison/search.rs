@@ -95,9 +95,12 @@ impl IndexedClouds {
             let lattice = Lattice::reaching(if is_shared { both } else { reach });
             let reference_cells = || {
                 let cells = Arc::new(Cells::new(reference, lattice));
-                let for_normals = ball.map(|ball| match is_shared {
-                    true => Arc::clone(&cells),
-                    false => Arc::new(Cells::new(reference, Lattice::reaching(ball))),
+                let for_normals = ball.map(|ball| {
+                    if is_shared {
+                        Arc::clone(&cells)
+                    } else {
+                        Arc::new(Cells::new(reference, Lattice::reaching(ball)))
+                    }
                 });
                 (cells, for_normals)
             };

@@ -68,9 +68,10 @@ pub fn fisher_exceeded(above: f64, below: f64, probability: f64) -> f64 {
         if middle <= low || middle >= high {
             break;
         }
-        match tail(middle) > probability {
-            true => low = middle,
-            false => high = middle,
+        if tail(middle) > probability {
+            low = middle
+        } else {
+            high = middle
         }
     }
     0.5 * (low + high)

@@ -63,11 +63,12 @@ impl<'a> Input<'a> {
             samples,
             reference: &[],
             trajectory,
-            poses: match has_sigmas {
-                true => PoseUncertainty::Sigmas {
+            poses: if has_sigmas {
+                PoseUncertainty::Sigmas {
                     correlation_s: POSE_CORRELATION_S,
-                },
-                false => PoseUncertainty::None,
+                }
+            } else {
+                PoseUncertainty::None
             },
         }
     }

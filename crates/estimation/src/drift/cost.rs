@@ -53,9 +53,10 @@ impl Moments {
         let rms_and_sigma = |moment: &Matrix6<f64>| {
             let rms = offset.dot(&(moment * offset)).max(0.0).sqrt();
             let by = moment * offset / rms;
-            let sigma = match rms > 0.0 {
-                true => by.dot(&(covariance * by)).max(0.0).sqrt(),
-                false => 0.0,
+            let sigma = if rms > 0.0 {
+                by.dot(&(covariance * by)).max(0.0).sqrt()
+            } else {
+                0.0
             };
             (rms, sigma)
         };

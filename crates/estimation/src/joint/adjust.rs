@@ -293,9 +293,10 @@ impl Steps<'_> {
         state: &mut State,
     ) -> Result<StopReason> {
         problem.raise_noise(state);
-        let sigmas = match problem.layout.knots.is_empty() {
-            true => SCALING_SIGMAS,
-            false => LEARNING_SIGMAS,
+        let sigmas = if problem.layout.knots.is_empty() {
+            SCALING_SIGMAS
+        } else {
+            LEARNING_SIGMAS
         };
         for scaling in 1.. {
             let components = components_at(problem, state)?;

@@ -127,9 +127,12 @@ impl Rung {
         };
         let times_s = knot_times(motion, spacing_s);
         let process = |mounting: &Mounting| {
-            let sigma = (0..6).map(|i| match is_fixed(mounting, i) {
-                true => HELD_SIGMA,
-                false => KNOT_SIGMA[i / 3],
+            let sigma = (0..6).map(|i| {
+                if is_fixed(mounting, i) {
+                    HELD_SIGMA
+                } else {
+                    KNOT_SIGMA[i / 3]
+                }
             });
             GaussMarkov::at_knots(times_s.clone(), sigma.collect(), correlation_s)
         };
@@ -141,9 +144,10 @@ impl Rung {
 fn load_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; LOADS]> {
     let (first_s, last_s) = trajectory.span_s();
     // At the ends of a drive, the body is assumed to move as it does near them.
-    let [low_s, high_s] = match last_s - first_s > 2.0 * SMOOTH_S {
-        true => [first_s + SMOOTH_S, last_s - SMOOTH_S],
-        false => [0.5 * (first_s + last_s); 2],
+    let [low_s, high_s] = if last_s - first_s > 2.0 * SMOOTH_S {
+        [first_s + SMOOTH_S, last_s - SMOOTH_S]
+    } else {
+        [0.5 * (first_s + last_s); 2]
     };
     let time_s = time_s.clamp(low_s, high_s);
     let at = |late_s: f64| trajectory.pose_at((time_s + late_s).clamp(first_s, last_s));

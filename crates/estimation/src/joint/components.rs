@@ -126,9 +126,10 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
 ///
 /// With knots, the variance that they leave out is also noise, but is not estimated here: the noise then only rises.
 pub fn rescale(problem: &mut JointProblem<'_>, components: &[Component]) -> f64 {
-    let least = match problem.layout.knots.is_empty() {
-        true => -MAX_STEP,
-        false => 0.0,
+    let least = if problem.layout.knots.is_empty() {
+        -MAX_STEP
+    } else {
+        0.0
     };
     let (mut rows, mut squares) = (0.0, 0.0);
     for (group, component) in components.iter().enumerate() {

@@ -83,8 +83,9 @@ pub fn adjust(
 fn highest(input: &JointInput<'_>, settings: &JointSettings) -> Rung {
     let MountingMotion { least, most } = settings.mounting;
     let has_imu = |drive: &JointDrive<'_>| drive.motion.groups()[0].ends_with(IMU);
-    match input.drives.iter().all(has_imu) {
-        true => most,
-        false => least,
+    if input.drives.iter().all(has_imu) {
+        most
+    } else {
+        least
     }
 }

@@ -150,9 +150,12 @@ impl Groups {
         for drive in &input.drives {
             first_motion.push(names.len());
             let of_drive = drive.motion.groups().into_iter();
-            names.extend(of_drive.map(|name| match several {
-                true => format!("{}.{name}", drive.name),
-                false => name,
+            names.extend(of_drive.map(|name| {
+                if several {
+                    format!("{}.{name}", drive.name)
+                } else {
+                    name
+                }
             }));
         }
         let first_scan = names.len();

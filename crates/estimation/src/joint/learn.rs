@@ -205,9 +205,10 @@ impl Mode {
 
     /// The factor on the variance.
     fn factor(&self) -> f64 {
-        match self.redundancy > LEAST_REDUNDANCY {
-            true => self.squares / self.redundancy,
-            false => 1.0,
+        if self.redundancy > LEAST_REDUNDANCY {
+            self.squares / self.redundancy
+        } else {
+            1.0
         }
     }
 
@@ -215,9 +216,10 @@ impl Mode {
     /// because its redundancy vanishes; a Newton step is longer.
     fn individual_factor(&self, common: &Self) -> f64 {
         let ratio = self.factor() / common.factor();
-        let exponent = match ratio < 1.0 && self.redundancy > LEAST_REDUNDANCY {
-            true => (self.count / self.redundancy).min(MAX_EXPONENT),
-            false => 1.0,
+        let exponent = if ratio < 1.0 && self.redundancy > LEAST_REDUNDANCY {
+            (self.count / self.redundancy).min(MAX_EXPONENT)
+        } else {
+            1.0
         };
         common.factor() * ratio.powf(exponent)
     }

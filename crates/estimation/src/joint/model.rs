@@ -67,9 +67,10 @@ pub fn imu_contradiction(
     rung: Rung,
     (ratio, redundancy): (f64, f64),
 ) -> String {
-    let (who, contradict, whose) = match group.ends_with(IMU) {
-        true => ("the IMU", "contradicts", "its"),
-        false => ("the poses", "contradict", "their"),
+    let (who, contradict, whose) = if group.ends_with(IMU) {
+        ("the IMU", "contradicts", "its")
+    } else {
+        ("the poses", "contradict", "their")
     };
     format!(
         "{who}{of_drive} {contradict} a {} mounting: the squares of {whose} residuals are {ratio:.1} \

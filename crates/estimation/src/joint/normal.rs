@@ -126,9 +126,12 @@ fn scatter(rows: &[Row<'_>], sizes: &[usize], sums: &mut Vec<f64>, system: &mut 
         for &b in &shared[..=i] {
             values.clear();
             for row in top..top + size(a) {
-                let line = (left..left + size(b)).map(|column| match column <= row {
-                    true => sums[row * width + column],
-                    false => sums[column * width + row],
+                let line = (left..left + size(b)).map(|column| {
+                    if column <= row {
+                        sums[row * width + column]
+                    } else {
+                        sums[column * width + row]
+                    }
                 });
                 values.extend(line);
             }
@@ -149,13 +152,13 @@ impl LeastSquares for JointProblem<'_> {
     }
 
     fn step(&mut self, state: &State, damping: f64) -> Option<State> {
-        let diagonal: Vec<f64> = match damping > 0.0 {
-            true => self
-                .damping_sigma
+        let diagonal: Vec<f64> = if damping > 0.0 {
+            self.damping_sigma
                 .iter()
                 .map(|s| damping / (s * s))
-                .collect(),
-            false => Vec::new(),
+                .collect()
+        } else {
+            Vec::new()
         };
         let before = self.decrement;
         let is_near = self.factored.is_some() && before < NEAR_SIGMAS.powi(2);

@@ -56,9 +56,12 @@ pub fn motion_left(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
             ratios[drive].push(explained / factor.solve(&block.information).trace());
         }
     }
-    let of_drive = |ratios: Vec<f64>| match ratios.len() < MIN_BLOCKS {
-        true => 0.0,
-        false => median(ratios).unwrap_or(0.0),
+    let of_drive = |ratios: Vec<f64>| {
+        if ratios.len() < MIN_BLOCKS {
+            0.0
+        } else {
+            median(ratios).unwrap_or(0.0)
+        }
     };
     ratios.into_iter().map(of_drive).collect()
 }

@@ -53,12 +53,13 @@ const HUBER_SIGMAS: f64 = 2.5;
 /// The weight ψ(r)/r and the cost ρ(r) of a residual under Huber's loss.
 fn huber(residual: f64) -> (f64, f64) {
     let length = residual.abs();
-    match length <= HUBER_SIGMAS {
-        true => (1.0, 0.5 * residual * residual),
-        false => (
+    if length <= HUBER_SIGMAS {
+        (1.0, 0.5 * residual * residual)
+    } else {
+        (
             HUBER_SIGMAS / length,
             HUBER_SIGMAS * (length - 0.5 * HUBER_SIGMAS),
-        ),
+        )
     }
 }
 

@@ -272,9 +272,10 @@ fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<Verdict> {
         )
     };
     // Only the start of the trajectory takes the axes from the project.
-    let verdict = match is_opposite {
-        true => Verdict::care("frame.body", text),
-        false => Verdict::fault("frame.body", text),
+    let verdict = if is_opposite {
+        Verdict::care("frame.body", text)
+    } else {
+        Verdict::fault("frame.body", text)
     };
     Some(verdict.with_value(cosine, None))
 }
@@ -295,9 +296,10 @@ fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Verdict 
     let from_east = direction(sums).is_some_and(|(mean, length)| {
         length > CONCENTRATED && wrap(mean - std::f64::consts::FRAC_PI_2).abs() < 0.5
     });
-    let likely = match from_east {
-        true => "they count counter-clockwise from east: write 90 − heading",
-        false => "they count counter-clockwise: negate them",
+    let likely = if from_east {
+        "they count counter-clockwise from east: write 90 − heading"
+    } else {
+        "they count counter-clockwise: negate them"
     };
     Verdict::care(
         HEADING_SIGN,

@@ -194,9 +194,10 @@ fn clouds(
     let mut cursor = placement.trajectory.cursor();
     let points = sample.points.iter().step_by(every).filter_map(|point| {
         let profile = &sample.profiles[point.profile as usize];
-        let body = match late_s == 0.0 {
-            true => profile.world_from_body,
-            false => cursor.pose_at(profile.time_s + late_s)?,
+        let body = if late_s == 0.0 {
+            profile.world_from_body
+        } else {
+            cursor.pose_at(profile.time_s + late_s)?
         };
         let block = (profile.time_s / BLOCK_S).floor();
         Some((block, body.map(&pose.map(&point.position_m))))

@@ -240,9 +240,10 @@ impl Adjusted {
 
     /// Estimates what requires settled clocks.
     fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) -> Result<()> {
-        match settings.estimate.contains(&Constant::ImuNoiseScale) {
-            true => self.scale_noise(progress),
-            false => Ok(()),
+        if settings.estimate.contains(&Constant::ImuNoiseScale) {
+            self.scale_noise(progress)
+        } else {
+            Ok(())
         }
     }
 

@@ -90,17 +90,19 @@ pub fn doubts(
         .sum();
     // From a fit that is far off, the way to all of them at once is long and may end elsewhere.
     let is_far_off = now >= MAX_RATIO * redundancy;
-    let least = match is_far_off {
-        true => 0.0,
-        false => freed_too(&held)?.map_or(0.0, |solution| squares(&solution)),
+    let least = if is_far_off {
+        0.0
+    } else {
+        freed_too(&held)?.map_or(0.0, |solution| squares(&solution))
     };
     let (mut freed, mut found) = (Vec::new(), Vec::new());
     while now - least > MIN_GAIN && freed.len() < MAX_DOUBTS {
         let enough = least + MIN_GAIN.max(LEFT_SHARE * (now - least));
         // Of constants that together leave a fit as good as its redundancy, one explains this or more.
-        let part = match is_far_off {
-            true => (now - redundancy) / MAX_DOUBTS as f64,
-            false => 0.0,
+        let part = if is_far_off {
+            (now - redundancy) / MAX_DOUBTS as f64
+        } else {
+            0.0
         };
         let most = now - MIN_GAIN.max(part);
         let mut best: Option<(f64, Constant, Solution)> = None;
@@ -222,11 +224,10 @@ impl Doubt {
         let given = |found: &EstimatedConstant| format!("{:.digits$}", found.start * factor);
         let likely = self.likely();
         let likely = likely.map_or(String::new(), |what| format!(" Is it {what}?"));
-        let then = match self.is_used {
-            true => "; the value found is used here".to_owned(),
-            false => {
-                format!(", or let it be estimated with trajectory.estimate = [\"{name}\"]")
-            }
+        let then = if self.is_used {
+            "; the value found is used here".to_owned()
+        } else {
+            format!(", or let it be estimated with trajectory.estimate = [\"{name}\"]")
         };
         format!(
             "the drive contradicts `{name}`: it finds {} {unit} instead of {}, {:.0} standard \
@@ -317,9 +318,12 @@ impl Doubt {
                 ["y", "z"] => "the sign of y and z, as of FLU in the place of FRD".into(),
                 axes => format!("the sign of {}", axes.join(" and ")),
             };
-            let meant = all.map(|(_, found)| match is_flipped(found) {
-                true => -found.start,
-                false => found.start,
+            let meant = all.map(|(_, found)| {
+                if is_flipped(found) {
+                    -found.start
+                } else {
+                    found.start
+                }
             });
             return Some((what, meant));
         }

@@ -114,14 +114,15 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
 
 /// An error if the file is a 4 by 4 matrix.
 fn refuse_matrix(path: &Path, lines: &mut Lines, cells: Vec<f64>) -> Result<()> {
-    match is_matrix(lines, cells)? {
-        true => Err(Error::format(
+    if is_matrix(lines, cells)? {
+        Err(Error::format(
             path,
             Location::Whole,
             "a 4 by 4 matrix",
             KNOWN,
-        )),
-        false => Ok(()),
+        ))
+    } else {
+        Ok(())
     }
 }
 
@@ -177,9 +178,10 @@ fn by_columns(names: &[String]) -> Option<&'static Kind> {
     let kind = *KINDS.iter().find(has_columns)?;
     let is_cloud = names.first().is_some_and(|name| name == "east_m")
         || names.iter().any(|n| n == "intensity" || n == "scanner");
-    match kind.id == positions::POSITION_TABLE.id && is_cloud {
-        true => Some(&cloud_table::CLOUD_TABLE),
-        false => Some(kind),
+    if kind.id == positions::POSITION_TABLE.id && is_cloud {
+        Some(&cloud_table::CLOUD_TABLE)
+    } else {
+        Some(kind)
     }
 }
 

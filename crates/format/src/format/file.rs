@@ -41,9 +41,10 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     // Opening a pipe would wait for a writer.
     let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     if !metadata.is_file() {
-        let file_type = match metadata.is_dir() {
-            true => "a folder",
-            false => "a pipe or a device",
+        let file_type = if metadata.is_dir() {
+            "a folder"
+        } else {
+            "a pipe or a device"
         };
         return Err(Error::format(path, Location::Whole, file_type, "a file"));
     }

@@ -21,9 +21,10 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
     for scanner in &mut project.scanners {
         let Some(same) = calibrated.iter().find(|s| s.name == scanner.name) else {
             let names: Vec<String> = calibrated.iter().map(|s| format!("`{}`", s.name)).collect();
-            let only = match names.is_empty() {
-                true => "no scanners".to_owned(),
-                false => format!("only {}", names.join(", ")),
+            let only = if names.is_empty() {
+                "no scanners".to_owned()
+            } else {
+                format!("only {}", names.join(", "))
             };
             return Err(source.error(
                 &[],

@@ -49,9 +49,10 @@ fn written(project: &Project) -> Written {
             .as_ref()
             .map(|reference| write_reference(reference, &project.joint.reference)),
         calibration: written::Calibration {
-            voxel_sizes_m: Some(match project.has_auto_scales {
-                true => AUTO.into(),
-                false => calibration.voxel_sizes_m.clone().into(),
+            voxel_sizes_m: Some(if project.has_auto_scales {
+                AUTO.into()
+            } else {
+                calibration.voxel_sizes_m.clone().into()
             }),
             neighbours: Some(calibration.neighbours),
             method: Some(method(project)),
@@ -160,9 +161,10 @@ fn write_estimation(logs: &Logs) -> written::Trajectory {
     let settings = &logs.settings;
     let names = settings.estimate.iter();
     let names = names.map(|constant| constant.name(&settings.positions).into());
-    let estimate = match logs.estimates_doubted {
-        true => "auto".into(),
-        false => toml::Value::Array(names.collect()),
+    let estimate = if logs.estimates_doubted {
+        "auto".into()
+    } else {
+        toml::Value::Array(names.collect())
     };
     written::Trajectory {
         nodes: Some(settings.nodes),

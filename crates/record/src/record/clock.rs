@@ -78,13 +78,15 @@ impl Clock {
 
     /// The time now.
     pub fn now(&self) -> Stamp {
-        let monotonic_ns = match self.is_systems {
-            true => u64::try_from(self.begun.elapsed().as_nanos()).unwrap_or(u64::MAX),
-            false => (1e9 * self.speed * self.begun.elapsed().as_secs_f64()) as u64,
+        let monotonic_ns = if self.is_systems {
+            u64::try_from(self.begun.elapsed().as_nanos()).unwrap_or(u64::MAX)
+        } else {
+            (1e9 * self.speed * self.begun.elapsed().as_secs_f64()) as u64
         };
-        let unix_ns = match self.is_systems {
-            true => system_ns(),
-            false => self.begun_unix_ns + monotonic_ns as i64,
+        let unix_ns = if self.is_systems {
+            system_ns()
+        } else {
+            self.begun_unix_ns + monotonic_ns as i64
         };
         Stamp {
             monotonic_ns,
@@ -99,14 +101,15 @@ impl Clock {
 
     /// What is known of the system's clock.
     pub fn state(&self) -> Option<ClockState> {
-        match self.is_systems {
-            true => ClockState::ask(),
-            false => Some(ClockState {
+        if self.is_systems {
+            ClockState::ask()
+        } else {
+            Some(ClockState {
                 reference: "PLAYED".into(),
                 offset_s: 0.0,
                 rms_s: 0.0,
                 is_locked: true,
-            }),
+            })
         }
     }
 

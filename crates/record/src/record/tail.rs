@@ -156,29 +156,26 @@ impl Tail {
             .read_to_end(&mut self.window)
             .map_err(failed)?;
         self.read = from + (self.window.len() - before) as u64;
-        let text = match self.is_table {
-            true => {
-                let Some(end) = self.window.iter().rposition(|byte| *byte == b'\n') else {
-                    if self.window.len() > WINDOW {
-                        self.window.clear();
-                        self.begins_cut = true;
-                    }
-                    return Ok(false);
-                };
-                let rest = self.window.split_off(end + 1);
-                let rows = std::mem::replace(&mut self.window, rest);
-                let mut begin = 0;
-                if std::mem::take(&mut self.begins_cut) {
-                    let first = rows.iter().position(|byte| *byte == b'\n');
-                    begin = first.map_or(0, |at| at + 1);
+        let text = if self.is_table {
+            let Some(end) = self.window.iter().rposition(|byte| *byte == b'\n') else {
+                if self.window.len() > WINDOW {
+                    self.window.clear();
+                    self.begins_cut = true;
                 }
-                [self.header.as_slice(), &rows[begin..]].concat()
+                return Ok(false);
+            };
+            let rest = self.window.split_off(end + 1);
+            let rows = std::mem::replace(&mut self.window, rest);
+            let mut begin = 0;
+            if std::mem::take(&mut self.begins_cut) {
+                let first = rows.iter().position(|byte| *byte == b'\n');
+                begin = first.map_or(0, |at| at + 1);
             }
-            false => {
-                let old = self.window.len().saturating_sub(WINDOW);
-                self.window.drain(..old);
-                self.window.clone()
-            }
+            [self.header.as_slice(), &rows[begin..]].concat()
+        } else {
+            let old = self.window.len().saturating_sub(WINDOW);
+            self.window.drain(..old);
+            self.window.clone()
         };
         if text.len() <= self.header.len() {
             return Ok(false);

@@ -33,9 +33,10 @@ impl Mountings {
     /// The mountings during a drive.
     pub fn new(scenario: &Scenario, drive: &Drive) -> Self {
         let (start_s, end_s) = drive.span_s;
-        let count = match scenario.deformation.enabled {
-            true => ((end_s - start_s) / STEP_S) as usize + 1,
-            false => 0,
+        let count = if scenario.deformation.enabled {
+            ((end_s - start_s) / STEP_S) as usize + 1
+        } else {
+            0
         };
         let times_s = || (0..count).map(|k| start_s + STEP_S * k as f64);
         let share = scenario.deformation.hysteresis;
@@ -80,9 +81,10 @@ impl Mountings {
         };
         let walk = self.walks[scanner].at(time_s);
         let [walk_deg, walk_m] = [&walk[..3], &walk[3..]].map(Vec3::from_column_slice);
-        let jump = match scanner == 0 && time_s > 0.5 * (self.span_s.0 + self.span_s.1) {
-            true => Vec3::new(1.0, 0.0, -1.0) * (settings.jump_m / 2f64.sqrt()),
-            false => Vec3::zeros(),
+        let jump = if scanner == 0 && time_s > 0.5 * (self.span_s.0 + self.span_s.1) {
+            Vec3::new(1.0, 0.0, -1.0) * (settings.jump_m / 2f64.sqrt())
+        } else {
+            Vec3::zeros()
         };
         let acceleration = self.body_from_frd.inverse()
             * (state.world_from_body.rotation.inverse() * state.acceleration_m_s2);

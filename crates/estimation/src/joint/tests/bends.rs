@@ -145,14 +145,13 @@ fn parameters_are_recovered_from_values_observed_with_noise() {
                     (0..knots).for_each(|k| process.value[6 * k + i] = found[s * knots + k]);
                 }
             }
-            change = learn_from(
-                &mut bends,
-                &[vec![0, 6 * knots]],
-                &|a, b| match a % 6 == b % 6 {
-                    true => of_class[a % 6 / 3][(a / 6, b / 6)],
-                    false => 0.0,
-                },
-            );
+            change = learn_from(&mut bends, &[vec![0, 6 * knots]], &|a, b| {
+                if a % 6 == b % 6 {
+                    of_class[a % 6 / 3][(a / 6, b / 6)]
+                } else {
+                    0.0
+                }
+            });
         }
         let (sigma, tau_s, together) = learned(&bends);
         println!("ρ {rho}: {sigma:?} {tau_s} {together:?}, {change}");

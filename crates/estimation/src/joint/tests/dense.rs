@@ -133,9 +133,10 @@ fn at_the_solution_the_gradient_is_zero() {
         solve(&mut problem, &mut state);
         // A step keeps Huber's weights. If few rows beyond 2.5 standard deviations determine a direction, as
         // without a reference, the next step is still four fifths as long.
-        let zero = match problem.layout.late.iter().any(Option::is_some) {
-            true => ZERO_WITH_LATENCY,
-            false => ZERO,
+        let zero = if problem.layout.late.iter().any(Option::is_some) {
+            ZERO_WITH_LATENCY
+        } else {
+            ZERO
         };
         let mut off = f64::INFINITY;
         let mut steps = 0;

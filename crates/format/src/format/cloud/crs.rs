@@ -63,9 +63,10 @@ const SAME_UNIT: f64 = 1e-9;
 
 /// Text for the unit of coordinates; if it is not the metre, the text also says that the readers assume metres.
 pub(crate) fn describe_unit(name: &str, metres: f64) -> String {
-    match (metres - 1.0).abs() < SAME_UNIT {
-        true => "metres".to_owned(),
-        false => format!("unit {name} of {metres} m, but read as metres"),
+    if (metres - 1.0).abs() < SAME_UNIT {
+        "metres".to_owned()
+    } else {
+        format!("unit {name} of {metres} m, but read as metres")
     }
 }
 

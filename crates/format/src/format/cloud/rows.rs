@@ -153,9 +153,10 @@ impl CloudRows {
                 }
                 each(&CloudPoint {
                     position: point.position,
-                    time_s: match is_unix {
-                        true => unix_from_adjusted_gps_s(point.time_s),
-                        false => point.time_s,
+                    time_s: if is_unix {
+                        unix_from_adjusted_gps_s(point.time_s)
+                    } else {
+                        point.time_s
                     },
                     intensity: point.intensity,
                     values: &values,
@@ -203,9 +204,10 @@ fn for_each_in_memory(
 impl ExtraColumn {
     /// The type in which the values of the column are written.
     fn kind(&self) -> ExtraKind {
-        match self.is_small_count() {
-            true => ExtraKind::U32,
-            false => ExtraKind::F64,
+        if self.is_small_count() {
+            ExtraKind::U32
+        } else {
+            ExtraKind::F64
         }
     }
 }

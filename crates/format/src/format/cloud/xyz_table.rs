@@ -105,9 +105,10 @@ impl Header {
                     let shown: String = cell.chars().take(40).collect();
                     let has_comma =
                         cell.contains(',') && cell.replacen(',', ".", 1).parse::<f64>().is_ok();
-                    let expected = match has_comma {
-                        true => "a decimal point, not a comma",
-                        false => "a finite number",
+                    let expected = if has_comma {
+                        "a decimal point, not a comma"
+                    } else {
+                        "a finite number"
                     };
                     let found = format!("`{shown}` in column {}", self.names[at]);
                     return Err((found, expected.to_owned()));

@@ -76,9 +76,10 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<bool
     };
     let Some(table) = table else {
         // Without a table the chunks are read one after the other; those of variable size cannot be.
-        let of_chunk = match vlr.uses_variable_size_chunks() {
-            true => points,
-            false => vlr.chunk_size().into(),
+        let of_chunk = if vlr.uses_variable_size_chunks() {
+            points
+        } else {
+            vlr.chunk_size().into()
         };
         for _ in 0..points.div_ceil(of_chunk.max(1)) {
             chunks.next(None)?;

@@ -35,12 +35,13 @@ pub(crate) fn unix_from_adjusted_gps_s(time_s: f64) -> f64 {
 /// # Errors
 /// A time that is not finite.
 pub(crate) fn check_time(path: &Path, time_s: f64) -> Result<()> {
-    match time_s.is_finite() {
-        true => Ok(()),
-        false => Err(Error::data(
+    if time_s.is_finite() {
+        Ok(())
+    } else {
+        Err(Error::data(
             format!("{}: a point at {time_s} s", path.display()),
             "give every point a finite time",
-        )),
+        ))
     }
 }
 

@@ -191,9 +191,10 @@ fn times(poses: &Path) -> Result<(PathBuf, Vec<f64>)> {
 /// The `oxts` folder of a drive; `folder` itself if it has no such folder.
 fn oxts_folder(folder: &Path) -> PathBuf {
     let inner = folder.join("oxts");
-    match inner.is_dir() {
-        true => inner,
-        false => folder.to_owned(),
+    if inner.is_dir() {
+        inner
+    } else {
+        folder.to_owned()
     }
 }
 

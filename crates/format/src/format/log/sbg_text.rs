@@ -164,9 +164,10 @@ fn read<const N: usize, T>(
     }
     if records.is_empty() {
         let found = format!("{rows} rows, none of them usable");
-        let expected = match header.is_utc {
-            true => format!("at least one {what} with UTC"),
-            false => format!("at least one {what}"),
+        let expected = if header.is_utc {
+            format!("at least one {what} with UTC")
+        } else {
+            format!("at least one {what}")
         };
         return Err(Error::format(path, Location::Whole, found, expected));
     }

@@ -45,9 +45,10 @@ impl Value {
                 TimeUnit::NANOS => 1_000_000_000,
             },
             (Some(LogicalType::Integer(integer)), _) => {
-                return Some(match integer.is_signed {
-                    true => Self::Signed,
-                    false => Self::Unsigned,
+                return Some(if integer.is_signed {
+                    Self::Signed
+                } else {
+                    Self::Unsigned
                 });
             }
             (Some(_), _) => return None,

@@ -232,9 +232,10 @@ impl Walk<'_> {
                 return Err("columns that are nested too deeply");
             }
         }
-        match open.iter().all(|left| *left == 0) {
-            true => Ok(()),
-            false => Err("a schema with fewer columns than it claims"),
+        if open.iter().all(|left| *left == 0) {
+            Ok(())
+        } else {
+            Err("a schema with fewer columns than it claims")
         }
     }
 }

@@ -106,9 +106,10 @@ impl Pages {
             let unpacked = unpack(self.codec, packed, most).map_err(|fault| {
                 ParquetError::General(format!("a page that cannot be unpacked: {fault}"))
             })?;
-            match bytes.is_empty() {
-                true => bytes = unpacked,
-                false => bytes.extend_from_slice(&unpacked),
+            if bytes.is_empty() {
+                bytes = unpacked
+            } else {
+                bytes.extend_from_slice(&unpacked)
             }
         }
         Ok(bytes)
@@ -127,9 +128,10 @@ impl PageReader for Pages {
         let is_dictionary = page.is_dictionary_page();
         // The page before stays in memory until this one has been unpacked, and a dictionary is decoded
         // as a whole.
-        let most = match is_dictionary {
-            true => self.dictionary.pool.left() / 2,
-            false => self.data.pool.left(),
+        let most = if is_dictionary {
+            self.dictionary.pool.left() / 2
+        } else {
+            self.data.pool.left()
         };
         let (plain, is_packed) = match &page {
             Page::DataPageV2 {

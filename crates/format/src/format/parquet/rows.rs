@@ -269,9 +269,12 @@ fn decode<T: DataType>(
     let mut values = values.into_iter().map(number);
     match present {
         0 => cells.extend(values.map(Some)),
-        _ => cells.extend(levels.iter().map(|level| match *level == present {
-            true => values.next(),
-            false => None,
+        _ => cells.extend(levels.iter().map(|level| {
+            if *level == present {
+                values.next()
+            } else {
+                None
+            }
         })),
     }
     Ok(read.min(cells.len()))

@@ -132,9 +132,10 @@ pub fn read_sbet(path: &Path, system: &Projection) -> Result<Vec<PoseRecord>> {
         }
         Ok(())
     })?;
-    match records.is_empty() {
-        true => Err(nothing_in(path, "pose")),
-        false => Ok(records),
+    if records.is_empty() {
+        Err(nothing_in(path, "pose"))
+    } else {
+        Ok(records)
     }
 }
 

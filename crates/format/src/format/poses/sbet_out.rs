@@ -128,12 +128,13 @@ fn record(levels: &[Level], i: usize) -> [f64; 17] {
     let (before, after) = around(i, levels.len());
     let (a, b) = (&levels[before], &levels[after]);
     let dt = b.time_s - a.time_s;
-    let (rate, acceleration) = match dt > 0.0 {
-        true => (
+    let (rate, acceleration) = if dt > 0.0 {
+        (
             so3::log(&(a.attitude.inverse() * b.attitude)) / dt,
             level.attitude.inverse() * ((b.velocity_m_s - a.velocity_m_s) / dt),
-        ),
-        false => (Vec3::zeros(), Vec3::zeros()),
+        )
+    } else {
+        (Vec3::zeros(), Vec3::zeros())
     };
     let [roll, pitch, heading] = roll_pitch_heading(&level.attitude);
     let v = level.velocity_m_s;

@@ -159,9 +159,10 @@ impl GocatorCsv {
     }
 
     fn describe_frame(&self) -> String {
-        let clock = match self.tick_s == TICK_S {
-            true => "1/1.024 µs (the manufacturer's unit)",
-            false => "microseconds (derived from the trigger rate)",
+        let clock = if self.tick_s == TICK_S {
+            "1/1.024 µs (the manufacturer's unit)"
+        } else {
+            "microseconds (derived from the trigger rate)"
         };
         format!(
             "millimetres (the format), times in {clock} of the sensor's clock; scanner frame: x along the laser line, \

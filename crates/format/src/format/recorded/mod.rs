@@ -103,9 +103,10 @@ pub fn recording_clock(log: &Path) -> Option<Result<RecordingClock>> {
 pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
     let stamps = stamps_of(log);
     if !stamps.is_file() {
-        return match station::is_one(log) {
-            true => Ok(station::station(log)?.map(|station| station.clock)),
-            false => Ok(None),
+        return if station::is_one(log) {
+            Ok(station::station(log)?.map(|station| station.clock))
+        } else {
+            Ok(None)
         };
     }
     let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG))?;
@@ -143,9 +144,10 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
         beyond_arrivals_s: own_last_s - last.0,
     };
     // Seconds of the day are those of the day on which they arrived.
-    let days_s = match (0.0..2.0 * DAY_S).contains(&first.0) && first.1 > 1e9 {
-        true => DAY_S * ((first.1 - first.0) / DAY_S).round(),
-        false => 0.0,
+    let days_s = if (0.0..2.0 * DAY_S).contains(&first.0) && first.1 > 1e9 {
+        DAY_S * ((first.1 - first.0) / DAY_S).round()
+    } else {
+        0.0
     };
     let delays = pairs.iter().map(|(own, arrived)| arrived - own - days_s);
     let least_s = delays.fold(f64::INFINITY, f64::min);
@@ -185,9 +187,10 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
 /// # Errors
 /// Files that cannot be read.
 pub(crate) fn station_times(log: &Path) -> Result<Vec<(f64, f64)>> {
-    match station::is_one(log) {
-        true => Ok(station::station(log)?.map_or(Vec::new(), |station| station.times_s)),
-        false => Ok(Vec::new()),
+    if station::is_one(log) {
+        Ok(station::station(log)?.map_or(Vec::new(), |station| station.times_s))
+    } else {
+        Ok(Vec::new())
     }
 }
 

@@ -247,9 +247,10 @@ fn a_total_station_that_is_switched_off_and_on_keeps_its_times() {
         .to_owned();
     let true_s = |i: u32| 2.0 + f64::from(i) / 7.0;
     for i in 0..1200 {
-        let own_s = match i < 700 {
-            true => 4000.0 + true_s(i),
-            false => true_s(i) - true_s(700) + 8.0,
+        let own_s = if i < 700 {
+            4000.0 + true_s(i)
+        } else {
+            true_s(i) - true_s(700) + 8.0
         };
         let arrived_s = true_s(i) + 0.005 + 0.02 * random(u64::from(i));
         let time_s = BEGIN_S + arrived_s - 0.004;

@@ -18,9 +18,10 @@ fn shown(name: &[u8]) -> String {
         .chars()
         .take(LONGEST_NAME)
         .collect();
-    match name.is_empty() {
-        true => "(no name)".to_owned(),
-        false => name,
+    if name.is_empty() {
+        "(no name)".to_owned()
+    } else {
+        name
     }
 }
 
@@ -91,12 +92,13 @@ pub(super) fn describe(path: &Path) -> Result<String> {
         }
     };
     let frames: Vec<String> = frames.iter().map(name).collect();
-    Ok(match frames.is_empty() {
-        true => "metres, radians and seconds (ROS); no frames named".to_owned(),
-        false => format!(
+    Ok(if frames.is_empty() {
+        "metres, radians and seconds (ROS); no frames named".to_owned()
+    } else {
+        format!(
             "metres, radians and seconds (ROS); frames named in the headers: {}",
             frames.join(", ")
-        ),
+        )
     })
 }
 

@@ -178,9 +178,10 @@ impl Separator {
         let mut names = Vec::new();
         let _ = self.split(line, |_, cell| {
             names.push(cell.trim_matches('"').trim_ascii().to_owned());
-            match names.len() > MOST_COLUMNS {
-                true => Err(()),
-                false => Ok(()),
+            if names.len() > MOST_COLUMNS {
+                Err(())
+            } else {
+                Ok(())
             }
         });
         names
@@ -212,9 +213,10 @@ pub(crate) fn header_names(path: &Path) -> Result<Vec<String>> {
             comment = Separator::of(text).names(text);
         } else if !text.is_empty() {
             let is_numeric = numbers(text, &mut Vec::new());
-            return Ok(match is_numeric {
-                true => comment,
-                false => Separator::of(text).names(text),
+            return Ok(if is_numeric {
+                comment
+            } else {
+                Separator::of(text).names(text)
             });
         }
     }

@@ -89,13 +89,14 @@ impl<'a> Table<'a> {
         const LARGEST_M: f64 = 50.0;
         let position = self.vector(key, value)?;
         let longest = position.amax();
-        match longest <= LARGEST_M {
-            true => Ok(position),
-            false => Err(self.error(
+        if longest <= LARGEST_M {
+            Ok(position)
+        } else {
+            Err(self.error(
                 key,
                 format!("{key} with {longest} m from the IMU"),
                 "metres on the body, at most 50 (are these millimetres?)",
-            )),
+            ))
         }
     }
 

@@ -312,9 +312,10 @@ fn line(header: &str, values: &[Value], checked: bool) -> String {
         value.write(&mut body);
     }
     let plain = format!("{header}:{body}");
-    match checked {
-        false => plain,
-        true => format!("{header},{}:{body}", checksum(plain.as_bytes())),
+    if checked {
+        format!("{header},{}:{body}", checksum(plain.as_bytes()))
+    } else {
+        plain
     }
 }
 

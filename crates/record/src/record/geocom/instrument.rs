@@ -99,9 +99,10 @@ impl<L: Link, S> Instrument<L, S> {
             ));
         }
         self.identity = identity;
-        match self.is_tracking {
-            true => self.start(),
-            false => Ok(()),
+        if self.is_tracking {
+            self.start()
+        } else {
+            Ok(())
         }
     }
 

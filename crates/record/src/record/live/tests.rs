@@ -50,9 +50,10 @@ impl Drive {
     fn with(frame: &str, prism: &str, late_s: [f64; 2], polar: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let field = project(folder.path(), frame, prism, late_s);
-        let columns = match polar {
-            true => "time_s,slope_distance_m,horizontal_deg,vertical_deg\n",
-            false => "time_s,east_m,north_m,up_m\n",
+        let columns = if polar {
+            "time_s,slope_distance_m,horizontal_deg,vertical_deg\n"
+        } else {
+            "time_s,east_m,north_m,up_m\n"
         };
         for (name, header) in [("imu", IMU), ("heading", HEADING), ("prism", columns)] {
             fs::write(folder.path().join(format!("{name}.csv")), header).unwrap();
@@ -85,13 +86,12 @@ impl Drive {
         for k in (from..to).filter(|k| k % 10 == 0) {
             let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
             let time_s = true_s - self.late_s[1];
-            let place = match self.polar {
-                true => {
-                    let level_m = east_m.hypot(20.0);
-                    let hz_deg = east_m.atan2(20.0).to_degrees();
-                    format!("{level_m:.6},{hz_deg:.9},90")
-                }
-                false => format!("{east_m:.6},20,0"),
+            let place = if self.polar {
+                let level_m = east_m.hypot(20.0);
+                let hz_deg = east_m.atan2(20.0).to_degrees();
+                format!("{level_m:.6},{hz_deg:.9},90")
+            } else {
+                format!("{east_m:.6},20,0")
             };
             self.append("prism.csv", &format!("{time_s:.3},{place}"));
             self.append("heading.csv", &format!("{true_s:.3},90"));

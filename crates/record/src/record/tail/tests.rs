@@ -68,9 +68,10 @@ fn a_sensor_that_is_started_again_gets_a_new_offset() {
     let mut found = Vec::new();
     for k in 0..60 {
         let common_s = 9000.0 + 0.5 * f64::from(k);
-        let own_s = match k < 30 {
-            true => common_s - 8000.0,
-            false => common_s - 9010.0,
+        let own_s = if k < 30 {
+            common_s - 8000.0
+        } else {
+            common_s - 9010.0
         };
         found = growing.look(common_s, &heading_row(own_s)).unwrap();
         assert!(found.iter().all(|fix| (fix.time_s - common_s).abs() < 0.01));

@@ -257,9 +257,10 @@ impl CopcFile<'_> {
         let Placement { offset_m, step_m } = self.placement;
         let centre = self.cube.centre();
         let side_m = self.cube.side() as f64 * step_m;
-        let (first_s, last_s) = match self.extent.first_s <= self.extent.last_s {
-            true => (self.extent.first_s, self.extent.last_s),
-            false => (0.0, 0.0),
+        let (first_s, last_s) = if self.extent.first_s <= self.extent.last_s {
+            (self.extent.first_s, self.extent.last_s)
+        } else {
+            (0.0, 0.0)
         };
         let mut info = Vec::with_capacity(INFO);
         for (axis, at) in centre.into_iter().enumerate() {

@@ -144,9 +144,10 @@ impl CloudSink for CopcSink {
         if self.has_time {
             check_time(&self.path, point.time_s)?;
         }
-        let time_s = match self.has_time {
-            true => gps_time_s(self.clock, point.time_s),
-            false => 0.0,
+        let time_s = if self.has_time {
+            gps_time_s(self.clock, point.time_s)
+        } else {
+            0.0
         };
         // `as` saturates and converts NaN to 0.
         let scanner = self.scanner.and_then(|at| point.values.get(at));

@@ -223,9 +223,12 @@ impl Layout {
         };
         let measured = |at: usize| match cells[at] {
             "" | "-" => Ok(f64::NAN),
-            _ => number(at).and_then(|value| match value.abs() < FARTHEST_MM {
-                true => Ok(value),
-                false => Err(cell_error(at, "a coordinate below 1000000 mm")),
+            _ => number(at).and_then(|value| {
+                if value.abs() < FARTHEST_MM {
+                    Ok(value)
+                } else {
+                    Err(cell_error(at, "a coordinate below 1000000 mm"))
+                }
             }),
         };
         Ok(Row {

@@ -183,9 +183,10 @@ impl Simulated {
         }
         self.is_locked = self.sees(time_s, [FIELD_OF_VIEW_RAD; 2]);
         self.follow(time_s);
-        match self.is_locked {
-            true => ReturnCode::OK,
-            false => ReturnCode::AUT_NO_TARGET,
+        if self.is_locked {
+            ReturnCode::OK
+        } else {
+            ReturnCode::AUT_NO_TARGET
         }
     }
 
