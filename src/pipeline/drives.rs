@@ -163,8 +163,8 @@ impl Compared<'_> {
         };
         let placed: Vec<_> = self.mountings.iter().map(place).collect();
         let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
-        let (reference, settings) = (own.reference(progress)?, &project.comparison);
-        let agreements = agreements(name, &scanners, reference, &placed, settings, progress)?;
+        let (surface, settings) = (own.surface(progress)?, &project.comparison);
+        let agreements = agreements(name, &scanners, surface, &placed, settings, progress)?;
         let scene = {
             let _stage = progress.stage("choosing what the page shows", 0);
             let views = self.mountings.iter().map(|(kind, mountings)| View {
@@ -178,7 +178,7 @@ impl Compared<'_> {
                 kept,
                 agreements: &agreements,
                 settings,
-                reference,
+                reference: own.reference(progress)?,
                 planes: &adjusted.planes,
                 drives: 1 + self.project.evaluations.len(),
             };

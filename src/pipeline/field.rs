@@ -8,7 +8,7 @@ use super::outcome::{Options, Outcome};
 use super::result::judge;
 use super::tiled::Tiling;
 use super::{drives, stages};
-use crate::comparison::{Against, Agreement, MountingKind, agreements};
+use crate::comparison::{Against, Agreement, MountingKind, ReferenceSurface, agreements};
 use crate::error::Result;
 use crate::judgement;
 use crate::progress::Progress;
@@ -59,12 +59,14 @@ pub fn field(
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
     let placed = [(MountingKind::Final, placed)];
     let found = job.timed("compare", |progress| {
+        let settings = &project.comparison;
+        let surface = ReferenceSurface::upwards("the reference", &reference, settings, progress)?;
         agreements(
             name,
             &scanners,
-            &reference,
+            surface.as_ref(),
             &placed,
-            &project.comparison,
+            settings,
             progress,
         )
     })?;

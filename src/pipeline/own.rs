@@ -5,6 +5,7 @@ use std::cell::OnceCell;
 
 use super::stages::{self, EstimatedPoses};
 use crate::calibration::ScannerSample;
+use crate::comparison::ReferenceSurface;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -14,6 +15,7 @@ use crate::project::Project;
 pub struct Own<'a> {
     project: &'a Project,
     reference: OnceCell<Vec<Vec3>>,
+    surface: OnceCell<Option<ReferenceSurface>>,
     poses: OnceCell<EstimatedPoses>,
     samples: OnceCell<Vec<ScannerSample>>,
 }
@@ -24,6 +26,7 @@ impl<'a> Own<'a> {
         Self {
             project,
             reference: OnceCell::new(),
+            surface: OnceCell::new(),
             poses: OnceCell::new(),
             samples: OnceCell::new(),
         }
@@ -38,6 +41,20 @@ impl<'a> Own<'a> {
             stages::reference(self.project, progress)
         })
         .map(Vec::as_slice)
+    }
+
+    /// The surface of the reference, with which the clouds of all drives are compared; `None` if the
+    /// project has no reference.
+    ///
+    /// # Errors
+    /// See [`Self::reference`] and [`ReferenceSurface::upwards`].
+    pub fn surface(&self, progress: &dyn Progress) -> Result<Option<&ReferenceSurface>> {
+        let reference = self.reference(progress)?;
+        let settings = &self.project.comparison;
+        made(&self.surface, || {
+            ReferenceSurface::upwards("the reference", reference, settings, progress)
+        })
+        .map(Option::as_ref)
     }
 
     /// The poses with their joint covariance.

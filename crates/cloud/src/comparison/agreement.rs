@@ -1,11 +1,10 @@
 //! How well the clouds of one drive agree with the reference and with each other.
 
-use super::checks::Normals;
-use super::m3c2::{core_points, m3c2};
 use super::map::DistanceMap;
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::statistics::Statistics;
+use super::surface::ReferenceSurface;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -110,10 +109,9 @@ impl Agreements {
 }
 
 /// Compares the clouds of the drive `drive` for each kind of mounting: one cloud for each of the
-/// `scanners`, in their order, world frame, metres. `reference` may be empty.
-///
-/// The core points are those of the reference, or of the first scanner of a pair; normals are
-/// computed there and point upwards.
+/// `scanners`, in their order, world frame, metres. `reference` is the surface of the
+/// reference, if there is one; that of the first scanner of a pair is found as
+/// [`ReferenceSurface::upwards`] finds it.
 ///
 /// # Errors
 /// Invalid settings; [`Error::Cancelled`](crate::Error::Cancelled). Clouds that do not overlap are
@@ -121,7 +119,7 @@ impl Agreements {
 pub fn agreements(
     drive: &str,
     scanners: &[&str],
-    reference: &[Vec3],
+    reference: Option<&ReferenceSurface>,
     kinds: &[(MountingKind, Vec<Vec<Vec3>>)],
     settings: &ComparisonSettings,
     progress: &dyn Progress,
@@ -129,22 +127,26 @@ pub fn agreements(
     let mut all = Comparisons {
         drive,
         scanners,
-        settings,
         progress,
         found: Vec::new(),
         missing: Vec::new(),
     };
-    let core = core_points(reference, settings);
     for (mounting, clouds) in kinds {
-        for (scanner, cloud) in clouds.iter().enumerate() {
-            if !reference.is_empty() {
-                all.compare([reference, cloud, &core], (None, scanner, *mounting))?;
+        if reference.is_some() {
+            for (scanner, cloud) in clouds.iter().enumerate() {
+                all.compare(reference, cloud, (None, scanner, *mounting))?;
             }
         }
         for (first, cloud) in clouds.iter().enumerate() {
-            let core = core_points(cloud, settings);
-            for (second, other) in clouds.iter().enumerate().skip(first + 1) {
-                all.compare([cloud, other, &core], (Some(first), second, *mounting))?;
+            let others = first + 1..clouds.len();
+            if others.is_empty() {
+                break;
+            }
+            let name = format!("{} ({drive}, {})", scanners[first], mounting.name());
+            let surface = ReferenceSurface::upwards(&name, cloud, settings, progress)?;
+            for second in others {
+                let sides = (Some(first), second, *mounting);
+                all.compare(surface.as_ref(), &clouds[second], sides)?;
             }
         }
     }
@@ -197,7 +199,6 @@ type Sides = (Option<usize>, usize, MountingKind);
 struct Comparisons<'a> {
     drive: &'a str,
     scanners: &'a [&'a str],
-    settings: &'a ComparisonSettings,
     progress: &'a dyn Progress,
     found: Vec<(Sides, Agreement)>,
     missing: Vec<(Against, String)>,
@@ -206,26 +207,26 @@ struct Comparisons<'a> {
 impl Comparisons<'_> {
     fn compare(
         &mut self,
-        [reference, compared, core]: [&[Vec3]; 3],
+        reference: Option<&ReferenceSurface>,
+        compared: &[Vec3],
         sides @ (against, scanner, mounting): Sides,
     ) -> Result<()> {
         let (drive, scanner) = (self.drive, self.scanners[scanner]);
         let other = against.map(|other| self.scanners[other]);
         let against = other.map_or(Against::Reference, |name| Against::Scanner(name.into()));
         let is_final = mounting == MountingKind::Final;
-        if compared.is_empty() || core.is_empty() {
+        let Some(reference) = reference.filter(|_| !compared.is_empty()) else {
             let text = format!("{drive}: scanner `{scanner}` has no points to compare");
             self.missing.extend(is_final.then_some((against, text)));
             return Ok(());
-        }
+        };
         let stage = format!(
             "comparing {scanner} with {} ({drive}, {})",
             other.unwrap_or("reference"),
             mounting.name()
         );
-        let (up, progress) = (Normals::UPWARDS, self.progress);
-        let _stage = progress.stage(&stage, core.len() as u64);
-        let distances = m3c2(reference, compared, core, up, self.settings, progress)?;
+        let _stage = self.progress.stage(&stage, reference.core().len() as u64);
+        let distances = reference.distances(compared, self.progress)?;
         match Statistics::of(&distances) {
             Ok(statistics) => {
                 let agreement = Agreement {
@@ -263,3 +264,70 @@ stored!(
         Truth,
     }
 );
+
+#[cfg(test)]
+mod tests {
+    use super::super::checks::Normals;
+    use super::super::m3c2::{core_points, m3c2};
+    use super::*;
+    use crate::progress::Silent;
+
+    /// A plate of 0.4 m by 0.4 m, whose heights alternate about `height_m`.
+    fn plate(height_m: f64) -> Vec<Vec3> {
+        let point = |i: u32| {
+            let (x, y) = (f64::from(i % 80) * 0.005, f64::from(i / 80) * 0.005);
+            Vec3::new(x, y, height_m + 0.001 * f64::from(i * i % 7))
+        };
+        (0..6400).map(point).collect()
+    }
+
+    #[test]
+    fn agreements_are_those_of_separate_comparisons() {
+        let settings = ComparisonSettings::default();
+        let reference = plate(0.0);
+        let clouds = [plate(0.003), Vec::new(), plate(0.007)];
+        let scanners = ["a", "b", "c"];
+        let all = |reference: &[Vec3]| {
+            let surface = ReferenceSurface::upwards("the reference", reference, &settings, &Silent);
+            let kinds = [MountingKind::Initial, MountingKind::Final];
+            let kinds = kinds.map(|kind| (kind, clouds.to_vec()));
+            let surface = surface.expect("a plate has normals");
+            let surface = surface.as_ref();
+            agreements("drive", &scanners, surface, &kinds, &settings, &Silent)
+                .expect("clouds overlap")
+        };
+        let with = |before: &[Vec3], after: &[Vec3]| {
+            let core = core_points(before, &settings);
+            let up = Normals::UPWARDS;
+            m3c2(before, after, &core, up, &settings, &Silent).expect("clouds overlap")
+        };
+        let found = all(&reference);
+        let pairs: Vec<&[Agreement]> = found.pairs().collect();
+        let expected = [
+            ("a to reference", with(&reference, &clouds[0])),
+            ("c to reference", with(&reference, &clouds[2])),
+            ("a against c", with(&clouds[0], &clouds[2])),
+        ];
+        assert_eq!(pairs.len(), expected.len());
+        for (pair, (name, distances)) in pairs.iter().zip(&expected) {
+            let kinds: Vec<MountingKind> = pair.iter().map(|found| found.mounting).collect();
+            assert_eq!(kinds, [MountingKind::Initial, MountingKind::Final]);
+            for found in *pair {
+                let statistics = Statistics::of(distances).expect("clouds overlap");
+                assert_eq!(
+                    (found.pair().as_str(), &found.statistics),
+                    (*name, &statistics)
+                );
+                assert_eq!(found.distances, DistanceMap::of(distances));
+            }
+        }
+        // Under the final mounting: to the reference, and both pairs of the scanner without points.
+        let missing = found.missing.iter().map(|(against, _)| against);
+        let [a, b] = ["a", "b"].map(|name| Against::Scanner(name.into()));
+        assert!(missing.eq([&Against::Reference, &a, &b]));
+
+        let alone = all(&[]);
+        assert_eq!(alone.pairs().count(), 1);
+        assert_eq!(alone.missing.len(), 2);
+    }
+}

@@ -3,7 +3,7 @@
 use super::normals;
 use super::settings::ComparisonSettings;
 use crate::error::{Error, Problem, Result};
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, is_finite};
 
 /// Where the normals of the core points come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,8 +28,17 @@ impl Normals<'_> {
     };
 }
 
+/// Refuses a cloud without finite points.
+pub(super) fn check_points(cloud: &[Vec3], name: &str) -> Result<()> {
+    if cloud.iter().any(is_finite) {
+        Ok(())
+    } else {
+        Err(empty(name))
+    }
+}
+
 /// The error of a cloud without points.
-pub(super) fn empty(name: &str) -> Error {
+fn empty(name: &str) -> Error {
     Error::of(
         Problem::TooFew,
         format!("the {name} cloud of the comparison has no points"),

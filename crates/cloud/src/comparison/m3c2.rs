@@ -39,8 +39,8 @@
 
 use super::checks::Normals;
 use super::result::M3c2;
-use super::search::IndexedClouds;
 use super::settings::ComparisonSettings;
+use super::surface::IndexedClouds;
 use crate::cloud::voxel;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -60,7 +60,8 @@ pub fn core_indices(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<u3
 }
 
 /// Compares `compared` with `reference` at the points `core` (all metres, in one frame):
-/// [`IndexedClouds::new`] and [`IndexedClouds::distances`] in one.
+/// [`IndexedClouds::new`] and [`IndexedClouds::distances`] in one. To compare several clouds with one
+/// reference, see [`ReferenceSurface`](super::ReferenceSurface).
 ///
 /// # Errors
 /// Those of both functions.

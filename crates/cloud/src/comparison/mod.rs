@@ -15,6 +15,7 @@ mod search;
 mod settings;
 pub mod statistics;
 mod sums;
+mod surface;
 mod window;
 
 pub use agreement::{Against, Agreement, Agreements, MountingKind, agreements};
@@ -22,6 +23,7 @@ pub use checks::Normals;
 pub use m3c2::{core_indices, core_points, m3c2};
 pub use map::{DistanceMap, Histogram};
 pub use result::{CoreDistance, M3c2};
-pub use search::{IndexedClouds, reach_m};
+pub use search::reach_m;
 pub use settings::{Aggregation, ComparisonSettings, Detection};
 pub use statistics::Statistics;
+pub use surface::{IndexedClouds, ReferenceSurface};

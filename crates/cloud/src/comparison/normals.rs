@@ -5,6 +5,22 @@ use super::window::Window;
 use crate::cloud::StructureTensor;
 use crate::geometry::{Vec3, is_finite};
 
+/// The normal at a core point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Normal {
+    /// Unit vector; NaN if there is none.
+    pub(super) direction: Vec3,
+    /// Radius of its neighbourhood, metres; NaN if it was given or there is none.
+    pub(super) radius_m: f64,
+}
+
+impl Normal {
+    pub(super) const NONE: Self = Self {
+        direction: Vec3::new(f64::NAN, f64::NAN, f64::NAN),
+        radius_m: f64::NAN,
+    };
+}
+
 /// The unit vector of `vector`; NaN if it is zero or not finite.
 pub(super) fn unit(vector: &Vec3) -> Vec3 {
     let norm = vector.norm();
@@ -25,14 +41,14 @@ pub(super) fn unit(vector: &Vec3) -> Vec3 {
 const TWO_PASSES_BELOW: f64 = 0.01;
 
 /// The normal of the most planar of the neighbourhoods of `point` with these radii, on the side of
-/// `orientation`, and its radius. `None` if no neighbourhood has three points that span a plane.
+/// `orientation`. `None` if no neighbourhood has three points that span a plane.
 pub(super) fn most_planar(
     window: &Window,
     point: &Vec3,
     radii: &[f64],
     orientation: &Vec3,
     offsets: &mut Offsets,
-) -> Option<(Vec3, f64)> {
+) -> Option<Normal> {
     let mut best: Option<(f64, Vec3, f64)> = None;
     for &radius in radii {
         offsets.fill(window, point, radius);
@@ -52,13 +68,13 @@ pub(super) fn most_planar(
             best = Some((planarity, eigen.vectors.column(2).into_owned(), radius));
         }
     }
-    best.map(|(_, normal, radius)| {
-        let turned = if normal.dot(orientation) < 0.0 {
+    best.map(|(_, normal, radius_m)| Normal {
+        direction: if normal.dot(orientation) < 0.0 {
             -normal
         } else {
             normal
-        };
-        (turned, radius)
+        },
+        radius_m,
     })
 }
 
