@@ -1,18 +1,18 @@
-//! What the distances between clouds say.
+//! Verdicts on the distances between clouds.
 
 use crate::comparison::{Against, Agreement, Agreements, MountingKind};
 use crate::number;
 use crate::results::Drive;
 use crate::verdict::{Acceptance, Severity, Verdict};
 
-/// Clouds that agree worse than after two steps by more than this factor need attention: other core
-/// points alone change the RMSE by a few percent.
+/// Clouds whose RMSE exceeds that after two steps by more than this factor need attention: other core points alone
+/// change the RMSE by a few percent.
 const WORSE_THAN_TWO_STEPS: f64 = 1.2;
-/// Distances beyond this many times what is accepted are a fault.
+/// Distances larger than the accepted distance by more than this factor are a fault.
 const FAULT_FACTOR: f64 = 4.0;
 
-/// The agreement of the clouds of each drive with the final mounting, held against what is accepted: each
-/// pair of the first drive, which is that of the calibration or the only one, and one line for each of the others.
+/// Compares the agreement of the clouds of each drive, with the final mounting, to the accepted agreement: one line for
+/// each pair of the first drive, which is that of the calibration or the only one, and one line for each further drive.
 pub fn verdicts(drives: &[Drive], acceptance: &Acceptance) -> Vec<Verdict> {
     let mut all = Vec::new();
     for (number, drive) in drives.iter().enumerate() {
@@ -38,7 +38,7 @@ fn code(found: &Agreement) -> &'static str {
     }
 }
 
-/// On the drive of the calibration.
+/// A pair of clouds of the calibration drive.
 fn of_own(all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> Verdict {
     let clouds = match &found.against {
         Against::Reference => format!("Scanner {} and the reference scan", found.scanner),
@@ -67,7 +67,7 @@ fn of_own(all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> Verdi
     verdict.with_value(statistics.rmse_m, None)
 }
 
-/// On a drive that was not used in the calibration: `None` without distances.
+/// The clouds of a drive that was not used in the calibration; `None` without distances.
 fn of_other(drive: &Drive, acceptance: &Acceptance) -> Option<Verdict> {
     let all = &drive.agreements;
     let found = || all.under(MountingKind::Final);
@@ -91,7 +91,7 @@ fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// How grave the distances of two clouds are, and why.
+/// The severity of the distances between two clouds, with its reason.
 fn judged(all: &Agreements, found: &Agreement, acceptance: &Acceptance) -> (Severity, String) {
     let statistics = &found.statistics;
     let off_m = statistics.median_m.abs().max(statistics.nmad_m);

@@ -1,4 +1,4 @@
-//! What the residuals along the drive say about the mounting.
+//! Verdicts on the constancy of the mountings, from the residuals along the drive.
 
 use crate::calibration::{Calibration, Constancy, Gap, Method};
 use crate::number;
@@ -44,15 +44,15 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
     ))
 }
 
-/// That two scanners move on each other; `None` where they keep their distance. Of a joint adjustment, its own
-/// tests tell.
+/// A verdict if two scanners move relative to each other; `None` if their distance is constant. A joint adjustment has
+/// its own tests.
 pub fn gap(calibration: &Calibration) -> Option<Verdict> {
     let text = gap_warning(calibration)?;
     let found_m = calibration.gap.map_or(0.0, |found| found.rms_m);
     Some(Verdict::care("mounting.gap", text).with_value(found_m, None))
 }
 
-/// The same in words.
+/// The warning of [`gap`] as text.
 pub fn gap_warning(calibration: &Calibration) -> Option<String> {
     let found = moving_gap(calibration)?;
     let [first, other] = found
@@ -73,11 +73,11 @@ pub fn moving_gap(calibration: &Calibration) -> Option<Gap> {
     found.filter(|_| calibration.method != Method::Joint)
 }
 
-/// Correlations below are chance; the time of a jump is chosen among many.
+/// Smaller correlations are chance; the time of a jump is chosen among many.
 const CORRELATED: f64 = 0.3;
 const JUMPED: f64 = 0.6;
 
-/// What the residuals along the drive follow, and what that is likely to be.
+/// The pattern of the residuals along the drive, and its likely cause.
 fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
     let strongest = constancy.strongest.filter(|(_, r)| r.abs() > CORRELATED);
     let other = strongest.map_or(0.0, |(_, r)| r.abs());
@@ -102,7 +102,7 @@ fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
     })
 }
 
-/// The test of a constant mounting uses the residuals of two steps.
+/// A note that the test of a constant mounting uses the residuals of two steps.
 fn of_two_steps(calibration: &Calibration) -> &'static str {
     match calibration.method {
         Method::Joint => " after two steps",

@@ -1,15 +1,16 @@
-//! Whether the calibration converged, how far from its start, and to the only minimum near.
+//! Verdicts on convergence: whether the calibration converged, how far from its start, and whether the minimum is
+//! unique.
 
 use crate::calibration::{Calibration, Method};
 use crate::geometry::BodyFromScanner;
 use crate::number;
 use crate::verdict::Verdict;
 
-/// A mounting that was measured with a tape is not as far off: metres, radians.
+/// Displacements that exceed the error of a mounting measured with a tape: metres, radians.
 const MOVED_M: [f64; 2] = [0.4, 1.0];
 const MOVED_RAD: [f64; 2] = [0.35, 0.8];
 
-/// Mountings that ended far from where they started.
+/// Verdicts on mountings that ended far from where they started.
 pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
     let pairs = result.mountings.iter().zip(initial);
     let far = pairs.filter_map(|(mounting, initial)| {
@@ -33,7 +34,7 @@ pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> 
     far.collect()
 }
 
-/// Whether it converged.
+/// The verdict on convergence.
 pub fn convergence(result: &Calibration) -> Verdict {
     const CODE: &str = "calibration.convergence";
     match (result.converged, result.method) {
@@ -50,7 +51,7 @@ pub fn convergence(result: &Calibration) -> Verdict {
     }
 }
 
-/// Whether the mountings came back after they were moved away.
+/// The verdict on uniqueness: whether the mountings came back after they were moved away.
 pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
     const CODE: &str = "calibration.minimum";
     let found = result.minimum.as_ref()?;

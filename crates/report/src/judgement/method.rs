@@ -1,11 +1,11 @@
-//! Which method's values are the result, and why.
+//! Verdicts on the method whose values are the result, and why.
 
 use crate::calibration::{Calibration, Method};
 use crate::joint::{Joint, JointReport};
 use crate::number;
 use crate::verdict::Verdict;
 
-/// Which method's values these are; on a fallback a statement for each reason.
+/// Names the method of the result; on a fallback, adds a statement for each reason.
 pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdict> {
     let refused: Vec<Verdict> = joint
         .into_iter()
@@ -31,7 +31,7 @@ pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdic
     ]
 }
 
-/// Why the values are those of two steps, the gravest reason first.
+/// The reasons why the values are those of two steps, the gravest first.
 fn refusals(reasons: &[String], was_made: bool) -> impl Iterator<Item = Verdict> {
     let what = match was_made {
         true => "was refused",
@@ -64,7 +64,7 @@ fn accepted(joint: &Joint) -> String {
     )
 }
 
-/// The largest ratio of an IMU.
+/// The largest ratio of an IMU, in words.
 fn imu(joint: &Joint) -> String {
     let drives = joint.drives.iter();
     let ratios = drives.filter_map(|drive| joint.group(&drive.imu)?.ratio);

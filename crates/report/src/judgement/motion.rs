@@ -1,4 +1,4 @@
-//! What is said of mountings that move, and of points, which are known better than these.
+//! Verdicts on mountings that move, and on points, which are known better than such mountings.
 
 use crate::calibration::PARAMETER_NAMES;
 use crate::geometry::Vec3;
@@ -6,10 +6,10 @@ use crate::joint::{Joint, known_m};
 use crate::number;
 use crate::verdict::Verdict;
 
-/// A parameter of which more of the variance than this rests on the prior of the motion is named.
+/// A parameter is named if more than this share of its variance rests on the prior of the motion.
 const NOTABLE_SHARE: f64 = 0.25;
 
-/// How mountings move, where they jumped, and how well points are known.
+/// Verdicts on the motion of mountings, on their jumps, and on the precision of points.
 pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
     let mut all = Vec::new();
     all.extend(moving(joint));
@@ -18,7 +18,7 @@ pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
     all
 }
 
-/// That the mountings move, by how much, and what of them rests on the prior.
+/// The verdict that the mountings move, by how much, and which parameters rest on the prior.
 fn moving(joint: &Joint) -> Option<Verdict> {
     let [shift_m, turn_rad] = joint.motion()?;
     let reason = joint.ladder.last().and_then(|left| left.reasons.first());
@@ -53,7 +53,7 @@ fn assumed(joint: &Joint) -> String {
     }
 }
 
-/// Where mountings moved all at once.
+/// A verdict for each jump of the mountings.
 fn jumps(joint: &Joint) -> Vec<Verdict> {
     let drives = joint.drives.iter();
     let jumps = drives.flat_map(|drive| drive.jumps.iter().map(move |jump| (drive, jump)));
@@ -76,7 +76,7 @@ fn jumps(joint: &Joint) -> Vec<Verdict> {
     said.collect()
 }
 
-/// How well points are known: of the worst scanner.
+/// The verdict on the precision of points, by the worst scanner.
 fn points(joint: &Joint) -> Option<Verdict> {
     let scanners = joint.drives.iter().flat_map(|drive| &drive.points);
     let sigmas = scanners.filter_map(|points| known_m(points));

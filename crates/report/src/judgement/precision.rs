@@ -1,4 +1,4 @@
-//! How well the mountings are known: standard deviations, relative mountings, what the data leave open.
+//! Verdicts on the precision of the mountings: standard deviations, relative mountings, unobservable directions.
 
 use super::constancy;
 use crate::calibration::{Calibration, RelativeMounting, Variant};
@@ -10,7 +10,7 @@ use crate::verdict::{Acceptance, Verdict, capitalised};
 /// Factors below this are not worth mentioning.
 const NOTABLE: f64 = 2.0;
 
-/// What the positions of the mountings rest on where no lever arm is estimated.
+/// The verdict on the origin of the positions of the mountings if no lever arm is estimated.
 pub fn origin(solution: &Solution, sigma_m: f64) -> Option<Verdict> {
     let mut constants = solution.constants.iter();
     let is_estimated = constants.any(|constant| constant.name.contains(".lever_arm"));
@@ -29,8 +29,8 @@ pub fn origin(solution: &Solution, sigma_m: f64) -> Option<Verdict> {
     })
 }
 
-/// The largest standard deviations of the mountings, against what is accepted; `moves`: they include that
-/// mountings move.
+/// The verdict on the largest standard deviations of the mountings, compared with the accepted ones; `moves`: they
+/// include the motion of the mountings.
 pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -> Option<Verdict> {
     const CODE: &str = "mounting.sigma";
     let mut worst = [0.0f64; 2];
@@ -88,7 +88,7 @@ pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -
     })
 }
 
-/// The observability of the parameters.
+/// The verdicts on the observability of the parameters.
 pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     const CODE: &str = "mounting.unobservable";
     let found = unobservable(calibrations.result, "").into_iter();
@@ -117,7 +117,7 @@ pub fn unobservable(calibration: &Calibration, circumstance: &str) -> Vec<String
         .collect()
 }
 
-/// How well each scanner is known relative to the first.
+/// The precision of each scanner relative to the first.
 pub fn relative(calibration: &Calibration) -> Vec<String> {
     let all = calibration.relative();
     all.iter()
@@ -136,7 +136,7 @@ fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting)
         worst(&calibration.sigmas(i, convention))
     });
     let times = [(0, length_m), (1, angle_rad)].map(|(k, relative)| {
-        // Of the scanner that is known better.
+        // The smaller sigma, that of the scanner that is known better.
         let least = own[0][k].min(own[1][k]);
         least / relative
     });
@@ -157,7 +157,7 @@ fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting)
     ))
 }
 
-/// The largest standard deviations of position and rotation; 0 where there are none.
+/// The largest standard deviations of position and rotation; 0 if there are none.
 fn worst(sigmas: &[Option<f64>; 6]) -> [f64; 2] {
     let largest = |part: &[Option<f64>]| part.iter().flatten().copied().fold(0.0, f64::max);
     [largest(&sigmas[..3]), largest(&sigmas[3..])]

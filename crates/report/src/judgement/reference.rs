@@ -1,5 +1,5 @@
-//! The reference: where it and the scans disagree, how high it lies, and what of its errors the standard deviations
-//! include.
+//! Verdicts on the reference: where it disagrees with the scans, its height, and which of its errors the standard
+//! deviations include.
 
 use crate::calibration::{Calibration, Method};
 use crate::joint::{Joint, JointReport};
@@ -7,7 +7,7 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::verdict::{Verdict, capitalised};
 
-/// Where scans and reference disagree, in the coordinates of the world.
+/// Verdicts on disagreements between scans and reference, with their places in world coordinates.
 pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
     let Some(joint) = calibrations.joint_found() else {
         return Vec::new();
@@ -21,7 +21,7 @@ pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
     regions.chain(shift).collect()
 }
 
-/// A reference that lies higher or lower than the drive says.
+/// The verdict on a reference that is higher or lower than the drive implies.
 pub fn height(joint: &Joint) -> Option<Verdict> {
     joint.reference_height().map(|found| {
         let text = format!(
@@ -36,7 +36,7 @@ pub fn height(joint: &Joint) -> Option<Verdict> {
     })
 }
 
-/// Which errors of the whole reference the standard deviations include, where there are any.
+/// The errors of the whole reference that the standard deviations include; `None` without any.
 pub fn included(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
     let joint = joint?
         .accepted()

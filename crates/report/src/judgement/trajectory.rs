@@ -1,5 +1,5 @@
-//! The adjusted trajectory: convergence, residuals, noise, clocks, outages, constants; and the constants of the
-//! project that the drive contradicts.
+//! Verdicts on the adjusted trajectory: convergence, residuals, noise, clocks, outages, constants; and on the constants
+//! of the project that the drive contradicts.
 
 use crate::diagnostics::{
     NOTABLE_FACTOR, OUTAGE_FACTOR, PoseSigmas, chi_square_text, is_notable, sensor_name,
@@ -12,17 +12,17 @@ use crate::verdict::{Severity, Verdict, capitalised};
 /// The constant that scales the noise of the IMU, and the value beyond which it needs attention.
 const NOISE_SCALE: &str = "imu.noise_scale";
 const CARE_NOISE: f64 = 3.0;
-/// Outages need attention where the standard deviation of the position exceeds this, metres.
+/// Outages need attention if the standard deviation of the position exceeds this, metres.
 const CARE_OUTAGE_M: f64 = 0.01;
-/// Share of the records of a sensor that are not used from which on that needs attention.
+/// A sensor needs attention if at least this share of its records is not used.
 const CARE_IGNORED: f64 = 0.2;
-/// A constant that is off by more than this is a fault: metres, seconds, radians, m/s².
+/// A constant whose error exceeds this is a fault: metres, seconds, radians, m/s².
 const FAULT_LEVER_ARM_M: f64 = 0.05;
 const FAULT_LATENCY_S: f64 = 0.03;
 const FAULT_OFFSET_RAD: f64 = 0.02;
 const FAULT_GRAVITY_M_S2: f64 = 0.1;
 
-/// A constant of the project that the drive contradicts.
+/// The verdict on a constant of the project that the drive contradicts.
 pub fn doubt(doubt: &Doubt) -> Verdict {
     let fault = match doubt.constant {
         Constant::LeverArm(_) => FAULT_LEVER_ARM_M,
@@ -62,7 +62,7 @@ fn spans_text(spans: &[(f64, f64)]) -> String {
     }
 }
 
-/// Statements about the adjustment.
+/// The verdicts on the adjustment.
 pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict> {
     let mut lines = Vec::new();
     let ended = format!(

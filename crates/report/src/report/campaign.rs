@@ -1,4 +1,4 @@
-//! The page of a campaign: quality over time, what changed from date to date, what failed and why.
+//! The page of a campaign: quality over time, changes between dates, failures and their reasons.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,12 +15,12 @@ use crate::number::{self, DASH};
 use crate::statistics::median;
 use crate::verdict::Headline;
 
-/// Plots of a table that is not folded.
+/// Most plots of a table that is not folded.
 const FEW_PLOTS: usize = 40;
-/// Lines of a chart that keep their own colour.
+/// Number of lines of a chart with a colour of their own.
 const COLOURS: usize = 6;
 
-/// What a campaign's page shows.
+/// The content of a campaign's page.
 #[derive(Debug, Clone, Default)]
 pub struct CampaignPage {
     /// Heading.
@@ -33,9 +33,9 @@ pub struct CampaignPage {
     pub changes: Vec<ChangeLine>,
     /// Items that failed.
     pub failures: Vec<FailureLine>,
-    /// Items that were not tried yet.
+    /// Number of items that were not tried yet.
     pub waiting: usize,
-    /// The drift watch, where it was asked for.
+    /// The drift watch, if it was asked for.
     pub drift: Option<Chart>,
     /// The index of the tiles, relative to the page, if it was written.
     pub index: Option<String>,
@@ -52,9 +52,9 @@ pub struct DriveLine {
     pub page: String,
     /// Number of its points.
     pub points: u64,
-    /// What is said about it as a whole.
+    /// Headline of the drive as a whole.
     pub headline: Headline,
-    /// What to take care of.
+    /// Texts of the verdicts that need attention.
     pub marked: Vec<String>,
     /// Names of clouds that were compared and the root mean square of their distances, metres.
     pub agreement: Vec<(String, f64)>,
@@ -84,9 +84,9 @@ pub struct ChangeLine {
 pub struct FailureLine {
     /// `drive p1 2025-05-01`
     pub item: String,
-    /// What is wrong.
+    /// The problem.
     pub problem: String,
-    /// What can be done about it.
+    /// The remedy, if there is one.
     pub remedy: Option<String>,
 }
 
@@ -120,7 +120,7 @@ pub fn render(page: &CampaignPage) -> String {
     document(&title, &header, &body)
 }
 
-/// How much was done, in one line of words.
+/// The progress of the campaign in one line.
 fn summary(page: &CampaignPage) -> String {
     let distinct = |pick: &dyn Fn(&DriveLine) -> String| {
         page.drives.iter().map(pick).collect::<BTreeSet<_>>().len()
@@ -332,7 +332,7 @@ fn changes(all: &[ChangeLine]) -> String {
     figure + &html::details("Every plot and date", &html::table("numbers", &head, &rows))
 }
 
-/// A table of plots by dates; every cell leads to the page of the drive.
+/// A table of plots by dates; every cell links to the page of the drive.
 fn plots(page: &CampaignPage) -> String {
     let dates: BTreeSet<&str> = page
         .drives
@@ -380,7 +380,7 @@ fn plots(page: &CampaignPage) -> String {
     }
 }
 
-/// What is said of drives, each statement once with the number of drives.
+/// The verdicts on drives, each statement once with the number of drives.
 fn care(drives: &[DriveLine]) -> String {
     let mut said: Vec<(&str, Vec<String>)> = Vec::new();
     for drive in drives {

@@ -1,5 +1,5 @@
-//! The comparison of two clouds that are no result of a run: numbers, histogram, and maps of the distances and
-//! of their levels of detection.
+//! The comparison of two clouds outside of a run: numbers, histogram, and maps of the distances and of their levels of
+//! detection.
 
 use super::content::Comparison;
 use super::html::{self, escape};
@@ -10,7 +10,7 @@ use crate::number;
 /// Share of the levels of detection within the colours of their map, percent.
 const SHOWN_PERCENT: usize = 97;
 
-/// Numbers, then the maps side by side; empty without a distance.
+/// Numbers, then the maps side by side; empty without distances.
 pub fn section(comparison: &Comparison) -> String {
     let found = &comparison.found;
     let positions = core(found).map(|(place, _)| place);
@@ -48,7 +48,7 @@ fn cell(name: &str, (sign, limit_m): (&str, f64), figures: String) -> String {
     format!("<div><h4>{name} <small>{sign} {limit}</small></h4>\n{figures}</div>\n")
 }
 
-/// Each number, and what it is.
+/// The statistics, each with its definition.
 fn numbers(comparison: &Comparison) -> String {
     let statistics = &comparison.found.statistics;
     let length = |metres: f64| number::with_unit(number::millimetres(metres), "mm");

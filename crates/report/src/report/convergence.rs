@@ -1,4 +1,4 @@
-//! Convergence of the adjustments: methods side by side, and scale by scale.
+//! Convergence of the adjustments: methods side by side, then by scale.
 
 use super::axis::{Axis, decimate};
 use super::chart::Plot;
@@ -47,8 +47,8 @@ impl Run<'_> {
         }
     }
 
-    /// Cells of the largest errors after a scale, of the observable translations and of the
-    /// rotations; empty without a truth.
+    /// Cells of the largest errors of the observable translations and of the rotations after a scale; empty if the
+    /// truth is not known.
     fn errors(&self, scale: Option<&Scale>) -> String {
         let Some(truth) = self.truth else {
             return String::new();
@@ -96,7 +96,7 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
     result.into_iter().chain(variants).collect()
 }
 
-/// The whole section: comparison, the chart of every method, and scale by scale.
+/// The whole section: comparison, a chart for each method, and the table of scales.
 pub fn section(calibrations: &Calibrations) -> String {
     let runs = &runs(calibrations);
     let mut charts = runs.iter().map(chart);

@@ -1,7 +1,7 @@
-//! The numbers behind the figures as CSV files: in full where figures thin them, those of maps as means over cells.
+//! The numbers behind the figures as CSV files: in full where figures thin them out, and means over cells for maps.
 //!
-//! Lengths are in metres, angles in radians unless a name says degrees, times in seconds on the common clock. A value
-//! that is not known is empty.
+//! Lengths are in metres, angles in radians unless a name says degrees, times in seconds on the common clock. Unknown
+//! values are empty.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ use crate::results::{Calibrations, Drive};
 /// Folder of the files, beside the page.
 pub const FOLDER: &str = "figures";
 
-/// Cells of maps along the longer side of a field, at most.
+/// Maximum number of cells of a map along the longer side of a field.
 const CELLS: f64 = 200.0;
 
 /// The mountings whose distances are drawn, with their columns.
@@ -29,7 +29,7 @@ const KINDS: [(MountingKind, &str); 3] = [
     (MountingKind::Final, "result"),
 ];
 
-/// A file and the section of the page whose figures it is behind.
+/// A file, with the section of the page whose figures it belongs to.
 pub struct File {
     /// Its name in [`FOLDER`].
     pub name: &'static str,
@@ -86,7 +86,7 @@ const fn file(name: &'static str, section: &'static str, text: fn(&Content) -> S
     }
 }
 
-/// A number in a cell; empty where it is not known.
+/// A number in a cell; empty if it is not known.
 fn cell(value: f64, decimals: usize) -> String {
     match value.is_finite() {
         true => format!("{value:.decimals$}"),
@@ -131,7 +131,7 @@ fn distances(drives: &[Drive]) -> String {
 struct Cell {
     count: usize,
     distance_m: f64,
-    /// Of the core points with one.
+    /// Number of core points with a level of detection.
     levels: usize,
     level_m: f64,
 }
@@ -337,7 +337,7 @@ fn residuals(drives: &[Drive]) -> String {
     }
 }
 
-/// What the joint adjustment changed of the poses.
+/// The changes of the poses by the joint adjustment.
 fn moved(all: &Calibrations) -> String {
     let Some(joint) = all.joint_found() else {
         return String::new();

@@ -1,5 +1,4 @@
-//! How small a distance the clouds can show, and where they show none: maps of the level of detection and of what
-//! is covered.
+//! Maps of the level of detection, which is the smallest distance that the clouds can show, and of their coverage.
 
 use super::html::{self, escape};
 use super::maps::{PIXELS, plan};
@@ -10,10 +9,10 @@ use crate::number;
 use crate::results::Drive;
 use crate::statistics::quantile;
 
-/// What is not covered.
+/// The colour of uncovered ground.
 const BARE: [u8; 4] = [128, 128, 128, 110];
 
-/// A map for each pair of clouds of the first drive with the mountings found; empty without distances.
+/// A map for each pair of clouds of the first drive with the estimated mountings; empty without distances.
 pub fn maps(drives: &[Drive], background_m: &[Vec3]) -> String {
     let found = drives.iter().take(1).flat_map(|drive| {
         let all = drive.agreements.under(MountingKind::Final);

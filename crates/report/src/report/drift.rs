@@ -10,12 +10,12 @@ use crate::judgement;
 use crate::number;
 
 const HEIGHT: f64 = 240.0;
-/// Bands are so many standard deviations wide on either side.
+/// Half width of the bands, standard deviations.
 const BAND: f64 = 2.0;
-/// Room for a date below an axis.
+/// Width of a date below an axis.
 const DATE: f64 = 96.0;
 
-/// Positions or rotations: their place among the components, label, and factor to their unit.
+/// Positions or rotations: their indices among the components, label, and factor to their unit.
 struct Kind {
     first: usize,
     label: &'static str,
@@ -35,7 +35,7 @@ const KINDS: [Kind; 2] = [
     },
 ];
 
-/// The section of the page: what the chart says, and its figures.
+/// The section of the page: the verdicts on the chart, and its figures.
 pub fn section(chart: &Chart) -> String {
     let mut body = html::verdicts(&judgement::drift(chart));
     for scanner in &chart.scanners {
@@ -59,7 +59,7 @@ fn numbers(scanner: &ScannerChart) -> Vec<f64> {
         .collect()
 }
 
-/// A chart over dates, as many of them written as there is room for.
+/// A chart over dates, with as many date labels as there is room for.
 fn over_dates(width: f64, scanner: &ScannerChart, y: Axis) -> Plot {
     let numbers = numbers(scanner);
     let mut x = Axis::over("date", numbers.iter().copied());

@@ -145,7 +145,7 @@ fn height_scale(low_m: f64, high_m: f64) -> String {
     )
 }
 
-/// Drops points closer to the last kept one than a thousandth of the figure.
+/// Drops points that are closer to the last remaining point than a thousandth of the figure.
 fn simplify(track: &[[f64; 2]], bounds: Bounds) -> Vec<[f64; 2]> {
     let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
     let mut out: Vec<[f64; 2]> = Vec::new();

@@ -1,4 +1,4 @@
-//! What the page shows first: the headline and why, the mountings, the platform, a map, and all that is said.
+//! The first screen of the page: headline with reasons, mountings, platform, a map, and all verdicts.
 
 use super::content::Content;
 use super::html::{self, escape};
@@ -9,7 +9,7 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::verdict::{Headline, Severity, Verdict};
 
-/// The first screen; empty without anything to say or to show.
+/// The first screen; empty if it has no content.
 pub fn screen(content: &Content) -> String {
     let pictures: String = [mountings(content), drawing(content), map(content)]
         .into_iter()
@@ -23,7 +23,7 @@ pub fn screen(content: &Content) -> String {
     headline(content) + &pictures + &said(&content.verdicts)
 }
 
-/// What all verdicts come to, and why (markup); empty without any.
+/// The summary of all verdicts with its reasons (markup); empty without any.
 fn headline(content: &Content) -> String {
     if content.verdicts.is_empty() {
         return String::new();
@@ -41,7 +41,7 @@ fn headline(content: &Content) -> String {
     )
 }
 
-/// What the headline rests on.
+/// The reasons for the headline.
 fn why(content: &Content) -> String {
     let marked: Vec<&Verdict> = content
         .verdicts
@@ -120,15 +120,14 @@ fn fans<'a>(calibrations: &Calibrations<'a>) -> Vec<Fan<'a>> {
         .collect()
 }
 
-/// The distances that are left between the first pair of clouds.
+/// The map of the remaining distances between the first pair of clouds.
 fn map(content: &Content) -> String {
     let drive = content.drives.first();
     let found = drive.and_then(|drive| drive.agreements.under(MountingKind::Final).next());
     found.map(maps::alone).unwrap_or_default()
 }
 
-/// All that is said: what to take care of, what is well, what is for information, and apart from it what is about
-/// other drives and runs.
+/// All verdicts: those that need attention, good results, information, and, separately, those on other drives and runs.
 fn said(verdicts: &[Verdict]) -> String {
     let (main, beside): (Vec<_>, Vec<_>) =
         verdicts.iter().partition(|verdict| verdict.about.is_none());
@@ -140,7 +139,7 @@ fn said(verdicts: &[Verdict]) -> String {
         }
 }
 
-/// What to take care of one by one, the rest in brief, what is well first.
+/// Verdicts that need attention one by one, and the rest in brief, good results first.
 fn by_weight(verdicts: &[&Verdict]) -> String {
     let of = |wanted: &dyn Fn(Severity) -> bool| -> Vec<Verdict> {
         let found = verdicts.iter().filter(|verdict| wanted(verdict.severity));

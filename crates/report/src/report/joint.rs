@@ -9,10 +9,10 @@ use crate::judgement;
 use crate::number;
 use crate::results::Calibrations;
 
-/// Ratios of other groups than the IMU that exceed 1 by this factor, and by chance, are marked.
+/// Ratios of groups other than the IMU are marked if they exceed 1 by this factor and by more than chance.
 const NOTABLE_RATIO: f64 = 1.2;
 
-/// What the observations of a group are.
+/// The kind of observations in a group.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Imu,
@@ -45,7 +45,7 @@ impl Kind {
         }
     }
 
-    /// The largest ratio that needs no attention; `None` where the ratio is 1 by construction.
+    /// The largest ratio that needs no attention; `None` if the ratio is 1 by construction.
     fn limit(self, group: &GroupTest) -> Option<f64> {
         let chance = 3.0 * (2.0 / group.redundancy).sqrt();
         match self {
@@ -55,7 +55,7 @@ impl Kind {
         }
     }
 
-    /// What a large ratio means.
+    /// The meaning of a large ratio.
     fn meaning(self) -> &'static str {
         match self {
             Self::Imu => {
@@ -172,7 +172,7 @@ fn block_cell(rms: f64, block_s: f64) -> String {
     format!("<td{class}>{}</td>", number::fixed(rms, 2))
 }
 
-/// Which coordinates those of regions are.
+/// The coordinate system of the coordinates of regions.
 fn coordinates(joint: &Joint) -> &'static str {
     match joint.regions.is_empty() {
         true => "",
@@ -182,7 +182,7 @@ fn coordinates(joint: &Joint) -> &'static str {
     }
 }
 
-/// Where the reference as a whole was found, and what was known beforehand.
+/// The estimated offset of the whole reference, and its prior.
 fn reference(joint: &Joint) -> String {
     let Some(found) = &joint.reference else {
         return String::new();
@@ -224,7 +224,7 @@ fn reference(joint: &Joint) -> String {
     )
 }
 
-/// Constants and latencies estimated along with mountings and trajectory.
+/// Constants and latencies that are estimated together with mountings and trajectory.
 fn constants(joint: &Joint) -> String {
     let mut body = String::new();
     let mut row = |name: &str, value: &str, sigma: Option<&str>, start: &str, unit: &str| {

@@ -18,7 +18,7 @@ const THIRD: f64 = 310.0;
 /// Bins of a histogram.
 const BINS: usize = 50;
 
-/// All maps: those of the first drive with an explanation, then those of the others, folded.
+/// All maps: those of the first drive with an explanation, then those of the other drives, folded.
 pub fn maps(drives: &[Drive]) -> String {
     let mut out = String::new();
     for drive in drives {
@@ -35,9 +35,9 @@ pub fn maps(drives: &[Drive]) -> String {
 
 const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point, seen from above; the colour scale is below the histogram. Magnified maps show the distances that remain; of two steps and the joint adjustment both are magnified alike. Figures 6 and 7 of the paper.</p>\n";
 
-/// One pair of clouds with each mounting side by side, each above its histogram. Two steps and the
-/// joint adjustment share a scale of their own; without them, initial and final mounting share one,
-/// and the final one is magnified beside them.
+/// Draws one pair of clouds with each mounting side by side, each above its histogram. Two steps and the joint
+/// adjustment share a scale of their own; without them, initial and final mounting share a scale, and the map of the
+/// final mounting is repeated beside them at a larger scale.
 fn map(drive: &str, found: &[Agreement]) -> String {
     let shown = |found: &&Agreement| found.mounting != MountingKind::Truth;
     let panels: Vec<&Agreement> = found.iter().filter(shown).collect();
@@ -72,7 +72,7 @@ fn map(drive: &str, found: &[Agreement]) -> String {
     )
 }
 
-/// One comparison with its scale of colours, and in its heading what it compares.
+/// Draws a single comparison with its colour scale; its heading names the clouds.
 pub fn alone(found: &Agreement) -> String {
     let Some(bounds) = Bounds::around(core(found).map(|(p, _)| p)) else {
         return String::new();
@@ -87,7 +87,7 @@ pub fn alone(found: &Agreement) -> String {
     )
 }
 
-/// The colours of distances up to this limit.
+/// The colour scale of distances up to this limit.
 fn scale(limit_m: f64) -> String {
     let stops: Vec<String> = (0..=10)
         .map(|i| raster::diverging_css(f64::from(i) / 5.0 - 1.0))
@@ -96,13 +96,13 @@ fn scale(limit_m: f64) -> String {
     html::ramp(&format!("−{limit}"), &stops, &format!("+{limit} mm"))
 }
 
-/// East, north and distance of the core points with a distance, metres.
+/// East, north and distance of the core points that have a distance, metres.
 pub(super) fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
     let all = found.distances.points();
     all.map(|(point, distance_m)| ([point.x, point.y], distance_m))
 }
 
-/// A map above its histogram, with the limit of its colours and whether that is a smaller one.
+/// A map above its histogram, with the limit of its colours and whether it is magnified.
 fn cell(
     name: &str,
     found: &Agreement,
@@ -148,7 +148,7 @@ pub(super) fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f
     )
 }
 
-/// A map of values at places, coloured to this limit.
+/// A map of values at places, with colours up to this limit.
 pub(super) fn map_of(
     title: &str,
     points: &[([f64; 2], f64)],

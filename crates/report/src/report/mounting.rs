@@ -11,14 +11,14 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// Errors of more than this many standard deviations are marked.
+/// Errors larger than this many standard deviations are marked.
 const BOUND: f64 = NORMAL_97_5_ROUNDED;
 
 /// A column of the table: a mounting of one scanner and its origin.
 struct Column<'a> {
     label: &'static str,
     body_from_scanner: BodyFromScanner,
-    /// The calibration it results from and the index of the scanner; `None` for initial values.
+    /// The calibration and the index of the scanner; `None` for initial values.
     found: Option<(&'a Calibration, usize)>,
     /// Whether the column is emphasised.
     is_result: bool,
@@ -135,7 +135,7 @@ impl Block {
         })
     }
 
-    /// To 0.01 mm and 0.0001°.
+    /// A value to 0.01 mm or 0.0001°.
     fn show_value(self, value: f64) -> String {
         match self {
             Self::Translation => number::fixed(value, 5),
@@ -193,8 +193,7 @@ impl Block {
     }
 }
 
-/// The tables of all scanners: the methods side by side, then the same under other conditions,
-/// folded.
+/// The tables of all scanners: the methods side by side, then two steps under other conditions, folded.
 pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
     let refused = refused(calibrations);
@@ -236,7 +235,7 @@ pub fn tables(calibrations: &Calibrations) -> String {
     ) + &html::details("Two steps under other conditions", &folded)
 }
 
-/// The mountings of a calibration with their standard deviations, one column a scanner, each in its own convention.
+/// The mountings of a calibration with their standard deviations, one column per scanner, each in its own convention.
 pub fn brief(found: &Calibration) -> String {
     let conventions: Vec<EulerConvention> = found.mountings.iter().map(|m| m.convention).collect();
     let mut head = String::from("<tr><td></td>");

@@ -1,11 +1,11 @@
-//! Where the results come from: who made them, when, by which program and command, from which files.
+//! Provenance of the results: author, time, program, command, and input files.
 
 use super::content::{Content, Fact, InputFile};
 use super::html::{self, escape};
 use crate::format::civil_time;
 use crate::number::{self, DASH};
 
-/// The paper that the method comes from.
+/// The paper that describes the method.
 const PAPER: &str =
     "<a href=\"https://arxiv.org/abs/2403.17788\">Esser et al. 2024, arXiv 2403.17788</a>";
 
@@ -54,7 +54,7 @@ pub fn lines(content: &Content) -> String {
     format!("{byline}<p class=\"provenance\">{}</p>\n", list.join("\n"))
 }
 
-/// What was read, and the files with their checksums.
+/// The inputs, and the files with their checksums.
 pub fn inputs(content: &Content) -> String {
     facts(&content.inputs) + &html::details("Files and checksums", &files(content.files))
 }

@@ -10,7 +10,7 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// A method and what it found.
+/// The result of a method.
 struct Column {
     name: &'static str,
     found: RelativeMounting,
@@ -99,7 +99,7 @@ fn values(pose: &ScannerFromScanner) -> [f64; 6] {
     [t.x, t.y, t.z, turn.x, turn.y, turn.z]
 }
 
-/// Found minus true along and about the axes of the first scanner, metres and degrees.
+/// Estimated minus true values along and about the axes of the first scanner, metres and degrees.
 fn errors(found: &ScannerFromScanner, truth: &ScannerFromScanner) -> [f64; 6] {
     let shift = found.translation_m - truth.translation_m;
     let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
@@ -107,7 +107,7 @@ fn errors(found: &ScannerFromScanner, truth: &ScannerFromScanner) -> [f64; 6] {
     [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
 }
 
-/// To 0.001 mm and 0.0001°.
+/// A value to 0.001 mm or 0.0001°.
 fn show(parameter: usize, value: f64) -> String {
     number::fixed(value, if parameter < 3 { 6 } else { 4 })
 }

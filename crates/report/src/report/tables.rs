@@ -50,8 +50,7 @@ pub fn method_name(method: Method) -> &'static str {
     }
 }
 
-/// Name of a mounting in tables and maps. Beside two steps, the result is that of the joint
-/// adjustment.
+/// Name of a mounting in tables and maps. If two steps are shown too, the result is that of the joint adjustment.
 pub fn mounting_name(kind: MountingKind, is_joint: bool) -> &'static str {
     match kind {
         MountingKind::Final if is_joint => "joint adjustment",

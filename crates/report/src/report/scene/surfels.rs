@@ -1,4 +1,4 @@
-//! The patches of the surface of a joint adjustment.
+//! The surfels of a joint adjustment, for the viewer.
 
 use super::quantised::{Bytes, Places};
 use super::{REFERENCE_STEP_M, Surfels};
@@ -7,12 +7,12 @@ use crate::joint::SurfelPlane;
 use crate::number::nice_above;
 use crate::statistics::quantile;
 
-/// Steps of a component of a normal.
+/// Number of steps of a component of a normal from 0 to 1.
 const STEPS: f64 = 127.0;
-/// Quantile of the roughness that bytes reach to.
+/// Quantile of the roughness that the largest byte stands for.
 const REACHED: f64 = 0.98;
 
-/// Those of `planes`, from the origin.
+/// Encodes `planes`; coordinates are relative to the origin.
 pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
     let mut sizes: Vec<f64> = planes.iter().map(|plane| plane.roughness_m).collect();
     sizes.sort_by(f64::total_cmp);
@@ -29,7 +29,7 @@ pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
     for plane in planes {
         let from_origin = plane.centre_m - origin_m;
         found.centres.push(&from_origin, REFERENCE_STEP_M);
-        // The side that is seen from above.
+        // The side of the surfel that faces up.
         let up = if plane.normal.z < 0.0 {
             -plane.normal
         } else {

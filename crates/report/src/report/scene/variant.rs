@@ -1,4 +1,4 @@
-//! A way in which the points are placed, with the distances that it leaves.
+//! A way in which the points are placed, with the remaining distances.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::number::nice_above;
 use crate::progress::Silent;
 use crate::statistics::quantile;
 
-/// Quantile of the sizes of distances that their bytes reach to.
+/// Quantile of the absolute distances that the largest byte stands for.
 const REACHED: f64 = 0.995;
 /// Points of a neighbourhood whose omnivariance is shown.
 const NEIGHBOURS: usize = 16;
@@ -77,7 +77,7 @@ pub fn variant(
     }
 }
 
-/// Values that are not negative as bytes, from 0 to what nearly none exceeds.
+/// Non-negative values as bytes, from 0 to a value that almost none exceeds.
 fn graded(fans: &[Vec<f64>]) -> Vec<Bytes> {
     let mut sizes: Vec<f64> = fans.iter().flatten().copied().collect();
     sizes.retain(|size| size.is_finite());
@@ -90,7 +90,7 @@ fn graded(fans: &[Vec<f64>]) -> Vec<Bytes> {
     fans.iter().map(one).collect()
 }
 
-/// The omnivariance of the points around each point of each scanner, mm²: what a calibration makes small.
+/// The omnivariance of the points around each point of each scanner, mm²: the quantity that a calibration minimises.
 fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f64>> {
     let mut places = Vec::new();
     for (scanner, profiles) in selected.iter().enumerate() {
@@ -104,7 +104,7 @@ fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f
     let found = index.surroundings_of_all(&index, of, &Silent, |_, surroundings| {
         1e6 * surroundings.tensor.omnivariance()
     });
-    // Nobody cancels what is silent.
+    // Silent progress cannot be cancelled, so there is always a result.
     let mut found = found.unwrap_or_default().into_iter();
     let counts = selected
         .iter()
