@@ -31,12 +31,11 @@ const RESULTS: [&str; 7] = [
     "result.json",
 ];
 
-/// The paper reports 50 to 450 iterations per scale.
+/// Iterations per scale: the paper reports 50 to 450.
 const PAPER_ITERATIONS: usize = 450;
 
-/// Runs all stages on the project and writes every result into the folder `out` of the options, whole or not at
-/// all. Stages that an earlier run with this folder finished from the same inputs are not run again, unless the
-/// options say so.
+/// Runs all stages on the project and writes all results, or none, into the folder `out` of the options. Stages that an
+/// earlier run with this folder finished from the same inputs are not run again, unless the options ask for it.
 ///
 /// # Errors
 /// The first error of any stage; the folder then keeps its previous content.
@@ -100,7 +99,7 @@ pub fn analyse(
     Ok(findings)
 }
 
-/// Calibrates the same drive under every other condition that `extras` and the reference allow.
+/// Calibrates the same drive under all other conditions that `extras` and the reference allow.
 fn calibrate_variants(
     (project, start): (&Project, &Start),
     extras: &Extras,
@@ -154,7 +153,7 @@ fn calibrate_variants(
     Ok(variants)
 }
 
-/// Writes everything but the clouds, which are already staged.
+/// Writes all results except the clouds, which are already staged.
 fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>) -> Result<()> {
     if let Some(own) = findings.drives.first() {
         let path = job.path("trajectory.csv");

@@ -19,19 +19,19 @@ use crate::results::Drive;
 use crate::stored::stored;
 use crate::verdict::Severity;
 
-/// What the stages found.
+/// The results of the stages.
 pub struct Calibrated {
     /// The project with the scales that follow from its points.
     pub project: Project,
     /// The reference, thinned for drawing.
     pub background_m: Vec<Vec3>,
-    /// From where the calibration began.
+    /// The start values of the calibration.
     pub start: Start,
     /// The calibration that gives the result.
     pub result: Calibration,
-    /// Others of the same drive: that in two steps, where it is not the result.
+    /// Other calibrations of the same drive: that in two steps, if it is not the result.
     pub variants: Vec<(Variant, Calibration)>,
-    /// The joint adjustment, where the project asks for it.
+    /// The joint adjustment, if the project asks for it.
     pub joint: Option<JointReport>,
 }
 
@@ -75,7 +75,7 @@ impl Calibrated {
             let reference = own.reference(progress)?;
             stages::calibration(&begin, &settings, poses, samples, reference, progress)
         })?;
-        // Scans that are not where they belong would take minutes to be refused.
+        // Refusing scans that are badly misplaced would otherwise take minutes.
         let mut said = poses.preflight.iter().chain(&start.said);
         let minimum = two_steps.minimum.as_ref();
         let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
@@ -136,7 +136,7 @@ impl Calibrated {
         mountings
     }
 
-    /// The findings of a run with the results of its drives, the project's own first; judged.
+    /// The findings of a run, judged, with the results of its drives, the project's own first.
     pub fn findings(
         self,
         mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
@@ -145,7 +145,7 @@ impl Calibrated {
     ) -> Findings {
         let project = &self.project;
         let solution = drives.first().and_then(|drive| drive.solution.as_ref());
-        // An error of the origin moves no point of a drive, and is left out until here.
+        // An error of the origin moves no point of a drive, so it is added only here.
         let origin_sigma_m = stages::origin_sigma_m(project, solution);
         let calibration = self.result.with_origin_sigma(origin_sigma_m);
         let variants = self.variants.into_iter();
@@ -176,7 +176,7 @@ impl Calibrated {
     }
 }
 
-/// What samples tell of a project.
+/// Properties of a project that follow from its samples.
 struct Sampled {
     voxel_sizes_m: Vec<f64>,
 }
@@ -223,7 +223,7 @@ pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()
     Ok(())
 }
 
-/// The project with this method in place of its own.
+/// The project with `method` in place of its own.
 pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -> Project {
     let mut project = project.clone();
     project.is_joint = method == Method::Joint;

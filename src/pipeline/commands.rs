@@ -137,7 +137,7 @@ pub fn trajectory(
         ..Results::default()
     };
     let verdicts = judgement::judge(&results, &project.acceptance);
-    // All else stands in the section of the trajectory.
+    // All other verdicts appear in the section of the trajectory.
     let marked = verdicts
         .iter()
         .filter(|verdict| verdict.severity.is_marked());
@@ -162,14 +162,14 @@ pub fn trajectory(
     })
 }
 
-/// Calibrates the mountings as [`run`] does, without its clouds.
+/// Calibrates the mountings as [`run`] does, but writes no clouds.
 ///
 /// # Errors
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
     let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    // Nothing is kept of its stages: their keys need no content of files.
+    // Its stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
     let own = Own::new(project);
     let (poses, found) = Calibrated::find(project, &own, &keys, &mut job)?;

@@ -13,22 +13,22 @@ use crate::progress::Progress;
 use crate::project::{self, Mountings};
 use crate::sensor::PoseRecord;
 
-/// What a conversion can be told beside its files. What does not apply to it is refused.
+/// Options of a conversion. An option that does not apply is an error.
 #[derive(Debug, Clone, Default)]
 pub struct Conversion {
-    /// The projected coordinate reference system of poses, where one side has latitudes and longitudes.
+    /// The projected coordinate reference system of poses, if one side has latitudes and longitudes.
     pub crs: Option<Projection>,
-    /// Axes of the body: of the poses beside SBET, FRD by default; of mountings that are written, by default those
-    /// of the project.
+    /// Axes of the body. For poses, the axes on the side that is not SBET, FRD by default; for mountings, the axes of
+    /// the output, by default those of the project.
     pub axes: Option<BodyAxes>,
-    /// What the frame of the body is called in URDF and ROS; by default `body`.
+    /// Name of the body frame in URDF and ROS; by default `body`.
     pub body: Option<String>,
-    /// The one scanner to write, where the format holds one.
+    /// The only scanner to write, if the format holds just one.
     pub scanner: Option<String>,
 }
 
 impl Conversion {
-    /// Refuses what does not apply; `uses` are the options that do.
+    /// Refuses options that do not apply; `uses` are those that do.
     fn check(&self, uses: &[&str]) -> Result<()> {
         let given = [
             ("--crs", self.crs.is_some()),
@@ -56,7 +56,7 @@ impl Conversion {
 type WritePoses = fn(&Path, &[PoseRecord], &Conversion) -> Result<()>;
 type Print = fn(&[(String, BodyFromScanner)], &Conversion) -> Result<String>;
 
-/// Ends of names for poses; those of tables are also names of clouds.
+/// Extensions of files of poses; those of tables may also be clouds.
 const POSES: [(&str, WritePoses); 4] = [
     (".csv", |path, poses, _| {
         format::write_trajectory(path, poses)
@@ -69,7 +69,7 @@ const POSES: [(&str, WritePoses); 4] = [
 ];
 const SBET: &str = ".sbet";
 
-/// Ends of names for mountings, and their options.
+/// Extensions of files of mountings, with their options.
 const MOUNTINGS: [(&str, (Print, &[&str])); 4] = [
     (
         ".urdf",
@@ -101,9 +101,9 @@ fn of_end<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
     Some(found.1)
 }
 
-/// Writes what `input` holds to `output`, in the format that the end of its name asks for: clouds as `.las`,
-/// `.laz`, `.copc.laz`, `.e57`, `.ply`, `.parquet`, `.csv`; poses as `.tum`, `.sbet`, `.parquet`, `.csv`; the
-/// mountings of a project or of `calibration.toml` as `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json` (PDAL).
+/// Converts `input` to `output`, in the format of its extension: clouds as `.las`, `.laz`, `.copc.laz`, `.e57`, `.ply`,
+/// `.parquet`, `.csv`; poses as `.tum`, `.sbet`, `.parquet`, `.csv`; the mountings of a project or of
+/// `calibration.toml` as `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json` (PDAL).
 ///
 /// # Errors
 /// An input that cannot be read, or that cannot be written in this format; an output that is the input.
@@ -121,7 +121,7 @@ pub fn convert(
     let name = output.file_name().unwrap_or_default().to_string_lossy();
     let staging = Staging::new(folder, &[input.to_owned()], &[&*name])?;
     let staged = staging.path(&name);
-    // What goes wrong with the file in the staging folder is said of the one that was asked for.
+    // Errors of the file in the staging folder name the requested output.
     let summary = written(input, output, &staged, (found, with), progress)
         .map_err(|error| error.renamed(&staged, output))?;
     progress.check()?;
@@ -135,7 +135,7 @@ pub fn convert(
     })
 }
 
-/// Writes `staged`, which becomes `output`; returns what was written, in words.
+/// Writes `staged`, which becomes `output`; returns a description of the content.
 fn written(
     input: &Path,
     output: &Path,
@@ -187,11 +187,11 @@ fn written(
     ))
 }
 
-/// Mountings as the text of a file, in the format that the end of its name asks for: `.urdf`, `.launch.py`, `.yaml`
-/// (ROS 2), `.json` (PDAL). Axes are not turned.
+/// Mountings as the text of a file, in the format of its extension: `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json`
+/// (PDAL). Axes are not turned.
 ///
 /// # Errors
-/// A name with another end; names of scanners that the format cannot hold; not one scanner for PDAL.
+/// A name with another extension; names of scanners that the format cannot hold; not exactly one scanner for PDAL.
 pub fn mountings_text(
     path: &Path,
     scanners: &[(String, BodyFromScanner)],
@@ -208,7 +208,7 @@ pub fn mountings_text(
     print(scanners, with)
 }
 
-/// Turns mountings to the axes that are asked for, and says which they are.
+/// Turns mountings to the requested axes; returns them with the name of the axes.
 fn turned(
     scanners: &mut [(String, BodyFromScanner)],
     axes: Option<BodyAxes>,
@@ -239,7 +239,7 @@ fn turned(
     })
 }
 
-/// Coordinates near the zero of an official system are local ones.
+/// Warns of coordinates near the zero of an official system, which are probably local.
 fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progress) {
     const NEAR_M: f64 = 10_000.0;
     let is_official = |crs: &Projection| crs.name().to_uppercase().starts_with("EPSG");
@@ -255,8 +255,8 @@ fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progres
     }
 }
 
-/// LAS and LAZ are copied with all fields as such; else clouds have positions, times, intensities and, where they come
-/// from LAS or LAZ, extra dimensions.
+/// Converts a cloud. LAS and LAZ are copied with all fields; otherwise clouds have positions, times, intensities and,
+/// if they come from LAS or LAZ, extra dimensions.
 fn cloud(input: &Path, output: &Path, found: Format, progress: &dyn Progress) -> Result<String> {
     let rows = CloudRows::open(input)?;
     let points = rows.len();
@@ -306,7 +306,7 @@ fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()
     format::write_sbet(path, &poses, crs)
 }
 
-/// PDAL has one matrix for a cloud.
+/// The mounting as PDAL's matrix, which a cloud has only one of.
 fn pdal(all: &[(String, BodyFromScanner)], with: &Conversion) -> Result<String> {
     let found = match &with.scanner {
         Some(name) => all.iter().find(|(other, _)| other == name),

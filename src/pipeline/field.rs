@@ -1,4 +1,4 @@
-//! A drive of a campaign: its points in tiles, held against the reference and one scanner against the other.
+//! A drive of a campaign: its points in tiles, compared with the reference and between the scanners.
 
 use serde_json::json;
 
@@ -20,9 +20,9 @@ use crate::verdict::Verdict;
 /// The page of a drive.
 pub const PAGE: &str = "drive.html";
 
-/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them; `said` is
-/// what is already known of its mountings.
-/// The same inputs give the same bytes wherever they lie.
+/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them;
+/// `said` are the verdicts on its mountings that are already known. Equal inputs give equal bytes, wherever their files
+/// are.
 ///
 /// # Errors
 /// Errors of the stages.

@@ -1,4 +1,4 @@
-//! A project made from the files of a folder.
+//! Makes a project from the files of a folder.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -8,12 +8,12 @@ use crate::format::{self, Format};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 
-/// Folders below the given one that are looked into.
+/// Depth of the subfolders that are searched.
 const DEEPEST: usize = 4;
-/// A folder with more files is not that of a drive.
+/// Most files of a folder: one with more is not that of a drive.
 const MOST_FILES: usize = 10_000;
 
-/// What files of a folder are for, each relative to it.
+/// The purposes of the files of a folder, each path relative to the folder.
 #[derive(Debug, Default)]
 struct Found {
     imu: Vec<PathBuf>,
@@ -24,11 +24,11 @@ struct Found {
     profiles: Vec<PathBuf>,
     clouds: Vec<PathBuf>,
     mountings: Vec<(PathBuf, BodyFromScanner)>,
-    /// Recordings of several sensors, and what they hold.
+    /// Recordings of several sensors, with a description of their contents.
     recordings: Vec<(PathBuf, String)>,
-    /// Text and binary files that nothing reads.
+    /// Text and binary files of unknown formats.
     unknown: Vec<PathBuf>,
-    /// Why files of a known format were not read.
+    /// Reasons why files of a known format were not read.
     unread: Vec<String>,
 }
 
@@ -37,9 +37,9 @@ struct Found {
 pub struct NewProject {
     /// The project file.
     pub text: String,
-    /// Keys and tables that are to be filled in.
+    /// Keys and tables that the user must fill in.
     pub missing: Vec<&'static str>,
-    /// Why files of a known format were not read.
+    /// Reasons why files of a known format were not read.
     pub unread: Vec<String>,
 }
 
@@ -51,8 +51,8 @@ impl NewProject {
     }
 }
 
-/// A commented project file for the logs, recordings and clouds below `folder`, with paths relative to it. What
-/// files cannot tell is left as a comment behind which the value belongs: a run then names what is missing.
+/// Makes a commented project file for the logs, recordings and clouds below `folder`, with relative paths. A value that
+/// the files do not contain is left as a comment for the user to fill in: a run then names the missing values.
 ///
 /// # Errors
 /// A folder that cannot be read, with too many files, or without a recording of a scanner.
@@ -93,7 +93,7 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
         if entry.file_name().to_string_lossy().starts_with('.') {
             continue;
         }
-        // Results of runs, and the truth of simulated drives, are no inputs.
+        // Results of runs and the truth of simulated drives are not inputs.
         let is_other = ["out", "truth"].iter().any(|name| path.ends_with(name));
         if path.is_dir() && depth > 0 && !is_other {
             list(&path, depth - 1, files)?;
@@ -156,7 +156,7 @@ impl Found {
                 if let Some(Ok(())) = &imu {
                     self.imu.push(path);
                 }
-                // A format that may hold both need not.
+                // A format that can hold both may hold only one of them.
                 let both = heading.into_iter().chain(imu);
                 let (read, errors): (Vec<_>, Vec<_>) = both.partition(Result::is_ok);
                 if read.is_empty() {
@@ -284,7 +284,7 @@ impl Found {
     }
 }
 
-/// What the files of a format are for.
+/// The purpose of files of a format.
 enum Role {
     Cloud,
     Profiles,
@@ -307,7 +307,7 @@ impl Role {
     }
 }
 
-/// `left` and `right` by the last letter of the file, as the Bonn group names them, otherwise the file's name.
+/// `left` or `right` by the last letter of the file, as the Bonn group names its files, otherwise the file's name.
 fn scanner_name(profiles: &Path) -> String {
     let stem = profiles.file_stem().unwrap_or_default().to_string_lossy();
     let mut letters = stem.chars().rev();

@@ -22,25 +22,25 @@ use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
 use crate::verdict::Verdict;
 
-/// A scanner is late where the scans say so by more than this many standard deviations, and by more than
-/// matters, seconds.
+/// A scanner is late if the scans show a latency of more than this many standard deviations that is also large enough
+/// to matter, seconds.
 const LATE_SIGMAS: f64 = 5.0;
 const LEAST_LATENCY_S: f64 = 0.002;
 
 /// A drive before the adjustment.
 pub struct Drive<'a> {
-    /// As its results are called.
+    /// Name of the drive in the results.
     pub name: &'a str,
     /// Its project.
     pub project: &'a Project,
     /// Its poses, from logs or a file.
     pub poses: &'a EstimatedPoses,
-    /// A sample of each scanner.
+    /// A sample of each scanner's points.
     pub samples: &'a [ScannerSample],
 }
 
-/// Adjusts the project's own drive and those of `[[drive]]`, from the result of two steps. What
-/// keeps the adjustment from being made, and what contradicts it, is reported and not an error.
+/// Adjusts the project's own drive and those of `[[drive]]`, from the result of two steps. Obstacles to the adjustment
+/// and contradictions are reported and are not errors.
 ///
 /// # Errors
 /// Errors of the stages on other drives; [`Error::Cancelled`].
@@ -141,18 +141,18 @@ pub fn report(
     })
 }
 
-/// Whether an adjustment did not settle, or is contradicted.
+/// Whether an adjustment did not converge, or is contradicted.
 fn is_doubtful(found: &Joint) -> bool {
     found.stop != StopReason::Converged || !contradictions(found).is_empty()
 }
 
-/// Whether mountings move where the reference lies elsewhere as well: one may be taken for the other.
+/// Whether mountings move while the reference is also displaced: the two may be confused.
 fn moves_with_reference(found: &Joint) -> bool {
     let is_displaced = found.reference.is_some_and(|r| r.describe().is_some());
     found.rung > Rung::Rigid && is_displaced
 }
 
-/// Whether no sensor contradicts mountings that move as little as they may, where there is no reference.
+/// Whether no sensor contradicts the smallest allowed motion of mountings in an adjustment without a reference.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
@@ -172,7 +172,7 @@ fn fits_without_reference(
     }
 }
 
-/// Offers the clouds of the project's own drive as the adjustment places them, and the reference.
+/// Passes the clouds of the project's own drive, placed by the adjustment, and the reference to be shown.
 fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progress) {
     let (Some(drive), mountings) = (found.drives.first(), found.poses()) else {
         return;
@@ -215,8 +215,8 @@ fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progr
     });
 }
 
-/// Adjusts, and again with the latencies of scanners that the scans contradict: those found are used.
-/// Held latencies are the default since a free one costs tx a third of its accuracy.
+/// Adjusts, and if the scans contradict the latencies of scanners, adjusts again with estimated latencies, which are
+/// then used. Latencies are held by default, since a free latency costs tx a third of its accuracy.
 fn with_late_scanners(
     input: &mut JointInput<'_>,
     project: &Project,
@@ -235,7 +235,7 @@ fn with_late_scanners(
     let found = match adjust(input, &project.joint, surfel_m(project), progress) {
         Ok(freed) => freed,
         Err(Error::Cancelled) => return Err(Error::Cancelled),
-        // With latencies held it could be made.
+        // The adjustment succeeds only with latencies held.
         Err(_) => return Ok((found, Vec::new())),
     };
     let scanners = project.scanners.iter().zip(&found.late_s).zip(&late);
@@ -254,8 +254,7 @@ fn with_late_scanners(
     Ok((found, named))
 }
 
-/// The poses of a drive adjusted with its own logs and scans, without a reference, by mountings that
-/// are known.
+/// Adjusts the poses of a drive with its own logs and scans, without a reference, and with known mountings.
 ///
 /// # Errors
 /// As for [`adjust`].
@@ -272,7 +271,7 @@ pub fn with_known_mountings(
             .iter()
             .map(|scanner| scanner.compliance)
     };
-    // One without a table is rigid.
+    // A scanner without a `[scanner.compliance]` table is rigid.
     let rigid = scanners().flatten().next().map(Compliance::rigid_beside);
     let compliance = scanners().filter_map(|own| own.or(rigid));
     let compliance: Vec<Compliance> = compliance.collect();
@@ -288,7 +287,7 @@ pub fn with_known_mountings(
     adjust(&input, &project.joint, surfel_m(project), progress)
 }
 
-/// Why the adjustment cannot be made, if that is what the error says.
+/// The reason why the adjustment cannot be made, if the error is one.
 ///
 /// # Errors
 /// Any other error.
@@ -351,7 +350,7 @@ fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
     })
 }
 
-/// What the mountings of a drive may follow, in common time.
+/// The log of the quantities that the mountings of a drive may follow, in common time.
 fn frame_log(drive: &Drive<'_>) -> Result<Option<FrameLog>> {
     let Some(FrameLogFile { log, columns }) = &drive.project.bending else {
         return Ok(None);

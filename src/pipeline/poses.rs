@@ -1,4 +1,4 @@
-//! The stage that makes the poses: logs put right, adjusted, and their constants tested; or a file read.
+//! The stage that makes the poses: it corrects and adjusts logs and tests their constants, or reads a file.
 
 use std::time::Instant;
 
@@ -19,27 +19,26 @@ use crate::trajectory::{
 };
 use crate::verdict::{Severity, Verdict};
 
-/// Longest step between nodes that scans are to correct, seconds: also where the prism is lost.
+/// Longest step between nodes that scans correct, seconds; it also applies without fixes of the prism.
 const JOINT_STEP_S: f64 = 0.25;
 
-/// An IMU noisier than its datasheet by more than this factor has its noise estimated: a vehicle that
-/// vibrates.
+/// If an IMU is noisier than its datasheet by more than this factor, its noise is estimated: such a vehicle vibrates.
 const NOTABLE_NOISE: f64 = 1.2;
 
 /// Warning for poses without standard deviations.
 const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
      assume exact poses and are too small";
 
-/// The trajectory of the body, as it is estimated or read.
+/// The trajectory of the body, estimated or read.
 #[derive(Debug)]
 pub struct EstimatedPoses {
-    /// What later runs find again.
+    /// The part that is kept for later runs.
     pub poses: Poses,
     /// Joint covariance of the poses; `None` if they came from a file.
     pub covariance: Option<PosteriorCovariance>,
 }
 
-/// The trajectory of the body and how it was found.
+/// The trajectory of the body with the results of its estimation.
 #[derive(Debug, Clone)]
 pub struct Poses {
     /// The poses, the project's origin subtracted.
@@ -52,7 +51,7 @@ pub struct Poses {
     pub seconds: Option<f64>,
     /// Constants of the project that the drive contradicts, the gravest first.
     pub doubts: Vec<Doubt>,
-    /// What the raw logs contradict.
+    /// Contradictions in the raw logs.
     pub preflight: Vec<Verdict>,
 }
 
@@ -98,7 +97,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPose
     }
 }
 
-/// Puts right what the raw logs show beyond doubt, and says it, and what else they contradict.
+/// Corrects faults that the raw logs show beyond doubt; returns verdicts on these and on other contradictions.
 ///
 /// # Errors
 /// See [`crate::preflight::logs`].
@@ -143,7 +142,7 @@ fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
     Ok(said)
 }
 
-/// The estimate with more constants free, which the settings then are; `None` where that leads nowhere.
+/// The estimate with more constants free, and its settings; `None` if it fails or does not converge.
 fn with_freed(
     logs: &mut DriveLogs,
     constants: &[Constant],
@@ -181,7 +180,7 @@ fn poses_from_logs(
     }
     let begun = Instant::now();
     let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
-    // Constants and noise that fit wrong axes or signs say nothing.
+    // Constants and noise that fit wrong axes or signs mean nothing.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
     let mut doubts = match is_sound {
         true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
@@ -228,8 +227,8 @@ fn poses_from_logs(
     })
 }
 
-/// What the raw logs of a project contradict, or that they do not, without adjusting anything; nothing where
-/// it has poses.
+/// The verdicts on the raw logs of a project, with or without contradictions, and without an adjustment; empty if the
+/// project has poses.
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
@@ -257,7 +256,7 @@ fn read_poses(project: &Project, file: &PosesFile) -> Result<Vec<PoseRecord>> {
         let crs = project.crs.as_ref();
         nodes.extend(format::read_projected_trajectory(path, project.axes, crs)?);
     }
-    // Stable: of poses at one time, the one of the first file is kept.
+    // The sort is stable: of poses at the same time, that of the first file remains.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     nodes.dedup_by(|later, kept| later.time_s == kept.time_s);
     for node in &mut nodes {

@@ -1,4 +1,4 @@
-//! What a recording says of its clocks and gaps.
+//! Verdicts on the clocks and gaps of a recording.
 
 use std::path::Path;
 
@@ -7,17 +7,17 @@ use crate::format::{RecordingClock, SensorClock, recording_clock, sensor_clock};
 use crate::project::{Motion, Project};
 use crate::verdict::Verdict;
 
-/// A gap of the IMU that is longer leaves poses that nothing supports, seconds.
+/// Longest gap of the IMU for which poses are still supported, seconds.
 const LONG_GAP_S: f64 = 2.0;
-/// Records that arrive later are named, seconds.
+/// Largest delay of records that is not reported, seconds.
 const NOTABLE_DELAY_S: f64 = 0.02;
-/// A sensor's clock that drifts by more in the course of a recording is named, seconds.
+/// Largest drift of a sensor's clock over a recording that is not reported, seconds.
 const NOTABLE_DRIFT_S: f64 = 1e-3;
-/// A kill or a power cut costs the last second of a file. A log that goes on for longer without times of arrival is
-/// reported, seconds.
+/// A kill or a power cut loses the arrival times of the last second of a file. A log that continues for longer without
+/// arrival times is reported, seconds.
 const NOTABLE_END_S: f64 = 1.0;
 
-/// What the recording of a drive says of the system's clock and of each of its logs; nothing where they were not
+/// The verdicts on the recording of a drive: on the system clock and on each of its logs; empty if the logs were not
 /// recorded.
 ///
 /// # Errors
@@ -48,7 +48,7 @@ pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
     Ok(said)
 }
 
-/// The system's clock.
+/// The verdict on the system clock.
 fn of_system(clock: &RecordingClock) -> Option<Verdict> {
     let code = "recording.clock";
     let common = "the total station has the times of a clock that ran evenly from the beginning, and sensors with \
@@ -87,7 +87,7 @@ fn of_system(clock: &RecordingClock) -> Option<Verdict> {
     ))
 }
 
-/// The clock, the times of arrival and the gaps of a sensor.
+/// The verdicts on the clock, the arrival times and the gaps of a sensor.
 fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
     let mut said = Vec::new();
     let (median_ms, late_ms) = (1e3 * clock.delay_median_s, 1e3 * clock.delay_999_s);
@@ -150,7 +150,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
     said
 }
 
-/// Missing times of arrival.
+/// The verdict on missing arrival times.
 fn of_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
     let mut missing = Vec::new();
     if clock.damaged_arrivals > 0 {

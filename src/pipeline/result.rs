@@ -17,7 +17,7 @@ use crate::tiles::peak_memory_bytes;
 use crate::trajectory::{Solution, StopReason};
 use crate::verdict::{Headline, Verdict};
 
-/// The whole `result.json`.
+/// The complete `result.json`.
 pub fn document(findings: &Findings) -> Value {
     let mut document = calibrated(&findings.calibration);
     if let Some(report) = &findings.joint {
@@ -63,7 +63,7 @@ pub fn judge(document: &mut Value, verdicts: &[Verdict]) {
     document["verdicts"] = json!(verdicts);
 }
 
-/// The mountings of a project for `calibration.toml`, below what is to be taken care of as comments.
+/// The mountings of a project for `calibration.toml`, preceded by comments with the verdicts that need attention.
 ///
 /// # Errors
 /// See [`Project::scanners_to_toml`].
@@ -106,7 +106,7 @@ pub fn calibrated(found: &Calibration) -> Value {
     json!({ "scanners": found.scanners(), "calibration": calibration })
 }
 
-/// `calibration.joint`: course and tests of the joint adjustment, and why it was refused.
+/// `calibration.joint`: course and tests of the joint adjustment, and the reasons if it was refused.
 fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     let refused = (!report.refused.is_empty()).then(|| report.refused.join("; "));
     let mut value = json!({ "refused": refused, "seconds": report.seconds });
@@ -170,7 +170,7 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     value
 }
 
-/// How far the adjustment moved the poses of a drive, how well points are known, and where mountings jumped.
+/// The displacements of the poses of a drive by the adjustment, the precision of points, and the jumps of mountings.
 fn moved(drive: &AdjustedDrive, mountings: &[Mounting]) -> Value {
     let rms = |of: &dyn Fn(usize) -> Vec3| {
         let sum = (0..drive.moved.len()).map(of).map(|v| v.component_mul(&v));
@@ -222,7 +222,7 @@ fn reference(found: &Joint) -> Value {
     })
 }
 
-/// Latencies by the names of the scanners where they were estimated.
+/// Latencies by the names of the scanners, if they were estimated.
 fn latencies(found: &Joint, mountings: &[Mounting]) -> Value {
     let all = mountings.iter().zip(&found.late_s);
     let estimated = all.filter_map(|(mounting, late)| {

@@ -278,8 +278,7 @@ pub fn origin_sigma_m(project: &Project, solution: Option<&Solution>) -> f64 {
     best.map_or(0.0, |best| best.sigma_lever_arm_m)
 }
 
-/// The project with the latencies of its scanners corrected, and their compliance, where an adjustment found
-/// them.
+/// The project with the estimated latencies and compliance of its scanners, if an adjustment estimated them.
 pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
     let mut project = project.clone();
     let late_s = joint.into_iter().flat_map(|joint| &joint.late_s);

@@ -12,18 +12,18 @@ use crate::results::Drive;
 use crate::sensor::PoseRecord;
 use crate::trajectory::{SensorDiagnostics, Solution};
 
-/// What the ± of a mounting is.
+/// Explains the ± of a mounting.
 const SIGMA_OF_A_MOUNTING: &str = "± is one standard deviation of a parameter of the mounting on the body, as it \
     follows from the noise of logs and scans: of repeated drives, 68 % lie within ± once and 95 % within ± twice it.";
-/// What the numbers behind distances are.
+/// Explains the numbers of distances.
 const RMSE_OF_DISTANCES: &str = "RMSE is the root mean square of the single distances, noise of both clouds \
     included: it has no ±, and is no standard deviation of the mounting.";
-/// What the ± of a constant is.
+/// Explains the ± of a constant.
 const SIGMA_OF_A_CONSTANT: &str =
     "± is one standard deviation (68 %) of the constant, by this drive alone.";
 
-/// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
-/// refused stands first.
+/// The method whose values are the result, the mountings, and the distances; if the joint adjustment was refused, the
+/// reason comes first.
 pub fn run(findings: &Findings, report: &str) -> String {
     format!(
         "report: {report}\n\n{}\n{}\n{}",
@@ -33,7 +33,7 @@ pub fn run(findings: &Findings, report: &str) -> String {
     )
 }
 
-/// Which method's values these are, and the mountings.
+/// The method whose values are the result, and the mountings.
 pub fn calibration(findings: &Findings) -> String {
     let methods = judgement::method(&findings.calibration, findings.joint.as_ref());
     let methods = methods.iter().filter(|found| !found.severity.is_marked());
@@ -46,7 +46,7 @@ pub fn calibration(findings: &Findings) -> String {
     )
 }
 
-/// Which stages were not run again, and where finished ones are kept.
+/// The stages that were not run again, and the folder of finished stages.
 fn stages(findings: &Findings) -> String {
     let Some(kept) = &findings.kept else {
         return String::new();
@@ -145,7 +145,7 @@ pub fn distances(drives: &[Drive]) -> String {
             }
         }
     }
-    // The truth is known only in simulations.
+    // The truth is known only for simulations.
     columns.retain(|column| column[1..].iter().any(|cell| cell != "-"));
     if columns.is_empty() {
         return "No clouds to compare.".into();

@@ -22,7 +22,7 @@ pub(super) fn write(path: &Path, found: &M3c2) -> Result<()> {
             write!(file, ",{}", column.name)?;
         }
         writeln!(file)?;
-        // Only some blocks at a time: text needs more memory than numbers.
+        // The blocks are formatted in batches: text needs more memory than numbers.
         for rows in found.core.chunks(64 * ROWS) {
             let blocks: Vec<Vec<u8>> = rows.par_chunks(ROWS).map(lines).collect();
             for block in blocks {
@@ -38,7 +38,7 @@ fn lines(rows: &[CoreDistance]) -> Vec<u8> {
     let mut text = Vec::with_capacity(200 * rows.len());
     for row in rows {
         let p = &row.point;
-        // A Vec takes all bytes.
+        // Writing to a Vec cannot fail.
         let _ = write!(text, "{},{},{}", p.x, p.y, p.z);
         for column in &COLUMNS {
             let _ = write!(text, ",{}", (column.value)(row));
