@@ -1,18 +1,18 @@
-//! Patterns of paths in which `{plot}` and `{date}` stand for the names of plots and for dates.
+//! Patterns of paths in which `{plot}` and `{date}` stand for names of plots and for dates.
 
 use crate::format::day_number;
 
 /// The plot and the date that a path names.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Place {
-    /// Letters, digits, `-`, `_` and `.`; `None` where the pattern has no `{plot}`.
+    /// Letters, digits, `-`, `_` and `.`; `None` if the pattern has no `{plot}`.
     pub plot: Option<String>,
-    /// As YYYY-MM-DD; `None` where the pattern has no `{date}`.
+    /// As YYYY-MM-DD; `None` if the pattern has no `{date}`.
     pub date: Option<String>,
 }
 
 impl Place {
-    /// Whether this is said of that plot and date.
+    /// Whether it applies to that plot and date; `None` applies to all of them.
     pub fn is_of(&self, plot: &str, date: &str) -> bool {
         let same =
             |own: &Option<String>, other: &str| own.as_deref().is_none_or(|own| own == other);
@@ -31,7 +31,7 @@ enum Part {
 }
 
 /// A pattern of paths with `/` between folders: `{plot}`, `{date}` (YYYY-MM-DD, YYYY_MM_DD, YYYYMMDD or YYMMDD), and
-/// `*` for any part of a name. What is named twice must be the same.
+/// `*` for any part of a name. A plot or date that occurs twice must be the same both times.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pattern {
     parts: Vec<Part>,
@@ -41,7 +41,7 @@ impl Pattern {
     /// Reads a pattern.
     ///
     /// # Errors
-    /// What is wrong with it, and what was expected.
+    /// The error in the pattern, and what was expected.
     pub fn new(text: &str) -> Result<Self, (String, &'static str)> {
         let mut parts = Vec::new();
         let mut rest = text.trim_start_matches("./").trim_end_matches('/');
@@ -75,7 +75,7 @@ impl Pattern {
         Ok(Self { parts })
     }
 
-    /// As it was written.
+    /// The pattern as it was written.
     pub fn text(&self) -> String {
         let parts = self.parts.iter().map(|part| match part {
             Part::Text(text) => text.as_str(),
@@ -91,12 +91,12 @@ impl Pattern {
         self.parts.contains(&Part::Date)
     }
 
-    /// Whether it stands for more than one path.
+    /// Whether it can match more than one path.
     pub fn is_open(&self) -> bool {
         self.parts.iter().any(|part| !matches!(part, Part::Text(_)))
     }
 
-    /// The plot and date of a path; `None` if it is none of these.
+    /// The plot and date of a path; `None` if it does not match.
     pub fn place_of(&self, path: &str) -> Option<Place> {
         matched(&self.parts, path, Place::default())
     }

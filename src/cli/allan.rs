@@ -30,7 +30,7 @@ impl Key {
         Self { name, unit, axes }
     }
 
-    /// The project's value for all axes: that of the noisiest, if all axes are determined.
+    /// The value of the project for all axes: the largest one, if all axes are determined.
     fn recommended(&self) -> Option<f64> {
         let values = self.axes.iter().map(Figure::determined);
         values
@@ -118,9 +118,9 @@ impl Keys {
         [&self.white, &self.instability, &self.walk]
     }
 
-    /// The lines of `[imu]`. A bias walk that is determined replaces the instability, from which
-    /// the project would derive one. Values that are not determined become comments, so that the
-    /// datasheet's value or the default stays in force.
+    /// The lines of `[imu]`. A bias walk that is determined replaces the instability, from which the project would
+    /// otherwise derive a bias walk. Values that are not determined become comments, so that the value of the datasheet
+    /// or the default remains in force.
     fn snippet(&self) -> String {
         let mut text = line(&self.white, self.white.recommended());
         match self.walk.recommended() {

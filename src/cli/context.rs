@@ -83,7 +83,7 @@ impl Context {
     }
 }
 
-/// The project file that is meant: of a folder, such as a recording, the `project.toml` in it.
+/// The project file at a path: if the path is a folder, such as a recording, the `project.toml` in it.
 fn project_file(path: &Path) -> PathBuf {
     let inside = path.join("project.toml");
     match path.is_dir() && inside.is_file() {

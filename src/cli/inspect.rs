@@ -60,7 +60,7 @@ impl Inspect {
     }
 }
 
-/// Adds what the logs of a project contradict to `verdicts`.
+/// Adds contradictions in the logs of a project to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
     if format::detect(file)?.id() != "project" {
         let found = format::inspect(file)?;

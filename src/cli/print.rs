@@ -31,7 +31,7 @@ pub(super) fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
     }
 }
 
-/// The headline, and each statement to take care of behind a `!`.
+/// The headline, and each statement that needs attention after a `!`.
 fn marked(verdicts: &[Verdict]) -> String {
     if verdicts.is_empty() {
         return String::new();

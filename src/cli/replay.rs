@@ -44,7 +44,7 @@ impl Replay {
         });
         let played = player.finish();
         if self.out.is_none() {
-            // What it holds was only looked at.
+            // The recording is not kept.
             let _ = std::fs::remove_dir_all(&folder);
         }
         ended?;

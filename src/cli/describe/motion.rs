@@ -109,7 +109,7 @@ fn sigma_of_axes(sigma_m: &Vec3) -> String {
     }
 }
 
-/// The sigma of errors that last, and how long.
+/// The sigma of correlated errors, and their correlation time.
 fn lasts(sigma: Option<String>, correlation_s: f64) -> String {
     sigma.map_or_else(
         || "none".to_owned(),

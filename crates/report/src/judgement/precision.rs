@@ -10,7 +10,7 @@ use crate::verdict::{Acceptance, Verdict, capitalised};
 /// Factors below this are not worth mentioning.
 const NOTABLE: f64 = 2.0;
 
-/// The verdict on the origin of the positions of the mountings if no lever arm is estimated.
+/// The verdict on the lever arm on which the positions of the mountings rest; `None` if it is estimated.
 pub fn origin(solution: &Solution, sigma_m: f64) -> Option<Verdict> {
     let mut constants = solution.constants.iter();
     let is_estimated = constants.any(|constant| constant.name.contains(".lever_arm"));

@@ -1,7 +1,7 @@
 //! The distance at a point, taken from the nearest core point.
 //!
-//! A misplaced cloud lies above or below the core points by up to the longest distance, and beside them by no more than their
-//! spacing. Height differences therefore count less than horizontal ones, in this ratio.
+//! A misplaced cloud lies above or below the core points by up to the longest distance, and beside them by no more
+//! than their spacing. Height differences therefore count less than horizontal ones, in this ratio.
 
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::comparison::DistanceMap;
