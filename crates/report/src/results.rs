@@ -48,14 +48,14 @@ impl<'a> Calibrations<'a> {
     pub fn variant(&self, variant: Variant) -> Option<&'a Calibration> {
         let mut all = self.variants.iter();
         all.find(|(other, _)| *other == variant)
-            .map(|(_, found)| found)
+            .map(|(_, calibration)| calibration)
     }
 
     /// The calibration in two steps, if there is one.
     pub fn two_steps(&self) -> Option<&'a Calibration> {
         let is_result = self.result.method == Method::TwoStep;
-        let own = is_result.then_some(self.result);
-        own.or_else(|| self.variant(Variant::TwoStep))
+        let two_steps = is_result.then_some(self.result);
+        two_steps.or_else(|| self.variant(Variant::TwoStep))
     }
 
     /// The result of the joint adjustment, whether its values are used or not.

@@ -6,7 +6,7 @@ use crate::verdict::Verdict;
 
 /// The test of a constant mounting; `None` if it is not possible.
 pub fn verdict(calibration: &Calibration) -> Option<Verdict> {
-    let found = calibration.constancy.as_ref()?;
+    let constancy = calibration.constancy.as_ref()?;
     const CODE: &str = "mounting.constancy";
     let verdict = match warning(calibration) {
         Some(text) => Verdict::care(CODE, text),
@@ -16,12 +16,12 @@ pub fn verdict(calibration: &Calibration) -> Option<Verdict> {
                 "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
              as the standard deviations of the poses explain.",
                 of_two_steps(calibration),
-                number::length(found.rms_m),
-                found.ratio
+                number::length(constancy.rms_m),
+                constancy.ratio
             ),
         ),
     };
-    let verdict = verdict.with_value(found.ratio, None);
+    let verdict = verdict.with_value(constancy.ratio, None);
     Some(match calibration.method {
         Method::Joint => verdict.about("two steps"),
         Method::TwoStep | Method::Paper => verdict,
@@ -33,7 +33,7 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
     let constancy = calibration
         .constancy
         .as_ref()
-        .filter(|found| !found.constant)?;
+        .filter(|constancy| !constancy.constant)?;
     let with = pattern(calibration, constancy);
     Some(format!(
         "The mounting does not appear constant{}: residuals along the drive ({}) are {:.1} times as \
@@ -48,29 +48,29 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
 /// its own tests.
 pub fn gap(calibration: &Calibration) -> Option<Verdict> {
     let text = gap_warning(calibration)?;
-    let found_m = calibration.gap.map_or(0.0, |found| found.rms_m);
-    Some(Verdict::care("mounting.gap", text).with_value(found_m, None))
+    let gap_m = calibration.gap.map_or(0.0, |gap| gap.rms_m);
+    Some(Verdict::care("mounting.gap", text).with_value(gap_m, None))
 }
 
 /// The warning of [`gap`] as text.
 pub fn gap_warning(calibration: &Calibration) -> Option<String> {
-    let found = moving_gap(calibration)?;
-    let [first, other] = found
+    let gap = moving_gap(calibration)?;
+    let [first, other] = gap
         .scanners
         .map(|scanner| &calibration.mountings[scanner].name);
     Some(format!(
         "The scanners {first} and {other} do not keep their distance: on spots that both saw in the same pass, \
          it changes along the drive by {}, {:.1} times as much as two rigid mountings explain. A mount has play, or \
          the frame bends.",
-        number::length(found.rms_m),
-        found.ratio
+        number::length(gap.rms_m),
+        gap.ratio
     ))
 }
 
 /// The gap of two steps, if it is not constant.
 pub fn moving_gap(calibration: &Calibration) -> Option<Gap> {
-    let found = calibration.gap.filter(|found| !found.constant);
-    found.filter(|_| calibration.method != Method::Joint)
+    let gap = calibration.gap.filter(|gap| !gap.constant);
+    gap.filter(|_| calibration.method != Method::Joint)
 }
 
 /// Smaller correlations are chance; the time of a jump is chosen among many.

@@ -54,13 +54,13 @@ pub fn convergence(result: &Calibration) -> Verdict {
 /// The verdict on uniqueness: whether the mountings came back after they were moved away.
 pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
     const CODE: &str = "calibration.minimum";
-    let found = result.minimum.as_ref()?;
+    let minimum = result.minimum.as_ref()?;
     let away = format!(
         "moved away by {} and {:.1}° along and about each axis",
-        number::length(found.shift_m),
-        found.turn_rad.to_degrees()
+        number::length(minimum.shift_m),
+        minimum.turn_rad.to_degrees()
     );
-    Some(match &found.other {
+    Some(match &minimum.other {
         Some(other) => {
             let pairs = result.mountings.iter().zip(other);
             let places = pairs.map(|(own, other)| {
@@ -81,11 +81,11 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
                 ),
             )
         }
-        None if found.back == found.starts => Verdict::good(
+        None if minimum.back == minimum.starts => Verdict::good(
             CODE,
             format!(
                 "The minimum is the only one near: {away}, the mountings came back {} times of {}.",
-                found.back, found.starts
+                minimum.back, minimum.starts
             ),
         ),
         None => Verdict::note(
@@ -93,7 +93,7 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
             format!(
                 "The mountings came back {} times of {} when {away}, and ended where the clouds fit worse \
                  otherwise: start as near as that.",
-                found.back, found.starts
+                minimum.back, minimum.starts
             ),
         ),
     })

@@ -33,14 +33,14 @@ pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdic
 
 /// The reasons why the values are those of two steps, the gravest first.
 fn refusals(reasons: &[String], was_made: bool) -> impl Iterator<Item = Verdict> {
-    let what = match was_made {
+    let outcome = match was_made {
         true => "was refused",
         false => "could not be made",
     };
     reasons.iter().enumerate().map(move |(i, reason)| {
         let text = match i {
             0 => format!(
-                "These are the values of two steps, as the joint adjustment {what}: {reason}."
+                "These are the values of two steps, as the joint adjustment {outcome}: {reason}."
             ),
             _ => format!("The joint adjustment was also refused because {reason}."),
         };
@@ -84,14 +84,14 @@ mod tests {
             "the IMU contradicts it".to_owned(),
             "so does `prism`".to_owned(),
         ];
-        let found: Vec<Verdict> = refusals(&reasons, true).collect();
-        assert!(found.iter().all(|v| v.severity.is_marked()));
+        let verdicts: Vec<Verdict> = refusals(&reasons, true).collect();
+        assert!(verdicts.iter().all(|v| v.severity.is_marked()));
         assert!(
-            found[0]
+            verdicts[0]
                 .text
                 .starts_with("These are the values of two steps")
         );
-        assert!(found[0].text.contains("the IMU contradicts it"));
-        assert!(found[1].text.contains("so does `prism`"));
+        assert!(verdicts[0].text.contains("the IMU contradicts it"));
+        assert!(verdicts[1].text.contains("so does `prism`"));
     }
 }

@@ -57,7 +57,7 @@ fn assumed(joint: &Joint) -> String {
 fn jumps(joint: &Joint) -> Vec<Verdict> {
     let drives = joint.drives.iter();
     let jumps = drives.flat_map(|drive| drive.jumps.iter().map(move |jump| (drive, jump)));
-    let said = jumps.map(|(drive, jump)| {
+    let verdicts = jumps.map(|(drive, jump)| {
         let [turn, shift] = [&jump.step[..3], &jump.step[3..]].map(Vec3::from_column_slice);
         let [from_s, to_s] = jump.between_s;
         let of_drive = match joint.drives.len() {
@@ -73,7 +73,7 @@ fn jumps(joint: &Joint) -> Vec<Verdict> {
         );
         Verdict::care("mounting.jump", text).with_value(shift.norm(), None)
     });
-    said.collect()
+    verdicts.collect()
 }
 
 /// The verdict on the precision of points, by the worst scanner.

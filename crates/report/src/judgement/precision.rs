@@ -91,8 +91,8 @@ pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -
 /// The verdicts on the observability of the parameters.
 pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     const CODE: &str = "mounting.unobservable";
-    let found = unobservable(calibrations.result, "").into_iter();
-    let mut lines: Vec<Verdict> = found.map(|text| Verdict::care(CODE, text)).collect();
+    let directions = unobservable(calibrations.result, "").into_iter();
+    let mut lines: Vec<Verdict> = directions.map(|text| Verdict::care(CODE, text)).collect();
     if lines.is_empty() {
         lines.push(Verdict::good(
             CODE,
@@ -100,8 +100,8 @@ pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
         ));
     }
     if let Some(without) = calibrations.variant(Variant::WithoutReference) {
-        let found = unobservable(without, " without a reference").into_iter();
-        lines.extend(found.map(|text| Verdict::note(CODE, text).about("without a reference")));
+        let directions = unobservable(without, " without a reference").into_iter();
+        lines.extend(directions.map(|text| Verdict::note(CODE, text).about("without a reference")));
     }
     lines
 }
@@ -122,22 +122,26 @@ pub fn relative(calibration: &Calibration) -> Vec<String> {
     let all = calibration.relative();
     all.iter()
         .enumerate()
-        .filter_map(|(i, found)| sentence(calibration, i + 1, found))
+        .filter_map(|(i, relative)| sentence(calibration, i + 1, relative))
         .collect()
 }
 
-fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting) -> Option<String> {
-    let [length_m, angle_rad] = worst(&found.sigma);
+fn sentence(
+    calibration: &Calibration,
+    scanner: usize,
+    relative: &RelativeMounting,
+) -> Option<String> {
+    let [length_m, angle_rad] = worst(&relative.sigma);
     if length_m == 0.0 || angle_rad == 0.0 {
         return None;
     }
-    let own = [0, scanner].map(|i| {
+    let sigmas = [0, scanner].map(|i| {
         let convention = calibration.mountings[i].convention;
         worst(&calibration.sigmas(i, convention))
     });
     let times = [(0, length_m), (1, angle_rad)].map(|(k, relative)| {
         // The smaller sigma, that of the scanner that is known better.
-        let least = own[0][k].min(own[1][k]);
+        let least = sigmas[0][k].min(sigmas[1][k]);
         least / relative
     });
     let better = match times {
@@ -150,8 +154,8 @@ fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting)
     };
     Some(format!(
         "Scanner {} relative to scanner {}: known to ± {} and ± {}° or better{better}.",
-        found.name,
-        found.first,
+        relative.name,
+        relative.first,
         number::length(length_m),
         number::sigma(angle_rad.to_degrees())
     ))

@@ -23,16 +23,16 @@ pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
 
 /// The verdict on a reference that is higher or lower than the drive implies.
 pub fn height(joint: &Joint) -> Option<Verdict> {
-    joint.reference_height().map(|found| {
+    joint.reference_height().map(|height| {
         let text = format!(
             "The reference lies {:.1} mm {} where the drive puts it (± {:.1} mm, by the slopes of boards): \
              check the height of the total station, the lever arm of the prism, and the registration. All \
              of it is in tz.",
-            1e3 * found.value.abs(),
-            if found.value > 0.0 { "above" } else { "below" },
-            1e3 * found.sigma
+            1e3 * height.value.abs(),
+            if height.value > 0.0 { "above" } else { "below" },
+            1e3 * height.sigma
         );
-        Verdict::fault("reference.height", text).with_value(found.value, Some(found.sigma))
+        Verdict::fault("reference.height", text).with_value(height.value, Some(height.sigma))
     })
 }
 

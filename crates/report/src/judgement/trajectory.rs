@@ -112,18 +112,18 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         }
     }
     let noise = solution.constants.iter().find(|c| c.name == NOISE_SCALE);
-    if let Some((found, sigma)) = noise.and_then(|found| Some((found, found.sigma?)))
-        && found.value > NOTABLE_FACTOR
+    if let Some((scale, sigma)) = noise.and_then(|scale| Some((scale, scale.sigma?)))
+        && scale.value > NOTABLE_FACTOR
     {
         let text = format!(
             "The IMU is {} times as noisy as its datasheet says (vibration?): its noise was scaled.",
-            number::significant(found.value, 2)
+            number::significant(scale.value, 2)
         );
-        let verdict = match found.value > CARE_NOISE {
+        let verdict = match scale.value > CARE_NOISE {
             true => Verdict::care(NOISE_SCALE, text),
             false => Verdict::note(NOISE_SCALE, text),
         };
-        lines.push(verdict.with_value(found.value, Some(sigma)));
+        lines.push(verdict.with_value(scale.value, Some(sigma)));
     }
     for jump in &solution.clock_jumps {
         let text = format!(

@@ -102,7 +102,7 @@ fn constants(solution: &Solution) -> String {
     let mut body = String::new();
     for constant in &solution.constants {
         let text = constant_text(constant);
-        let found = match &text.sigma {
+        let cell = match &text.sigma {
             Some(sigma) => format!(
                 "<td class=\"result\">{}<span class=\"sigma\">± {sigma}</span></td><td>{}</td><td class=\"text\"></td>",
                 text.value, text.start
@@ -113,7 +113,7 @@ fn constants(solution: &Solution) -> String {
             ),
         };
         body.push_str(&format!(
-            "<tr><th scope=\"row\">{}</th>{found}<td class=\"text\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th>{cell}<td class=\"text\">{}</td></tr>\n",
             escape(&constant.name),
             escape(text.unit)
         ));

@@ -127,18 +127,18 @@ fn summary(page: &CampaignPage) -> String {
     };
     let (plots, dates) = (distinct(&|d| d.plot.clone()), distinct(&|d| d.date.clone()));
     let points: u64 = page.drives.iter().map(|drive| drive.points).sum();
-    let of = |headline| {
+    let count_of = |headline| {
         page.drives
             .iter()
             .filter(|d| d.headline == headline)
             .count()
     };
-    let unusable = of(Headline::Unusable);
+    let unusable = count_of(Headline::Unusable);
     let drifted = page.drift.iter().flat_map(judgement::drift);
     let drifted = drifted
         .filter(|verdict| verdict.severity.is_marked())
         .count();
-    let attention = of(Headline::Care) + page.failures.len() + drifted;
+    let attention = count_of(Headline::Care) + page.failures.len() + drifted;
     let class = match (unusable, attention) {
         (0, 0) => "good",
         (0, _) => "attention",
@@ -146,7 +146,7 @@ fn summary(page: &CampaignPage) -> String {
     };
     let mut marked = String::new();
     for (number, word) in [
-        (of(Headline::Care), "to take care of"),
+        (count_of(Headline::Care), "to take care of"),
         (unusable, "not usable"),
     ] {
         if number > 0 {
@@ -382,20 +382,20 @@ fn plots(page: &CampaignPage) -> String {
 
 /// The verdicts on drives, each statement once with the number of drives.
 fn care(drives: &[DriveLine]) -> String {
-    let mut said: Vec<(&str, Vec<String>)> = Vec::new();
+    let mut statements: Vec<(&str, Vec<String>)> = Vec::new();
     for drive in drives {
         for text in &drive.marked {
             let name = format!("{} {}", drive.plot, drive.date);
-            match said.iter_mut().find(|(other, _)| other == text) {
+            match statements.iter_mut().find(|(other, _)| other == text) {
                 Some((_, names)) => names.push(name),
-                None => said.push((text, vec![name])),
+                None => statements.push((text, vec![name])),
             }
         }
     }
-    if said.is_empty() {
+    if statements.is_empty() {
         return String::new();
     }
-    said.sort_by_key(|(_, names)| std::cmp::Reverse(names.len()));
+    statements.sort_by_key(|(_, names)| std::cmp::Reverse(names.len()));
     let row = |(text, names): &(&str, Vec<String>)| {
         let more = match names.len() {
             1 => String::new(),
@@ -407,15 +407,15 @@ fn care(drives: &[DriveLine]) -> String {
             escape(text)
         )
     };
-    let rows: String = said.iter().map(row).collect();
+    let rows: String = statements.iter().map(row).collect();
     let table = html::table(
         "numbers words",
         &html::head(&["drive", "what is said"]),
         &rows,
     );
-    match said.len() <= FEW_PLOTS {
+    match statements.len() <= FEW_PLOTS {
         true => table,
-        false => html::details(&count(said.len(), "statement"), &table),
+        false => html::details(&count(statements.len(), "statement"), &table),
     }
 }
 

@@ -56,9 +56,9 @@ impl Run<'_> {
         let (mut length_m, mut angle_rad) = (0.0f64, 0.0f64);
         let mountings = scale.iter().flat_map(|scale| &scale.mountings);
         for (scanner, (mounting, truth)) in mountings.zip(truth).enumerate() {
-            let found = &mounting.body_from_scanner;
-            let shift = found.translation_m - truth.translation_m;
-            let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+            let estimated = &mounting.body_from_scanner;
+            let shift = estimated.translation_m - truth.translation_m;
+            let turn = so3::log(&(estimated.rotation * truth.rotation.inverse()));
             for axis in (0..3).filter(|&axis| self.found.is_observable(scanner, axis)) {
                 length_m = length_m.max(shift[axis].abs());
             }
@@ -74,15 +74,15 @@ impl Run<'_> {
 
 fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
     let truth = calibrations.mountings(MountingKind::Truth);
-    let of = |label, found| Run {
+    let run = |label, found| Run {
         label,
         found,
         truth,
     };
     let two_steps = calibrations.two_steps();
     let result = match calibrations.result.method {
-        Method::Paper => Some(of("as in the paper", calibrations.result)),
-        _ => two_steps.map(|found| of("two steps", found)),
+        Method::Paper => Some(run("as in the paper", calibrations.result)),
+        _ => two_steps.map(|calibration| run("two steps", calibration)),
     };
     let variants = [
         (Variant::Paper, "as in the paper"),
@@ -90,8 +90,8 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
         (Variant::ExactPoses, "two steps with exact poses"),
     ];
     let variants = variants.into_iter().filter_map(|(variant, label)| {
-        let found = calibrations.variant(variant)?;
-        Some(of(label, found))
+        let calibration = calibrations.variant(variant)?;
+        Some(run(label, calibration))
     });
     result.into_iter().chain(variants).collect()
 }

@@ -91,20 +91,20 @@ fn over_dates(width: f64, scanner: &ScannerChart, y: Axis) -> Plot {
 }
 
 fn t_squares(chart: &Chart, scanner: &ScannerChart) -> String {
-    let points = |of: fn(&ChartDay) -> Option<f64>| -> Vec<[f64; 2]> {
+    let points = |value: fn(&ChartDay) -> Option<f64>| -> Vec<[f64; 2]> {
         let all = numbers(scanner).into_iter().zip(&scanner.days);
-        all.map(|(number, day)| [number, of(day).unwrap_or(f64::NAN)])
+        all.map(|(number, day)| [number, value(day).unwrap_or(f64::NAN)])
             .collect()
     };
-    let (found, limits) = (points(|day| day.t2), points(|day| day.limit));
-    if found.iter().all(|[_, t2]| t2.is_nan()) {
+    let (statistics, limits) = (points(|day| day.t2), points(|day| day.limit));
+    if statistics.iter().all(|[_, t2]| t2.is_nan()) {
         return String::new();
     }
-    let values = found.iter().chain(&limits).map(|[_, value]| *value);
+    let values = statistics.iter().chain(&limits).map(|[_, value]| *value);
     let mut plot = over_dates(FULL, scanner, Axis::logarithmic("T²", values));
     plot.line("s1 dashed", &limits);
-    plot.line("s0 fine", &found);
-    plot.dots("dot s0", 3.6, &found);
+    plot.line("s0 fine", &statistics);
+    plot.dots("dot s0", 3.6, &statistics);
     let entries = [
         ("s0".to_owned(), "T² of the day".to_owned()),
         ("s1".into(), "limit (dashed)".into()),
@@ -222,10 +222,10 @@ mod tests {
 
     #[test]
     fn a_knock_is_told_with_its_dates_and_millimetres() {
-        let said = judgement::drift(&chart());
-        let codes: Vec<&str> = said.iter().map(|v| v.code.as_str()).collect();
+        let verdicts = judgement::drift(&chart());
+        let codes: Vec<&str> = verdicts.iter().map(|v| v.code.as_str()).collect();
         assert_eq!(codes, ["drift.left", "drift.off", "drift.undetermined"]);
-        let text = &said[0].text;
+        let text = &verdicts[0].text;
         assert!(text.contains("between 2025-05-06 and 2025-05-07"), "{text}");
         assert!(text.contains("+2.00 ± 0.112 mm x"), "{text}");
         assert!(
@@ -233,14 +233,14 @@ mod tests {
             "{text}"
         );
         assert!(
-            said[1].text.starts_with("Since 2025-05-07 "),
+            verdicts[1].text.starts_with("Since 2025-05-07 "),
             "{}",
-            said[1].text
+            verdicts[1].text
         );
         assert!(
-            said[2].text.contains("did not show z of"),
+            verdicts[2].text.contains("did not show z of"),
             "{}",
-            said[2].text
+            verdicts[2].text
         );
     }
 

@@ -290,11 +290,11 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
 
 /// Mean residuals along the drive with the band expected from the poses; empty without any.
 pub fn residuals(calibration: &Calibration) -> String {
-    let Some(found) = &calibration.constancy else {
+    let Some(constancy) = &calibration.constancy else {
         return String::new();
     };
     let mut out = html::verdicts(judgement::constancy(calibration).as_slice());
-    let blocks = || found.blocks.iter().flatten();
+    let blocks = || constancy.blocks.iter().flatten();
     if blocks().next().is_none() {
         return out;
     }
@@ -313,7 +313,7 @@ pub fn residuals(calibration: &Calibration) -> String {
         ("s1".to_owned(), "outside".to_owned()),
     ];
     let mut charts = String::new();
-    for (mounting, list) in calibration.mountings.iter().zip(&found.blocks) {
+    for (mounting, list) in calibration.mountings.iter().zip(&constancy.blocks) {
         let mut plot = Plot::new(FULL, 210.0, x.clone(), y.clone());
         let band: Vec<[f64; 3]> = list
             .iter()

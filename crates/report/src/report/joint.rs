@@ -76,16 +76,16 @@ impl Kind {
 
 /// The whole section; empty without a joint adjustment.
 pub fn section(calibrations: &Calibrations) -> String {
-    let Some(found) = calibrations.joint_found() else {
+    let Some(joint) = calibrations.joint_found() else {
         return String::new();
     };
-    chi_squares(found)
-        + &blocks(found)
+    chi_squares(joint)
+        + &blocks(joint)
         + &html::verdicts(&judgement::disagreements(calibrations))
-        + coordinates(found)
-        + &reference(found)
-        + &constants(found)
-        + &course(calibrations, found)
+        + coordinates(joint)
+        + &reference(joint)
+        + &constants(joint)
+        + &course(calibrations, joint)
 }
 
 fn chi_squares(joint: &Joint) -> String {
@@ -136,22 +136,22 @@ fn blocks(joint: &Joint) -> String {
     for drive in &joint.drives {
         for (i, sensor) in drive.residuals.iter().enumerate() {
             let of_sensor = drive.positions.iter().filter(|b| b.sensor == sensor.sensor);
-            for (j, found) in of_sensor.enumerate() {
+            for (j, blocks) in of_sensor.enumerate() {
                 let name = match (j, several) {
                     (0, false) => escape(&sensor.sensor),
                     (0, true) => escape(&format!("{}, {}", sensor.sensor, drive.name)),
                     _ => String::new(),
                 };
-                let cells: String = found
+                let cells: String = blocks
                     .rms
                     .iter()
-                    .map(|rms| block_cell(*rms, found.block_s))
+                    .map(|rms| block_cell(*rms, blocks.block_s))
                     .collect();
                 body.push_str(&format!(
                     "<tr class=\"{}\"><th scope=\"row\">{name}</th><td>{}</td><td>{}</td>{cells}</tr>\n",
                     if i + j > 0 && j == 0 { "first" } else { "" },
-                    number::with_unit(number::shortest(found.block_s), "s"),
-                    number::count(found.blocks),
+                    number::with_unit(number::shortest(blocks.block_s), "s"),
+                    number::count(blocks.blocks),
                 ));
             }
         }
@@ -184,10 +184,10 @@ fn coordinates(joint: &Joint) -> &'static str {
 
 /// The estimated offset of the whole reference, and its prior.
 fn reference(joint: &Joint) -> String {
-    let Some(found) = &joint.reference else {
+    let Some(estimate) = &joint.reference else {
         return String::new();
     };
-    let prior = &found.prior;
+    let prior = &estimate.prior;
     let (assumed, remedy) = match prior.assumed {
         true => (
             " (assumed)",
@@ -196,14 +196,14 @@ fn reference(joint: &Joint) -> String {
         false => ("", ""),
     };
     let list = |values: [f64; 3], sigmas: [f64; 3], digits: usize| {
-        let one = |(value, sigma): (f64, f64)| {
+        let text = |(value, sigma): (f64, f64)| {
             let value = number::signed(number::fixed(value, digits));
             format!("{value} ± {}", number::sigma(sigma))
         };
         values
             .into_iter()
             .zip(sigmas)
-            .map(one)
+            .map(text)
             .collect::<Vec<_>>()
             .join(", ")
     };
@@ -212,8 +212,8 @@ fn reference(joint: &Joint) -> String {
     let estimate = match prior.shift_m.max(prior.tilt_rad) > 0.0 {
         true => format!(
             " It was found {}\u{202f}mm off to the east, north and up, and turned by {}° about them.",
-            list(mm(&found.shift_m), mm(&found.shift_sigma_m), 2),
-            list(deg(&found.turn_rad), deg(&found.turn_sigma_rad), 4),
+            list(mm(&estimate.shift_m), mm(&estimate.shift_sigma_m), 2),
+            list(deg(&estimate.turn_rad), deg(&estimate.turn_sigma_rad), 4),
         ),
         false => String::new(),
     };

@@ -21,7 +21,7 @@ const BLOCK_S: f64 = 2.0;
 pub fn figures(calibrations: &Calibrations, tracks: &[Track]) -> String {
     let drive = calibrations
         .joint_found()
-        .and_then(|found| found.drives.first());
+        .and_then(|joint| joint.drives.first());
     let Some(drive) = drive else {
         return String::new();
     };
@@ -66,8 +66,10 @@ fn moved(drive: &AdjustedDrive) -> String {
     let turn = |i: usize| drive.moved[i].turn_rad.map(f64::to_degrees);
     let left = chart("shift (mm)", ["east", "north", "up"], &shift);
     let right = chart("rotation (°)", ["about x", "about y", "about z"], &turn);
-    let rms = |of: &dyn Fn(usize) -> Vec3| {
-        let sum: f64 = (0..drive.moved.len()).map(|i| of(i).norm_squared()).sum();
+    let rms = |component: &dyn Fn(usize) -> Vec3| {
+        let sum: f64 = (0..drive.moved.len())
+            .map(|i| component(i).norm_squared())
+            .sum();
         (sum / drive.moved.len() as f64).sqrt()
     };
     html::figure(

@@ -74,13 +74,13 @@ pub fn figure(calibrations: &Calibrations) -> String {
 
 /// Standard deviations of positions and of rotations about the body's axes, metres and radians; `None` for a parameter
 /// that is fixed or not determined.
-pub fn sigmas(found: &Calibration, scanner: usize) -> [Option<f64>; 6] {
-    let covariance = found.covariance.as_ref();
+pub fn sigmas(calibration: &Calibration, scanner: usize) -> [Option<f64>; 6] {
+    let covariance = calibration.covariance.as_ref();
     std::array::from_fn(|parameter| {
         let row = 6 * scanner + parameter;
         let variance = covariance?[(row, row)];
-        let is_known = !found.mountings[scanner].fixed[parameter]
-            && found.is_observable(scanner, parameter)
+        let is_known = !calibration.mountings[scanner].fixed[parameter]
+            && calibration.is_observable(scanner, parameter)
             && variance > 0.0;
         is_known.then(|| variance.sqrt())
     })

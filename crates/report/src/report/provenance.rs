@@ -11,12 +11,12 @@ const PAPER: &str =
 
 /// The logo (markup); empty without one.
 pub fn logo(content: &Content) -> String {
-    let of = content.imprint.organisation.as_deref().unwrap_or_default();
+    let organisation = content.imprint.organisation.as_deref().unwrap_or_default();
     content.logo.as_ref().map_or_else(String::new, |uri| {
         format!(
             "<img class=\"logo\" src=\"{}\" alt=\"{}\"/>\n",
             escape(uri),
-            escape(of)
+            escape(organisation)
         )
     })
 }

@@ -117,8 +117,8 @@ mod tests {
 
     #[test]
     fn what_is_between_gaps_is_there() {
-        let found = between((0.0, 10.0), &[(0.0, 1.0), (4.0, 5.0), (9.0, 10.0)]);
-        assert_eq!(found, [(1.0, 4.0), (5.0, 9.0)]);
+        let spans = between((0.0, 10.0), &[(0.0, 1.0), (4.0, 5.0), (9.0, 10.0)]);
+        assert_eq!(spans, [(1.0, 4.0), (5.0, 9.0)]);
         assert_eq!(between((0.0, 3.0), &[]), [(0.0, 3.0)]);
         assert_eq!(between((0.0, 3.0), &[(0.0, 3.0)]), []);
     }

@@ -59,16 +59,16 @@ mod tests {
     #[test]
     fn a_fan_over_flat_ground_ends_at_the_ground() {
         let points = (-500..=500).map(|i| Vec3::new(f64::from(i) * 1e-3, 0.0, 0.8));
-        let found = outline(points);
-        assert_eq!(found.len(), DIRECTIONS);
+        let outline = outline(points);
+        assert_eq!(outline.len(), DIRECTIONS);
         // Within the width of a direction, the distance of the ground grows by a centimetre towards either end.
         assert!(
-            found
+            outline
                 .iter()
                 .all(|p| (p.z - 0.806).abs() < 7e-3 && p.y == 0.0),
-            "{found:?}"
+            "{outline:?}"
         );
-        let (first, last) = (found[0].x, found[DIRECTIONS - 1].x);
+        let (first, last) = (outline[0].x, outline[DIRECTIONS - 1].x);
         assert!(
             first.min(last) < -0.44 && first.max(last) > 0.44,
             "{first} {last}"

@@ -88,7 +88,7 @@ mod tests {
         };
         let times_s = (0..=400).map(|i| 0.1 * f64::from(i));
         let passes = Passes::of(&Trajectory::new(times_s.map(pose).collect()).unwrap());
-        let found = [5.0, 15.0, 25.0, 35.0, 99.0].map(|time_s| passes.at(time_s));
-        assert_eq!(found, [1, 0, 2, 3, 0]);
+        let numbers = [5.0, 15.0, 25.0, 35.0, 99.0].map(|time_s| passes.at(time_s));
+        assert_eq!(numbers, [1, 0, 2, 3, 0]);
     }
 }

@@ -54,7 +54,7 @@ pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
     let by_key: VoxelMap<VoxelKey, &Cell> = cells.iter().map(|cell| (cell.key, cell)).collect();
     let boards: Vec<&Cell> = cells
         .iter()
-        .filter(|cell| is_board(cell) && like_it(cell, &by_key) >= LIKE_IT)
+        .filter(|cell| is_board(cell) && similar_neighbours(cell, &by_key) >= LIKE_IT)
         .collect();
     let most = |cells: &[&Cell], score: &dyn Fn(&Cell) -> f64| -> Option<Place> {
         let best = cells
@@ -67,8 +67,8 @@ pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
             seen: best.seen,
         })
     };
-    let named = |name: &str, found: Option<Place>| {
-        found.map(|place| Place {
+    let named = |name: &str, place: Option<Place>| {
+        place.map(|place| Place {
             name: name.into(),
             ..place
         })
@@ -76,22 +76,22 @@ pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
     let seen = |cell: &Cell| cell.seen as f64;
     // A surface that more passes saw shows more, unless it is rough; a slope helps up to some degrees.
     let smooth = |cell: &Cell| seen(cell).min(6.0) - cell.thickness_m / ROUGH_M;
-    let of = |test: &dyn Fn(&Cell) -> bool| -> Vec<&Cell> {
+    let cells_with = |test: &dyn Fn(&Cell) -> bool| -> Vec<&Cell> {
         boards.iter().copied().filter(|cell| test(cell)).collect()
     };
-    let level = of(&|cell| cell.slope_rad < LEVEL_RAD);
-    let steep = of(&|cell| cell.slope_rad > STEEP_RAD);
+    let level = cells_with(&|cell| cell.slope_rad < LEVEL_RAD);
+    let steep = cells_with(&|cell| cell.slope_rad > STEEP_RAD);
     let rough: Vec<&Cell> = cells
         .iter()
         .filter(|cell| cell.is_filled && !is_board(cell))
         .collect();
     let steepest = |cell: &Cell| cell.slope_rad.to_degrees() + 5.0 * seen(cell).min(4.0);
-    let found = [
+    let places = [
         named("steepest board", most(&steep, &steepest)),
         named("level board", most(&level, &smooth)),
         named("ground that was seen most", most(&rough, &seen)),
     ];
-    found.into_iter().flatten().collect()
+    places.into_iter().flatten().collect()
 }
 
 fn is_board(cell: &Cell) -> bool {
@@ -99,7 +99,7 @@ fn is_board(cell: &Cell) -> bool {
 }
 
 /// Number of neighbouring boards with about the same slope.
-fn like_it(cell: &Cell, by_key: &VoxelMap<VoxelKey, &Cell>) -> usize {
+fn similar_neighbours(cell: &Cell, by_key: &VoxelMap<VoxelKey, &Cell>) -> usize {
     let [x, y, z] = cell.key;
     let around = (0..27).map(|place| [x + place % 3 - 1, y + place / 3 % 3 - 1, z + place / 9 - 1]);
     let others = around.filter(|key| *key != cell.key);
@@ -159,10 +159,10 @@ mod tests {
             // 45° of slope, five metres to the east.
             points.push((Vec3::new(5.0 + x, y, 0.3 + x), by));
         }
-        let found = places(&points);
-        let names: Vec<&str> = found.iter().map(|place| place.name.as_str()).collect();
+        let ranked = places(&points);
+        let names: Vec<&str> = ranked.iter().map(|place| place.name.as_str()).collect();
         assert_eq!(names, ["steepest board", "level board"]);
-        let (steep, level) = (&found[0], &found[1]);
+        let (steep, level) = (&ranked[0], &ranked[1]);
         assert!(
             (steep.slope_rad.to_degrees() - 45.0).abs() < 1.0,
             "{steep:?}"

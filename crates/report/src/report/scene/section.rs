@@ -56,11 +56,11 @@ fn variant_names(scene: &Scene) -> Vec<&'static str> {
 fn counted(name: &str, scene: &Scene) -> String {
     let shown = scene.fans.iter().flat_map(|fan| &fan.counts);
     let shown: usize = shown.map(|&count| usize::from(count)).sum();
-    let of: u64 = scene.fans.iter().map(|fan| fan.of).sum();
+    let total: u64 = scene.fans.iter().map(|fan| fan.of).sum();
     format!(
         "{name}: {} of {}",
         number::count(shown),
-        number::count(of as usize)
+        number::count(total as usize)
     )
 }
 

@@ -69,7 +69,7 @@ pub fn placed(
     set: usize,
     passes: &Passes,
 ) -> Vec<(Vec3, u32)> {
-    let of = count(scans);
+    let total = count(scans);
     let mut n = 0;
     let mut all = Vec::new();
     for (scanner, profiles) in scans.iter().enumerate() {
@@ -79,7 +79,7 @@ pub fn placed(
             let by = scanner as u32 + scans.len() as u32 * pass;
             for (_, point) in profile.points {
                 n += 1;
-                if is_one_of(n, MOST_PLACED, of) {
+                if is_one_of(n, MOST_PLACED, total) {
                     all.push((pose.map(&point.position_m), by));
                 }
             }
@@ -101,7 +101,7 @@ pub fn select<'a>(
     (view, set): (&View, usize),
     places: &[Place],
 ) -> Vec<Vec<Chosen<'a>>> {
-    let of = count(scans);
+    let total = count(scans);
     let is_near = |point: &Vec3| {
         let reach = PLACE_RADIUS_M.powi(2);
         places
@@ -117,7 +117,7 @@ pub fn select<'a>(
             let mut points = Vec::new();
             for (_, point) in profile.points {
                 n += 1;
-                if is_one_of(n, most_points, of) || is_near(&pose.map(&point.position_m)) {
+                if is_one_of(n, most_points, total) || is_near(&pose.map(&point.position_m)) {
                     points.push(*point);
                 }
             }

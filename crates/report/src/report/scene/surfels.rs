@@ -20,7 +20,7 @@ pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
         true => 1.0,
         false => nice_above(quantile(&sizes, REACHED).max(1e-5)),
     };
-    let mut found = Surfels {
+    let mut surfels = Surfels {
         roughness: Bytes::of((0.0, most), planes.iter().map(|plane| plane.roughness_m)),
         size_m: planes.first().map_or(0.0, |plane| plane.size_m),
         centres: Places::default(),
@@ -28,18 +28,18 @@ pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
     };
     for plane in planes {
         let from_origin = plane.centre_m - origin_m;
-        found.centres.push(&from_origin, REFERENCE_STEP_M);
+        surfels.centres.push(&from_origin, REFERENCE_STEP_M);
         // The side of the surfel that faces up.
         let up = if plane.normal.z < 0.0 {
             -plane.normal
         } else {
             plane.normal
         };
-        for (list, x) in found.normals.iter_mut().zip(up.iter()) {
+        for (list, x) in surfels.normals.iter_mut().zip(up.iter()) {
             list.push(((x * STEPS).round() as i8).cast_unsigned());
         }
     }
-    found
+    surfels
 }
 
 #[cfg(test)]
@@ -54,11 +54,11 @@ mod tests {
             size_m: 0.1,
             roughness_m: 1e-3,
         };
-        let found = surfels(&[plane], &Vec3::new(10.0, 20.0, 3.0));
-        assert_eq!(found.centres.axes, [vec![100_000], vec![50_000], vec![0]]);
-        let normal = found.normals.map(|list| list[0].cast_signed());
+        let encoded = surfels(&[plane], &Vec3::new(10.0, 20.0, 3.0));
+        assert_eq!(encoded.centres.axes, [vec![100_000], vec![50_000], vec![0]]);
+        let normal = encoded.normals.map(|list| list[0].cast_signed());
         assert_eq!(normal, [-76, 0, 102]);
-        assert_eq!(found.size_m, 0.1);
+        assert_eq!(encoded.size_m, 0.1);
         assert_eq!(surfels(&[], &Vec3::zeros()).centres, Places::default());
     }
 }

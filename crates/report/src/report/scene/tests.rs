@@ -238,11 +238,11 @@ fn points_come_back_within_the_steps() {
                 assert!((time_s - exact_s).abs() < 1e-6);
                 for _ in 0..counts[profile] as usize {
                     let position_m = Vec3::new(x[point], y[point], z[point]);
-                    let found = translation + rotation * (shift + turn * position_m) + origin_m;
+                    let placed = translation + rotation * (shift + turn * position_m) + origin_m;
                     let beam = (position_m.x.atan2(-position_m.z) + 0.5) / 0.01;
                     let index = 100 * numbers[profile] as usize + beam.round() as usize;
                     let expected = place.place(&case.points[scanner][index].1).unwrap();
-                    let off_m = (found - expected).norm();
+                    let off_m = (placed - expected).norm();
                     assert!(off_m <= within_m, "{off_m} instead of {within_m}");
                     point += 1;
                     compared += 1;

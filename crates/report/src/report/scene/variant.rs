@@ -100,17 +100,18 @@ fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f
         }
     }
     let index = NeighbourIndex::new(&places);
-    let of = Neighbourhood::Nearest(NEIGHBOURS);
-    let found = index.surroundings_of_all(&index, of, &Silent, |_, surroundings| {
-        1e6 * surroundings.tensor.omnivariance()
-    });
+    let neighbourhood = Neighbourhood::Nearest(NEIGHBOURS);
+    let omnivariances =
+        index.surroundings_of_all(&index, neighbourhood, &Silent, |_, surroundings| {
+            1e6 * surroundings.tensor.omnivariance()
+        });
     // Silent progress cannot be cancelled, so there is always a result.
-    let mut found = found.unwrap_or_default().into_iter();
+    let mut omnivariances = omnivariances.unwrap_or_default().into_iter();
     let counts = selected
         .iter()
         .map(|profiles| profiles.iter().map(|(_, points)| points.len()).sum());
     counts
-        .map(|count: usize| found.by_ref().take(count).collect())
+        .map(|count: usize| omnivariances.by_ref().take(count).collect())
         .collect()
 }
 
@@ -122,20 +123,20 @@ fn distances(
     input: &Input,
 ) -> Vec<[f64; 2]> {
     let name = input.scans[scanner].name;
-    let wanted = |found: &&Agreement| {
-        found.scanner == name
-            && match &found.against {
+    let wanted = |agreement: &&Agreement| {
+        agreement.scanner == name
+            && match &agreement.against {
                 Against::Reference => true,
                 Against::Scanner(_) => input.reference.is_empty(),
             }
     };
-    let Some(found) = input.agreements.under(view.kind).find(wanted) else {
+    let Some(agreement) = input.agreements.under(view.kind).find(wanted) else {
         let points = profiles.iter().map(|(_, points)| points.len());
         return vec![[f64::NAN; 2]; points.sum()];
     };
     let settings = input.settings;
     let (reach_m, most_m) = (settings.core_spacing_m, settings.max_distance_m);
-    let distances = Distances::new(&found.distances, reach_m, most_m);
+    let distances = Distances::new(&agreement.distances, reach_m, most_m);
     let each = profiles.par_iter().flat_map_iter(|(profile, points)| {
         let pose = profile.poses[set] * view.mounting(scanner, profile.time_s);
         let at = points
