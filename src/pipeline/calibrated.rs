@@ -76,9 +76,9 @@ impl Calibrated {
             stages::calibration(&begin, &settings, poses, samples, reference, progress)
         })?;
         // Refusing scans that are badly misplaced would otherwise take minutes.
-        let mut said = poses.preflight.iter().chain(&start.said);
+        let mut verdicts = poses.preflight.iter().chain(&start.said);
         let minimum = two_steps.minimum.as_ref();
-        let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
+        let hindrance = if verdicts.any(|verdict| verdict.severity == Severity::Fault) {
             Some("logs or scans have the fault that stands first")
         } else if minimum.is_some_and(Minimum::is_doubtful) {
             Some("two steps found another minimum that fits as well")
@@ -103,12 +103,12 @@ impl Calibrated {
         };
         let (result, variants) = match joint.as_ref().and_then(JointReport::accepted) {
             Some(joint) => {
-                let found = joint.calibration(&two_steps);
-                (found, vec![(Variant::TwoStep, two_steps)])
+                let calibration = joint.calibration(&two_steps);
+                (calibration, vec![(Variant::TwoStep, two_steps)])
             }
             None => (two_steps, Vec::new()),
         };
-        let found = Self {
+        let calibrated = Self {
             project,
             background_m,
             start,
@@ -116,7 +116,7 @@ impl Calibrated {
             variants,
             joint,
         };
-        Ok((poses, found))
+        Ok((poses, calibrated))
     }
 
     /// The joint adjustment whose values are the result.
@@ -130,7 +130,8 @@ impl Calibrated {
         let mut mountings = vec![(MountingKind::Initial, initial)];
         let mut variants = self.variants.iter();
         let two_steps = variants.find(|(variant, _)| *variant == Variant::TwoStep);
-        mountings.extend(two_steps.map(|(_, found)| (MountingKind::TwoStep, found.poses())));
+        mountings
+            .extend(two_steps.map(|(_, calibration)| (MountingKind::TwoStep, calibration.poses())));
         mountings.push((MountingKind::Final, self.result.poses()));
         mountings.extend(truth.map(|truth| (MountingKind::Truth, truth.mountings.clone())));
         mountings
@@ -149,9 +150,9 @@ impl Calibrated {
         let origin_sigma_m = stages::origin_sigma_m(project, solution);
         let calibration = self.result.with_origin_sigma(origin_sigma_m);
         let variants = self.variants.into_iter();
-        let variants = variants.map(|(variant, found)| match variant {
-            Variant::ExactPoses => (variant, found),
-            _ => (variant, found.with_origin_sigma(origin_sigma_m)),
+        let variants = variants.map(|(variant, calibration)| match variant {
+            Variant::ExactPoses => (variant, calibration),
+            _ => (variant, calibration.with_origin_sigma(origin_sigma_m)),
         });
         job.warn_of_changes();
         let mut findings = Findings {
@@ -195,8 +196,9 @@ impl Sampled {
 /// The reference, thinned to a few thousand points.
 fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     const VOXEL_M: f64 = 0.05;
-    let kept = voxel::thin(reference, VOXEL_M);
-    kept.iter()
+    let thinned = voxel::thin(reference, VOXEL_M);
+    thinned
+        .iter()
         .map(|&index| reference[index as usize])
         .collect()
 }

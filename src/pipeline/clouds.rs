@@ -48,13 +48,13 @@ pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
     // Loads are also known where poses are too uncertain to place points.
     let loads = loads(&trajectory.clone().without_limits());
     let scanners = project.scanners.iter();
-    let of = |scanner: &Scanner| {
+    let bending = |scanner: &Scanner| {
         Bending::sampled(trajectory.span_s(), BENDING_STEP_S, |time_s| {
             let compliance = scanner.compliance.as_ref();
             compliance.map_or([0.0; 6], |c| c.offset(&loads.at(time_s)))
         })
     };
-    scanners.map(of).collect()
+    scanners.map(bending).collect()
 }
 
 /// An even sample of the laser points of one scanner.
@@ -190,7 +190,7 @@ pub fn stream(
         .sum();
     let shape = placed.map(|_| shape(project, trajectory)).transpose()?;
     let stage = progress.stage("georeferencing", bytes);
-    let found = in_parallel(jobs, |(number, scanner, readers)| {
+    let samples = in_parallel(jobs, |(number, scanner, readers)| {
         let index = usize::from(number);
         let (pose, bending, mut writer) = match placed {
             Some((mounted, open)) => {
@@ -202,7 +202,7 @@ pub fn stream(
         };
         let place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
         let mut place = place.with_bending(bending);
-        let mut kept = EvenSample::new(MAX_KEPT);
+        let mut sample = EvenSample::new(MAX_KEPT);
         let mut chunk = Vec::new();
         let mut values = Values::new(number);
         for mut reader in readers {
@@ -216,7 +216,7 @@ pub fn stream(
                     let Some(world) = place.place(point) else {
                         continue;
                     };
-                    kept.push((values.profile, *point));
+                    sample.push((values.profile, *point));
                     if let Some(writer) = &mut writer {
                         writer.push(&CloudPoint {
                             position: world + project.origin_m,
@@ -235,14 +235,14 @@ pub fn stream(
         }
         place.check(&scanner.name)?;
         let kept = Kept {
-            of: kept.seen(),
-            points: kept.into_kept(),
+            of: sample.seen(),
+            points: sample.into_kept(),
         };
         Ok((kept, place))
     });
     drop(stage);
-    let found = found.into_iter().collect::<Result<Vec<_>>>()?;
-    let named = project.scanners.iter().zip(found);
+    let samples = samples.into_iter().collect::<Result<Vec<_>>>()?;
+    let named = project.scanners.iter().zip(samples);
     Ok(named
         .map(|(scanner, (points, place))| {
             warn_of_missing(

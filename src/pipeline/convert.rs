@@ -97,8 +97,8 @@ const MOUNTINGS: [(&str, (Print, &[&str])); 4] = [
 
 fn of_end<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
     let name = path.file_name()?.to_str()?.to_lowercase();
-    let found = known.iter().find(|(end, _)| name.ends_with(end))?;
-    Some(found.1)
+    let entry = known.iter().find(|(end, _)| name.ends_with(end))?;
+    Some(entry.1)
 }
 
 /// Converts `input` to `output`, in the format of its extension: clouds as `.las`, `.laz`, `.copc.laz`, `.e57`, `.ply`,
@@ -113,7 +113,7 @@ pub fn convert(
     with: &Conversion,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let found = format::detect(input)?;
+    let format = format::detect(input)?;
     let folder = match output.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -122,13 +122,13 @@ pub fn convert(
     let staging = Staging::new(folder, &[input.to_owned()], &[&*name])?;
     let staged = staging.path(&name);
     // Errors of the file in the staging folder name the requested output.
-    let summary = written(input, output, &staged, (found, with), progress)
+    let summary = written(input, output, &staged, (format, with), progress)
         .map_err(|error| error.renamed(&staged, output))?;
     progress.check()?;
     staging.commit()?;
     let output: PathBuf = output.to_owned();
     Ok(Outcome {
-        result: json!({ "input": input, "output": output, "from": found, "what": summary }),
+        result: json!({ "input": input, "output": output, "from": format, "what": summary }),
         summary,
         files: vec![output],
         ..Outcome::default()
@@ -140,16 +140,16 @@ fn written(
     input: &Path,
     output: &Path,
     staged: &Path,
-    (found, with): (Format, &Conversion),
+    (format, with): (Format, &Conversion),
     progress: &dyn Progress,
 ) -> Result<String> {
-    let poses = of_end(output, &POSES).filter(|_| found.has_poses());
-    if found.has_cloud() && format::is_cloud_name(output) {
+    let poses = of_end(output, &POSES).filter(|_| format.has_poses());
+    if format.has_cloud() && format::is_cloud_name(output) {
         with.check(&[])?;
-        return cloud(input, staged, found, progress);
+        return cloud(input, staged, format, progress);
     }
     if let Some(write) = poses {
-        let is_geographic = found.id() == "sbet" || of_end(output, &[(SBET, ())]).is_some();
+        let is_geographic = format.id() == "sbet" || of_end(output, &[(SBET, ())]).is_some();
         with.check(if is_geographic {
             &["--crs", "--axes"]
         } else {
@@ -161,7 +161,8 @@ fn written(
         write(staged, &poses, with)?;
         return Ok(format!("{} poses", poses.len()));
     }
-    if let Some((print, options)) = of_end(output, &MOUNTINGS).filter(|_| found.id() == "project") {
+    if let Some((print, options)) = of_end(output, &MOUNTINGS).filter(|_| format.id() == "project")
+    {
         with.check(options)?;
         let Mountings {
             mut scanners,
@@ -178,7 +179,7 @@ fn written(
     }
     Err(Error::data(
         format!(
-            "{}: {found} cannot be written as {}",
+            "{}: {format} cannot be written as {}",
             input.display(),
             output.display()
         ),
@@ -257,12 +258,12 @@ fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progres
 
 /// Converts a cloud. LAS and LAZ are copied with all fields; otherwise clouds have positions, times, intensities and,
 /// if they come from LAS or LAZ, extra dimensions.
-fn cloud(input: &Path, output: &Path, found: Format, progress: &dyn Progress) -> Result<String> {
+fn cloud(input: &Path, output: &Path, format: Format, progress: &dyn Progress) -> Result<String> {
     let rows = CloudRows::open(input)?;
     let points = rows.len();
     let end = output.to_string_lossy().to_lowercase();
     let is_las = end.ends_with(".las") || end.ends_with(".laz");
-    let is_copy = found.is_las() && is_las && !end.ends_with(".copc.laz");
+    let is_copy = format.is_las() && is_las && !end.ends_with(".copc.laz");
     let frame = format::describe_frame(input)?;
     if !is_copy && frame.contains("read as metres") {
         progress.warn(&format!("{}: {frame}", input.display()));
@@ -308,13 +309,13 @@ fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()
 
 /// The mounting as PDAL's matrix, which a cloud has only one of.
 fn pdal(all: &[(String, BodyFromScanner)], with: &Conversion) -> Result<String> {
-    let found = match &with.scanner {
+    let scanner = match &with.scanner {
         Some(name) => all.iter().find(|(other, _)| other == name),
         None => all.first().filter(|_| all.len() == 1),
     };
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
     let names = names.join(", ");
-    let (_, mounting) = found.ok_or_else(|| {
+    let (_, mounting) = scanner.ok_or_else(|| {
         Error::data(
             match &with.scanner {
                 Some(name) => format!("there is no scanner `{name}`, only {names}"),

@@ -48,12 +48,12 @@ impl Adjusted {
     /// # Errors
     /// See [`Trajectory::with_limits`].
     pub fn new(project: &Project, poses: &Poses, joint: Option<&Joint>) -> Result<Self> {
-        let found = joint.and_then(|joint| joint.drives.first());
-        let trajectory = match found {
+        let adjusted = joint.and_then(|joint| joint.drives.first());
+        let trajectory = match adjusted {
             Some(drive) => drive.trajectory.clone().with_limits(project.limits)?,
             None => poses.trajectory.clone(),
         };
-        let bending = found.into_iter().flat_map(|drive| &drive.bending);
+        let bending = adjusted.into_iter().flat_map(|drive| &drive.bending);
         Ok(Self {
             trajectory,
             bending: bending.map(|moved| moved.offsets.clone()).collect(),
@@ -217,18 +217,18 @@ fn adjusted_alone(
     let keeps =
         |reason: &str| progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
     match adjusted {
-        Ok(found) => {
-            if let Some(reason) = contradictions(&found).first() {
+        Ok(joint) => {
+            if let Some(reason) = contradictions(&joint).first() {
                 keeps(reason);
                 return Ok(None);
             }
-            let drive = found.drives.into_iter().next();
+            let drive = joint.drives.into_iter().next();
             let placed = drive.map(|drive| {
                 let bending = drive.bending.into_iter().map(|moved| moved.offsets);
                 Ok(Adjusted {
                     trajectory: drive.trajectory.with_limits(project.limits)?,
                     bending: bending.collect(),
-                    planes: found.planes,
+                    planes: joint.planes,
                 })
             });
             placed.transpose()

@@ -106,21 +106,21 @@ impl Finished {
         progress: &dyn Progress,
     ) -> Result<Option<Stage<T>>> {
         let place = self.place(stage, key, "");
-        let Some((hashes, found)) = read_whole(&place).filter(|_| self.finds) else {
+        let Some((hashes, finished)) = read_whole(&place).filter(|_| self.finds) else {
             return Ok(None);
         };
-        let kept = self.places(stage, key, paths);
-        if hashes.len() != kept.len() {
+        let places = self.places(stage, key, paths);
+        if hashes.len() != places.len() {
             return Ok(None);
         }
-        for (file, hash) in kept.iter().zip(&hashes) {
+        for (file, hash) in places.iter().zip(&hashes) {
             match hash_seen(file, progress) {
                 Ok(own) if own == *hash => {}
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
                 _ => return Ok(None),
             }
         }
-        let pairs = kept.iter().zip(paths);
+        let pairs = places.iter().zip(paths);
         if pairs
             .map(|(from, to)| fs::hard_link(from, to))
             .any(|linked| linked.is_err())
@@ -129,10 +129,10 @@ impl Finished {
             paths.iter().for_each(|path| drop(fs::remove_file(path)));
             return Ok(None);
         }
-        self.used.extend(kept);
+        self.used.extend(places);
         self.used.push(place);
         self.found.push(stage.to_owned());
-        Ok(Some(found))
+        Ok(Some(finished))
     }
 
     /// Keeps the result of a stage and the files that it wrote. If hard links are not possible, nothing is kept: a copy
@@ -144,7 +144,7 @@ impl Finished {
         &mut self,
         stage: &str,
         key: &Key,
-        found: &Stage<T>,
+        finished: &Stage<T>,
         paths: &[PathBuf],
         progress: &dyn Progress,
     ) -> Result<()> {
@@ -157,8 +157,8 @@ impl Finished {
             let name = place.file_name().unwrap_or_default();
             staging.path(&name.to_string_lossy())
         };
-        let kept = self.places(stage, key, paths);
-        for (path, place) in paths.iter().zip(&kept) {
+        let places = self.places(stage, key, paths);
+        for (path, place) in paths.iter().zip(&places) {
             if fs::hard_link(path, staged(place)).is_err() {
                 return Ok(());
             }
@@ -166,13 +166,13 @@ impl Finished {
         let hashes = paths.iter().map(|path| hash_seen(path, progress));
         let mut bytes = Vec::new();
         hashes.collect::<Result<Vec<u128>>>()?.store(&mut bytes);
-        found.store(&mut bytes);
+        finished.store(&mut bytes);
         Hasher::oneshot(&bytes).store(&mut bytes);
         let place = self.place(stage, key, "");
         let path = staged(&place);
         fs::write(&path, &bytes).map_err(|error| Error::io(&path, error))?;
         staging.commit()?;
-        self.used.extend(kept);
+        self.used.extend(places);
         self.used.push(place);
         Ok(())
     }
@@ -220,8 +220,8 @@ impl Finished {
     /// The files of kept stages in the folder.
     fn entries(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
-        let own = entries.filter(|entry| is_own(&entry.file_name()));
-        own.map(|entry| entry.path()).collect()
+        let kept = entries.filter(|entry| is_kept(&entry.file_name()));
+        kept.map(|entry| entry.path()).collect()
     }
 }
 
@@ -233,7 +233,7 @@ fn hash_seen(path: &Path, progress: &dyn Progress) -> Result<u128> {
 }
 
 /// Whether a name is that of a kept file: `stage-0123…cdef.kept` or `stage-0123…cdef.cloud.laz.kept`.
-fn is_own(name: &OsStr) -> bool {
+fn is_kept(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     let Some(stem) = name
         .strip_suffix(END)
@@ -257,8 +257,8 @@ fn read_whole<T: Stored>(path: &Path) -> Option<(Vec<u128>, Stage<T>)> {
     if u128::restore(&mut hash) != Some(Hasher::oneshot(content)) {
         return None;
     }
-    let found = Stored::restore(&mut content)?;
-    content.is_empty().then_some(found)
+    let stage = Stored::restore(&mut content)?;
+    content.is_empty().then_some(stage)
 }
 
 #[cfg(test)]
@@ -268,9 +268,9 @@ mod tests {
     #[test]
     fn files_of_others_are_told() {
         let key = "0123456789abcdef0123456789abcdef";
-        let is_own = |name: &str| is_own(OsStr::new(name));
-        assert!(is_own(&format!("calibrate-{key}.kept")));
-        assert!(is_own(&format!("georeference-{key}.cloud-a.laz.kept")));
+        let is_kept = |name: &str| is_kept(OsStr::new(name));
+        assert!(is_kept(&format!("calibrate-{key}.kept")));
+        assert!(is_kept(&format!("georeference-{key}.cloud-a.laz.kept")));
         for name in [
             format!("scan-{key}.laz"),
             format!("scan-{}.kept", key.to_uppercase()),
@@ -279,7 +279,7 @@ mod tests {
             "notes.kept".to_owned(),
             ".kept".to_owned(),
         ] {
-            assert!(!is_own(&name), "{name}");
+            assert!(!is_kept(&name), "{name}");
         }
     }
 }

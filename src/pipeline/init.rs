@@ -44,9 +44,9 @@ pub struct NewProject {
 }
 
 impl NewProject {
-    fn misses(&mut self, what: &'static str) {
-        if !self.missing.contains(&what) {
-            self.missing.push(what);
+    fn misses(&mut self, key: &'static str) {
+        if !self.missing.contains(&key) {
+            self.missing.push(key);
         }
     }
 }
@@ -67,11 +67,11 @@ pub fn init(folder: &Path) -> Result<NewProject> {
     let mut files = Vec::new();
     list(folder, DEEPEST, &mut files)?;
     files.sort();
-    let mut found = Found::default();
+    let mut sorted = Found::default();
     for file in &files {
-        found.sort_in(folder, file);
+        sorted.sort_in(folder, file);
     }
-    if found.profiles.is_empty() && found.recordings.is_empty() {
+    if sorted.profiles.is_empty() && sorted.recordings.is_empty() {
         return Err(Error::of(
             Problem::TooFew,
             format!(
@@ -82,7 +82,7 @@ pub fn init(folder: &Path) -> Result<NewProject> {
             "boresight inspect FILE… says how each file is read",
         ));
     }
-    Ok(found.project())
+    Ok(sorted.project())
 }
 
 fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
@@ -130,7 +130,7 @@ impl Found {
         }
         if format.id() == "ros-bag" {
             match format::inspect(file) {
-                Ok(found) => self.recordings.push((path, found.notes.join("; "))),
+                Ok(inspection) => self.recordings.push((path, inspection.notes.join("; "))),
                 Err(error) => self.unread.push(error.to_string()),
             }
             return;
@@ -188,7 +188,7 @@ impl Found {
             let positions = self.prism.iter().chain(&self.gnss);
             let logs = self.imu.iter().chain(positions).chain(&self.heading);
             let what = "logs from which the trajectory could be estimated instead";
-            aside(&mut made.text, what, logs);
+            list_as_comment(&mut made.text, what, logs);
         }
         let mut names: Vec<String> = Vec::new();
         for profiles in &self.profiles {
@@ -209,11 +209,11 @@ impl Found {
                 quoted(&format!("{}#/topic", path.display()))
             );
         }
-        if let Some((first, others)) = self.clouds.split_first() {
+        if let Some((first, further)) = self.clouds.split_first() {
             made.text += &format!("\n[reference]\nfile = {}\n", quoted_path(first));
-            aside(&mut made.text, "other clouds", others);
+            list_as_comment(&mut made.text, "other clouds", further);
         }
-        aside(&mut made.text, "files that nothing reads", &self.unknown);
+        list_as_comment(&mut made.text, "files that nothing reads", &self.unknown);
         for error in &self.unread {
             made.text += &format!("# not read: {}\n", error.replace('\n', " "));
         }
@@ -232,9 +232,9 @@ impl Found {
             ("gnss", &self.gnss, arm),
             ("heading", &self.heading, offset),
         ] {
-            if let Some((first, others)) = files.split_first() {
+            if let Some((first, further)) = files.split_first() {
                 made.text += &format!("\n[{name}]\nfile = {}\n{keys}", quoted_path(first));
-                aside(&mut made.text, "others of this kind", others);
+                list_as_comment(&mut made.text, "others of this kind", further);
                 if keys == arm {
                     made.misses("lever_arm_m");
                 }
@@ -324,7 +324,11 @@ fn scanner_name(profiles: &Path) -> String {
 }
 
 /// Lists files as a comment.
-fn aside<'a>(text: &mut String, what: &str, files: impl IntoIterator<Item = &'a PathBuf>) {
+fn list_as_comment<'a>(
+    text: &mut String,
+    what: &str,
+    files: impl IntoIterator<Item = &'a PathBuf>,
+) {
     let names: Vec<String> = files
         .into_iter()
         .map(|path| path.display().to_string())

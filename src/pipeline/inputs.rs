@@ -68,8 +68,8 @@ impl Inputs {
     pub fn changed(&self) -> Option<&Path> {
         let changed = self.0.iter().find(|(path, content)| {
             let now = path.metadata().ok().map(|metadata| look(&metadata));
-            let then = content.as_ref().map(|content| content.look);
-            then.is_some() && now != then
+            let before = content.as_ref().map(|content| content.look);
+            before.is_some() && now != before
         });
         changed.map(|(path, _)| path.as_path())
     }

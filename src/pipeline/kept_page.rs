@@ -137,10 +137,10 @@ fn parse(path: &Path, bytes: &[u8], program: &str) -> Result<Kept> {
         let expected = format!("`{}`, as a run writes it", MAGIC.trim_end());
         return wrong(Location::Line(1), "another file", &expected);
     }
-    let whole = bytes.split_last_chunk::<HASH>().filter(|(before, hash)| {
+    let content = bytes.split_last_chunk::<HASH>().filter(|(before, hash)| {
         before.len() >= MAGIC.len() && Hasher::oneshot(before) == u128::from_le_bytes(**hash)
     });
-    let Some((before, _)) = whole else {
+    let Some((before, _)) = content else {
         let expected = "the file as the run wrote it; run again";
         return wrong(
             Location::Byte(bytes.len() as u64),

@@ -71,10 +71,10 @@ impl Keys {
         let program = Key(Hasher::new()).with(&PROGRAM);
         let other = |drive: &OtherDrive| -> Result<Key> {
             let project = Project::read(&drive.project)?;
-            let key = of(&before_comparison(&project), inputs, &program);
+            let key = key_of(&before_comparison(&project), inputs, &program);
             Ok(key.with(&drive.name))
         };
-        let calibration = of(&before_comparison(project), inputs, &program);
+        let calibration = key_of(&before_comparison(project), inputs, &program);
         let mut joint = calibration.clone();
         for drive in &project.drives {
             joint = joint.with(&other(drive)?);
@@ -86,7 +86,7 @@ impl Keys {
         let reference = reference.map(|file| inputs.hash(&file_of(&file.path)));
         Ok(Self {
             reference: program.clone().with(&(reference, project.origin_m)),
-            poses: of(&before_scans(project), inputs, &program),
+            poses: key_of(&before_scans(project), inputs, &program),
             calibration,
             evaluations: evaluations.collect::<Result<_>>()?,
             joint,
@@ -95,7 +95,7 @@ impl Keys {
 }
 
 /// The key of a result that depends on everything in a project and its files.
-fn of(project: &Project, inputs: &Inputs, program: &Key) -> Key {
+fn key_of(project: &Project, inputs: &Inputs, program: &Key) -> Key {
     // The name of a projection identifies it completely.
     let crs = project.crs.as_ref().map(|crs| crs.name().to_owned());
     let mut key = program.clone().with(&crs);

@@ -113,7 +113,7 @@ pub fn trajectory<'a>(
 /// Content of the page of two clouds that were compared.
 pub fn comparison(
     comparison: &Comparison,
-    found: &M3c2,
+    distances: &M3c2,
     statistics: Statistics,
 ) -> Content<'static> {
     let name = |path: &Path| {
@@ -162,7 +162,7 @@ pub fn comparison(
                 mounting: MountingKind::Final,
                 statistics,
                 coverage: f64::NAN,
-                distances: DistanceMap::of(found),
+                distances: DistanceMap::of(distances),
             },
         }),
         peak_memory_bytes: peak_memory_bytes(),

@@ -93,14 +93,14 @@ impl Placement {
     /// A verdict if the mountings of the project are used although there is a newer calibration.
     fn newer_calibration(&self) -> Option<Verdict> {
         let own = &self.project.path;
-        let found = own.with_file_name("out").join("calibration.toml");
+        let calibration_file = own.with_file_name("out").join("calibration.toml");
         let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
-        let is_newer = self.calibration.is_none() && changed(&found)? > changed(own)?;
+        let is_newer = self.calibration.is_none() && changed(&calibration_file)? > changed(own)?;
         is_newer.then(|| {
             let text = format!(
                 "Placed with the mountings of {}, though {} is newer: give it with --calibration.",
                 own.display(),
-                found.display()
+                calibration_file.display()
             );
             Verdict::care("georeference.mounting", text)
         })
@@ -141,8 +141,8 @@ pub fn marked_unusable(calibration: &Path) -> Result<Option<Verdict>> {
             "Placed with the mountings of {name}, which is marked as not usable: see what it says at its top."
         )
     };
-    let found = crate::project::mountings(calibration)?;
-    Ok(found
+    let calibration = crate::project::mountings(calibration)?;
+    Ok(calibration
         .is_unusable
         .then(|| Verdict::fault("georeference.mounting", text())))
 }

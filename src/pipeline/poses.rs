@@ -116,7 +116,7 @@ fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
             .to_string_lossy()
             .into_owned()
     };
-    let mut said = unmeasured(&logs.motion(), &logs.settings, &file);
+    let mut verdicts = unmeasured(&logs.motion(), &logs.settings, &file);
     for late in late_logs(&logs.motion(), &logs.settings) {
         let on_time = |time_s: &mut f64| *time_s -= late.late_s;
         match late.log {
@@ -127,19 +127,19 @@ fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
             }
             Log::Heading => logs.heading.iter_mut().for_each(|h| on_time(&mut h.time_s)),
         }
-        said.push(late.verdict);
+        verdicts.push(late.verdict);
     }
-    said.extend(contradictions(&logs.motion(), &logs.settings)?);
-    if said.iter().any(|v| v.code == HEADING_SIGN) {
+    verdicts.extend(contradictions(&logs.motion(), &logs.settings)?);
+    if verdicts.iter().any(|v| v.code == HEADING_SIGN) {
         logs.heading.clear();
     }
     for (fixes, position) in logs.positions.iter().zip(&mut logs.settings.positions) {
         if let Some((factors, verdict)) = position_noise(fixes, position) {
             position.sigma_m.component_mul_assign(&factors);
-            said.push(verdict);
+            verdicts.push(verdict);
         }
     }
-    Ok(said)
+    Ok(verdicts)
 }
 
 /// The estimate with more constants free, and its settings; `None` if it fails or does not converge.
@@ -151,7 +151,7 @@ fn with_freed(
     let held = logs.settings.estimate.clone();
     logs.settings.estimate.extend(constants);
     match estimate(&logs.motion(), &logs.settings, progress) {
-        Ok(found) if found.solution.converged => Ok(Some(found)),
+        Ok(freed) if freed.solution.converged => Ok(Some(freed)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
         _ => {
             logs.settings.estimate = held;
@@ -179,17 +179,22 @@ fn poses_from_logs(
         progress.warn(&verdict.text);
     }
     let begun = Instant::now();
-    let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
+    let mut estimated = estimate(&logs.motion(), &logs.settings, progress)?;
     // Constants and noise that fit wrong axes or signs mean nothing.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
     let mut doubts = match is_sound {
-        true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
+        true => doubts(
+            &logs.motion(),
+            &logs.settings,
+            &estimated.solution,
+            progress,
+        )?,
         false => Vec::new(),
     };
     if estimates_doubted && !doubts.is_empty() {
         let doubted: Vec<Constant> = doubts.iter().map(|doubt| doubt.constant).collect();
         if let Some(freed) = with_freed(&mut logs, &doubted, progress)? {
-            found = freed;
+            estimated = freed;
             doubts.iter_mut().for_each(|doubt| doubt.is_used = true);
         }
     }
@@ -197,14 +202,14 @@ fn poses_from_logs(
         progress.warn(&doubt.describe());
     }
     let scale = Constant::ImuNoiseScale;
-    let is_noisy = found.solution.imu_noise_factor() > NOTABLE_NOISE;
+    let is_noisy = estimated.solution.imu_noise_factor() > NOTABLE_NOISE;
     if estimates_doubted
         && is_sound
         && is_noisy
         && !logs.settings.estimate.contains(&scale)
         && let Some(scaled) = with_freed(&mut logs, &[scale], progress)?
     {
-        found = scaled;
+        estimated = scaled;
     }
     let seconds = begun.elapsed().as_secs_f64();
     let Estimate {
@@ -212,7 +217,7 @@ fn poses_from_logs(
         solution,
         covariance,
         ..
-    } = found;
+    } = estimated;
     let poses = Poses {
         trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),
@@ -236,15 +241,15 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     match &project.motion {
         Motion::Logs(files) => {
             let mut logs = DriveLogs::read(project, files, &Silent)?;
-            let mut said = put_right(&mut logs, files)?;
-            if said.is_empty() {
-                said.push(Verdict::good(
+            let mut verdicts = put_right(&mut logs, files)?;
+            if verdicts.is_empty() {
+                verdicts.push(Verdict::good(
                     "logs.consistent",
                     "Units, axes, signs and clocks of the logs do not contradict each other or the project.",
                 ));
             }
-            said.extend(recorded::verdicts(project)?);
-            Ok(said)
+            verdicts.extend(recorded::verdicts(project)?);
+            Ok(verdicts)
         }
         Motion::Poses(_) => Ok(Vec::new()),
     }
@@ -258,7 +263,7 @@ fn read_poses(project: &Project, file: &PosesFile) -> Result<Vec<PoseRecord>> {
     }
     // The sort is stable: of poses at the same time, that of the first file remains.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    nodes.dedup_by(|later, kept| later.time_s == kept.time_s);
+    nodes.dedup_by(|later, earlier| later.time_s == earlier.time_s);
     for node in &mut nodes {
         node.time_s += file.time_offset_s;
         node.world_from_body.translation_m -= project.origin_m;

@@ -34,22 +34,22 @@ pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
         let files = scanner.profiles.iter();
         logs.extend(files.map(|path| (scanner.name.as_str(), path.as_path())));
     }
-    let mut said = Vec::new();
+    let mut verdicts = Vec::new();
     let recording = logs.iter().find_map(|(_, path)| recording_clock(path));
     let Some(recording) = recording else {
-        return Ok(said);
+        return Ok(verdicts);
     };
-    said.extend(of_system(&recording?));
+    verdicts.extend(system_clock(&recording?));
     for (name, path) in logs {
         if let Some(clock) = sensor_clock(path)? {
-            said.extend(of_sensor(name, &clock));
+            verdicts.extend(sensor_verdicts(name, &clock));
         }
     }
-    Ok(said)
+    Ok(verdicts)
 }
 
 /// The verdict on the system clock.
-fn of_system(clock: &RecordingClock) -> Option<Verdict> {
+fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
     let code = "recording.clock";
     let common = "the total station has the times of a clock that ran evenly from the beginning, and sensors with \
                   clocks of their own those of their arrival";
@@ -88,8 +88,8 @@ fn of_system(clock: &RecordingClock) -> Option<Verdict> {
 }
 
 /// The verdicts on the clock, the arrival times and the gaps of a sensor.
-fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
-    let mut said = Vec::new();
+fn sensor_verdicts(name: &str, clock: &SensorClock) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
     let (median_ms, late_ms) = (1e3 * clock.delay_median_s, 1e3 * clock.delay_999_s);
     let span_s = clock.span_s;
     if !clock.is_kept {
@@ -102,7 +102,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
             ),
             false => String::new(),
         };
-        said.push(Verdict {
+        verdicts.push(Verdict {
             value: Some(clock.offset_s),
             ..Verdict::note(
                 "recording.sensor_clock",
@@ -116,7 +116,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
         });
     }
     if clock.is_kept && clock.delay_999_s > NOTABLE_DELAY_S {
-        said.push(Verdict {
+        verdicts.push(Verdict {
             value: Some(clock.delay_999_s),
             ..Verdict::note(
                 "recording.delay",
@@ -127,7 +127,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
             )
         });
     }
-    said.extend(of_arrivals(name, clock));
+    verdicts.extend(missing_arrivals(name, clock));
     if clock.gaps > 0 {
         let text = format!(
             "{name}: nothing arrived for {:.1} s{}.",
@@ -142,16 +142,16 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
             true => Verdict::care("recording.gap", text),
             false => Verdict::note("recording.gap", text),
         };
-        said.push(Verdict {
+        verdicts.push(Verdict {
             value: Some(clock.longest_gap_s),
             ..verdict
         });
     }
-    said
+    verdicts
 }
 
 /// The verdict on missing arrival times.
-fn of_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
+fn missing_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
     let mut missing = Vec::new();
     if clock.damaged_arrivals > 0 {
         let rows = clock.damaged_arrivals;

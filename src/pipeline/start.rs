@@ -142,26 +142,26 @@ pub fn start(
     let better = better.map(|poses| with_mountings(project, &poses));
     let better = better.map(|project| (placed(&project), project));
     drop(stage);
-    let (placed, project, mut said) = match better {
-        // A mistake that explains as much makes the search unnecessary.
-        Some((found, better))
-            if found.is_as_close_as(&own) && !own.is_explained_as_well_as(&found) =>
+    let (placed, project, mut verdicts) = match better {
+        // A better start is not used if a usual mistake explains the scans about as well.
+        Some((other, better))
+            if other.is_as_close_as(&own) && !own.is_explained_as_well_as(&other) =>
         {
-            let said = far_starts(project, &better);
-            (found, better, said)
+            let verdicts = far_starts(project, &better);
+            (other, better, verdicts)
         }
         _ => (own, project.clone(), Vec::new()),
     };
     let apart_m = placed.apart_m();
-    said.extend(placed.verdict);
-    said.extend(fans(&mountings(&project), samples));
-    for verdict in &said {
+    verdicts.extend(placed.verdict);
+    verdicts.extend(fans(&mountings(&project), samples));
+    for verdict in &verdicts {
         progress.warn(&verdict.text);
     }
     Start {
         mountings: initial_poses(&project),
         voxel_sizes_m: scales_for(&project, samples, apart_m, progress),
-        said,
+        said: verdicts,
     }
 }
 
@@ -175,7 +175,7 @@ fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
         (&own.name, turn.norm(), shift.norm())
     });
     let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
-    let said = far.map(|(name, turn, shift)| {
+    let verdicts = far.map(|(name, turn, shift)| {
         let text = format!(
             "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
              clouds then take up much less space: is that as wrong?",
@@ -183,7 +183,7 @@ fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
         );
         Verdict::care("mounting.start", text).with_value(turn, None)
     });
-    said.collect()
+    verdicts.collect()
 }
 
 /// The scales of the project, preceded by coarser ones if the clouds lie farther apart than the scales reach, as far as

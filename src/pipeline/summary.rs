@@ -36,8 +36,12 @@ pub fn run(findings: &Findings, report: &str) -> String {
 /// The method whose values are the result, and the mountings.
 pub fn calibration(findings: &Findings) -> String {
     let methods = judgement::method(&findings.calibration, findings.joint.as_ref());
-    let methods = methods.iter().filter(|found| !found.severity.is_marked());
-    let methods: String = methods.map(|found| format!("{}\n\n", found.text)).collect();
+    let methods = methods
+        .iter()
+        .filter(|verdict| !verdict.severity.is_marked());
+    let methods: String = methods
+        .map(|verdict| format!("{}\n\n", verdict.text))
+        .collect();
     let reference = judgement::reference_sigmas(&findings.calibration, findings.joint.as_ref());
     format!(
         "{methods}{}\n{}",
@@ -121,7 +125,7 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
 /// A table of the distances with a row per comparison and a column per mounting.
 pub fn distances(drives: &[Drive]) -> String {
     let mut all = drives.iter().flat_map(|drive| &drive.agreements.found);
-    let is_joint = all.any(|found| found.mounting == MountingKind::TwoStep);
+    let is_joint = all.any(|agreement| agreement.mounting == MountingKind::TwoStep);
     let result = if is_joint {
         "joint adjustment"
     } else {
@@ -139,8 +143,8 @@ pub fn distances(drives: &[Drive]) -> String {
         for pair in drive.agreements.pairs() {
             rows.push(format!("  {}: {}", drive.name, pair[0].pair()));
             for ((kind, _), column) in kinds.iter().zip(&mut columns) {
-                let found = pair.iter().find(|found| found.mounting == *kind);
-                let rmse_m = found.map(|found| found.statistics.rmse_m);
+                let agreement = pair.iter().find(|agreement| agreement.mounting == *kind);
+                let rmse_m = agreement.map(|agreement| agreement.statistics.rmse_m);
                 column.push(rmse_m.map_or("-".into(), |rmse| format!("{:.2} mm", rmse * 1e3)));
             }
         }
@@ -235,8 +239,8 @@ fn sensors(solution: &Solution) -> Vec<String> {
         std::iter::once(head.to_owned()).chain(cells).collect()
     };
     let component = |s: &SensorDiagnostics| {
-        let found = s.variance_component;
-        found.map_or("-".into(), |found| format!("{found:.2}"))
+        let component = s.variance_component;
+        component.map_or("-".into(), |component| format!("{component:.2}"))
     };
     let columns = [
         column("used", &|s| s.count.to_string()),

@@ -188,11 +188,13 @@ impl CloudSink for TiledSink<'_> {
         spool.low = spool.low.inf(&point.position);
         spool.high = spool.high.sup(&point.position);
         let [x, y, z] = point.position.into();
-        let own = [x, y, z, point.time_s, point.intensity.into()];
+        let fields = [x, y, z, point.time_s, point.intensity.into()];
         let before = spool.waiting.capacity();
-        spool.waiting.reserve(8 * (own.len() + point.values.len()));
+        spool
+            .waiting
+            .reserve(8 * (fields.len() + point.values.len()));
         self.held += spool.waiting.capacity() - before;
-        for value in own.iter().chain(point.values) {
+        for value in fields.iter().chain(point.values) {
             spool.waiting.extend_from_slice(&value.to_le_bytes());
         }
         if spool.waiting.len() >= PIECE {

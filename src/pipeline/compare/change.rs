@@ -44,12 +44,12 @@ pub fn change(
         memory_bytes,
     };
     let wkt = format::crs_wkt(&comparison.reference)?;
-    let found = tiles::compare(&comparison, &staging, progress)?.found;
+    let distances = tiles::compare(&comparison, &staging, progress)?.found;
     for path in joined.iter().filter(|path| path.exists()) {
         std::fs::remove_file(path).map_err(|error| Error::io(path, error))?;
     }
-    let statistics = Statistics::of(&found)?;
-    cloud::write(&staging.path(CLOUD), &found, wkt, progress)?;
+    let statistics = Statistics::of(&distances)?;
+    cloud::write(&staging.path(CLOUD), &distances, wkt, progress)?;
     let shown = Comparison {
         cloud: later.into(),
         reference: earlier.into(),
@@ -60,7 +60,7 @@ pub fn change(
         command: String::new(),
         made_s: None,
         peak_memory_bytes: None,
-        ..page::comparison(&shown, &found, statistics.clone())
+        ..page::comparison(&shown, &distances, statistics.clone())
     };
     let path = staging.path(PAGE);
     std::fs::write(&path, report::render(&content)).map_err(|error| Error::io(&path, error))?;

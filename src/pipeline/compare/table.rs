@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 const ROWS: usize = 4096;
 
 /// Writes one line per core point, in their order; NaN if a value is unknown.
-pub(super) fn write(path: &Path, found: &M3c2) -> Result<()> {
+pub(super) fn write(path: &Path, distances: &M3c2) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let mut file = BufWriter::new(File::create(path)?);
         write!(file, "east_m,north_m,up_m")?;
@@ -23,7 +23,7 @@ pub(super) fn write(path: &Path, found: &M3c2) -> Result<()> {
         }
         writeln!(file)?;
         // The blocks are formatted in batches: text needs more memory than numbers.
-        for rows in found.core.chunks(64 * ROWS) {
+        for rows in distances.core.chunks(64 * ROWS) {
             let blocks: Vec<Vec<u8>> = rows.par_chunks(ROWS).map(lines).collect();
             for block in blocks {
                 file.write_all(&block)?;
