@@ -44,15 +44,15 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         let result = document(item.folder(out).join(item::RESULT))?;
         let failed = document(item::failure_of(out, &item.name))?;
         let state = match (&result, &failed) {
-            (Some(found), _) => {
-                match found.parts() {
+            (Some(document), _) => {
+                match document.parts() {
                     Ok(parts) => {
-                        add(item, (&found.content, parts.headline), &mut page);
+                        add(item, (&document.content, parts.headline), &mut page);
                         if !parts.tiles.is_empty() {
-                            wkts.insert(found.content["crs_wkt"].as_str().map(str::to_owned));
+                            wkts.insert(document.content["crs_wkt"].as_str().map(str::to_owned));
                         }
                         let date = || item.date.clone().unwrap_or_default();
-                        overlaps.extend(parts.overlap.map(|found| (date(), found)));
+                        overlaps.extend(parts.overlap.map(|overlap| (date(), overlap)));
                         extents.extend(parts.tiles.into_iter().map(|tile| extent(item, tile)));
                     }
                     Err(error) => {
@@ -209,13 +209,13 @@ fn document(path: PathBuf) -> Result<Option<Document>> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         other => other.map_err(|error| Error::io(&path, error))?,
     };
-    let mut found = Document {
+    let mut document = Document {
         path,
         content: Value::Null,
     };
-    found.content =
-        serde_json::from_str(&text).map_err(|error| found.error(format!("no JSON ({error})")))?;
-    Ok(Some(found))
+    document.content = serde_json::from_str(&text)
+        .map_err(|error| document.error(format!("no JSON ({error})")))?;
+    Ok(Some(document))
 }
 
 fn extent(item: &Item, tile: Tile) -> Extent {
@@ -255,10 +255,10 @@ fn add(item: &Item, (result, headline): (&Value, Option<Headline>), page: &mut C
                     .collect(),
                 agreement: list("agreement")
                     .iter()
-                    .filter_map(|found| {
+                    .filter_map(|pair| {
                         Some((
-                            found["pair"].as_str()?.to_owned(),
-                            number(found, "m3c2_rmse_m"),
+                            pair["pair"].as_str()?.to_owned(),
+                            number(pair, "m3c2_rmse_m"),
                         ))
                     })
                     .collect(),
@@ -367,10 +367,10 @@ mod tests {
             fs::write(result, format!("{{\"{part}\": {text}}}")).unwrap();
             let outcome = conclude(&campaign, &items, out).unwrap();
             assert_eq!(outcome.result["failed"], 1);
-            let said = outcome.summary;
+            let summary = outcome.summary;
             assert!(
-                said.contains("result.json") && said.contains(part),
-                "{said}"
+                summary.contains("result.json") && summary.contains(part),
+                "{summary}"
             );
         }
     }

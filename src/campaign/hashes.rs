@@ -37,9 +37,9 @@ pub fn hashes(
     progress: &dyn Progress,
 ) -> Result<BTreeMap<String, String>> {
     let kept_in = out.join(FILE);
-    let kept = fs::read_to_string(&kept_in).ok();
+    let stored = fs::read_to_string(&kept_in).ok();
     // A file that is not a list of hashes is replaced.
-    let kept: BTreeMap<String, Known> = kept
+    let stored: BTreeMap<String, Known> = stored
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
     let looks: Vec<_> = files
@@ -47,7 +47,8 @@ pub fn hashes(
         .map(|file| (file, look(&root.join(file))))
         .collect();
     let as_before = |file: &String, (bytes, changed_ns): (u64, i128)| {
-        kept.get(file)
+        stored
+            .get(file)
             .filter(|known| (known.bytes, known.changed_ns) == (bytes, changed_ns))
     };
     let is_new = |(file, look): &&(&String, Option<(u64, i128)>)| {
@@ -121,10 +122,10 @@ mod tests {
         assert_eq!(first.len(), 2);
         assert_eq!(first["a"].len(), 32);
         // The stored hash is used, which shows that the file was not read again.
-        let kept = fs::read_to_string(out.join(FILE))
+        let stored = fs::read_to_string(out.join(FILE))
             .unwrap()
             .replace(&first["a"], "kept");
-        fs::write(out.join(FILE), kept).unwrap();
+        fs::write(out.join(FILE), stored).unwrap();
         fs::write(root.join("b"), "three").unwrap();
         let second = hashes(&files, root, &out, &Silent).unwrap();
         assert_eq!(second["a"], "kept");

@@ -25,9 +25,9 @@ impl Listing {
     /// # Errors
     /// A folder that cannot be read.
     pub fn of_folder(folder: &Path, without: &Path) -> Result<Self> {
-        let mut found = Self::default();
-        found.look(folder, "", without, DEEPEST)?;
-        Ok(found)
+        let mut listing = Self::default();
+        listing.look(folder, "", without, DEEPEST)?;
+        Ok(listing)
     }
 
     fn look(&mut self, folder: &Path, prefix: &str, without: &Path, depth: usize) -> Result<()> {
@@ -99,11 +99,11 @@ mod tests {
             "b/x",
         ];
         let listing: Listing = files.map(str::to_owned).into_iter().collect();
-        let found = listing.matching(&Pattern::new("{plot}/{date}").unwrap());
-        let paths: Vec<&str> = found.iter().map(|(_, path)| path.as_str()).collect();
+        let matches = listing.matching(&Pattern::new("{plot}/{date}").unwrap());
+        let paths: Vec<&str> = matches.iter().map(|(_, path)| path.as_str()).collect();
         assert_eq!(paths, ["a/2025-05-01", "a/2025-05-02"]);
-        let found = listing.matching(&Pattern::new("a/*.txt").unwrap());
-        assert_eq!(found.len(), 1);
+        let matches = listing.matching(&Pattern::new("a/*.txt").unwrap());
+        assert_eq!(matches.len(), 1);
         assert_eq!(listing.below("a/2025-05-01").count(), 2);
     }
 

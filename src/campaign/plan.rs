@@ -48,7 +48,7 @@ impl Draft {
     }
 
     /// The draft with its task, or with the reason why it has none.
-    fn of(mut self, task: Result<Task>, root: &Path) -> Self {
+    fn with_task(mut self, task: Result<Task>, root: &Path) -> Self {
         self.task = task.unwrap_or_else(|error| {
             self.inputs.clear();
             self.needs.clear();
@@ -80,13 +80,13 @@ impl<'a> Named<'a> {
         })
     }
 
-    fn of(&self, plot: &str, date: &str) -> Result<&(Place, String)> {
-        let mut found = self
+    fn file(&self, plot: &str, date: &str) -> Result<&(Place, String)> {
+        let mut matches = self
             .found
             .iter()
             .filter(|(place, _)| place.is_of(plot, date));
         let pattern = self.pattern.text();
-        match (found.next(), found.next()) {
+        match (matches.next(), matches.next()) {
             (Some(first), None) => Ok(first),
             (None, _) => Err(Error::of(
                 Problem::TooFew,
@@ -208,15 +208,15 @@ struct Planner<'a> {
 impl Planner<'_> {
     /// Adds the projects that are calibrated: the first drafts, in the order of their paths.
     fn calibrations(&mut self) {
-        let found = self.calibrated.iter().flat_map(|named| &named.found);
-        let drafts = found.map(|(place, path)| {
+        let projects = self.calibrated.iter().flat_map(|named| &named.found);
+        let drafts = projects.map(|(place, path)| {
             let mut draft = Draft::new(Kind::Calibration, place.plot.clone(), place.date.clone());
             let task = self.written(path).and_then(|project| {
                 let files = self.files_of(&project, true)?;
                 draft.inputs.extend(files);
                 Ok(Task::Calibration { project })
             });
-            draft.of(task, self.campaign.folder())
+            draft.with_task(task, self.campaign.folder())
         });
         self.drafts = drafts.collect();
     }
@@ -228,7 +228,7 @@ impl Planner<'_> {
         let (mut drive, mut overlap) = (draft(Kind::Drive), draft(Kind::Overlap));
         let made = self.project(path).and_then(|project| {
             let reference = self.references.as_ref();
-            let reference = reference.map(|named| named.of(plot, date)).transpose()?;
+            let reference = reference.map(|named| named.file(plot, date)).transpose()?;
             let reference = reference.map(|(_, path)| path.clone());
             let mountings = self.mountings(plot, date, &mut overlap)?;
             drive.needs.clone_from(&overlap.needs);
@@ -253,13 +253,13 @@ impl Planner<'_> {
         });
         match made {
             Ok((placed, watched)) => {
-                self.drafts.push(drive.of(Ok(placed), root));
+                self.drafts.push(drive.with_task(Ok(placed), root));
                 if self.campaign.drift {
-                    self.drafts.push(overlap.of(Ok(watched), root));
+                    self.drafts.push(overlap.with_task(Ok(watched), root));
                 }
             }
             // The error of the drive is reported once.
-            Err(error) => self.drafts.push(drive.of(Err(error), root)),
+            Err(error) => self.drafts.push(drive.with_task(Err(error), root)),
         }
     }
 
@@ -278,7 +278,7 @@ impl Planner<'_> {
     /// The source of the mountings of a drive; its draft then depends on it.
     fn mountings(&self, plot: &str, date: &str, draft: &mut Draft) -> Result<MountingsFrom> {
         if let Some(named) = &self.calibrated {
-            let (place, _) = named.of(plot, date)?;
+            let (place, _) = named.file(plot, date)?;
             let number = named.found.iter().position(|(other, _)| other == place);
             draft.needs.extend(number);
             // The name of the calibration is known only when its inputs are.
@@ -287,7 +287,7 @@ impl Planner<'_> {
         let Some(named) = &self.files else {
             return Ok(MountingsFrom::Project);
         };
-        let (_, file) = named.of(plot, date)?;
+        let (_, file) = named.file(plot, date)?;
         draft.inputs.push(file.clone());
         Ok(MountingsFrom::File(file.clone()))
     }
@@ -306,11 +306,11 @@ impl Planner<'_> {
         }
         let made = pipeline::init(&self.campaign.folder().join(path))?;
         if !made.missing.is_empty() {
-            let said = format!("the files of {path} do not say {}", made.missing.join(", "));
+            let problem = format!("the files of {path} do not say {}", made.missing.join(", "));
             let unread = made.unread.iter().map(|why| format!("; not read: {why}"));
             return Err(Error::of(
                 Problem::TooFew,
-                said + &unread.collect::<String>(),
+                problem + &unread.collect::<String>(),
                 "name a project as a template in `campaign.project`",
             ));
         }

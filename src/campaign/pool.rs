@@ -56,7 +56,7 @@ enum State {
 
 /// The states of all items.
 struct States {
-    of: Vec<State>,
+    by_item: Vec<State>,
     /// Index before which no item is waiting.
     first: usize,
 }
@@ -94,7 +94,7 @@ impl Pool {
                 .map(|(at, item)| (item.name.as_str(), at))
                 .collect(),
             states: Mutex::new(States {
-                of: states,
+                by_item: states,
                 first: 0,
             }),
             changed: Condvar::new(),
@@ -133,7 +133,13 @@ impl Pool {
             .states
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner);
-        let count = |state| states.of.iter().filter(|other| **other == state).count();
+        let count = |state| {
+            states
+                .by_item
+                .iter()
+                .filter(|other| **other == state)
+                .count()
+        };
         Ok(Tally {
             done: count(State::Finished) - kept,
             kept,
@@ -149,7 +155,7 @@ impl Pool {
             };
             let failure = match failed {
                 Some(needed) => Some(not_tried(&shared.items[needed])),
-                None => self.one(&shared.items[at], out, progress)?,
+                None => self.run_one(&shared.items[at], out, progress)?,
             };
             let item = &shared.items[at];
             let state = match failure {
@@ -160,14 +166,14 @@ impl Pool {
                     State::Failed
                 }
             };
-            shared.lock().of[at] = state;
+            shared.lock().by_item[at] = state;
             shared.changed.notify_all();
             progress.advance(1);
         }
     }
 
     /// Runs one item in a process of its own; returns the failure if it does not finish.
-    fn one(&self, item: &Item, out: &Path, progress: &dyn Progress) -> Result<Option<Failure>> {
+    fn run_one(&self, item: &Item, out: &Path, progress: &dyn Progress) -> Result<Option<Failure>> {
         let failed = |error| Error::io(&self.program, error);
         let mut command = Command::new(&self.program);
         // Ctrl-C in a terminal interrupts all processes of a group, but this one must end when its input is closed.
@@ -207,14 +213,21 @@ impl Pool {
         }
         // The output only explains the exit status.
         let texts = texts.map(|text| text.join().unwrap_or_default());
-        let said = serde_json::from_str(&texts[0]).ok();
+        let failure = serde_json::from_str(&texts[0]).ok();
         clean(item, out);
-        Ok(Some(said.unwrap_or_else(|| self.ended(status, &texts[1]))))
+        Ok(Some(
+            failure.unwrap_or_else(|| self.failure_at_end(status, &texts[1])),
+        ))
     }
 
     /// The failure of a process that ended without printing one.
-    fn ended(&self, status: ExitStatus, said: &str) -> Failure {
-        let lines = || said.lines().map(str::trim).filter(|line| !line.is_empty());
+    fn failure_at_end(&self, status: ExitStatus, stderr: &str) -> Failure {
+        let lines = || {
+            stderr
+                .lines()
+                .map(str::trim)
+                .filter(|line| !line.is_empty())
+        };
         // The messages about the end of the process follow the cause.
         let lack = lines().find(|line| line.contains("memory allocation"));
         let last = lines().next_back().unwrap_or_default();
@@ -284,16 +297,17 @@ impl Shared<'_> {
     fn next(&self, progress: &dyn Progress) -> Result<Option<(usize, Option<usize>)>> {
         let mut states = self.lock();
         loop {
-            let left = states.of[states.first..].iter();
+            let left = states.by_item[states.first..].iter();
             let past = left.take_while(|state| **state != State::Waiting).count();
             states.first += past;
             if states.first == self.items.len() {
                 return Ok(None);
             }
-            let found = (states.first..self.items.len()).find_map(|at| self.tried(at, &states.of));
-            if let Some((at, _)) = found {
-                states.of[at] = State::Running;
-                return Ok(found);
+            let next =
+                (states.first..self.items.len()).find_map(|at| self.candidate(at, &states.by_item));
+            if let Some((at, _)) = next {
+                states.by_item[at] = State::Running;
+                return Ok(next);
             }
             progress.check()?;
             let waited = self
@@ -304,7 +318,7 @@ impl Shared<'_> {
     }
 
     /// An item that can be tried, with its need that failed, if any; `None` if it cannot be tried yet.
-    fn tried(&self, at: usize, states: &[State]) -> Option<(usize, Option<usize>)> {
+    fn candidate(&self, at: usize, states: &[State]) -> Option<(usize, Option<usize>)> {
         if states[at] != State::Waiting {
             return None;
         }
@@ -320,7 +334,7 @@ impl Shared<'_> {
     /// Leaves the waiting items undone.
     fn stop(&self) {
         let mut states = self.lock();
-        let waiting = states.of.iter_mut();
+        let waiting = states.by_item.iter_mut();
         waiting
             .filter(|state| **state == State::Waiting)
             .for_each(|state| *state = State::Running);

@@ -147,12 +147,12 @@ mod tests {
 
     #[test]
     fn keys_have_defaults_and_mistakes_have_lines() {
-        let found = read(
+        let campaign = read(
             "[campaign]\ndrives = \"{plot}/{date}\"\n[comparison]\ncylinder_radius_m = 0.01\n",
         )
         .unwrap();
-        assert!(found.compare_with_before && found.tile_m == TILE_M);
-        assert_eq!(found.comparison.cylinder_radius_m, 0.01);
+        assert!(campaign.compare_with_before && campaign.tile_m == TILE_M);
+        assert_eq!(campaign.comparison.cylinder_radius_m, 0.01);
         let cases = [
             ("[campaign]\ndrive = \"{date}\"\n", "line 2"),
             ("[campaign]\ndrives = \"{plot}\"\n", "without `{date}`"),

@@ -52,16 +52,16 @@ fn names(value: &Value, find: &Find<'_>) -> Result<Value> {
     let given: Vec<&Value> = value
         .as_array()
         .map_or(vec![value], |list| list.iter().collect());
-    let mut found = Vec::new();
+    let mut files = Vec::new();
     for name in given {
         match name.as_str() {
             Some(pattern) if pattern.contains('*') => {
-                found.extend(find(pattern)?.into_iter().map(Value::String))
+                files.extend(find(pattern)?.into_iter().map(Value::String))
             }
-            _ => found.push(name.clone()),
+            _ => files.push(name.clone()),
         }
     }
-    Ok(match <[Value; 1]>::try_from(found) {
+    Ok(match <[Value; 1]>::try_from(files) {
         Ok([one]) => one,
         Err(all) => Value::Array(all),
     })
@@ -74,16 +74,16 @@ fn find(name: &str, folder: &str, listing: &Listing) -> Result<Vec<String>> {
     let pattern = Pattern::new(name).map_err(refused)?;
     let relative = |file: &str| file[folder.len() + 1..].to_owned();
     let files = listing.below(folder).map(relative);
-    let found: Vec<String> = files
+    let matches: Vec<String> = files
         .filter(|file| pattern.place_of(file).is_some())
         .collect();
-    match found.is_empty() {
+    match matches.is_empty() {
         true => Err(Error::of(
             Problem::TooFew,
             format!("no file `{name}` in {folder}"),
             "add it, or change the name in the template",
         )),
-        false => Ok(found),
+        false => Ok(matches),
     }
 }
 

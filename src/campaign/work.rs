@@ -86,7 +86,7 @@ fn results(
             reference,
             tile_m,
         } => {
-            let (mut project, said) = placed(project, mountings, root, out)?;
+            let (mut project, verdict) = placed(project, mountings, root, out)?;
             if let Some(path) = reference {
                 project.reference = Some(Reference {
                     path: root.join(path),
@@ -94,7 +94,7 @@ fn results(
             }
             project.check_files()?;
             let name = item.to_string();
-            pipeline::field(&project, (&name, *tile_m, said), options, progress)?.result
+            pipeline::field(&project, (&name, *tile_m, verdict), options, progress)?.result
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
         Task::Overlap { project, mountings } => {
@@ -198,12 +198,12 @@ fn placed(
         MountingsFrom::File(path) => Some(root.join(path)),
         MountingsFrom::Item(name) => Some(item::folder_of(out, name).join("calibration.toml")),
     };
-    let mut said = None;
+    let mut verdict = None;
     if let Some(path) = calibration {
         project = project.with_calibration(&path)?;
-        said = pipeline::marked_unusable(&path)?;
+        verdict = pipeline::marked_unusable(&path)?;
     }
-    Ok((project, said))
+    Ok((project, verdict))
 }
 
 /// Compares the tiles of two drives.
@@ -238,10 +238,10 @@ fn tiles_of(out: &Path, name: &str) -> Result<Vec<PathBuf>> {
     let folder = item::folder_of(out, name);
     let path = folder.join(item::RESULT);
     let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
-    let found: Option<Vec<Tile>> = serde_json::from_str::<Value>(&text)
+    let tiles: Option<Vec<Tile>> = serde_json::from_str::<Value>(&text)
         .ok()
         .and_then(|mut result| serde_json::from_value(result["tiles"].take()).ok());
-    let tiles = found.ok_or_else(|| {
+    let tiles = tiles.ok_or_else(|| {
         let (found, expected) = ("no list of tiles", "the result of a drive");
         Error::format(&path, Location::Whole, found, expected)
     })?;

@@ -16,7 +16,7 @@ use crate::tiles::{free_bytes, limit_memory};
 
 /// Process many plots and dates: place points, tile clouds, compare with references and dates before
 ///
-/// What is finished is kept and not done again, however the last call ended. Exits with 1 if an item failed; the page
+/// Finished items are kept and not run again, however the last call ended. Exits with 1 if an item failed; the page
 /// says which and why.
 #[derive(Debug, clap::Args)]
 pub(super) struct Campaign {
@@ -28,7 +28,7 @@ pub(super) struct Campaign {
     /// Items at the same time [default: one per core, as far as memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
-    /// Memory of each item; one that needs more fails [default: an even share of what is free]
+    /// Memory of each item; one that needs more fails [default: an even share of the free memory]
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
 }

@@ -16,7 +16,7 @@ pub(super) fn is_asked() -> bool {
 /// Handles Ctrl-C. The first time, the work stops at the next possible place; the second time, the process ends, and
 /// the next run removes its temporary files.
 pub(super) fn listen() {
-    let asked = || {
+    let on_interrupt = || {
         if ASKED.swap(true, Ordering::Relaxed) {
             std::process::exit(EXIT_CODE.into());
         }
@@ -27,5 +27,5 @@ pub(super) fn listen() {
         );
     };
     // Without the handler, Ctrl-C ends the process as by default.
-    let _ = ctrlc::set_handler(asked);
+    let _ = ctrlc::set_handler(on_interrupt);
 }

@@ -87,11 +87,11 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
     };
     if let Some(named) = named.filter(|named| !named.is_empty()) {
         let named = PathBuf::from(named);
-        let found = match named.is_file() {
+        let program = match named.is_file() {
             true => Some(named.clone()),
             false => on_path(&named),
         };
-        return found.ok_or_else(|| {
+        return program.ok_or_else(|| {
             Error::data(
                 format!(
                     "--pdf: {VARIABLE} names {}, which is no program",
@@ -101,8 +101,8 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
             )
         });
     }
-    let found = NAMES.iter().find_map(|name| on_path(Path::new(name)));
-    found.ok_or_else(|| {
+    let program = NAMES.iter().find_map(|name| on_path(Path::new(name)));
+    program.ok_or_else(|| {
         Error::data(
             format!("--pdf: no browser that prints; looked on PATH for {}", NAMES.join(", ")),
             format!("install one of them, or set {VARIABLE} to its path; or print the page from any browser"),
@@ -133,13 +133,13 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
     let folder = page.with_file_name(format!("printing-{}", std::process::id()));
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
     let workplace = Workplace(folder);
-    let (pdf, said) = (workplace.0.join("page.pdf"), workplace.0.join("said.txt"));
-    let said_file = File::create(&said).map_err(|error| Error::io(&said, error))?;
+    let (pdf, output) = (workplace.0.join("page.pdf"), workplace.0.join("said.txt"));
+    let output_file = File::create(&output).map_err(|error| Error::io(&output, error))?;
     let mut child = Command::new(program)
         .args(arguments(&workplace.0, &pdf, &page))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(said_file)
+        .stderr(output_file)
         .spawn()
         .map_err(|error| Error::io(program, error))?;
     let began = Instant::now();
@@ -169,9 +169,9 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
         Some(status) => format!("ended with {status} and printed nothing"),
         None => format!("did not end within {} s", TIMEOUT.as_secs()),
     };
-    let said = fs::read(&said).unwrap_or_default();
-    let said = String::from_utf8_lossy(&said);
-    let last = said.lines().rfind(|line| !line.trim().is_empty());
+    let output = fs::read(&output).unwrap_or_default();
+    let output = String::from_utf8_lossy(&output);
+    let last = output.lines().rfind(|line| !line.trim().is_empty());
     let last = last.map_or(String::new(), |line| format!("; it said: {}", line.trim()));
     Err(Error::data(
         format!("{}: {} {how}{last}", page.display(), program.display()),

@@ -265,14 +265,14 @@ mod tests {
             rows.iter().sum::<f64>() / rows.len() as f64
         };
         let mut apart = |apart_m: f64| {
-            let found = gallery.picture("a scale", &names, &field(apart_m)).unwrap();
+            let picture = gallery.picture("a scale", &names, &field(apart_m)).unwrap();
             assert_eq!(
-                found.legend[1],
+                picture.legend[1],
                 (REFERENCE.to_owned(), "#000000".to_owned())
             );
-            let pixels = pixels(&found.png);
+            let pixels = pixels(&picture.png);
             let rows = height_of(&pixels, COLOURS[0]) - height_of(&pixels, [0; 3]);
-            rows * found.size_m[0] / WIDTH as f64
+            rows * picture.size_m[0] / WIDTH as f64
         };
         let far = apart(0.04);
         assert!((far - 0.04).abs() < 2e-3, "{far}");

@@ -37,8 +37,10 @@ fn marked(verdicts: &[Verdict]) -> String {
         return String::new();
     }
     let mut text = format!("result: {}\n\n", Headline::of(verdicts).text());
-    let marked = verdicts.iter().filter(|found| found.severity.is_marked());
-    text.extend(marked.map(|found| format!("! {}\n\n", found.text)));
+    let marked = verdicts
+        .iter()
+        .filter(|verdict| verdict.severity.is_marked());
+    text.extend(marked.map(|verdict| format!("! {}\n\n", verdict.text)));
     text
 }
 

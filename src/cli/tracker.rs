@@ -116,7 +116,7 @@ pub(super) fn line(stages: &[Shown]) -> Option<String> {
     let Some((stage, share)) = counted.and_then(|stage| Some((stage, stage.share?))) else {
         return Some(format!("{names}: {} so far", duration(innermost.ran_s)));
     };
-    let of = match std::ptr::eq(stage, innermost) {
+    let suffix = match std::ptr::eq(stage, innermost) {
         true => String::new(),
         false => format!(" of {}", stage.name),
     };
@@ -124,7 +124,7 @@ pub(super) fn line(stages: &[Shown]) -> Option<String> {
         .left_s
         .map(|left_s| format!(", {}", time_left(left_s)));
     Some(format!(
-        "{names}: {:.0} %{of}{}",
+        "{names}: {:.0} %{suffix}{}",
         (100.0 * share).floor(),
         left.unwrap_or_default()
     ))
@@ -281,20 +281,20 @@ mod tests {
         let mut tracker = Tracker::default();
         assert_eq!(line(&tracker.shown(1.0)), None);
         tracker.begin("evaluate drive-2", 0, 0.0);
-        let said = |tracker: &mut Tracker, now_s| line(&tracker.shown(now_s)).unwrap();
-        assert_eq!(said(&mut tracker, 3.0), "evaluate drive-2: 3.0 s so far");
+        let line_at = |tracker: &mut Tracker, now_s| line(&tracker.shown(now_s)).unwrap();
+        assert_eq!(line_at(&mut tracker, 3.0), "evaluate drive-2: 3.0 s so far");
         tracker.begin("joint adjustment", 100, 10.0);
         let nested = "evaluate drive-2, joint adjustment";
         tracker.advance(10, 11.0);
-        assert_eq!(said(&mut tracker, 11.5), format!("{nested}: 10 %"));
+        assert_eq!(line_at(&mut tracker, 11.5), format!("{nested}: 10 %"));
         tracker.advance(33, 53.0);
         assert_eq!(
-            said(&mut tracker, 53.0),
+            line_at(&mut tracker, 53.0),
             format!("{nested}: 43 %, 57 s left")
         );
         tracker.begin("covariance", 0, 60.0);
         let nested = format!("{nested}, covariance: 43 % of joint adjustment, 50 s left");
-        assert_eq!(said(&mut tracker, 60.0), nested);
+        assert_eq!(line_at(&mut tracker, 60.0), nested);
         assert_eq!(tracker.end(61.0).unwrap().depth, 2);
         let ended = tracker.end(70.0).unwrap();
         assert_eq!((ended.depth, ended.took_s), (1, 60.0));

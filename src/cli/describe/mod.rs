@@ -82,11 +82,11 @@ pub(super) fn project(project: &Project) -> String {
         joint::describe(&mut lines, project);
     }
     describe_comparison(&mut lines, &project.comparison);
-    for (kind, others) in [
+    for (kind, drives) in [
         ("drive", &project.drives),
         ("evaluation", &project.evaluations),
     ] {
-        for other in others {
+        for other in drives {
             lines.section(&format!("{kind} {}", other.name));
             lines.file("project", &other.project);
         }

@@ -102,13 +102,13 @@ mod tests {
     #[test]
     fn requests_are_read_or_refused() {
         let read = |text: &str| Request::read(text.as_bytes()).unwrap();
-        let found = read("GET /events?page=a1 HTTP/1.1\r\nhost: LocalHost:80\r\n\r\n").unwrap();
+        let request = read("GET /events?page=a1 HTTP/1.1\r\nhost: LocalHost:80\r\n\r\n").unwrap();
         let expected = Request {
             path: "/events".into(),
             host: "localhost:80".into(),
             page: "a1".into(),
         };
-        assert_eq!(found, expected);
+        assert_eq!(request, expected);
         for (text, status) in [
             (
                 "POST / HTTP/1.1\r\nHost: a\r\n\r\n",

@@ -159,11 +159,11 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
             shared.connections.fetch_sub(1, Ordering::Relaxed);
             continue;
         }
-        let own = shared.clone();
+        let shared_in_thread = shared.clone();
         let spawned = std::thread::Builder::new().spawn(move || {
             // Errors are ignored: the client has gone away.
-            let _ = serve(&stream, &own);
-            own.connections.fetch_sub(1, Ordering::Relaxed);
+            let _ = serve(&stream, &shared_in_thread);
+            shared_in_thread.connections.fetch_sub(1, Ordering::Relaxed);
         });
         if spawned.is_err() {
             shared.connections.fetch_sub(1, Ordering::Relaxed);
