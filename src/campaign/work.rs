@@ -61,7 +61,7 @@ pub fn work(
     remove_failure(item, out)
 }
 
-/// Writes the results of an item except for the two files that come last, and returns the contents of these.
+/// Writes the results of an item except for the two files that come last; returns the content of `result.json`.
 fn results(
     item: &Item,
     root: &Path,

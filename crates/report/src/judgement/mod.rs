@@ -96,7 +96,7 @@ const CONSEQUENCES: [&str; 7] = [
     "reference.",
 ];
 
-/// Lowers a consequence to information if logs or scans have a fault.
+/// Lowers a verdict to information if it is a consequence of a fault of logs or scans.
 fn soften_consequence(verdict: &mut Verdict) {
     if CONSEQUENCES
         .iter()
